@@ -140,7 +140,7 @@ SIGNS = {  # operators and terms that are no keywords
     "always": "always FORMULA: at every moment from now; needs `time`",
     "eventually": "eventually FORMULA: at some moment from now; needs `time`",
     "until": "a until b: a holds up to a moment at which b does; needs `time`",
-    "mirror": "mirrored(...) is a relation; `scenegen export --mirrored` and scenes.mirrored() make mirrored copies",
+    "mirror": "mirrored(...) is a relation; scenes.mirrored() and `scenegen export` make mirrored copies",
 }
 INFIX = {
     "on": ON,

@@ -4,7 +4,7 @@
     spec = scenegen.parse("leftOf(mug, plate) & !closeTo(mug, plate, 0.25)")
     scenes = scenegen.sample(spec, phi={"task": (0.0, 0.2)}, n=100, seed=0)
 
-Importing the package loads nothing heavy: each name is looked up in `scenegen.api` when it is first used.
+Importing the package loads nothing heavy: each name is looked up when it is first used.
 """
 
 from __future__ import annotations
@@ -14,35 +14,35 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.version import __version__
 
-# name -> the module of scenegen.api that defines it
+# name -> the module that defines it
 _PUBLIC = {
-    "Spec": "spec",
-    "load": "spec",
-    "parse": "spec",
-    "Scene": "scene",
-    "SceneSet": "scenes",
-    "read_scenes": "reading",
-    "StoredSet": "stored",
-    "open_set": "stored",
-    "MotionSet": "motions",
-    "read_motions": "motions",
-    "Monitor": "monitor",
-    "sample_motions": "motions",
-    "pairs": "pairs",
-    "load_pybullet": "simulate",
-    "rarity": "rarity",
-    "sample": "sample",
-    "sample_to": "stream",
-    "settle": "settle",
-    "SettledScenes": "settled",
-    "Written": "written",
-    "grammar_of": "grammar",
-    "import_problem": "planning",
-    "export_problems": "planning",
-    "train": "train",
-    "Model": "model",
-    "ModelFamily": "family",
-    "load_model": "family",
+    "Spec": "scenegen.api.spec",
+    "load": "scenegen.api.spec",
+    "parse": "scenegen.api.spec",
+    "Scene": "scenegen.api.scene",
+    "SceneSet": "scenegen.api.scenes",
+    "read_scenes": "scenegen.api.reading",
+    "StoredSet": "scenegen.api.stored",
+    "open_set": "scenegen.api.stored",
+    "MotionSet": "scenegen.api.motions",
+    "read_motions": "scenegen.api.motions",
+    "Monitor": "scenegen.api.monitor",
+    "sample_motions": "scenegen.api.motions",
+    "pairs": "scenegen.api.pairs",
+    "load_pybullet": "scenegen.api.simulate",
+    "rarity": "scenegen.api.rarity",
+    "sample": "scenegen.api.sample",
+    "sample_to": "scenegen.api.stream",
+    "settle": "scenegen.api.settle",
+    "SettledScenes": "scenegen.api.settled",
+    "Written": "scenegen.api.written",
+    "grammar_of": "scenegen.api.grammar",
+    "import_problem": "scenegen.api.planning",
+    "export_problems": "scenegen.api.planning",
+    "train": "scenegen.api.train",
+    "Model": "scenegen.api.model",
+    "ModelFamily": "scenegen.api.family",
+    "load_model": "scenegen.api.family",
 }
 _ERRORS = ("ScenegenError", "SpecError", "RequestError", "DataError", "OutputError", "Diagnostic")
 
@@ -109,7 +109,7 @@ if TYPE_CHECKING:
 
 def __getattr__(name: str) -> Any:
     if name in _PUBLIC:
-        value = getattr(importlib.import_module(f"scenegen.api.{_PUBLIC[name]}"), name)
+        value = getattr(importlib.import_module(_PUBLIC[name]), name)
     elif name in _ERRORS:
         value = getattr(importlib.import_module("scenegen.errors"), name)
     else:

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.curriculum.register import register_environments
 
-# name -> the module of this package that defines it
+# name -> the module that defines it
 _PUBLIC = {
-    "Curriculum": "wrapper",
-    "CurriculumCallback": "sb3",
-    "MotionTable": "motion_env",
-    "MotionVector": "motion_vector",
-    "Outcome": "tasks",
-    "PhiBox": "tasks",
-    "SB3Vector": "sb3_vector",
-    "Strategy": "tasks",
-    "TableTop": "env",
-    "TableTopVector": "vector",
-    "VectorCurriculum": "wrapper",
+    "Curriculum": "scenegen.curriculum.wrapper",
+    "CurriculumCallback": "scenegen.curriculum.sb3",
+    "MotionTable": "scenegen.curriculum.motion_env",
+    "MotionVector": "scenegen.curriculum.motion_vector",
+    "Outcome": "scenegen.curriculum.tasks",
+    "PhiBox": "scenegen.curriculum.tasks",
+    "SB3Vector": "scenegen.curriculum.sb3_vector",
+    "Strategy": "scenegen.curriculum.tasks",
+    "TableTop": "scenegen.curriculum.env",
+    "TableTopVector": "scenegen.curriculum.vector",
+    "VectorCurriculum": "scenegen.curriculum.wrapper",
 }
 
 __all__ = [
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module 'scenegen.curriculum' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"scenegen.curriculum.{_PUBLIC[name]}"), name)
+    value = getattr(importlib.import_module(_PUBLIC[name]), name)
     globals()[name] = value
     return value
 

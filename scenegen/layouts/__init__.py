@@ -10,8 +10,12 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-# name -> the module of this package that defines it
-_PUBLIC = {"Layouts": "tensors", "Taken": "tensors", "write_arena_pool": "arena"}
+# name -> the module that defines it
+_PUBLIC = {
+    "Layouts": "scenegen.layouts.tensors",
+    "Taken": "scenegen.layouts.tensors",
+    "write_arena_pool": "scenegen.layouts.arena",
+}
 
 __all__ = ["Layouts", "Taken", "write_arena_pool"]
 
@@ -23,7 +27,7 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module 'scenegen.layouts' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"scenegen.layouts.{_PUBLIC[name]}"), name)
+    value = getattr(importlib.import_module(_PUBLIC[name]), name)
     globals()[name] = value
     return value
 

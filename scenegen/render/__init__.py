@@ -11,10 +11,14 @@ if TYPE_CHECKING:
     from scenegen.looks.camera import VIEWS
     from scenegen.render.scenes import Rendered, render_scenes
 
-_HOMES = {"VIEWS": "looks.camera", "Rendered": "render.scenes", "render_scenes": "render.scenes"}
+_HOMES = {
+    "VIEWS": "scenegen.looks.camera",
+    "Rendered": "scenegen.render.scenes",
+    "render_scenes": "scenegen.render.scenes",
+}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'scenegen.render' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"scenegen.{_HOMES[name]}"), name)
+    return getattr(importlib.import_module(_HOMES[name]), name)

@@ -11,8 +11,13 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-# name -> the module of this package that defines it
-_PUBLIC = {"InitStates": "states", "Placement": "placement", "init_states": "states", "phi_space": "starts"}
+# name -> the module that defines it
+_PUBLIC = {
+    "InitStates": "scenegen.robosuite.states",
+    "Placement": "scenegen.robosuite.placement",
+    "init_states": "scenegen.robosuite.states",
+    "phi_space": "scenegen.robosuite.starts",
+}
 
 __all__ = ["InitStates", "Placement", "init_states", "phi_space"]
 
@@ -25,7 +30,7 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module 'scenegen.robosuite' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"scenegen.robosuite.{_PUBLIC[name]}"), name)
+    value = getattr(importlib.import_module(_PUBLIC[name]), name)
     globals()[name] = value
     return value
 

@@ -53,7 +53,7 @@ SEED  ?= 0
 fuzz-tables: $(STAMP) ## sample random tables of 5 to 30 objects and judge the answers: COUNT=100 SEED=0 WIDE=--wide (up to 60, of all kinds)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.tables_run --count $(COUNT) --seed $(SEED) $(WIDE)
 
-page:            ## build the page of `scenegen view` into scenegen/view/static; needs node and npm
+page:            ## build the page of `scenegen view` into scenegen/show/view/static; needs node and npm
 	cd page && npm ci --silent && npm run --silent types && npm run --silent build
 
 BROWSER_TESTS ?= tests/browser
@@ -110,7 +110,7 @@ page-pictures: $(STAMP) ## the pictures of the page of `scenegen view`; needs Ch
 	OMP_NUM_THREADS=1 $(BIN)/python docs/make_page_pictures.py
 
 tables: $(STAMP) ## rebuild the parser tables after a change of grammar/spec.lark
-	$(BIN)/python -m scenegen.lang.parser_tables
+	$(BIN)/python -m scenegen.lang.syntax.parser_tables
 
 bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/training.py

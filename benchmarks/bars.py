@@ -19,11 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenegen.lang.check import check_text
-from scenegen.sampling import vast
-from scenegen.sampling.interval import Estimate
-from scenegen.sampling.rarity import measure
-from scenegen.sampling.tails import OutOfReach
+from scenegen.lang.checker import check_text
+from scenegen.sampling import rarity_grown
+from scenegen.sampling.rarity import OutOfReach, measure
+from scenegen.sampling.report import Estimate
 
 Law = Callable[[float], float]
 
@@ -104,7 +103,7 @@ def estimates(case: Case, seed: int) -> list[tuple[float, Estimate | None]]:
     """The truth and the estimate of each place, and of the requirement."""
     spec = check_text(case.text)
     if case.growth:
-        found = vast.measure_vast(spec, spec.labels, seed, up_only=True)
+        found = rarity_grown.measure_vast(spec, spec.labels, seed, up_only=True)
     else:
         split = measure(spec.core, *spec.box(), spec.labels, seed)
         assert not isinstance(split, OutOfReach)
@@ -119,7 +118,7 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("--effort", type=float, default=1e8)
     options = parser.parse_args()
-    vast.EFFORT = options.effort
+    rarity_grown.EFFORT = options.effort
     print(
         "| problem | log10 P | held | +- | low | high | off by | sd | bar / 2 |\n|---|---|---|---|---|---|---|---|---|"
     )

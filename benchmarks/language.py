@@ -12,13 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from scenegen.errors import Source
-from scenegen.lang import parser_tables as tables
-from scenegen.lang.build import Builder
-from scenegen.lang.check import check_text
-from scenegen.lang.parse import parse
-from scenegen.lang.print import print_module
+from scenegen.lang.checker import check_text
+from scenegen.lang.syntax import parser_tables as tables
+from scenegen.lang.syntax.parse import Builder, parse
+from scenegen.lang.syntax.pieces import print_module
+from scenegen.learn.robustness import Robustness
 from scenegen.resources import grammar_file
-from scenegen.robustness import Robustness
 
 REPEATS = 3
 

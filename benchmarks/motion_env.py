@@ -18,7 +18,7 @@ import numpy as np
 
 import scenegen
 from scenegen.curriculum import MotionTable
-from scenegen.motions.monitor import Watch
+from scenegen.sampling.motions.monitor import Watch
 
 SPECS = Path(__file__).resolve().parents[1] / "examples" / "motions"
 NAME = "scenegen.curriculum:scenegen/Motion-v0"

@@ -27,8 +27,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import torch
 
 import scenegen
-from scenegen.lang.core import Coord
-from scenegen.native import make_kernel
+from scenegen.lang.formula.core import Coord
+from scenegen.learn.native import make_kernel
 from scenegen.pose import row_count
 from scenegen.resources import shipped_specs
 

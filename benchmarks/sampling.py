@@ -36,9 +36,9 @@ import numpy.typing as npt
 import torch
 
 import scenegen
-from scenegen.engine.stream import run_blocks
-from scenegen.evaluation.coverage import coverage
+from scenegen.learn.evaluation.coverage import coverage
 from scenegen.resources import shipped_specs
+from scenegen.sampling.engine.stream import run_blocks
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.sampler import Rejection, make_plan
 from scenegen.sampling.request import Range, SampleRequest

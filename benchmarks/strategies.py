@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scenegen.curriculum.strategies import STRATEGIES, strategy
-from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
+from scenegen.learn.curriculum.strategies import STRATEGIES, strategy
+from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 LEVELS = 20

@@ -32,12 +32,12 @@ import numpy as np
 import numpy.typing as npt
 
 import scenegen
-from scenegen.lang.core import gated
-from scenegen.lang.interpret import phi
-from scenegen.primitives import NUMPY
-from scenegen.primitives.clearance import gap, room
-from scenegen.primitives.footprint import Box, Footprint
-from scenegen.sampling.growth.full import area
+from scenegen.geometry import NUMPY
+from scenegen.geometry.clearance import gap, room
+from scenegen.geometry.footprint import Box, Footprint
+from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.interpret import phi
+from scenegen.sampling.growth.room import area
 
 Array = npt.NDArray[np.float64]
 Draw = Callable[[int, Array, np.random.Generator, int], Array]

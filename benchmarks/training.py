@@ -27,15 +27,15 @@ from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy as bce
 from torch.utils.data import DataLoader, TensorDataset
 
-from scenegen.lang.check import check_file
+from scenegen.lang.checker import check_file
 from scenegen.lang.spec import CheckedSpec
-from scenegen.models.codec import Codec
+from scenegen.learn.models.codec import Codec
+from scenegen.learn.training.config import make_config
+from scenegen.learn.training.datasets.uniform import uniform
+from scenegen.learn.training.feed import make_feed
+from scenegen.learn.training.loop import train
+from scenegen.learn.training.session import Session
 from scenegen.resources import shipped_specs
-from scenegen.training.config import make_config
-from scenegen.training.datasets.uniform import uniform
-from scenegen.training.feed import make_feed
-from scenegen.training.loop import train
-from scenegen.training.session import Session
 
 BATCH, STEPS = 32, 625
 PUBLISHED = {"gan": (1.4, 1.6), "aae": (2.65, 3.6)}  # CPU seconds per epoch of the published loop, one core

@@ -1,4 +1,4 @@
-"""What a unit of counted work takes on this machine: the constants of `scenegen/bounds/effort.py`.
+"""What a unit of counted work takes on this machine: the constants of `scenegen/search/effort.py`.
 
     python benchmarks/units.py [--only NAME ...] [--limit 12]
 
@@ -27,9 +27,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from scenegen.bounds.effort import per_scene
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.problem import Budget, make_problem
@@ -38,9 +37,8 @@ from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import Tape, frame_of
 from scenegen.sampling.splitting.chains import Chains
-from scenegen.sampling.splitting.levels import CHAINS
-from scenegen.sampling.splitting.stages import generator
-from scenegen.sampling.splitting.tuning import Tuner
+from scenegen.sampling.splitting.levels import CHAINS, Tuner, generator
+from scenegen.search.effort import per_scene
 
 HERE = Path(__file__).resolve().parent
 KINDS = {"bound": ["BOUNDED"], "draw": ["SCORED", "CALLED", "DRAWN"], "grow": ["STEPPED", "GROWN"], "move": ["MOVED"]}

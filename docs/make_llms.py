@@ -10,13 +10,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from scenegen.assets import ASSETS
-from scenegen.lang import ast
-from scenegen.lang.measure import SIGNATURES
-from scenegen.lang.print import print_expr
+from scenegen.lang.check.names import FILES
+from scenegen.lang.check.regions import SIGNATURES
+from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, prelude, signatures
 from scenegen.lang.relations import groups
-from scenegen.lang.resolve import FILES
-from scenegen.lang.scope import HEIGHTS, LIST_FUNCTIONS, prelude, signatures
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.pieces import print_expr
+from scenegen.things import ASSETS
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "llms.txt"

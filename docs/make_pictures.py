@@ -12,9 +12,9 @@ from pathlib import Path
 from PIL import Image
 
 import scenegen
-from scenegen.assets import ASSETS
-from scenegen.render import VIEWS
-from scenegen.render.gallery import gallery, library_sheet
+from scenegen.show.render import VIEWS
+from scenegen.show.render.gallery import gallery, library_sheet
+from scenegen.things import ASSETS
 
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"

@@ -13,15 +13,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from scenegen.figures.dimensions import dimensions, short
-from scenegen.figures.drawing import Guide, Thing, View
-from scenegen.figures.topview import topview
-from scenegen.lang.core import Atom
-from scenegen.lang.interpret import deciding_atom, evaluate
-from scenegen.lang.print import print_expr
+from scenegen.geometry.units import ANGLE, LENGTH
+from scenegen.lang.check.scope import signature_of
+from scenegen.lang.formula.core import Atom
+from scenegen.lang.formula.interpret import deciding_atom, evaluate
 from scenegen.lang.relations import Entry, defaults, groups
-from scenegen.lang.scope import signature_of
-from scenegen.primitives.units import ANGLE, LENGTH
+from scenegen.lang.syntax.pieces import print_expr
+from scenegen.show.figures.dimensions import Guide, Thing, View, dimensions, short
+from scenegen.show.figures.topview import topview
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "relations.md"

@@ -59,7 +59,7 @@ def exact_scenes(console: Console, n: int) -> scenegen.SceneSet:
 
 def model_scenes(console: Console, file: Path, n: int, epochs: int, scenes: int) -> scenegen.SceneSet:
     """Scenes from a model that is trained for a moment."""
-    from scenegen.training.progress import TrainingProgress  # torch takes its time: the pictures came first
+    from scenegen.learn.training.progress import TrainingProgress  # torch takes its time: the pictures came first
 
     spec = scenegen.load(ROOT / "specs" / "mug_left_of_plate.spec")
     console.print(f"[bold]2. A trained model.[/bold] {spec.checked.title}")

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 import scenegen
-from scenegen.api.planning import import_problem
 from scenegen.robosuite import Placement, init_states
+from scenegen.worlds.planning import import_problem
 
 PHI = {"goal": (None, 0.0), "start": (0.0, None)}  # (-0.3, 0.0): at most 30 cm from the goal
 STATES = 50  # LIBERO's number

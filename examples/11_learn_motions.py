@@ -5,7 +5,7 @@ import numpy as np
 
 import scenegen
 from scenegen.curriculum import Curriculum
-from scenegen.curriculum.strategies import strategy
+from scenegen.learn.curriculum.strategies import strategy
 
 spec = scenegen.parse("""
 object mug

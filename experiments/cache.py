@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from scenegen.formats.files import ensure_folder, write_whole
+from scenegen.scenes.files import ensure_folder, write_whole
 
 FOLDER = "runs"  # of the reports' folder
 DIGITS = 16  # of a digest in a file's name

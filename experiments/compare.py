@@ -20,15 +20,15 @@ from experiments.trained import Trained
 from experiments.training_data import data_source, training_rows
 from experiments.trainings import trained
 from experiments.variants import VARIANTS
-from scenegen.api.model import Model
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
-from scenegen.evaluation.fidelity import fidelity
-from scenegen.evaluation.memorisation import training_distances
-from scenegen.models.layout import depends_on
+from scenegen.learn.evaluation.fidelity import fidelity
+from scenegen.learn.evaluation.metrics import training_distances
+from scenegen.learn.model import Model
+from scenegen.learn.models.layout import depends_on
 from scenegen.pose import row_count
-from scenegen.processes.threads import one_thread
+from scenegen.processes.pool import one_thread
 
 FRESH, RAW = 100, 1000  # where the seeds of fresh truth and of the models' noise begin
 

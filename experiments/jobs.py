@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from experiments.plan import Plan
-from scenegen.engine.many import each
 from scenegen.errors import ScenegenError, render_all
-from scenegen.errors.stores import SOME_FAILED
+from scenegen.errors.files import SOME_FAILED
+from scenegen.sampling.engine.engines import each
 
 Job = TypeVar("Job")
 

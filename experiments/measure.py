@@ -11,9 +11,9 @@ import torch
 from experiments.problems import BAND, ORDERINGS, Problem
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
-from scenegen.evaluation.coverage import coverage
-from scenegen.evaluation.errors import error_statistics
-from scenegen.evaluation.screen import ks_screen
+from scenegen.learn.evaluation.coverage import coverage
+from scenegen.learn.evaluation.fidelity import ks_screen
+from scenegen.learn.evaluation.metrics import error_statistics
 from scenegen.pose import X, Y, along
 
 Array = npt.NDArray[np.float64]

@@ -13,7 +13,7 @@ from PIL import Image
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
-from scenegen.scene.data import RequestData
+from scenegen.scenes.data import RequestData
 
 Array = npt.NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from experiments.problems import BAND, PROBLEMS, Problem
 from experiments.report import Report, short
 from experiments.samplers import CHUNK, plain_rejection
 from scenegen.api.sample import sample
-from scenegen.processes.threads import one_thread
+from scenegen.processes.pool import one_thread
 
 
 def run(plan: Plan) -> Report:

@@ -13,7 +13,7 @@ from experiments.errors import CANNOT_REPLACE_TABLES
 from experiments.page import block, fill
 from experiments.plan import Plan
 from scenegen.errors import DataError
-from scenegen.formats.files import ensure_folder, write_whole
+from scenegen.scenes.files import ensure_folder, write_whole
 
 SHOWN = 5  # seeds that are named one by one
 QUICK_NOTE = "> **A quick run with tiny settings: it shows that the experiment works. The numbers mean nothing.**"

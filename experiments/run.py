@@ -15,9 +15,9 @@ from experiments.report import write
 from experiments.table import chosen
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.formats.files import ensure_folder
 from scenegen.needs import need
 from scenegen.processes.process import cores
+from scenegen.scenes.files import ensure_folder
 
 MOST_SEEDS = 100
 
@@ -55,7 +55,7 @@ def run(
     if workers is not None and workers < 1:
         raise RequestError(OUT_OF_RANGE(argument="workers", value=workers, wanted="1 or more"))
     if engine != "local" or address is not None:
-        from scenegen.engine.engines import check_engine
+        from scenegen.sampling.engine.engines import check_engine
 
         check_engine(engine, address)
     need("torch", "for experiments")

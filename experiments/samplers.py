@@ -13,8 +13,7 @@ from experiments.problems import BAND, Problem
 from experiments.speed import per_second
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
-from scenegen.sampling.base import draw, piece_generator
-from scenegen.sampling.refine import refine
+from scenegen.learn.refine import draw, piece_generator, refine
 
 CHUNK = 65_536
 EXACT = "exact sampler (the spec alone)"

@@ -14,8 +14,8 @@ from experiments.report import Report, short
 from experiments.trainings import trained
 from experiments.variants import VARIANTS
 from scenegen.api.sample import sample
-from scenegen.formats.registry import FORMATS
 from scenegen.pose import row_count
+from scenegen.scenes.formats.registry import FORMATS
 
 # experiment -> megabytes of the paper's look-up table and of its network
 PAPER = {"exp1": (5_600.0, 0.5), "exp2": (28_400.0, 0.4)}

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import torch
 
-from scenegen.api.model import Model
-from scenegen.processes.threads import one_thread
+from scenegen.learn.model import Model
+from scenegen.processes.pool import one_thread
 
 
 def per_second(work: Callable[[], int], repeats: int) -> float:

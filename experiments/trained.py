@@ -11,14 +11,13 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, FiniteFloat
 
 from experiments.cache import Cache, Request
-from scenegen.api.family import load_model
-from scenegen.api.model import Model
 from scenegen.api.spec import Spec
-from scenegen.api.train import train
 from scenegen.errors import DataError
-from scenegen.models.registry import parse_hyper
-from scenegen.training.config import TrainConfig
-from scenegen.training.state import state_path
+from scenegen.learn.model import Model, load_model
+from scenegen.learn.models.registry import parse_hyper
+from scenegen.learn.train import train
+from scenegen.learn.training.config import TrainConfig
+from scenegen.learn.training.state import state_path
 
 
 class Record(BaseModel):

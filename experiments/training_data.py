@@ -6,11 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from experiments.errors import OTHER_TRAINING_DATA
-from scenegen.api.model import Model
 from scenegen.errors import DataError
-from scenegen.training.datasets.registry import dataset_maker
-from scenegen.training.datasets.split import split
-from scenegen.training.seeds import Stream, stream
+from scenegen.learn.model import Model
+from scenegen.learn.training.datasets.dataset import split
+from scenegen.learn.training.datasets.registry import dataset_maker
+from scenegen.learn.training.state import Stream, stream
 
 
 def data_source(model: Model) -> str:

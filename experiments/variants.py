@@ -7,8 +7,8 @@ from typing import Any
 
 from experiments.plan import Sizes
 from experiments.problems import Problem
-from scenegen.models.registry import RECIPES
-from scenegen.training.config import TrainConfig, make_config
+from scenegen.learn.models.registry import RECIPES
+from scenegen.learn.training.config import TrainConfig, make_config
 
 ABBREVIATIONS = ("gan", "aae")
 MANY: dict[str, int] = {"flow": 8}  # models that take steps to make a scene -> how many, beside the few by default

@@ -19,7 +19,7 @@ _PUBLIC = {
     "Spec": "scenegen.api.spec",
     "load": "scenegen.api.spec",
     "parse": "scenegen.api.spec",
-    "Scene": "scenegen.api.scene",
+    "Scene": "scenegen.api.scenes",
     "SceneSet": "scenegen.api.scenes",
     "read_scenes": "scenegen.api.reading",
     "StoredSet": "scenegen.api.stored",
@@ -29,20 +29,20 @@ _PUBLIC = {
     "Monitor": "scenegen.api.monitor",
     "sample_motions": "scenegen.api.motions",
     "pairs": "scenegen.api.pairs",
-    "load_pybullet": "scenegen.api.simulate",
+    "load_pybullet": "scenegen.worlds.physics.simulate",
     "rarity": "scenegen.api.rarity",
     "sample": "scenegen.api.sample",
     "sample_to": "scenegen.api.stream",
-    "settle": "scenegen.api.settle",
-    "SettledScenes": "scenegen.api.settled",
-    "Written": "scenegen.api.written",
-    "grammar_of": "scenegen.api.grammar",
-    "import_problem": "scenegen.api.planning",
-    "export_problems": "scenegen.api.planning",
-    "train": "scenegen.api.train",
-    "Model": "scenegen.api.model",
-    "ModelFamily": "scenegen.api.family",
-    "load_model": "scenegen.api.family",
+    "settle": "scenegen.worlds.physics.settle",
+    "SettledScenes": "scenegen.worlds.physics.settle",
+    "Written": "scenegen.api.sample",
+    "grammar_of": "scenegen.editors.grammars.grammar",
+    "import_problem": "scenegen.worlds.planning",
+    "export_problems": "scenegen.worlds.planning",
+    "train": "scenegen.learn.train",
+    "Model": "scenegen.learn.model",
+    "ModelFamily": "scenegen.learn.model",
+    "load_model": "scenegen.learn.model",
 }
 _ERRORS = ("ScenegenError", "SpecError", "RequestError", "DataError", "OutputError", "Diagnostic")
 
@@ -84,27 +84,23 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from scenegen.api.family import ModelFamily, load_model
-    from scenegen.api.grammar import grammar_of
-    from scenegen.api.model import Model
     from scenegen.api.monitor import Monitor
     from scenegen.api.motions import MotionSet, read_motions, sample_motions
     from scenegen.api.pairs import pairs
-    from scenegen.api.planning import export_problems, import_problem
     from scenegen.api.rarity import rarity
     from scenegen.api.reading import read_scenes
-    from scenegen.api.sample import sample
-    from scenegen.api.scene import Scene
-    from scenegen.api.scenes import SceneSet
-    from scenegen.api.settle import settle
-    from scenegen.api.settled import SettledScenes
-    from scenegen.api.simulate import load_pybullet
+    from scenegen.api.sample import Written, sample
+    from scenegen.api.scenes import Scene, SceneSet
     from scenegen.api.spec import Spec, load, parse
     from scenegen.api.stored import StoredSet, open_set
     from scenegen.api.stream import sample_to
-    from scenegen.api.train import train
-    from scenegen.api.written import Written
+    from scenegen.editors.grammars.grammar import grammar_of
     from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError, SpecError
+    from scenegen.learn.model import Model, ModelFamily, load_model
+    from scenegen.learn.train import train
+    from scenegen.worlds.physics.settle import SettledScenes, settle
+    from scenegen.worlds.physics.simulate import load_pybullet
+    from scenegen.worlds.planning import export_problems, import_problem
 
 
 def __getattr__(name: str) -> Any:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import settings
 
-from scenegen.lang.check import check_text
+from scenegen.geometry.workspace import Workspace
+from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
-from scenegen.scene.workspace import Workspace
 
 from . import forks
 

@@ -11,12 +11,12 @@ import numpy
 import pytest
 
 import scenegen
-from scenegen import curriculum
 from scenegen.api.feasibility import doubts, idle
-from scenegen.curriculum.strategies import strategy
 from scenegen.errors import Kind, ScenegenError
 from scenegen.errors.catalog import GROUPS, catalog
 from scenegen.errors.template import fields
+from scenegen.learn import curriculum
+from scenegen.learn.curriculum.strategies import strategy
 
 CATALOG = catalog()
 PACKAGE = Path(scenegen.__file__).parent

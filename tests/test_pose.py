@@ -12,8 +12,8 @@ import pytest
 
 import scenegen
 from scenegen import pose
-from scenegen.scene.data import Pose
-from scenegen.scene.workspace import Workspace
+from scenegen.geometry.workspace import Workspace
+from scenegen.scenes.data import Pose
 
 SOURCES = Path(scenegen.__file__).parent
 # `rows[2::3]`, `row % 3 == 2`, `row // 3`, `3 * thing + axis`, `3 * len(objects)`, `rows.reshape(-1, 3)`

@@ -18,7 +18,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-LOADED = ("torch._dynamo", "gymnasium", "pyarrow", "scenegen.cli.app", "scenegen.lang.check", "scenegen.training.loop")
+LOADED = (
+    "torch._dynamo",
+    "gymnasium",
+    "pyarrow",
+    "scenegen.cli.app",
+    "scenegen.lang.checker",
+    "scenegen.learn.training.loop",
+)
 
 
 class Warm:

@@ -24,12 +24,12 @@ from experiments.tabular.qlearning import Learner, Result, Stop, train
 from experiments.tabular.rng import seeded
 from experiments.tabular.starts import Starts, of_scenes
 from experiments.trained import Training, ensure, find
-from scenegen.api.model import Model
 from scenegen.api.spec import Spec, parse
-from scenegen.curriculum.strategies.registry import strategy
-from scenegen.curriculum.tasks import PhiBox, Strategy
 from scenegen.errors import DataError
-from scenegen.training.config import make_config
+from scenegen.learn.curriculum.strategies.registry import strategy
+from scenegen.learn.curriculum.tasks import PhiBox, Strategy
+from scenegen.learn.model import Model
+from scenegen.learn.training.config import make_config
 
 VERSION = 2  # of the learners and of the model's training: raise it when their numbers change
 TOLD = 50  # runs

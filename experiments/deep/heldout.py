@@ -13,7 +13,7 @@ import numpy.typing as npt
 from experiments.deep.tasks import Task
 from experiments.measure import Array, rows_of
 from scenegen.api.sample import sample
-from scenegen.curriculum.rules import Rules, Tables
+from scenegen.learn.curriculum.rules import Rules, Tables
 
 SEED = 2**31 + 7
 Policy = Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]

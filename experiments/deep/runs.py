@@ -19,13 +19,13 @@ from experiments.deep.lessons import LESSONS, MODEL, Lesson
 from experiments.deep.tasks import FULL, QUICK, TASKS, Effort, Task
 from experiments.errors import CHANGED_RECORD
 from experiments.trained import Training, find
-from scenegen.api.model import Model
-from scenegen.curriculum.library import forget
-from scenegen.curriculum.vector import TableTopVector
-from scenegen.curriculum.wrapper import VectorCurriculum
 from scenegen.errors import DataError
-from scenegen.processes.threads import one_thread
-from scenegen.training.config import make_config
+from scenegen.learn.curriculum.library import forget
+from scenegen.learn.curriculum.vector import TableTopVector
+from scenegen.learn.curriculum.wrapper import VectorCurriculum
+from scenegen.learn.model import Model
+from scenegen.learn.training.config import make_config
+from scenegen.processes.pool import one_thread
 
 KIND = "energy"  # of model
 RANDOM = 4096  # scenes that tell how often which phi occurs

@@ -10,8 +10,8 @@ import torch
 from experiments.figures.strip import strips
 from experiments.measure import Array, columns, phi_of
 from experiments.pictures import pictures
-from scenegen.api.model import Model
 from scenegen.api.spec import Spec
+from scenegen.learn.model import Model
 
 SAFE, TASK = 0.3, 0.02  # phi of the label that is held, so that both can be had together
 STEPS: dict[str, tuple[tuple[float, float], ...]] = {  # the label that is varied -> (task, safe)

@@ -8,8 +8,8 @@ from experiments.errors import GRID_TASK
 from experiments.tabular.grid import Cells, GridTask
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError, quoted
-from scenegen.lang.interpret import phi as score
-from scenegen.primitives import NUMPY
+from scenegen.geometry import NUMPY
+from scenegen.lang.formula.interpret import phi as score
 
 
 def by_relations(task: GridTask, relations: Spec) -> tuple[Cells, int]:

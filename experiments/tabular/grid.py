@@ -13,8 +13,8 @@ from experiments.errors import GRID_TASK
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_OBJECT
-from scenegen.lang.interpret import phi as score
-from scenegen.primitives import NUMPY
+from scenegen.geometry import NUMPY
+from scenegen.lang.formula.interpret import phi as score
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int64]

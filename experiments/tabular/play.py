@@ -11,8 +11,8 @@ from experiments.tabular.check import ANY, FIRST, solved
 from experiments.tabular.grid import GOAL, OFF, Cells, GridTask
 from experiments.tabular.qlearning import NEVER, REWARD, Learner, Result, Stop, replayed, stepwise
 from experiments.tabular.rng import seeded
-from scenegen.curriculum.tasks import Outcome, PhiBox, Strategy
 from scenegen.errors import RequestError
+from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy
 
 
 class Scenes:

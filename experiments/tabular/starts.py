@@ -8,10 +8,10 @@ import numpy as np
 
 from experiments.errors import GRID_TASK
 from experiments.tabular.grid import Cells, GridTask
-from scenegen.api.model import Model
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError, quoted
+from scenegen.learn.model import Model
 
 PATIENCE = 60.0  # seconds for the scenes of a level
 

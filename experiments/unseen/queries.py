@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from experiments.unseen.patience import CpuBudget
-from scenegen.engine.run import draw
 from scenegen.errors import RequestError
 from scenegen.lang.spec import CheckedSpec
+from scenegen.learn.training.datasets.balanced import middle
+from scenegen.sampling.engine.run import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.training.datasets.balanced import middle
 
 Array = npt.NDArray[np.float64]
 Ends = Mapping[str, tuple[float, float]]

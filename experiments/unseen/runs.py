@@ -15,18 +15,18 @@ from experiments.unseen.named import named_queries, named_spec
 from experiments.unseen.patience import CpuBudget
 from experiments.unseen.queries import PATIENCE, QUANTILES, SCENES, Array, Query, queries, truth
 from experiments.unseen.specs import TWELVE, spec_text
-from scenegen.api.model import Model
 from scenegen.api.request import check_request, plan_of
 from scenegen.api.spec import Spec, parse
-from scenegen.engine.run import in_memory
 from scenegen.errors import RequestError
-from scenegen.evaluation.fidelity import fidelity
-from scenegen.evaluation.measure import level
-from scenegen.models.layout import depends_on
-from scenegen.processes.threads import one_thread
+from scenegen.learn.evaluation.fidelity import fidelity
+from scenegen.learn.evaluation.measure import level
+from scenegen.learn.model import Model
+from scenegen.learn.models.layout import depends_on
+from scenegen.learn.training.config import make_config
+from scenegen.learn.training.datasets.balanced import reach
+from scenegen.processes.pool import one_thread
+from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.request import SampleRequest
-from scenegen.training.config import make_config
-from scenegen.training.datasets.balanced import reach
 
 TRUTH, BATCH = 20_261_123, 65_536
 LABELS = -1  # stands for the seed of the spec with twelve labels

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.model import Model
 from scenegen.api.request import check_request, request_data
 from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.scenes import SceneSet
-from scenegen.api.spec import Spec
+from scenegen.api.spec import LearnedModel, Spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import (
     ALL_HELD,
@@ -30,10 +29,10 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, Y, as_poses, row_count, row_of
+from scenegen.sampling.plan import verify
 from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.request import SampleRequest
-from scenegen.sampling.verify import verify
-from scenegen.training.datasets.arrange import check_held
+from scenegen.scenes.arrange import check_held
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
@@ -83,7 +82,7 @@ def _plain(values: Any) -> Any:
     return values.detach().cpu().numpy() if hasattr(values, "detach") else values
 
 
-def complete(spec: Spec | Model, request: SampleRequest, fix: Any, draw: Draw, n: int | None = None) -> SceneSet:
+def complete(spec: Spec | LearnedModel, request: SampleRequest, fix: Any, draw: Draw, n: int | None = None) -> SceneSet:
     """A scene for each that is given by `fix`, in their order: see `given_poses`. `draw` draws those that are rare, and
     `n` is how many there are, if the caller says it. Within the range the scenes are spread as the request says, as far
     as what is given allows. Raises RequestError for a request that does not go with given scenes, and where one cannot

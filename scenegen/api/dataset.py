@@ -5,32 +5,170 @@ So every shard is an independent job, on any engine, and one shard can be made a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.api.dataset_plan import SpecPlan, plan_data, plan_from, plan_spec, requests, shares
+import numpy as np
+
+from scenegen.api.rarity import SATISFIED, LabelRarity, rarity
 from scenegen.api.scene_arrays import make_header
+from scenegen.api.sets import quoted, size_category
 from scenegen.api.spec import Spec, load, parse
-from scenegen.engine.many import Ended, each, here
 from scenegen.errors import RequestError
-from scenegen.errors.stores import FINISHED_SET, NO_PART
-from scenegen.formats.blocks import BLOCK
-from scenegen.formats.holding import held
-from scenegen.formats.locations import inside
-from scenegen.formats.opening import open_store
+from scenegen.errors.files import FINISHED_SET, NO_PART
+from scenegen.sampling.engine.engines import Ended, each, here
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scene.data import RequestData
+from scenegen.scenes.blocks import BLOCK
+from scenegen.scenes.data import RequestData
+from scenegen.scenes.lease import held
+from scenegen.scenes.locations import inside
+from scenegen.scenes.open_store import open_store
+from scenegen.scenes.sets import Made, Manifest, Rareness
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
-    from scenegen.formats.made import Made, Rareness
-    from scenegen.formats.packed import Sink
-    from scenegen.formats.sets import Manifest, Shard
-    from scenegen.formats.stores import Store
+    from scenegen.scenes.sets import Shard
+    from scenegen.scenes.shards import Sink
+    from scenegen.scenes.stores import Store
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What a data set has of a spec: parts of phi, satisfied and not, and how rare each value of phi is.
+
+
+STREAM = 13  # the stream of random numbers of shards' seeds
+RAREST = 2.0  # satisfied scenes up to the phi that is a hundred times as rare as phi >= 0
+FARTHEST = -3.0  # and scenes that are not, down to the phi that one scene in a thousand is below
+DIGITS = 4  # of the ends of parts
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A range of phi of one label; the others are free."""
+
+    label: str
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.label}={self.low:g}:{self.high:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class SpecPlan:
+    """The parts of a spec's scenes, which get equal shares; `missing` names those that there are not."""
+
+    parts: tuple[Part, ...]
+    missing: tuple[str, ...]
+    rarity: dict[str, Rareness]
+
+
+def plan_spec(spec: Spec, seed: int) -> SpecPlan:
+    """For each label the scenes with phi >= 0 and those with phi <= 0, as far as `scenegen range` finds any. Raises
+    what `rarity` raises."""
+    found = rarity(spec, seed=seed)
+    parts: list[Part] = []
+    missing: list[str] = []
+    for one in found.labels:
+        for side, name in ((_satisfied(one), "phi > 0"), (_violated(one), "phi < 0")):
+            if side is None:
+                missing.append(f"{one.label}: no scene with {name} was found")
+            else:
+                parts.append(side)
+    return SpecPlan(tuple(parts), tuple(missing), {one.label: rareness(one) for one in found.labels})
+
+
+def rareness(one: LabelRarity) -> Rareness:
+    """The smaller tail of phi at the places of the curve of `scenegen range`. Where too few scenes tell, the last
+    value that can be told stands: there, the share is at most that."""
+    if not one.curve:  # phi is the same in every scene
+        return Rareness(phi=[one.reached[0]], log10p=[0.0])
+    smaller = np.minimum(*_tails(one))
+    places = [level.phi for level in one.curve]
+    return Rareness(phi=[float(phi) for phi in places], log10p=[round(float(value), 4) + 0.0 for value in smaller])
+
+
+def _tails(one: LabelRarity) -> tuple[Any, Any]:
+    """log10 P(>= phi), falling, and log10 P(<= phi), rising, at the curve's places."""
+    above = [np.inf if level.above is None else level.above.log10 for level in one.curve]
+    below = [np.inf if level.below is None else level.below.log10 for level in one.curve]
+    falling = np.minimum.accumulate(np.minimum(above, 0.0))
+    rising = np.minimum.accumulate(np.minimum(below, 0.0)[::-1])[::-1]
+    return falling, rising
+
+
+def _satisfied(one: LabelRarity) -> Part | None:
+    low, high = max(0.0, one.reached[0]), SATISFIED * one.reached[1]
+    if not one.reached[1] > 0.0 or not low < high:
+        return None
+    if one.curve:
+        places = [level.phi for level in one.curve]
+        above = _tails(one)[0]
+        least = float(np.interp(low, places, above)) - RAREST
+        beyond = [phi for phi, value in zip(places, above, strict=True) if value < least and phi > low]
+        high = min([high, *beyond[:1]])
+        if one.curve[-1].above is not None and not beyond:  # many scenes have the highest phi, as where a body rests
+            return Part(one.label, _rounded(low), one.reached[1])
+    return Part(one.label, _rounded(low), _rounded(high))
+
+
+def _violated(one: LabelRarity) -> Part | None:
+    low, high = one.reached[0], min(0.0, one.reached[1])
+    if not low < high:
+        return None
+    places = [level.phi for level in one.curve]
+    below = _tails(one)[1]
+    within = [phi for phi, value in zip(places, below, strict=True) if value >= FARTHEST and phi < high]
+    low = max([low, *within[:1]])
+    return Part(one.label, _rounded(low), _rounded(high))
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}") + 0.0
+
+
+def requests(spec: Spec, parts: Sequence[Part], n: int, size: int, seed: int) -> list[Made]:
+    """The requests of the shards, at most `size` scenes each: n scenes, as many of each part as of the others. Each
+    has a seed of its own, which follows from `seed`, the spec and the shard's number alone."""
+    found: list[Made] = []
+    for which, part in enumerate(parts):
+        count = _share(n, which, len(parts))
+        files = -(-count // size)
+        for number in range(files):
+            words = np.random.SeedSequence([seed, STREAM, int(spec.checked.sha256[:12], 16), len(found)])
+            drawn = int(words.generate_state(1, np.uint64)[0]) >> 11  # any program reads 53 bits exactly
+            of = {part.label: (part.low, part.high)}
+            found.append(Made(phi=of, n=_share(count, number, files), seed=drawn))
+    return found
+
+
+def _share(n: int, which: int, count: int) -> int:
+    return n * (which + 1) // count - n * which // count
+
+
+def shares(n: int, count: int) -> list[int]:
+    """n in `count` numbers that differ by 1 at most."""
+    return [_share(n, which, count) for which in range(count)]
+
+
+def plan_data(plan: SpecPlan) -> list[dict[str, Any]]:
+    """The parts as a manifest has them."""
+    return [{"label": part.label, "phi": [part.low, part.high]} for part in plan.parts]
+
+
+def plan_from(manifest: Manifest) -> SpecPlan:
+    """The plan that a manifest was begun with."""
+    parts: list[Mapping[str, Any]] = manifest.request["parts"]
+    return SpecPlan(
+        tuple(Part(part["label"], *part["phi"]) for part in parts),
+        tuple(manifest.missing or ()),
+        manifest.rarity or {},
+    )
+
 
 TIMEOUT = 600.0  # seconds of a shard
 Told = Callable[[str, Ended, int, int], None]  # what is done; a job of it that is over, and how many of how many are
@@ -44,7 +182,7 @@ class Draw:
     timeout: float
 
     def __call__(self, item: ShardJob) -> Shard:
-        from scenegen.formats.sets import shard_name
+        from scenegen.scenes.sets import shard_name
 
         scenes = self._drawn(item)
         with item.store.whole(shard_name(item.number)) as sink:
@@ -52,7 +190,7 @@ class Draw:
 
     def packed(self, item: ShardJob) -> tuple[Shard, list[bytes | memoryview]]:
         """The shard and its bytes, not written."""
-        from scenegen.formats.packed import Parts
+        from scenegen.scenes.shards import Parts
 
         sink = Parts()
         return _pack(item, self._drawn(item), sink), sink.parts
@@ -68,7 +206,7 @@ class Draw:
 
 
 def _pack(item: ShardJob, scenes: SceneSet, sink: Sink) -> Shard:
-    from scenegen.formats.sets import pack_shard
+    from scenegen.scenes.sets import pack_shard
 
     labels = tuple(scenes.phi)
     return pack_shard(
@@ -111,7 +249,7 @@ class _Growing:
     wanted: int  # shards
 
     def add(self, shard: Shard) -> None:
-        from scenegen.formats import sets
+        from scenegen.scenes import sets
 
         shards = sorted([*self.manifest.shards, shard], key=lambda one: one.file)
         done = len(shards) == self.wanted
@@ -122,7 +260,7 @@ class _Growing:
 
     def finish(self) -> None:
         from scenegen.api.sets import write_card
-        from scenegen.formats import sets
+        from scenegen.scenes import sets
 
         write_card(self.store, self.manifest)
         sets.finish(self.store, self.manifest)
@@ -151,8 +289,7 @@ def make_dataset(
     unfinished; `resume` goes on. The bytes follow from the specs, n, `seed` and `shard_size` alone. Raises RequestError
     and OutputError for a place that cannot be written to, and what `engine.many.each` raises.
     """
-    from scenegen.api.dataset_card import write_dataset_card
-    from scenegen.formats import sets
+    from scenegen.scenes import sets
 
     listed = list(specs)
     size = sets.shard_size(as_int("shard_size", shard_size), 1, 1)
@@ -207,7 +344,7 @@ def _manifest(spec: Spec, plan: SpecPlan, n: int, seed: int, size: int, license:
     """Of a set before its first shard."""
     import numpy as np
 
-    from scenegen.formats import sets
+    from scenegen.scenes import sets
     from scenegen.version import __version__
 
     checked = spec.checked
@@ -241,9 +378,9 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
     from scenegen.api.set_report import checked_spec
     from scenegen.api.stored import open_set
     from scenegen.errors import DataError
+    from scenegen.errors.files import NO_SEED, REMADE_DIFFERS
     from scenegen.errors.requests import OUT_OF_RANGE
-    from scenegen.errors.stores import NO_SEED, REMADE_DIFFERS
-    from scenegen.formats.sets import shard_name
+    from scenegen.scenes.sets import shard_name
 
     stored = open_set(location)
     shard = next((one for one in stored.shards if one.file == shard_name(number)), None)
@@ -262,3 +399,70 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
     if not whole:
         stored.store.write(shard.file, *parts)
     return again, not whole
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The card of a data set of many specs: README.md with front matter as dataset hubs read it, a configuration a spec.
+
+
+def write_dataset_card(store: Store, manifests: Mapping[str, Manifest], failed: Sequence[str], license: str) -> None:
+    """Write the card. Raises OutputError."""
+    from scenegen.scenes.sets import CARD
+
+    store.write(CARD, dataset_card(manifests, failed, license).encode())
+
+
+def dataset_card(manifests: Mapping[str, Manifest], failed: Sequence[str], license: str) -> str:
+    """The text of the card. It names what is missing: parts that no scene can have, and parts that failed."""
+    scenes = sum(one.scenes for one in manifests.values())
+    there = {name: one for name, one in manifests.items() if one.shards}
+    configs = "\n".join(f"- config_name: {name}\n  data_files: {name}/part-*.parquet" for name in there)
+    rows = "\n".join(_row(name, one) for name, one in there.items())
+    missing = [f"* {name}: {why}" for name, one in manifests.items() for why in one.missing or ()]
+    missing += [f"* {name}: nothing was made" for name in failed]
+    missing += [
+        f"* {name}: {one.request['n'] - one.scenes:,} of {one.request['n']:,} scenes were not found in time"
+        for name, one in manifests.items()
+        if not one.complete
+    ]
+    return f"""---
+pretty_name: {quoted("Table-top scenes at every difficulty")}
+license: {license}
+tags:
+- robotics
+- scene-generation
+- scenegen
+size_categories:
+- {size_category(scenes)}
+configs:
+{configs}
+---
+
+# Table-top scenes at every difficulty
+
+{scenes:,} scenes of {len(there)} specs, as many of each as of the others. Of each label of a spec there are as many
+scenes that satisfy it as scenes that do not, evenly spread over phi on both sides.
+
+Each row is a scene: `mug.x`, `mug.y` in metres and `mug.theta` in radians for every object; `phi.LABEL`, the
+satisfaction value of each label (0 or more where it holds, the lower the harder); and `log10p.LABEL`, how rare that is:
+log10 of the share of the spec's base distribution (uniform scenes that meet what the spec requires) that lies at least
+as far out on the same side, the smaller of P(phi' <= phi) and P(phi' >= phi). It is an estimate; where the estimate
+ends, the last value stands.
+
+Each folder is a set with a card of its own, which has the spec, and a manifest, which has the request and the seed of
+every shard. `scenegen data remake FOLDER --shard N` makes a shard again, with the same bytes.
+
+| spec | scenes | shards | labels | rarest log10 p |
+| --- | ---: | ---: | --- | ---: |
+{rows}
+
+Missing:
+
+{chr(10).join(missing) if missing else "* nothing"}
+"""
+
+
+def _row(name: str, manifest: Manifest) -> str:
+    labels = ", ".join(f"`{label}`" for label in manifest.labels)
+    rarest = min(min(one.log10p) for one in (manifest.rarity or {}).values())
+    return f"| {name} | {manifest.scenes:,} | {len(manifest.shards)} | {labels} | {rarest:.1f} |"

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds import node_bounds, spec_bounds
 from scenegen.errors import Diagnostic, RequestError, Span
 from scenegen.errors.declarations import (
     ALWAYS_SATISFIED,
@@ -18,13 +17,14 @@ from scenegen.errors.declarations import (
     REQUIREMENT_CANNOT_BE_MET,
     REQUIREMENT_HARDLY_MET,
 )
-from scenegen.errors.models import NOTHING_TO_LEARN
+from scenegen.errors.learning import NOTHING_TO_LEARN
 from scenegen.errors.requests import TABLE_TOO_FULL
-from scenegen.lang.core import REQUIRE, Atom, Core, children, gated, part
-from scenegen.lang.counts import combinations, written
-from scenegen.lang.interpret import phi
+from scenegen.geometry import NUMPY
+from scenegen.lang.check.families import combinations, written
+from scenegen.lang.formula.core import REQUIRE, Atom, Core, children, gated, part_of
+from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec
-from scenegen.primitives import NUMPY
+from scenegen.search import node_bounds, spec_bounds
 
 Array = npt.NDArray[np.float64]
 
@@ -75,9 +75,9 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
     waiting = _not_at_once(core, box)
     if not waiting:
         return []
-    from scenegen.bounds.clash import clash, explain
-    from scenegen.bounds.search import find
-    from scenegen.bounds.tape import weight
+    from scenegen.search.clash import clash, explain
+    from scenegen.search.prune import find
+    from scenegen.search.tape import weight
 
     left_out: list[str] = []
     if len(waiting) > MOST:
@@ -86,13 +86,13 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
     missing = []
     work = min(WORK, TOTAL // max(1, len(waiting)))
     for name in waiting:
-        one = part(core, (name, *required))
+        one = part_of(core, (name, *required))
         reach = find(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=work)
         if reach.verdict != "yes":
             highest = bounds[name][1]
             missing.append((name, highest if highest < 0.0 else None, one, reach))
     if required and len(missing) == len(spec.labels):  # some label's scene would have met the requirement, too
-        one = part(core, required)
+        one = part_of(core, required)
         reach = find(one, *box, {one.labels[REQUIRE]: ENDS}, work=work)
         if reach.verdict != "yes":
             if (crowded := _too_full(spec, REQUIRE)) is not None:
@@ -207,8 +207,8 @@ def _too_full(spec: CheckedSpec, label: str) -> Doubt | None:
     it would take long to find."""
     if len(spec.core.nodes) > SMALL:
         return None
-    from scenegen.sampling.growth.full import too_full
     from scenegen.sampling.growth.graph import make_graph
+    from scenegen.sampling.growth.room import too_full
     from scenegen.sampling.problem import make_problem
     from scenegen.sampling.request import Range, SampleRequest
 
@@ -250,8 +250,8 @@ def _of_members(spec: CheckedSpec) -> list[Doubt]:
 
 
 def _over_time(spec: CheckedSpec) -> list[Doubt]:
-    from scenegen.bounds.effort import Effort
-    from scenegen.motions.bounds import phi_bounds
+    from scenegen.sampling.motions.bounds import phi_bounds
+    from scenegen.search.effort import Effort
 
     assert spec.timed is not None
     most = {name: high for name, (_, high) in phi_bounds(spec.timed, *spec.box(), Effort()).items()}

@@ -16,21 +16,20 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, check_spec, refuse_choices
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.motions import NOT_FOR_MOTIONS, TOO_FEW_MOTIONS
 from scenegen.errors.requests import UNKNOWN_CHOICE
-from scenegen.errors.temporal import NOT_OVER_TIME
-from scenegen.formats.motions.table import MotionArrays, scenes_header
-from scenegen.formats.motions.table import read_motions as read
-from scenegen.formats.motions.table import write_motions as write
+from scenegen.errors.time import NOT_FOR_MOTIONS, NOT_OVER_TIME, TOO_FEW_MOTIONS
 from scenegen.pose import X
 from scenegen.sampling.request import FixedPose, SampleRequest
-from scenegen.scene.data import RequestData
-from scenegen.scene.motions import MotionFile, MotionRequestData, TimeData
+from scenegen.scenes.data import RequestData
+from scenegen.scenes.formats.motions.table import MotionArrays, scenes_header
+from scenegen.scenes.formats.motions.table import read_motions as read
+from scenegen.scenes.formats.motions.table import write_motions as write
+from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
-    from scenegen.motions.schedule import Watch
-    from scenegen.processes.reserve import Reserve
+    from scenegen.processes.ahead import Reserve
+    from scenegen.sampling.motions.schedule import Watch
 
 Array = npt.NDArray[np.float64]
 
@@ -98,7 +97,7 @@ class MotionSet:
         """The bytes of the .json file."""
         import io
 
-        from scenegen.formats.motions.text import write as write_text
+        from scenegen.scenes.formats.motions.text import write as write_text
 
         sink = io.BytesIO()
         write_text(sink, self._arrays(), ".json")
@@ -118,7 +117,7 @@ class MotionSet:
         motion, with phi below), "mp4" (the same as a video, with the extra `video`), "strip" (motion_0001_strip.png:
         six moments side by side) and "phi" (motion_0001_phi.png: phi over time). The other arguments are those of
         `SceneSet.figures`. phi at a moment is that of the formula from there on. Raises RequestError, OutputError."""
-        from scenegen.api.motion_figures import figures
+        from scenegen.show.motions import figures
 
         return figures(
             self._arrays(), out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=workers
@@ -138,7 +137,7 @@ class MotionSet:
         """Draw one motion, with phi below, into a .gif or .mp4 file; `motion` counts from 1 and may be left out where
         there is only one. The file appears whole or not at all. The other arguments are those of `figures`. Raises
         RequestError, also without the extra `video` for .mp4, and OutputError."""
-        from scenegen.api.motion_figures import animate
+        from scenegen.show.motions import animate
 
         return animate(
             self._arrays(), path, motion, view=view, size=size, distinct=distinct, label=label, workers=workers
@@ -188,9 +187,9 @@ def draw_motions(
 ) -> MotionSet:
     """The motions of a request, by the processes of `reserve` if there is one; `watch` is shown what comes near it
     meanwhile. Raises what `sample_motions` raises."""
-    from scenegen.engine.budget import MOTIONS, open_budget
-    from scenegen.motions.prepare import make_problem
-    from scenegen.motions.sample import sample
+    from scenegen.sampling.engine.run import MOTIONS, open_budget
+    from scenegen.sampling.motions.sampler import sample
+    from scenegen.sampling.motions.scores import make_problem
 
     check_spec(spec)
     if spec.over_time is None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from scenegen.bounds import node_bounds
-from scenegen.lang.core import REQUIRE, Apply, Atom, Const, Coord, Core, Junction, gated
-from scenegen.lang.describe import describe
-from scenegen.lang.interpret import deciding_atom
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_LABEL
+from scenegen.geometry.interval import Interval
+from scenegen.lang.formula.builder import describe, number_text
+from scenegen.lang.formula.core import REQUIRE, Apply, Atom, Const, Coord, Core, Junction, gated
+from scenegen.lang.formula.interpret import deciding_atom
 from scenegen.lang.spec import CheckedSpec
-from scenegen.primitives.interval import Interval
+from scenegen.search import node_bounds
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,3 +115,175 @@ class Outline:
                 options = choice.options[:end] if early else choice.options[end:]
                 return f"{self._core.objects[which]} stands on {' or '.join(one.name for one in options)}"
         return ""
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Formulas that repeat, folded: one line for `120 x gap(block[i], block[j]) >= 0`.
+#
+# Sub-formulas are alike where they came from one place of the spec and differ only in the names of objects and in
+# numbers: the rounds of a quantifier, the pairs of `noOverlap()`. A folded line has variables for what differs, and
+# an index where it is elements of one array.
+
+
+LEAST = 3  # sub-formulas that make a fold; two are shown as they are
+MOST_FOLDED = 2000  # sub-formulas of a fold whose margins are looked at; the margin of more is left out
+INDICES, NAMES = "ijklmn", "pqrstuvw"  # of variables
+
+_TOKENS = re.compile(r"[A-Za-z_]\w*(?:\[\d+\])?|\d+(?:\.\d+)?(?:e[+-]?\d+)?|.", re.DOTALL)
+_ELEMENT = re.compile(r"(\w+)\[(\d+)\]")
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Sub-formulas that share a line: their nodes in the core, each once, how many there are in each formula that they
+    are part of ("" for one), and the line, at depth 0."""
+
+    nodes: tuple[int, ...]
+    count: str
+    line: Line
+
+
+class Folded:
+    """The formulas of a spec as a tree of parts. `fold=False` keeps every sub-formula apart."""
+
+    def __init__(self, outline: Outline, *, fold: bool = True) -> None:
+        self._outline, self._core = outline, outline.core
+        self._objects = set(outline.core.objects)
+        self._alike = _alike(outline.core, self._objects) if fold else None
+
+    def root(self, label: str) -> Part:
+        return self._part((self._core.labels[label],), "")
+
+    def children(self, part: Part) -> list[Part]:
+        """What a part is made of, in the order of the spec; of an atom nothing."""
+        parents = [node.args for index in part.nodes if isinstance(node := self._core.nodes[index], Junction)]
+        if self._alike is None or not parents:
+            return [self._part((arg,), "") for args in parents for arg in args]
+        classes: dict[tuple[int, int], list[int]] = {}
+        counts: dict[tuple[int, int], list[int]] = {}
+        for number, args in enumerate(parents):
+            for arg in args:
+                classes.setdefault(self._alike[arg], []).append(arg)
+                counts.setdefault(self._alike[arg], [0] * len(parents))[number] += 1
+        found = []
+        for key, nodes in classes.items():
+            if len(parents) > 1 or len(nodes) >= LEAST:
+                found.append((nodes[0], self._part(tuple(dict.fromkeys(nodes)), _times(counts[key]))))
+            else:
+                found += [(node, self._part((node,), "")) for node in nodes]
+        order = {arg: place for place, arg in reversed(list(enumerate(arg for args in parents for arg in args)))}
+        return [one for _, one in sorted(found, key=lambda pair: order[pair[0]])]
+
+    def _part(self, indices: tuple[int, ...], count: str) -> Part:
+        lines = [self._outline.line(index, margin=len(indices) <= MOST_FOLDED) for index in indices]
+        text, margin = lines[0].text, lines[0].margin
+        if len(lines) > 1:
+            text, margin = _common([(line.text, line.margin) for line in lines], self._objects)
+        low, high = min(line.low for line in lines), max(line.high for line in lines)
+        return Part(indices, count, Line(0, text, margin, lines[0].unit, low, high))
+
+
+def _times(counts: Sequence[int]) -> str:
+    low, high = min(counts), max(counts)
+    return "" if low == high == 1 else str(low) if low == high else f"{low} to {high}"
+
+
+def _alike(core: Core, objects: set[str]) -> list[tuple[int, int]]:
+    """For every formula node two numbers, equal where sub-formulas are alike: how it reads, and where it came from."""
+    known: dict[object, int] = {}
+
+    def number(key: object) -> int:
+        return known.setdefault(key, len(known))
+
+    found = [(-1, -1)] * len(core.nodes)
+    for index, node in enumerate(core.nodes):
+        if isinstance(node, Atom):
+            places = tuple((span.source.name, span.start, span.end) for span in node.spans)
+            found[index] = (number(_shape(node.text, objects)), number(places))
+        elif isinstance(node, Junction):
+            inner = tuple(dict.fromkeys(found[arg] for arg in node.args))
+            found[index] = (number((node.kind, _shape(node.text, objects), inner)), found[node.args[0]][1])
+    return found
+
+
+def _shape(text: str, objects: set[str]) -> tuple[str, ...]:
+    return tuple(_kind(token, objects) for token in _TOKENS.findall(text))
+
+
+def _kind(token: str, objects: set[str]) -> str:
+    """What may differ from token to token becomes its kind."""
+    return "\0object" if token in objects else "\0number" if token[0].isdigit() else token
+
+
+def _common(texts: Sequence[tuple[str, str]], objects: set[str]) -> tuple[str, str]:
+    """The text and the margin that sub-formulas have in common; the margin is "" where they have none."""
+    rows = [[_TOKENS.findall(text) for text in pair] for pair in texts]
+    names = _Names(objects)
+    found = []
+    for which in (0, 1):
+        columns = [row[which] for row in rows]
+        shapes = {tuple(_kind(token, objects) for token in column) for column in columns}
+        if len(shapes) > 1:
+            found.append("")
+            continue
+        found.append("".join(names.of(tokens) for tokens in zip(*columns, strict=True)))
+    return found[0], found[1]
+
+
+class _Names:
+    """Variables for what differs between sub-formulas: the same everywhere in a line for the same objects."""
+
+    def __init__(self, objects: set[str]) -> None:
+        self._objects = objects
+        self._indices: list[tuple[str, tuple[int, ...]]] = []
+        self._known: dict[tuple[str, ...], str] = {}
+        taken = {name.split("[")[0] for name in objects}
+        self._free_indices = _free(INDICES, taken)
+        self._free_names = _free(NAMES, taken)
+
+    def of(self, tokens: tuple[str, ...]) -> str:
+        first = tokens[0]
+        if all(token == first for token in tokens):
+            return first
+        if first not in self._objects:
+            low, high = min(tokens, key=float), max(tokens, key=float)
+            return f"{number_text(float(low))}..{number_text(float(high))}"
+        elements = [_ELEMENT.fullmatch(token) for token in tokens]
+        arrays = {element[1] if element else None for element in elements}
+        if len(arrays) == 1 and None not in arrays:
+            return f"{arrays.pop()}[{self._index(tuple(int(element[2]) for element in elements if element))}]"
+        if tokens not in self._known:
+            self._known[tokens] = next(self._free_names)
+        return self._known[tokens]
+
+    def _index(self, numbers: tuple[int, ...]) -> str:
+        """`i`, or `i+1` where the numbers are always one more than those that are called i."""
+        for name, others in self._indices:
+            apart = {one - other for one, other in zip(numbers, others, strict=True)}
+            if len(apart) == 1:
+                step = apart.pop()
+                return f"{name}{step:+d}" if step else name
+        name = next(self._free_indices)
+        self._indices.append((name, numbers))
+        return name
+
+
+def _free(letters: str, taken: set[str]) -> Iterator[str]:
+    yield from (letter for letter in letters if letter not in taken)
+    number = 1
+    while True:
+        number += 1
+        yield f"{letters[0]}{number}"
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Which of a spec's labels something is about.
+
+
+def chosen_label(labels: Sequence[str], label: str | None) -> str:
+    """The label asked for, or the first. Raises RequestError for one that the spec does not have."""
+    if label is None:
+        return labels[0]
+    if label not in labels:
+        raise RequestError(UNKNOWN_LABEL(name=label, known=labels))
+    return label

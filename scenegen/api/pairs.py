@@ -15,8 +15,8 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.pose import as_poses
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scene.data import RequestData
-from scenegen.scene.motions import MotionFile, MotionRequestData, TimeData
+from scenegen.scenes.data import RequestData
+from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
@@ -52,9 +52,8 @@ def pairs(
 
     Raises RequestError where there is no start or no goal, and where fewer than n pairs were found.
     """
-    from scenegen.motions.numbered_pairs import draw_numbered
-    from scenegen.motions.pairs import Pairs, Starts, draw_pairs
     from scenegen.processes.pool import check_workers
+    from scenegen.sampling.motions.pairs import Pairs, Starts, draw_numbered, draw_pairs
     from scenegen.sampling.problem import Budget, make_problem
 
     check_spec(spec)

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from scenegen.api.spec import Spec, check_spec, refuse_choices
-from scenegen.bounds.effort import Effort, StoppedError
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.counts import NUMBER_LEFT_OUT
-from scenegen.errors.declarations import NEVER_SATISFIED, REQUIREMENT_CANNOT_BE_MET, REQUIREMENT_HARDLY_MET
-from scenegen.errors.motions import NO_MOTION_MEETS, NO_MOTION_SATISFIES
+from scenegen.errors.declarations import (
+    NEVER_SATISFIED,
+    NUMBER_LEFT_OUT,
+    REQUIREMENT_CANNOT_BE_MET,
+    REQUIREMENT_HARDLY_MET,
+)
 from scenegen.errors.requests import (
     ALL_HELD,
     CUT_SHORT,
@@ -22,14 +24,14 @@ from scenegen.errors.requests import (
     REQUIREMENT_NOT_FOUND,
     UNKNOWN_LABEL,
 )
-from scenegen.lang.counts import written
-from scenegen.sampling.interval import Estimate
-from scenegen.sampling.mixed_tails import mixed
+from scenegen.errors.time import NO_MOTION_MEETS, NO_MOTION_SATISFIES
+from scenegen.lang.check.families import written
 from scenegen.sampling.problem import Budget
-from scenegen.sampling.rarity import WORK, measure
+from scenegen.sampling.rarity import WORK, OutOfReach, Rarity, Reach, measure, mixed
+from scenegen.sampling.rarity_grown import measure_vast, vast
+from scenegen.sampling.report import Estimate
 from scenegen.sampling.request import MAX_SEED
-from scenegen.sampling.tails import OutOfReach, Rarity, Reach
-from scenegen.sampling.vast import measure_vast, vast
+from scenegen.search.effort import Effort, StoppedError
 from scenegen.validation import as_int, as_seconds
 
 # values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between
@@ -169,8 +171,8 @@ def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Dia
 
 
 def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) -> SpecRarity:
-    from scenegen.motions.bounds import phi_bounds
-    from scenegen.motions.rarity import measure
+    from scenegen.sampling.motions.bounds import phi_bounds
+    from scenegen.sampling.motions.rarity import measure
 
     timed = spec.over_time
     assert timed is not None

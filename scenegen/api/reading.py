@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet, evaluate, scene_set
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.counts import NUMBERS_DISAGREE
+from scenegen.errors.declarations import NUMBERS_DISAGREE
 from scenegen.errors.files import (
     COLUMN_NOT_A_NUMBER,
     NO_SURFACE_GIVEN,
@@ -25,19 +25,19 @@ from scenegen.errors.files import (
     TABLE_UNUSED,
 )
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
-from scenegen.formats import registry as table
-from scenegen.formats.blocks import Reading, counts_in
-from scenegen.formats.files import read_bytes
-from scenegen.formats.header import not_scenes, parse
-from scenegen.formats.locations import as_location, is_set
-from scenegen.formats.plain import Table, doubts, is_plain, read_table
-from scenegen.formats.scenes_json import MOST_BYTES, REMEDY
-from scenegen.formats.settled import is_settled, read_settled
-from scenegen.lang.check import check_text
+from scenegen.geometry.attitude import upright
+from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
-from scenegen.physics.attitude import upright
 from scenegen.pose import NAMES, X, Y, as_rows
-from scenegen.scene.data import ObjectData, Pose, RequestData, SceneFile
+from scenegen.scenes.blocks import Reading, counts_in
+from scenegen.scenes.data import ObjectData, Pose, RequestData, SceneFile
+from scenegen.scenes.files import read_bytes
+from scenegen.scenes.formats import registry as table
+from scenegen.scenes.formats.header import not_scenes, parse
+from scenegen.scenes.formats.plain import Table, doubts, is_plain, read_table
+from scenegen.scenes.formats.scenes_json import MOST_BYTES, REMEDY
+from scenegen.scenes.formats.settled import is_settled, read_settled
+from scenegen.scenes.locations import as_location, is_set
 from scenegen.validation import as_int, as_path
 
 Array = npt.NDArray[np.float64]
@@ -79,8 +79,8 @@ def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, sp
     if is_set(path):
         if spec is not None:
             raise _says_itself(path)
-        from scenegen.formats.opening import open_store
-        from scenegen.formats.sets import read_set
+        from scenegen.scenes.open_store import open_store
+        from scenegen.scenes.sets import read_set
 
         reading = read_set(open_store(as_location(path)))
     else:

@@ -8,8 +8,7 @@ from dataclasses import replace
 from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias, cast
 
-from scenegen.api.model import Model
-from scenegen.api.spec import Spec, check_spec
+from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import RequestError
 from scenegen.errors.requests import (
     LABEL_NOT_NAMED,
@@ -24,7 +23,7 @@ from scenegen.errors.requests import (
 from scenegen.needs import need
 from scenegen.sampling.methods import METHODS
 from scenegen.sampling.request import Range, SampleRequest, Spread
-from scenegen.scene.data import RequestData
+from scenegen.scenes.data import RequestData
 from scenegen.validation import as_int, as_list
 
 if TYPE_CHECKING:
@@ -39,11 +38,9 @@ Phi: TypeAlias = Mapping[str, Ends | Range] | Ends | Range
 Note = Callable[[str], None]
 
 
-def read_phi(source: Spec | Model, phi: Phi | None) -> dict[str, Range]:
+def read_phi(source: Spec | LearnedModel, phi: Phi | None) -> dict[str, Range]:
     """The ranges by label. Raises RequestError, also for a lone range where there are several labels."""
-    if not isinstance(source, Model):
-        check_spec(source, "a Spec or a Model")
-    labels = (source.spec if isinstance(source, Model) else source).labels
+    labels = spec_of(source).labels
     if phi is None:
         return {}
     if isinstance(phi, Mapping):
@@ -64,11 +61,10 @@ def _range(label: str, ends: object) -> Range:
     return Range(None if low is None else float(low), None if high is None else float(high))
 
 
-def check_request(source: Spec | Model, request: SampleRequest) -> SampleRequest:
+def check_request(source: Spec | LearnedModel, request: SampleRequest) -> SampleRequest:
     """The request with its method chosen for a model; what depends on the spec is checked by `make_problem`. Raises
     RequestError for values of the wrong kind, and for settings that do not go together."""
-    if not isinstance(source, Model):
-        check_spec(source, "a Spec or a Model")
+    spec_of(source)
     n, seed = as_int("n", request.n), as_int("seed", request.seed)
     fix, raw, timeout = request.fix, request.raw, request.timeout
     if not isinstance(fix, Mapping):
@@ -88,42 +84,42 @@ def check_request(source: Spec | Model, request: SampleRequest) -> SampleRequest
     return replace(request, n=n, seed=seed, method=method)
 
 
-def _method(method: str, source: Spec | Model, raw: bool) -> str:
+def _method(method: str, source: Spec | LearnedModel, raw: bool) -> str:
     """One of METHODS, never auto for a model."""
     if method not in tuple(METHODS):
         raise RequestError(UNKNOWN_CHOICE(what="method", name=method, known=METHODS))
-    if method == "auto" and isinstance(source, Model):
+    if method == "auto" and isinstance(source, LearnedModel):
         method = "model"
-    if METHODS[method].proposes and not isinstance(source, Model):
+    if METHODS[method].proposes and not isinstance(source, LearnedModel):
         raise RequestError(METHOD_WITHOUT_MODEL(method=method))
     if raw and not METHODS[method].proposes:
         raise RequestError(RAW_WITHOUT_MODEL())
     return method
 
 
-def plan_of(source: Spec | Model, request: SampleRequest, budget: Budget, on_note: Note | None = None) -> Plan:
+def plan_of(source: Spec | LearnedModel, request: SampleRequest, budget: Budget, on_note: Note | None = None) -> Plan:
     """The plan of a checked request; `on_note` gets what `auto` chose. Raises RequestError where there is no scene, or
     time is up before there is a plan."""
     from scenegen.sampling.methods import make_plan
     from scenegen.sampling.problem import make_problem
 
-    model = source if isinstance(source, Model) else None
-    spec = source.spec if isinstance(source, Model) else source
+    model = source if isinstance(source, LearnedModel) else None
+    spec = spec_of(source)
 
     def make(checked: CheckedSpec, request: SampleRequest) -> Plan:
-        proposer = None if model is None else replace(model.of(checked).proposer, asked=tuple(request.phi))
+        proposer = None if model is None else model.proposer_of(checked, tuple(request.phi))
         plan = make_plan(make_problem(checked, request, budget), budget, proposer)
         return plan.joined() if spec.counts or request.settle else plan
 
     def settled(plan: Plan) -> Plan:
         if not request.settle or not plan.reached:
             return plan
-        from scenegen.physics.settling import Settling
+        from scenegen.worlds.physics.settling import Settling
 
         return Settling(plan.problem, plan, request.workers, budget, why=plan.why)
 
     if spec.counts:
-        from scenegen.sampling.numbered_planning import plan_numbers
+        from scenegen.sampling.families import plan_numbers
 
         plan: Plan = plan_numbers(spec.declared, request, budget, make, settled)
     else:

@@ -4,28 +4,31 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy.typing as npt
 
-from scenegen.api.model import Model
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, request_data
 from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.scenes import SceneSet
-from scenegen.api.spec import Spec
+from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import TOO_MANY_FOR_MEMORY
 from scenegen.pose import as_poses, row_count
 from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, SampleRequest
+from scenegen.scenes.data import SceneFile
 
 if TYPE_CHECKING:
-    from scenegen.processes.reserve import Reserve
+    from scenegen.processes.ahead import Reserve
+
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB
 
 
 def sample(
-    source: Spec | Model,
+    source: Spec | LearnedModel,
     phi: Phi | None = None,
     n: int | None = None,
     *,
@@ -75,7 +78,7 @@ def sample(
 
 
 def draw_scenes(
-    source: Spec | Model,
+    source: Spec | LearnedModel,
     request: SampleRequest,
     *,
     progress: Progress | None = None,
@@ -84,8 +87,7 @@ def draw_scenes(
 ) -> SceneSet:
     """The scenes of a request, in memory, by the processes of `reserve` if there is one. Raises what `sample`
     raises."""
-    from scenegen.engine.budget import open_budget
-    from scenegen.engine.run import in_memory
+    from scenegen.sampling.engine.run import in_memory, open_budget
 
     request = check_request(source, request)
     _check_size(source, request.n)
@@ -93,10 +95,8 @@ def draw_scenes(
         plan = plan_of(source, request, budget, on_note)
         sampled = in_memory(plan, budget, progress)
     warnings = list(sampled.warnings)
-    if isinstance(source, Model) and request.method == "model":
-        from scenegen.api.advice import advice
-
-        warnings += advice(source, request.phi, sampled.rows, request.raw)
+    if isinstance(source, LearnedModel) and request.method == "model":
+        warnings += source.advice(request.phi, sampled.rows, request.raw)
     if sampled.shortfall is not None:
         if not (request.keep_partial and sampled.count):
             raise RequestError(sampled.shortfall)
@@ -110,9 +110,9 @@ def draw_scenes(
     return SceneSet(as_poses(rows), phi, header, tuple(warnings), on=on, trusted=True)
 
 
-def _check_size(source: Spec | Model, n: int) -> None:
+def _check_size(source: Spec | LearnedModel, n: int) -> None:
     """Refuse more scenes than go into memory. Raises RequestError."""
-    spec = (source.spec if isinstance(source, Model) else source).drawn
+    spec = spec_of(source).drawn
     most = IN_MEMORY // (row_count(len(spec.objects)) + len(spec.labels))
     if most < n <= MAX_SCENES:  # of even more it is said that nobody can sample them
         raise RequestError(TOO_MANY_FOR_MEMORY(n=n, objects=len(spec.objects), most=most))
@@ -121,3 +121,62 @@ def _check_size(source: Spec | Model, n: int) -> None:
 def partial(shortfall: Diagnostic) -> Diagnostic:
     """The warning that goes with fewer scenes than wanted."""
     return dataclasses.replace(shortfall.but(kept="these are kept"), severity="warning")
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What `sample_to` returns: where scenes are, how many, and what phi is in them.
+
+
+@dataclass(frozen=True, slots=True)
+class Met:
+    """phi of one label over the scenes of a file."""
+
+    lowest: float
+    mean: float
+    highest: float
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """A scene file or set: where it is, how many scenes it holds, its header, and what phi is in it, by label."""
+
+    path: Path | str
+    count: int
+    header: SceneFile
+    phi: Mapping[str, Met]
+    warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
+
+    def __len__(self) -> int:
+        return self.count
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A few scenes of a request, soon and without a plan: for programs in which somebody waits for something to look at.
+
+
+def glimpse(
+    spec: Spec,
+    phi: Phi | None = None,
+    n: int = 4,
+    *,
+    seed: int = 0,
+    fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
+    timeout: float = 5.0,
+) -> SceneSet:
+    """At most n scenes in the wanted ranges, the arguments as `scenegen.sample` takes them; none where nothing is found
+    soon. They are in range, but not distributed in any particular way, and not those that `sample` returns. Raises
+    RequestError for a request that is wrong or proved to be impossible."""
+    from scenegen.sampling.growth.glimpse import ROUNDS
+    from scenegen.sampling.growth.glimpse import glimpse as grown
+    from scenegen.sampling.problem import Budget, make_problem
+
+    wanted = {} if fix is None else fix
+    request = SampleRequest(read_phi(spec, phi), n, seed=seed, method="growth", fix=wanted, timeout=timeout)
+    budget = Budget(timeout)
+    problem = make_problem(spec.checked, check_request(spec, request), budget, rounds=ROUNDS, most=n)
+    rows = grown(problem, budget, n)
+    found = problem.phi(rows)
+    header = make_header(spec.checked, {"method": "glimpse", "seed": seed}, request_data(problem.request))
+    count = row_count(len(spec.objects))
+    on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
+    return SceneSet(as_poses(rows[:count]), dict(zip(spec.labels, found, strict=False)), header, on=on, trusted=True)

@@ -6,22 +6,24 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.assets import Shape
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import OUT_OF_PLACE
-from scenegen.formats import registry as table
-from scenegen.formats.blocks import BLOCK, Block
-from scenegen.lang.levels import chosen
+from scenegen.errors.requests import NOT_INSTALLED, OUT_OF_PLACE, UNKNOWN_CHOICE
+from scenegen.geometry.workspace import turned
+from scenegen.lang.check.heights import chosen
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import X, as_rows, row_count, row_of
-from scenegen.scene.count_data import CountData
-from scenegen.scene.data import (
+from scenegen.needs import need
+from scenegen.pose import THETA, X, Y, as_rows, row_count, row_of
+from scenegen.scenes.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
+from scenegen.scenes.blocks import BLOCK, COUNT, Block, columns
+from scenegen.scenes.data import (
     RAISED,
     VERSION,
+    CountData,
     ObjectData,
     Pose,
     RegionData,
@@ -34,12 +36,19 @@ from scenegen.scene.data import (
     SurfaceData,
     WorkspaceData,
     footprint_data,
+    footprint_of,
 )
-from scenegen.scene.numbers import member_of, numbers_in
-from scenegen.scene.standing import pose_of
-from scenegen.scene.workspace import turned
-from scenegen.training.datasets.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
+from scenegen.scenes.formats import registry as table
+from scenegen.scenes.numbers import member_of, numbers_in
+from scenegen.scenes.stage import heights_of, pose_of
+from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape
+from scenegen.things.surfaces import base_heights
 from scenegen.validation import as_path
+
+if TYPE_CHECKING:
+    import pandas
+    import torch
+
 
 Array = npt.NDArray[np.float64]
 
@@ -263,3 +272,90 @@ def stored_rows(spec: CheckedSpec, rows: Array) -> Array:
         for one in spec.choices.values()
     ]
     return np.concatenate([rows[:count], on])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Sets of scenes as the arrays and tables of other libraries. Each is imported when it is asked for.
+
+
+def to_numpy(scenes: SceneArrays) -> tuple[Array, Array]:
+    """Poses (n, N, 3) and phi (n, L), both float64 and copies: what is done to them leaves the scenes alone."""
+    phi = np.empty((len(scenes), len(scenes.phi)))
+    for column, values in enumerate(scenes.phi.values()):
+        phi[:, column] = values
+    return scenes.poses.copy(), phi
+
+
+def to_torch(
+    scenes: SceneArrays, dtype: torch.dtype | None, device: torch.device | str | None
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """The same as tensors. Raises RequestError where torch is not installed."""
+    need("torch", "for `to_torch()`")
+    import torch
+
+    poses, phi = (torch.from_numpy(array) for array in to_numpy(scenes))
+    return poses.to(device, dtype), phi.to(device, dtype)
+
+
+def to_pandas(scenes: SceneArrays) -> pandas.DataFrame:
+    """One row per scene, the columns of the Parquet files: `mug.x`, `mug.y`, `mug.theta`, ..., `phi.task`.
+
+    Raises RequestError where pandas is not installed, OutputError where two columns would share a name.
+    """
+    try:
+        import pandas
+    except ModuleNotFoundError as error:
+        known = {"package": "pandas", "purpose": "for data frames", "command": "pip install pandas"}
+        raise RequestError(NOT_INSTALLED(**known)) from error
+    names = columns(scenes.header, tuple(scenes.phi))
+    poses, phi = to_numpy(scenes)
+    on = [] if scenes.on is None else [scenes.on]
+    counts = scenes.counts
+    each = [number[:, None].astype(np.float64) for number in counts.values()]
+    table = np.concatenate([poses.reshape(len(scenes), row_count(len(scenes.objects))), *on, *each, phi], axis=1)
+    return pandas.DataFrame(table, columns=names).astype({f"{COUNT}{name}": np.int64 for name in counts})
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Poses as simulators take them: a place and a quaternion.
+
+
+DTYPES = ("float32", "float64")
+
+
+def poses7(
+    header: SceneFile,
+    poses: npt.NDArray[np.float64],
+    on: npt.NDArray[np.float64] | None,
+    rest: npt.NDArray[np.float64] | None = None,
+    *,
+    tensor: bool,
+    dtype: str,
+) -> Any:
+    """(n, N, 7) of poses (n, N, 3): x, y, z, qw, qx, qy, qz; `on` and `rest` as SceneArrays has them. Raises
+    RequestError."""
+    if dtype not in DTYPES:
+        raise RequestError(UNKNOWN_CHOICE(what="dtype", name=dtype, known=DTYPES))
+    shapes = [
+        Shape(
+            one.shape.asset if one.shape.asset in {*ASSETS, *PLAIN} else UNKNOWN,
+            footprint_of(one.shape.footprint),
+            one.shape.height,
+            open=tuple(one.shape.open),
+        )
+        for one in header.objects
+    ]
+    found = np.zeros((*poses.shape[:2], 7))
+    found[..., 0], found[..., 1] = poses[..., X], poses[..., Y]
+    found[..., 2] = base_heights(
+        shapes, poses, declared=heights_of(header, np.empty((len(poses), 0)) if on is None else on)
+    )
+    found[..., 3], found[..., 6] = np.cos(poses[..., THETA] / 2.0), np.sin(poses[..., THETA] / 2.0)
+    found[np.isnan(poses[..., X])] = np.nan
+    found = (found if rest is None else rest).astype(dtype)
+    if not tensor:
+        return found
+    need("torch", "for tensors")
+    from torch import from_numpy
+
+    return from_numpy(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import reprlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import InitVar, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -13,33 +13,80 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api import arrays, notebook
-from scenegen.api.scene import Scene
+from scenegen.api import scene_arrays
 from scenegen.api.scene_arrays import Array, SceneArrays, parts_of
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import LABEL_WITHOUT_SPEC, PHI_DIFFERS, PHI_NOT_STORED
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, WRONG_VALUE
-from scenegen.formats.blocks import Block
-from scenegen.formats.lines import block_of
-from scenegen.lang.check import check_text
-from scenegen.lang.core import REQUIRE, Atom, gated
-from scenegen.lang.interpret import deciding_atom
-from scenegen.lang.interpret import evaluate as interpret
-from scenegen.lang.interpret import phi as score
+from scenegen.geometry import NUMPY, Circle
+from scenegen.geometry.workspace import turned
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import REQUIRE, Atom, gated
+from scenegen.lang.formula.interpret import deciding_atom
+from scenegen.lang.formula.interpret import evaluate as interpret
+from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import THETA, TWO_PI, X, as_poses, row_count
-from scenegen.primitives import NUMPY, Circle
-from scenegen.scene.data import (
-    SceneFile,
-)
-from scenegen.scene.workspace import turned
+from scenegen.scenes.blocks import Block
+from scenegen.scenes.data import Pose, SceneData, SceneFile
+from scenegen.scenes.formats.lines import block_of
+from scenegen.scenes.numbers import element
+from scenegen.show import notebook
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
     import pandas
     import torch
 
-    from scenegen.render import Rendered
+    from scenegen.show.render import Rendered
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# One scene of a set, with what it takes to draw it and to load it into a simulator.
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """`poses` maps each object to where it stands (x and y in metres, theta in radians), `phi` each label to its value;
+    `header` is the scene file it is of, without scenes; `rest` (N, 7) is as of a SceneSet. Two scenes are equal if
+    poses and phi are."""
+
+    poses: Mapping[str, Pose]
+    phi: Mapping[str, float]
+    header: SceneFile = field(repr=False, compare=False)
+    rest: npt.NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        places = (
+            f"{name} ({pose.x:.3f}, {pose.y:.3f}, {math.degrees(pose.theta):.0f} deg)"
+            for name, pose in self.poses.items()
+        )
+        phi = (f"{label} {value:.3g}" for label, value in self.phi.items())
+        return f"<Scene: {', '.join(places)}; phi {', '.join(phi)}>"
+
+    def data(self) -> SceneData:
+        """The scene as files hold it."""
+        return SceneData(poses=dict(self.poses), phi=dict(self.phi), counts=self.counts or None)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many things there are, by array of objects, where that is drawn; of an object of a category the number of
+        its asset, from 1."""
+        found: dict[str, int] = {}
+        for one in self.header.counts:
+            here = [k for k in range(1, one.most + 1) if element(one, k) in self.poses]
+            found[one.name] = here[0] if one.assets else len(here)
+        return found
+
+    def file(self) -> SceneFile:
+        """A scene file with this scene alone."""
+        return self.header.model_copy(update={"scenes": [self.data()]})
+
+    def _repr_png_(self) -> bytes | None:
+        """For notebooks: the scene in perspective."""
+        from scenegen.show.notebook import picture
+
+        return picture(self.file(), self.rest)
 
 
 Picked = slice | npt.NDArray[np.bool_] | npt.NDArray[np.integer] | list[int]
@@ -95,13 +142,13 @@ class SceneSet(SceneArrays):
 
     def to_numpy(self) -> tuple[Array, Array]:
         """Copies: poses (n, N, 3) in metres and radians, and phi (n, L), labels in the order of `phi`, in float64."""
-        return arrays.to_numpy(self)
+        return scene_arrays.to_numpy(self)
 
     def to_torch(
         self, dtype: torch.dtype | None = None, device: torch.device | str | None = None
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """The same as tensors, what `spec.robustness()` takes and gives; float64 unless `dtype` says otherwise."""
-        return arrays.to_torch(self, dtype, device)
+        return scene_arrays.to_torch(self, dtype, device)
 
     def poses7(self, *, tensor: bool = False, dtype: str = "float64") -> Any:
         """(n, N, 7): x, y, z of each object's lowest point under the middle of its footprint, in metres, and its
@@ -110,7 +157,7 @@ class SceneSet(SceneArrays):
         A numpy array, or a torch `tensor`, in float32 or float64. Raises RequestError for another dtype, and where
         torch is not installed.
         """
-        from scenegen.api.poses7 import poses7
+        from scenegen.api.scene_arrays import poses7
 
         return poses7(self.header, self.poses, self.on, self.rest, tensor=tensor, dtype=dtype)
 
@@ -136,7 +183,7 @@ class SceneSet(SceneArrays):
 
         Raises RequestError where pandas is not installed, OutputError where two columns would share a name.
         """
-        return arrays.to_pandas(self)
+        return scene_arrays.to_pandas(self)
 
     def _sheet(self) -> bytes | None:
         """The contact sheet of the first scenes, drawn when a notebook first shows it."""
@@ -169,10 +216,10 @@ class SceneSet(SceneArrays):
         its picture by `render` with the same `looks` and `seed`; looks.jsonl says what they are. Returns the paths of
         the scenes' files. Raises RequestError, DataError, OutputError.
         """
-        from scenegen.api import export
+        from scenegen.worlds import files
 
         folder = None if meshes is None else as_path("meshes", meshes)
-        return export.export(self, as_path("out", out), to, folder, looks, seed)
+        return files.export(self, as_path("out", out), to, folder, looks, seed)
 
     def render(
         self,
@@ -203,7 +250,7 @@ class SceneSet(SceneArrays):
         intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is called with the
         number of scenes drawn and their total. Raises RequestError, DataError, OutputError.
         """
-        from scenegen.render import render_scenes
+        from scenegen.show.render import render_scenes
 
         return render_scenes(
             self.file(),
@@ -235,7 +282,7 @@ class SceneSet(SceneArrays):
     ) -> tuple[Path, ...]:
         """Make figures in the folder `out`: "sheet", "sweep", "gif", "heatmap", "topview"; see `scenegen render
         --help`. Returns the paths of their files. Raises RequestError, DataError, OutputError."""
-        from scenegen.api.figures import figures
+        from scenegen.show.scenes import figures
 
         return figures(self, out, kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
 

@@ -11,15 +11,15 @@ import numpy as np
 from scenegen.api.sets import write_card
 from scenegen.api.stored import StoredSet
 from scenegen.errors import DataError, RequestError, ScenegenError
-from scenegen.errors.stores import NOTHING_LEFT, SETS_DIFFER, SHARES
-from scenegen.formats import sets
-from scenegen.formats.blocks import BLOCK, Block
-from scenegen.formats.holding import held
-from scenegen.formats.locations import inside
-from scenegen.formats.opening import open_store
-from scenegen.formats.stores import Store
+from scenegen.errors.files import NOTHING_LEFT, SETS_DIFFER, SHARES
 from scenegen.pose import row_count
 from scenegen.sampling.request import Range
+from scenegen.scenes import sets
+from scenegen.scenes.blocks import BLOCK, Block
+from scenegen.scenes.lease import held
+from scenegen.scenes.locations import inside
+from scenegen.scenes.open_store import open_store
+from scenegen.scenes.stores import Store
 
 SPLIT = 12  # the stream of random numbers of splits
 MEMORY = 1 << 29  # bytes of the scenes that wait for the shards of all parts of a split

@@ -12,17 +12,17 @@ import numpy.typing as npt
 from scenegen.api.scenes import evaluate, scene_set
 from scenegen.api.stored import StoredSet
 from scenegen.errors import DataError, ScenegenError, SpecError
-from scenegen.errors.stores import DAMAGED_SHARD
-from scenegen.formats.blocks import joined
-from scenegen.formats.sets import check_bytes, read_shard
+from scenegen.errors.files import DAMAGED_SHARD
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import X, Y, as_rows, row_of
-from scenegen.scene.data import SceneFile
-from scenegen.scene.numbers import numbers_in
+from scenegen.scenes.blocks import joined
+from scenegen.scenes.data import SceneFile
+from scenegen.scenes.numbers import numbers_in
+from scenegen.scenes.sets import check_bytes, read_shard
 
 if TYPE_CHECKING:
-    from scenegen.formats.sets import Shard
-    from scenegen.formats.stores import Store
+    from scenegen.scenes.sets import Shard
+    from scenegen.scenes.stores import Store
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
@@ -196,7 +196,7 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
 def checked_spec(stored: StoredSet) -> CheckedSpec:
     """The spec that the set was made from, read from its header. Raises DataError if it is none."""
     from scenegen.api.spec import parse
-    from scenegen.errors.stores import NOT_A_SET
+    from scenegen.errors.files import NOT_A_SET
 
     try:
         return parse(stored.header.spec.source).drawn
@@ -209,7 +209,7 @@ def checked_spec(stored: StoredSet) -> CheckedSpec:
 def coverage_of(stored: StoredSet, timeout: float) -> tuple[float, float] | None:
     """Coverage of fresh exact scenes of the same request by scenes of the set, and by other fresh ones."""
     from scenegen.api.spec import parse
-    from scenegen.evaluation.coverage import coverage
+    from scenegen.learn.evaluation.coverage import coverage
 
     request = stored.header.request
     few = min(COMPARED, len(stored))

@@ -8,26 +8,25 @@ from collections.abc import Mapping
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
-from scenegen.api.model import Model
 from scenegen.api.request import Note, check_request, plan_of, request_data
+from scenegen.api.sample import Met, Written
 from scenegen.api.scene_arrays import make_header, stored_rows
-from scenegen.api.spec import Spec
-from scenegen.api.written import Met, Written
+from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.formats.opening import open_store
 from scenegen.sampling.request import Progress, SampleRequest
+from scenegen.scenes.open_store import open_store
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
-    from scenegen.formats.sets import Manifest
-    from scenegen.formats.stores import Store
-    from scenegen.processes.reserve import Reserve
+    from scenegen.processes.ahead import Reserve
     from scenegen.sampling.plan import Plan, Tally
+    from scenegen.scenes.sets import Manifest
+    from scenegen.scenes.stores import Store
 
 
 def write_set(
     location: str,
-    source: Spec | Model,
+    source: Spec | LearnedModel,
     request: SampleRequest,
     *,
     engine: str = "local",
@@ -47,18 +46,17 @@ def write_set(
 
     store = open_store(location, on_note)
     request = check_request(source, request)
-    from scenegen.engine.budget import open_budget
-    from scenegen.engine.drawing import Drawing
-    from scenegen.engine.engines import Writing, check_engine, open_engine
-    from scenegen.engine.run import request_of
-    from scenegen.engine.sets import write_set as write
-    from scenegen.formats import sets
-    from scenegen.formats.holding import held, refuse_held
+    from scenegen.sampling.engine.blocks import Drawing
+    from scenegen.sampling.engine.engines import Writing, check_engine, open_engine
+    from scenegen.sampling.engine.run import open_budget, request_of
+    from scenegen.sampling.engine.sets import write_set as write
     from scenegen.sampling.report import fell_short, summed_up
+    from scenegen.scenes import sets
+    from scenegen.scenes.lease import held, refuse_held
     from scenegen.version import __version__
 
     size = None if shard_size is None else as_int("shard_size", shard_size)
-    spec = (source.spec if isinstance(source, Model) else source).drawn
+    spec = spec_of(source).drawn
     size = sets.shard_size(size, len(spec.objects), len(spec.labels))
     check_engine(engine, address)
     refuse_held(store)
@@ -107,20 +105,18 @@ def write_set(
     return Written(store.location, manifest.scenes, full, phi, warnings)
 
 
-def _warnings(source: Spec | Model, request: SampleRequest, plan: Plan, tally: Tally) -> tuple[Diagnostic, ...]:
+def _warnings(source: Spec | LearnedModel, request: SampleRequest, plan: Plan, tally: Tally) -> tuple[Diagnostic, ...]:
     from scenegen.sampling.report import summed_up
 
     warnings = summed_up(plan, tally)[1]
-    if isinstance(source, Model) and request.method == "model":
-        from scenegen.api.advice import advice
-
-        warnings = (*warnings, *advice(source, request.phi, None, request.raw))
+    if isinstance(source, LearnedModel) and request.method == "model":
+        warnings = (*warnings, *source.advice(request.phi, None, request.raw))
     return warnings
 
 
 def write_card(store: Store, manifest: Manifest) -> None:
     """The set's README.md: YAML front matter as dataset hubs read it, the spec, and what phi is in the set."""
-    from scenegen.formats.sets import CARD
+    from scenegen.scenes.sets import CARD
 
     store.write(CARD, card(manifest).encode())
 

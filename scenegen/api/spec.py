@@ -5,29 +5,34 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterator, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span, SpecError
-from scenegen.errors.counts import COUNT_OUT_OF_RANGE, COUNT_SYNTAX, NUMBERS_NOT_HERE, UNKNOWN_COUNT, UNKNOWN_PICK
+from scenegen.errors.declarations import COUNT_OUT_OF_RANGE, COUNT_SYNTAX, NUMBERS_NOT_HERE, UNKNOWN_COUNT, UNKNOWN_PICK
 from scenegen.errors.language import PHI_TOO_LARGE
 from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT, WRONG_VALUE
-from scenegen.errors.temporal import NOT_OVER_TIME, TIME_NOT_HERE
-from scenegen.formats.files import is_stream, read_bytes, read_stream
-from scenegen.lang.check import check_file, check_text
-from scenegen.lang.counts import combinations
-from scenegen.lang.horizon import Horizon, Movers
+from scenegen.errors.time import NOT_OVER_TIME, TIME_NOT_HERE
+from scenegen.geometry.workspace import Workspace
+from scenegen.lang.check.families import combinations
+from scenegen.lang.checker import check_file, check_text
+from scenegen.lang.formula.timed import Horizon, Movers, Timed
 from scenegen.lang.spec import CheckedSpec
-from scenegen.lang.timed import Timed
 from scenegen.needs import need
-from scenegen.scene.workspace import Workspace
+from scenegen.scenes.files import is_stream, read_bytes, read_stream
 from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from scenegen.api.scenes import SceneSet
-    from scenegen.robustness import Robustness
-    from scenegen.robustness.traces import TraceRobustness
+    from scenegen.learn.robustness import Robustness
+    from scenegen.learn.robustness.traces import TraceRobustness
+    from scenegen.sampling.proposer import Proposer
+    from scenegen.sampling.request import Range
 
 MAX_BYTES = 64_000_000
 
@@ -140,7 +145,7 @@ class Spec:
             from html import escape
 
             return f"<pre>{escape(self.source)}</pre>"
-        from scenegen.api.notebook import spec_page
+        from scenegen.show.notebook import spec_page
 
         return spec_page(self)
 
@@ -204,7 +209,7 @@ class Spec:
         """
         refuse_choices(self, "`robustness()`")
         need("torch", "for `robustness()`")
-        from scenegen.robustness import Robustness
+        from scenegen.learn.robustness import Robustness
 
         return Robustness(self.checked.core, compiled=compiled, held=self.checked.fixed)
 
@@ -216,18 +221,18 @@ class Spec:
         if self._checked.timed is None:
             raise RequestError(NOT_OVER_TIME(file=self._checked.name))
         need("torch", "for `trace_robustness()`")
-        from scenegen.robustness.traces import TraceRobustness
+        from scenegen.learn.robustness.traces import TraceRobustness
 
         return TraceRobustness(self._checked.timed, compiled=compiled, held=self._checked.fixed)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """What phi of each label can be at least and at most, anywhere in the workspace (interval bounds: never too
         narrow)."""
-        from scenegen.bounds import spec_bounds
+        from scenegen.search import spec_bounds
 
         if self._checked.timed is not None:
-            from scenegen.bounds.effort import Effort
-            from scenegen.motions.bounds import phi_bounds
+            from scenegen.sampling.motions.bounds import phi_bounds
+            from scenegen.search.effort import Effort
 
             return phi_bounds(self._checked.timed, *self._checked.box(), Effort())
 
@@ -292,3 +297,27 @@ def load(path: str | Path, root: str | Path | None = None) -> Spec:
         data = read_stream(path, "a spec", limit=MAX_BYTES)
         return Spec(check_file(Path("<stdin>"), data, folder))
     return Spec(check_file(path, read_bytes(path, "a spec", limit=MAX_BYTES), folder))
+
+
+class LearnedModel(ABC):
+    """What draws scenes in place of a spec: all that sampling knows of trained models (scenegen.learn.model)."""
+
+    spec: Spec
+
+    @abstractmethod
+    def proposer_of(self, checked: CheckedSpec, labels: Sequence[str]) -> Proposer:
+        """What proposes scenes of a spec with these numbers of things, asked for phi of `labels`."""
+
+    @abstractmethod
+    def advice(
+        self, ranges: Mapping[str, Range], rows: npt.NDArray[np.float64] | None, raw: bool
+    ) -> tuple[Diagnostic, ...]:
+        """Warnings about scenes (3N, n) that it made for a request; None where they are no longer in memory."""
+
+
+def spec_of(source: Spec | LearnedModel) -> Spec:
+    """The spec that scenes are drawn of. Raises RequestError for what is neither a spec nor a model."""
+    if isinstance(source, LearnedModel):
+        return source.spec
+    check_spec(source, "a Spec or a Model")
+    return source

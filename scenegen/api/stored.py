@@ -13,15 +13,15 @@ from scenegen.api.batches import Batches, Group
 from scenegen.api.scenes import SceneSet, scene_set
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.formats.blocks import Block, joined
-from scenegen.formats.locations import as_location, inside
-from scenegen.formats.opening import open_store
-from scenegen.formats.sets import Manifest, Shard
-from scenegen.formats.stores import Store
+from scenegen.geometry.workspace import turned
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count
-from scenegen.scene.data import SceneFile
-from scenegen.scene.workspace import turned
+from scenegen.scenes.blocks import Block, joined
+from scenegen.scenes.data import SceneFile
+from scenegen.scenes.locations import as_location, inside
+from scenegen.scenes.open_store import open_store
+from scenegen.scenes.sets import Manifest, Shard
+from scenegen.scenes.stores import Store
 from scenegen.validation import as_int
 
 Array = npt.NDArray[np.float64]
@@ -89,7 +89,7 @@ class StoredSet:
         of several of them mixed. `dtype` is float32 unless it says otherwise. Raises RequestError, also without torch.
         """
         need("torch", "for streams of tensors")
-        from scenegen.api.torch_stream import SceneStream
+        from scenegen.learn.torch_stream import SceneStream
 
         return SceneStream(self.batches(batch, shuffle=shuffle, seed=seed, even=even), rank, ranks, dtype)
 
@@ -102,7 +102,7 @@ class StoredSet:
 
     def groups(self) -> list[Group]:
         """The row groups of all shards, in order: those that scenegen writes have 65,536 scenes."""
-        from scenegen.formats.sets import group_sizes
+        from scenegen.scenes.sets import group_sizes
 
         found, first = [], 0
         for number, shard in enumerate(self.shards):
@@ -113,7 +113,7 @@ class StoredSet:
 
     def read_group(self, group: Group) -> Block:
         """The scenes of a row group. Raises DataError, also where the shard is not the one of the manifest."""
-        from scenegen.formats.sets import read_shard_group
+        from scenegen.scenes.sets import read_shard_group
 
         return read_shard_group(self.store, self.header, self.labels, self.shards[group.shard], group.index)
 
@@ -129,7 +129,7 @@ class StoredSet:
 def open_set(location: str | Path) -> StoredSet:
     """A set of scenes in a folder or at a URL (s3://bucket/set/). Only its manifest is read; every shard is compared
     with it when it is opened. Raises DataError."""
-    from scenegen.formats.sets import read_manifest, set_header
+    from scenegen.scenes.sets import read_manifest, set_header
 
     store = open_store(as_location(location))
     manifest = read_manifest(store)
@@ -139,7 +139,7 @@ def open_set(location: str | Path) -> StoredSet:
 def sets_in(location: str | Path) -> list[str]:
     """Where the sets of a place are: the place itself if it is a set, else the sets in the folders below it, by name.
     Raises DataError for a place that cannot be read, and RequestError without pyarrow."""
-    from scenegen.formats.sets import MANIFEST
+    from scenegen.scenes.sets import MANIFEST
 
     place = as_location(location)
     files = open_store(place).sizes()

@@ -6,35 +6,33 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.api.model import Model
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, request_data
-from scenegen.api.sample import partial
+from scenegen.api.sample import Met, Written, partial
 from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.scenes import SceneSet
-from scenegen.api.spec import Spec, check_spec
-from scenegen.api.written import Met, Written
+from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
 from scenegen.errors import RequestError
+from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY_FOR_JSON
-from scenegen.errors.stores import ONLY_FOR_SETS
-from scenegen.formats.blocks import Block
-from scenegen.formats.files import check_writable
-from scenegen.formats.locations import as_location, names_set
-from scenegen.formats.registry import format_of, read_scenes
-from scenegen.formats.scenes_json import BYTES, MOST_BYTES
 from scenegen.pose import row_count
 from scenegen.sampling.request import FixedPose, Progress, SampleRequest
-from scenegen.scene.data import SceneFile
+from scenegen.scenes.blocks import Block
+from scenegen.scenes.data import SceneFile
+from scenegen.scenes.files import check_writable
+from scenegen.scenes.formats.registry import format_of, read_scenes
+from scenegen.scenes.formats.scenes_json import BYTES, MOST_BYTES
+from scenegen.scenes.locations import as_location, names_set
 from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
-    from scenegen.processes.reserve import Reserve
+    from scenegen.processes.ahead import Reserve
 
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
 
 def sample_to(
     path: str | Path,
-    source: Spec | Model,
+    source: Spec | LearnedModel,
     phi: Phi | None = None,
     n: int = 16,
     *,
@@ -78,7 +76,7 @@ def sample_to(
 
 def write_scenes(
     path: str | Path,
-    source: Spec | Model,
+    source: Spec | LearnedModel,
     request: SampleRequest,
     *,
     resume: bool = False,
@@ -105,11 +103,10 @@ def write_scenes(
     format_of(path)
     check_writable(path)
     if path.suffix.lower() == ".json":
-        _check_json(as_int("n", request.n), source.spec if isinstance(source, Model) else source)
+        _check_json(as_int("n", request.n), spec_of(source))
     request = check_request(source, request)
-    from scenegen.engine.budget import open_budget
-    from scenegen.engine.run import to_file
-    from scenegen.formats.shards import folder_of
+    from scenegen.sampling.engine.run import open_budget, to_file
+    from scenegen.scenes.shards import folder_of
     from scenegen.version import __version__
 
     with open_budget(request, reserve=reserve) as budget:
@@ -133,10 +130,8 @@ def write_scenes(
             stored=lambda block: Block(stored_rows(spec, block.rows), block.phi),
             progress=progress,
         )
-    if isinstance(source, Model) and request.method == "model":
-        from scenegen.api.advice import advice
-
-        warnings = (*warnings, *advice(source, request.phi, None, request.raw))
+    if isinstance(source, LearnedModel) and request.method == "model":
+        warnings = (*warnings, *source.advice(request.phi, None, request.raw))
     if shortfall is not None:
         if not (request.keep_partial and tally.scenes):
             folder = folder_of(path)

@@ -27,8 +27,7 @@ from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE_OUTPUT
 from scenegen.errors.program import COMMAND_LINE, INTERNAL_ERROR, INTERRUPTED, OUT_OF_MEMORY
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS
-from scenegen.processes.interrupt import exit_status
-from scenegen.processes.process import cannot_start, is_limit
+from scenegen.processes.process import cannot_start, exit_status, is_limit
 
 # click's exceptions: newer versions of typer contain their own copy of click
 exceptions: Any = sys.modules[typer.BadParameter.__module__]
@@ -70,7 +69,7 @@ COMMANDS: dict[str, str] = {
     "data": "scenegen.cli.data:data",
     "dataset": "scenegen.cli.dataset:dataset",
     "grammar": "scenegen.cli.grammar:grammar",
-    "relations": "scenegen.cli.relations:relations",
+    "relations": "scenegen.cli.explain:relations",
     "explain": "scenegen.cli.explain:explain",
     "view": "scenegen.cli.view:view",
     "lsp": "scenegen.cli.lsp:lsp",

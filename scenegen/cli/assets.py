@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from scenegen.assets.library import Asset
+    from scenegen.things.library import Asset
 
 
 def assets(
@@ -52,9 +52,9 @@ def assets(
 
 def _found(names: list[str]) -> list[Asset]:
     """The assets of these names. Raises RequestError for one that is not in the library."""
-    from scenegen.assets import ASSETS, asset_of, has_picture
     from scenegen.errors import RequestError
     from scenegen.errors.declarations import UNKNOWN_ASSET
+    from scenegen.things import ASSETS, asset_of, has_picture
 
     for name in names:
         if not has_picture(name):
@@ -63,10 +63,9 @@ def _found(names: list[str]) -> list[Asset]:
 
 
 def _row(asset: Asset) -> dict[str, Any]:
-    from scenegen.assets.library import shape_of
-    from scenegen.assets.rooms import rooms_of
-    from scenegen.assets.surfaces import sizes_of, surfaces_of
-    from scenegen.scene.data import footprint_data
+    from scenegen.scenes.data import footprint_data
+    from scenegen.things.library import shape_of
+    from scenegen.things.surfaces import rooms_of, sizes_of, surfaces_of
 
     shape = shape_of(asset.name)
 
@@ -83,7 +82,7 @@ def _row(asset: Asset) -> dict[str, Any]:
 
 
 def _table(found: list[Asset]) -> str:
-    from scenegen.primitives import Circle
+    from scenegen.geometry import Circle
 
     rows = [("name", "footprint", "height", "mass", "friction", "")]
     for asset in found:
@@ -107,10 +106,9 @@ def _inner(name: str, sizes: dict[str, float]) -> str:
 
 def _draw(found: list[Asset], out: Path, size: str, workers: int | None) -> list[Path]:
     from scenegen.cli.render import parse_size
-    from scenegen.formats.files import check_folder
-    from scenegen.formats.folder import whole_files
-    from scenegen.render.gallery import gallery, library_sheet
-    from scenegen.render.request import check_request
+    from scenegen.scenes.files import check_folder, whole_files
+    from scenegen.show.render.files import check_request
+    from scenegen.show.render.gallery import gallery, library_sheet
 
     shape = parse_size(size)
     check_request(("perspective",), shape, workers)

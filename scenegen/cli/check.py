@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+from math import nan
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from scenegen.api.outline import Folded, Line, Outline, Part
+from scenegen.api.spec import Spec
 from scenegen.cli.options import Counts, Root, SpecFiles, named, parse_counts
+from scenegen.cli.output import tree
+from scenegen.errors import Source
+from scenegen.lang.formula.core import REQUIRE
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.parse import parse
+from scenegen.lang.syntax.pieces import print_statement
+from scenegen.things import Circle, Shape
 
 if TYPE_CHECKING:
     from scenegen.api.feasibility import Doubt
-    from scenegen.api.spec import Spec
-    from scenegen.assets import Shape
     from scenegen.errors import Diagnostic
+    from scenegen.lang.formula.timed import Horizon
+
 
 OPEN = "rough: a quick look found no scene {}, nor a proof that there is none"
 MEANT = "change one of the parts that clash; where it is meant so, add --allow-unsatisfiable"
@@ -104,8 +118,7 @@ def _print(path: Path, spec: Spec, found: list[Doubt], ok: bool, depth: int | No
     import shutil
     import sys
 
-    from scenegen.cli.page import WIDTH, page, timed_page
-    from scenegen.lang.core import REQUIRE
+    from scenegen.lang.formula.core import REQUIRE
 
     typer.echo(f"{named(path)}: {'ok' if ok else 'cannot be satisfied'}")
     rough = {
@@ -155,3 +168,207 @@ def _as_json(problem: Diagnostic) -> dict[str, Any]:
 
     found = to_json(problem, flag)
     return {"title": found["message"], **found}
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What `scenegen check` prints of a spec: its objects, and the formulas of its labels on a page, or all of them.
+
+
+LINES = 40  # of a page, at most
+WIDTH = 110  # columns of a page that goes to no terminal
+NAMES = 3  # lines of names
+SHAPES = 8  # lines of shapes and sizes
+HEAD = 3  # lines of a label: a blank one, its bounds, and its formula
+MOST = 100_000  # lines of `--full`: a formula whose definitions use each other twice can have 2^50
+
+
+@dataclass(slots=True)
+class _Shown:
+    """A part on the page: the parts shown below it, and how many are left out."""
+
+    part: Part
+    depth: int
+    below: list[_Shown] = field(default_factory=list)
+    hidden: int = 0
+
+
+def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool, width: int) -> Iterator[str]:
+    """The lines of text. `rough` has a remark for labels whose bounds are too loose; `depth` is how deep formulas are
+    shown, with any number of lines; `full` folds and leaves out nothing."""
+    everything = full or depth is not None
+    head = list(_head(spec, None if full else width))
+    yield from head
+    outline = Outline(spec if not spec.counts else Spec(spec.declared.members[-1]))
+    labels = outline.labels
+    bounds = spec.bounds() if spec.counts else {}
+    titles = {name: _title(outline, name, rough.get(name, ""), bounds.get(name)) for name in labels}
+    left = MOST if everything else LINES - len(head) - 2
+    if left < HEAD * len(labels):  # no space for formulas
+        left = max(left, HEAD)
+        yield ""
+        yield from (titles[name] for name in labels[: left - 1])
+        if len(labels) > left - 1:
+            yield f"  ... and {len(labels) - left + 1:,} labels more"
+        yield "\n  Only a page of it: --depth 1 shows the formulas of all labels, --full everything."
+        return
+    folded = Folded(outline, fold=not full)
+    roots = [_Shown(folded.root(name), 0) for name in labels]
+    whole = _unfold(folded, roots, left - HEAD * len(roots), depth)
+    for name, root in zip(labels, roots, strict=True):
+        yield ""
+        yield titles[name]
+        yield from tree(list(_lines(root)), width=None if full else width)
+    if not whole and depth is None:
+        yield "\n  Only a page of it: --depth N shows more, --full everything."
+
+
+def timed_page(spec: Spec, horizon: Horizon, *, full: bool, width: int) -> Iterator[str]:
+    """The lines of text for a spec over time: how long it lasts, and its formulas as they are written."""
+    yield from _head(spec, None if full else width)
+    step = f"{horizon.dt:g} s each, {horizon.seconds:g} s in all"
+    yield f"  time       {horizon.steps:,} steps, {step}; moves {spec.moves}"
+    module = parse(Source(spec.declared.name, spec.source))
+    shown = [one for one in module.statements if isinstance(one, ast.Require | ast.Label)]
+    bounds = spec.bounds()
+    for statement in shown[: None if full else LINES]:
+        yield ""
+        for line in print_statement(statement).splitlines():
+            yield f"  {line}"
+        if isinstance(statement, ast.Label):
+            low, high = bounds[statement.name.id]
+            yield f"    phi in [{low:.4g}, {high:.4g}]"
+    if not full and len(shown) > LINES:
+        yield f"\n  ... and {len(shown) - LINES:,} more: --full shows everything."
+
+
+def _head(spec: Spec, width: int | None) -> Iterator[str]:
+    checked, (x, y) = spec.declared, (spec.workspace.x, spec.workspace.y)
+    if checked.title:
+        yield f"  {checked.title}"
+    yield f"  workspace  [{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}] m"
+    held = [
+        f"{name} at ({', '.join(f'{number:g}' for number in checked.fixed[index])})"
+        for index, name in enumerate(spec.objects)
+        if index in checked.fixed
+    ]
+    free = [name for index, name in enumerate(spec.objects) if index not in checked.fixed]
+    if checked.counts:
+        drawn = ", ".join(f"{one.least} to {one.most} {one.name}" for one in checked.counts if not one.assets)
+        kinds = "; ".join(f"{one.name} is {' or '.join(one.assets)}" for one in checked.counts if one.assets)
+        if drawn:
+            yield f"  numbers    {drawn}: {len(checked.members)} specs; what follows is that of the most"
+        if kinds:
+            yield f"  assets     {kinds}: {len(checked.members)} specs; what follows is that of the last"
+    regions = [one.name for one in checked.regions]
+    yield from _named("objects", free if width is None else arrays(free), width)
+    for number, line in enumerate(_sizes(spec, width)):
+        yield f"  {'' if number else 'sizes':<9}  {line}"
+    for kind, names in (("fixed", held), ("regions", regions)):
+        yield from _named(kind, names, width)
+
+
+def _named(kind: str, names: Sequence[str], width: int | None) -> Iterator[str]:
+    """A kind of things and their names."""
+    if names:
+        lines = [", ".join(names)] if width is None else _wrapped(names, max(20, width - 13))
+        for number, line in enumerate(lines):
+            yield f"  {'' if number else kind:<9}  {line}"
+
+
+def _sizes(spec: Spec, width: int | None) -> Iterator[str]:
+    """A line for each shape: the objects that have it, what it is, and its size in metres."""
+    names: dict[Shape, list[str]] = {}
+    for name, shape in zip(spec.objects, spec.declared.shapes, strict=True):
+        names.setdefault(shape, []).append(name)
+    for number, (shape, objects) in enumerate(names.items()):
+        if width is not None and number == SHAPES - 1 and len(names) > SHAPES:
+            yield f"... and {len(names) - number:,} shapes more"
+            return
+        told = ": ".join((", ".join(objects if width is None else arrays(objects)), size_text(shape)))
+        if width is not None and len(told) > width - 13:
+            told = f"{objects[0]} and {len(objects) - 1:,} more: {size_text(shape)}"
+        yield told
+
+
+def size_text(shape: Shape) -> str:
+    """What a shape is, and how large, in metres."""
+    length, width = shape.footprint.extent
+    of_file = f" {shape.path}" if shape.path else ""
+    size = f"{length:.4g} x {width:.4g} x {shape.height:.4g} m"
+    if isinstance(shape.footprint, Circle):
+        size = f"radius {length / 2.0:.4g}, height {shape.height:.4g} m"
+    color = f", {shape.color}" if shape.color else ""
+    return f"{shape.asset}{of_file}, {size}{color}"
+
+
+def _wrapped(names: Sequence[str], width: int) -> list[str]:
+    """Names on at most NAMES lines; the last line says how many are left out."""
+    for count in range(min(len(names), NAMES * width), 0, -1):
+        rest = [] if count == len(names) else [f"... and {len(names) - count:,} more"]
+        lines = wrap(", ".join([*names[:count], *rest]), width, break_on_hyphens=False)
+        if len(lines) <= NAMES:
+            return lines
+    return [f"{len(names):,} names"]
+
+
+def arrays(names: Sequence[str]) -> list[str]:
+    """Names with the elements of an array that follow each other as one: `block[1..30]`."""
+    found: list[str] = []
+    for array, group in groupby(names, key=lambda name: name.partition("[")[0] if name.endswith("]") else name):
+        elements = list(group)
+        if len(elements) < 3:
+            found += elements
+        else:
+            first, last = (name.partition("[")[2].rstrip("]") for name in (elements[0], elements[-1]))
+            found.append(f"{array}[{first}..{last}]")
+    return found
+
+
+def _title(outline: Outline, label: str, remark: str, bounds: tuple[float, float] | None) -> str:
+    """`bounds` are those over all numbers of things, where these are drawn."""
+    top = outline.line(outline.core.labels[label], margin=False)
+    what = "margin" if label == REQUIRE else "phi"
+    low, high = bounds or (top.low, top.high)
+    return f"  {label}: {what} in [{low:.4g}, {high:.4g}]" + (f"; {remark}" if remark else "")
+
+
+def _unfold(folded: Folded, roots: list[_Shown], left: int, depth: int | None) -> bool:
+    """Show what is below the roots, level by level, in `left` lines, down to a depth; returns whether that is all."""
+    waiting = deque(roots)
+    whole = True
+    while waiting:
+        one = waiting.popleft()
+        parts = folded.children(one.part)
+        if not parts:
+            continue
+        count = len(parts)
+        if depth is not None and one.depth >= depth:
+            count = 0
+        elif count > left:
+            # a formula that is too wide for the page shows its first parts; one further down none
+            others = sum(other.depth == 0 for other in waiting)
+            count = left // (others + 1) - 1 if one.depth == 0 else 0
+        if count < len(parts):
+            whole = False
+            one.hidden = len(parts) - max(0, count)
+        one.below = [_Shown(part, one.depth + 1) for part in parts[: max(0, count)]]
+        left -= len(one.below) + (0 < count < len(parts))
+        waiting.extend(one.below)
+    return whole
+
+
+def _lines(root: _Shown) -> Iterator[Line]:
+    stack: list[_Shown | Line] = [root]
+    while stack:
+        one = stack.pop()
+        if isinstance(one, Line):
+            yield one
+            continue
+        line = one.part.line
+        text = f"{one.part.count} x {line.text}" if one.part.count else line.text
+        if one.hidden and not one.below:
+            text += " ..."
+        yield replace(line, depth=one.depth, text=text)
+        if one.hidden and one.below:
+            stack.append(Line(one.depth + 1, f"... and {one.hidden:,} more", "", "", nan, nan))
+        stack.extend(reversed(one.below))

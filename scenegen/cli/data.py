@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenegen.cli.options import seconds
+from scenegen.errors.files import DATA_ARGUMENTS, FAULTY_SHARDS
 from scenegen.errors.requests import OUT_OF_PLACE
-from scenegen.errors.stores import DATA_ARGUMENTS, FAULTY_SHARDS
 
 if TYPE_CHECKING:
     from scenegen.api.set_report import SetReport
@@ -176,7 +176,7 @@ def _report(places: list[str], how: Looking, *, json: bool) -> int:
 def _look(location: str, how: Looking) -> tuple[StoredSet, SetReport]:
     from scenegen.api.set_report import set_report
     from scenegen.api.stored import open_set
-    from scenegen.engine.engines import map_each
+    from scenegen.sampling.engine.engines import map_each
 
     stored = open_set(location)
     report = set_report(
@@ -192,8 +192,8 @@ def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share:
     from scenegen.api.set_edit import filter_set, merge_sets, split_set
     from scenegen.cli.output import print_error
     from scenegen.errors import RequestError
-    from scenegen.formats.locations import inside
     from scenegen.sampling.request import parse_phi
+    from scenegen.scenes.locations import inside
 
     if action == "merge":
         made = {out: merge_sets(opened, out)}

@@ -11,7 +11,7 @@ from scenegen.cli.many import Address, Engine, exit_status, folder_for, names_of
 from scenegen.cli.options import Root, all_found, seconds, spec_names, whole
 
 if TYPE_CHECKING:
-    from scenegen.engine.many import Ended
+    from scenegen.sampling.engine.engines import Ended
 
 
 def dataset(

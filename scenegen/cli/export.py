@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -111,17 +113,16 @@ def export(
     these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
     are in its own words, so that its own domain reads them.
     """
-    from scenegen.api.export import PLANNERS, check_export, check_looks, check_meshes, chosen, convert
     from scenegen.cli.output import note_others, print_error
     from scenegen.errors import RequestError
     from scenegen.errors.requests import OUT_OF_PLACE
+    from scenegen.worlds.files import PLANNERS, check_export, check_looks, check_meshes, chosen, convert
 
     if seed and looks is None:
         raise RequestError(OUT_OF_PLACE(option="--seed", rule="goes with --looks", remedy="leave it out"))
     if chosen(to, out) == PLANNERS:
         check_meshes(PLANNERS, meshes, "--meshes")
         check_looks(out, PLANNERS, looks, "--looks")
-        from scenegen.cli.problems import Original, export_problems
 
         read = _chosen(scenes, spec, mirrored)
         export_problems(scenes, out, facts, goal, whole_goal, Original(problem, domain, table), read)
@@ -149,7 +150,7 @@ def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) 
     from scenegen.api.reading import read_scenes
     from scenegen.api.spec import load
     from scenegen.cli.output import note
-    from scenegen.formats.settled import is_settled
+    from scenegen.scenes.formats.settled import is_settled
 
     if not (spec or mirrored or whole or is_settled(path)):
         return None
@@ -157,3 +158,65 @@ def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) 
     for one in found.warnings:
         note(one)
     return found.mirrored() if mirrored else found
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `scenegen export --to pddl`.
+
+
+@dataclass(frozen=True, slots=True)
+class Original:
+    """The problem that a spec was imported from, its domain, and a map."""
+
+    problem: Path | None
+    domain: Path | None
+    table: Path | None
+
+
+def export_problems(
+    scenes: Path,
+    out: Path,
+    facts: str | None,
+    goal: Sequence[str] | None,
+    whole_goal: bool,
+    original: Original,
+    read: SceneSet | None,
+) -> None:
+    """Write the scenes or pairs of a file as planning problems, and say where they are; `read` are its scenes, if they
+    have been read."""
+    from scenegen.api.motions import MotionSet
+    from scenegen.cli.output import complain, note_others, print_error
+    from scenegen.errors import RequestError
+    from scenegen.errors.requests import OUT_OF_PLACE
+    from scenegen.worlds import planning
+    from scenegen.worlds.files import PLANNERS, check_export
+
+    inputs = [one for one in (scenes, *astuple(original)) if one is not None]
+    check_export(out, PLANNERS, *inputs)
+    names = None if facts is None else [one.strip() for one in facts.split(",") if one.strip()]
+    if original.domain is not None and original.problem is None:
+        raise RequestError(OUT_OF_PLACE(option="--domain", rule="is that of a problem", remedy="add --problem"))
+    if original.problem is not None and (goal or whole_goal):
+        option, rule = "--goal" if goal else "--whole-goal", "chooses a goal, and the problem has its own"
+        raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
+    found = planning.read_for_planning(scenes) if read is None else read
+    if whole_goal and not isinstance(found, MotionSet):
+        rule = "is for motions and pairs, and these are scenes"
+        raise RequestError(OUT_OF_PLACE(option="--whole-goal", rule=rule, remedy="leave it out"))
+    made = planning.export_problems(
+        found,
+        out,
+        facts=names,
+        goal=goal or None,
+        whole_goal=whole_goal,
+        table=original.table,
+        problem=original.problem,
+        domain=original.domain,
+    )
+    complain(*made.warnings)
+    count, files = len(made.problems), made.problems
+    where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
+    domain = "" if made.domain is None else f", and {made.domain.name}"
+    print_error(f"{count} problem{'s' * (count != 1)} in {where}{domain}")
+    if files != (out,):
+        note_others(out, count, files[0].suffix)

@@ -57,8 +57,8 @@ def fmt(
 
 
 def _read(path: Path) -> bytes:
-    from scenegen.formats.files import read_bytes
-    from scenegen.lang.parse import MAX_CHARACTERS
+    from scenegen.lang.syntax.parse import MAX_CHARACTERS
+    from scenegen.scenes.files import read_bytes
 
     if path == STANDARD_INPUT:
         import sys
@@ -68,15 +68,15 @@ def _read(path: Path) -> bytes:
 
 
 def _formatted(name: str, data: bytes) -> bytes:
-    from scenegen.lang.layout import format_source
-    from scenegen.lang.parse import read_source
+    from scenegen.lang.syntax.format import format_source
+    from scenegen.lang.syntax.parse import read_source
 
     return format_source(read_source(name, data)).encode()
 
 
 def _write(path: Path, before: bytes, after: bytes) -> None:
     from scenegen.cli.streams import write_data
-    from scenegen.formats.files import write_whole
+    from scenegen.scenes.files import write_whole
 
     if path == STANDARD_INPUT:
         write_data(after)

@@ -60,10 +60,10 @@ def grammar(
     model says in it passes `scenegen check`, except that with --shape formulas labels may contradict themselves.
     `scenegen explain language-models` says how to use it.
     """
-    from scenegen.api.grammar import grammar_of
     from scenegen.cli.output import print_error
     from scenegen.cli.streams import write_data
-    from scenegen.formats.files import check_writable, write_whole
+    from scenegen.editors.grammars.grammar import grammar_of
+    from scenegen.scenes.files import check_writable, write_whole
 
     if out is not None:
         check_writable(out, *([spec] if spec is not None else []))
@@ -77,8 +77,8 @@ def grammar(
 
 def _about(path: Path | None, objects: str | None, root: Path | None) -> Spec:
     """The spec that is meant. Raises RequestError where it is none or two."""
-    from scenegen.api.grammar import of_objects
     from scenegen.api.spec import load
+    from scenegen.editors.grammars.grammar import of_objects
     from scenegen.errors import RequestError
     from scenegen.errors.requests import OUT_OF_PLACE
 

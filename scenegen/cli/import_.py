@@ -32,9 +32,9 @@ def import_(
     """
     import shlex
 
-    from scenegen.api.planning import import_problem
     from scenegen.cli.output import complain, print_error, print_message
-    from scenegen.formats.files import check_writable, write_whole
+    from scenegen.scenes.files import check_writable, write_whole
+    from scenegen.worlds.planning import import_problem
 
     inputs = [one for one in (problem, domain, table) if one is not None]
     check_writable(out, *inputs)

@@ -30,8 +30,8 @@ def info(
     that of the network on one core of this machine; refining and verifying come to that. Of a folder each model is
     described.
     """
-    from scenegen.api.family import load_model, model_file
-    from scenegen.evaluation.describe import as_json, describe, speed
+    from scenegen.learn.evaluation.describe import as_json, describe, speed
+    from scenegen.learn.model import load_model, model_file
 
     found = load_model(model)
     each = [(model_file(model, numbers), one) for numbers, one in found.each]

@@ -34,7 +34,7 @@ def lsp(
 
     del stdio  # editors that know several ways say which one they use
     try:
-        from scenegen.lsp.server import serve
+        from scenegen.editors.lsp.server import serve
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] not in ("pygls", "lsprotocol"):
             raise

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.errors.stores import FOLDER_FOR_SEVERAL, ONLY_FOR_SEVERAL, SAME_NAME, SOME_FAILED
-from scenegen.formats.locations import is_url, names_set
+from scenegen.errors.files import FOLDER_FOR_SEVERAL, ONLY_FOR_SEVERAL, SAME_NAME, SOME_FAILED
+from scenegen.scenes.locations import is_url, names_set
 
 if TYPE_CHECKING:
-    from scenegen.engine.many import Ended
     from scenegen.errors import Diagnostic
+    from scenegen.sampling.engine.engines import Ended
 
 Engine = Annotated[
     str,
@@ -84,7 +84,7 @@ def shared_work(
     """Do jobs by an engine, say of each what it says, and return the exit status. Raises what `engine.many.each`
     raises, and KeyboardInterrupt that says how many jobs are done."""
     from scenegen.cli.output import complain, note, print_error, progress_bar
-    from scenegen.engine.many import each
+    from scenegen.sampling.engine.engines import each
 
     done = 0
     with progress_bar() as bar:

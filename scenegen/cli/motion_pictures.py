@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.errors.motions import NOT_ONE_MOTION
 from scenegen.errors.requests import OUT_OF_PLACE
-from scenegen.formats.motions.table import is_motions
+from scenegen.errors.time import NOT_ONE_MOTION
+from scenegen.scenes.formats.motions.table import is_motions
 
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet

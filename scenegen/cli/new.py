@@ -54,7 +54,7 @@ def new(
 
     from scenegen.cli.output import print_error
     from scenegen.errors import OutputError
-    from scenegen.formats.files import write_whole
+    from scenegen.scenes.files import write_whole
 
     path = name if name.suffix.lower() == ".spec" else name.with_name(f"{name.name}.spec")
     if path.exists() or path.is_symlink():

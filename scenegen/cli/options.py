@@ -50,7 +50,7 @@ def parse_counts(options: list[str] | None) -> dict[str, str]:
     """The numbers of `--count` options as typed, e.g. ["block=5"], or assets, ["mug=025_mug"]: the spec knows which.
     Raises RequestError with a caret."""
     from scenegen.errors import RequestError, Source, Span
-    from scenegen.errors.counts import COUNT_SYNTAX, COUNT_TWICE
+    from scenegen.errors.declarations import COUNT_SYNTAX, COUNT_TWICE
 
     found: dict[str, str] = {}
     for text in options or ():
@@ -87,7 +87,7 @@ def all_whole(annotation: Any) -> Any:
 
 def seconds(text: str | float) -> float:
     """A span of time as typed: seconds, or with a unit of the language, 90s or 2min. Raises typer.BadParameter."""
-    from scenegen.primitives.units import quantity
+    from scenegen.geometry.units import quantity
 
     found = re.fullmatch(r"\s*(.*?)\s*(ms|s|min|)\s*", str(text))
     try:
@@ -121,8 +121,8 @@ def find_spec(path: Path, context: Any = None) -> Path:
     Raises DataError if there is none, which names the option of the command in `context` that may be meant.
     """
     from scenegen.errors import DataError
-    from scenegen.formats.files import is_stream
     from scenegen.resources import shipped_specs
+    from scenegen.scenes.files import is_stream
 
     if is_stream(path):
         return path
@@ -139,7 +139,7 @@ def find_spec(path: Path, context: Any = None) -> Path:
         return path
     if path.name in shipped:
         return shipped[path.name]
-    from scenegen.formats.files import missing_help
+    from scenegen.scenes.files import missing_help
 
     option = None if context is None else option_called(path.name, context)
     remedy = missing_help(path, "a spec") if option is None else f"an option begins with a dash: {option}"
@@ -148,8 +148,8 @@ def find_spec(path: Path, context: Any = None) -> Path:
 
 def named(path: Path) -> str:
     """A spec's file as people name it: a shipped one by its name alone."""
-    from scenegen.formats.files import is_stream
     from scenegen.resources import shipped_specs
+    from scenegen.scenes.files import is_stream
 
     if is_stream(path):
         return "<stdin>"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,10 +16,10 @@ from scenegen.errors import Diagnostic, render_all
 from scenegen.errors.program import OTHER_FILES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from rich.console import Console
     from rich.progress import Progress
+
+    from scenegen.api.outline import Line
 
 
 _FLAGS = {"n": "-n", "quiet": "-q", "verbose": "-v", "kinds": "--figure", "views": "--view"}
@@ -95,7 +96,7 @@ def print_message(text: str) -> None:
 
 def note_others(folder: Path, total: int, ending: str) -> None:
     """A note if the folder also has files of an earlier run with more than `total` scenes."""
-    from scenegen.formats.folder import others
+    from scenegen.scenes.files import others
 
     count = others(folder, total, ending)
     if count:
@@ -137,3 +138,50 @@ def progress_bar() -> Progress:
 
     screen = console()
     return Progress(console=screen, transient=True, disable=not screen.is_interactive)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Outlines of formulas on the terminal, for `check` and `eval --explain`.
+
+
+WIDEST = 60  # columns that a formula and its margin may each take before the next column moves
+LEAST = 12  # columns that are left of a margin where lines are cut to a width
+
+
+def tree(lines: Sequence[Line], more: int = 0, width: int | None = None) -> Iterator[str]:
+    """One line of text per sub-formula: its text, its margin, and its bounds or its value with its unit.
+
+    With a `width`, texts and margins are shortened to it, and marked with three dots.
+    """
+    wide, wider = (
+        min(WIDEST, max(map(len, column), default=0))
+        for column in ([_text(line) for line in lines], [line.margin for line in lines])
+    )
+    if width is not None:
+        ends = max((len(_end(line)) for line in lines), default=0)
+        wider = min(wider, max(LEAST, width - 4 - wide - 2 - 2 - ends))
+        lines = [_cut(line, wide, wider) for line in lines]
+    for line in lines:
+        yield f"    {_text(line):<{wide}}  {line.margin:<{wider}}  {_end(line)}".rstrip()
+    if more:
+        yield f"    ... and {more} more"
+
+
+def _text(line: Line) -> str:
+    return f"{'  ' * line.depth}{line.text}"
+
+
+def _end(line: Line) -> str:
+    if line.low != line.low:  # NaN: a line that stands for others
+        return ""
+    unit = f" {line.unit}" if line.unit else ""
+    what = f"[{line.low:.4g}, {line.high:.4g}]" if line.value is None else f"{line.value:+.6f}"
+    return f"{what}{unit}{'  <- decides' if line.decides else ''}"
+
+
+def _cut(line: Line, wide: int, wider: int) -> Line:
+    return replace(line, text=_shortened(line.text, wide - 2 * line.depth), margin=_shortened(line.margin, wider))
+
+
+def _shortened(text: str, most: int) -> str:
+    return text if len(text) <= most else text[: max(0, most - 3)] + "..."

@@ -83,9 +83,9 @@ def pairs(
     from scenegen.api.spec import load
     from scenegen.cli.output import complain, detail, left, print_error
     from scenegen.cli.streams import check_output, write_data
-    from scenegen.formats.files import check_writable
-    from scenegen.formats.motions.table import format_of
     from scenegen.sampling.request import parse_phi
+    from scenegen.scenes.files import check_writable
+    from scenegen.scenes.formats.motions.table import format_of
 
     if out is not None:
         format_of(out)

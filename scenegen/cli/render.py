@@ -147,7 +147,7 @@ def render(
     """
     from scenegen.cli.motion_pictures import film, names_film
     from scenegen.cli.output import print_error
-    from scenegen.formats.motions.table import is_motions
+    from scenegen.scenes.formats.motions.table import is_motions
 
     shape = None if size is None else parse_size(size)
     alone = names_film(out)
@@ -183,7 +183,7 @@ def render(
         "seed": seed,
     }
     if len(sources) > 1:
-        from scenegen.formats.files import ensure_folder
+        from scenegen.scenes.files import ensure_folder
 
         jobs = [(name, (source, out / name)) for name, source in zip(names_of(sources), sources, strict=True)]
         ensure_folder(out)
@@ -302,7 +302,7 @@ def draw(
     took = time.perf_counter() - started
     _note_unknown(scenes)
     if meshes is not None:
-        from scenegen.render.models import still_outlines
+        from scenegen.show.render.models import still_outlines
 
         if left := still_outlines(scenes.header, meshes):
             note(STILL_OUTLINES(names=left))
@@ -312,9 +312,9 @@ def draw(
 
 
 def _figures(source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, Any], spec: Path | None) -> None:
-    from scenegen.api.figures import figures
     from scenegen.cli import motion_pictures
     from scenegen.cli.output import note_others, print_error, progress_bar
+    from scenegen.show.scenes import figures
 
     made, scenes = motion_pictures.figures(source, out, kinds, look), None
     if made is None:
@@ -343,7 +343,7 @@ def _note_unknown(scenes: SceneSet) -> None:
 
 def _unknown(scenes: SceneSet) -> tuple[Diagnostic, ...]:
     """A note about names that are not in the library and are drawn as blocks, with the names of the library."""
-    from scenegen.assets import ASSETS, PLAIN, UNKNOWN, has_picture
+    from scenegen.things import ASSETS, PLAIN, UNKNOWN, has_picture
 
     shown = {*ASSETS, *PLAIN} - {UNKNOWN}
     unknown = [one.name for one in scenes.header.objects if one.shape.asset not in shown and not has_picture(one.name)]

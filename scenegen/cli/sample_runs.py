@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
+from scenegen.cli.output import print_columns, print_error, progress_bar
+from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import OUT_OF_PLACE, SPEC_OF_SPEC, STEPS_OF_SPEC
-from scenegen.errors.stores import ONLY_FOR_SETS
-from scenegen.formats.locations import inside, names_set
+from scenegen.errors.time import NOT_FOR_MOTIONS
+from scenegen.scenes.locations import inside, names_set
 
 if TYPE_CHECKING:
-    from scenegen.api.model import Model
+    from rich.progress import Progress
+
+    from scenegen.api.motions import MotionSet
+    from scenegen.api.sample import Met
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
-    from scenegen.processes.reserve import Reserve
+    from scenegen.learn.model import Model
+    from scenegen.processes.ahead import Reserve
     from scenegen.sampling.request import SampleRequest
+    from scenegen.scenes.data import SceneFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +68,8 @@ def sample_many(sources: list[Path], wishes: Wishes, out: str | None, storing: S
     engine; the time limit is that of each. Raises RequestError if the sources cannot be told apart."""
     from scenegen.cli.many import finished, folder_for, names_of
     from scenegen.cli.output import print_error
-    from scenegen.engine.many import here
-    from scenegen.formats.files import ensure_folder
+    from scenegen.sampling.engine.engines import here
+    from scenegen.scenes.files import ensure_folder
 
     folder = folder_for(out, len(sources), urls=True)
 
@@ -85,7 +92,7 @@ def _shared(storing: Storing, wishes: Wishes) -> Iterator[None]:
     if storing.engine != "ray":
         yield
         return
-    from scenegen.engine.ray import joined_cluster
+    from scenegen.sampling.engine.ray import joined_cluster
 
     with joined_cluster(wishes.workers, storing.address):
         yield
@@ -93,7 +100,7 @@ def _shared(storing: Storing, wishes: Wishes) -> Iterator[None]:
 
 def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, render: Path | None) -> None:
     """Raises what the API raises, and OutputError for places that cannot be written to."""
-    from scenegen.engine.budget import MODELS, SCENES, start_processes
+    from scenegen.sampling.engine.run import MODELS, SCENES, start_processes
 
     # `os.path.isdir` is False also for a name that is too long: that is reported where the source is loaded
     load = MODELS if source.suffix.lower() == ".safetensors" or os.path.isdir(source) else SCENES  # noqa: PTH112
@@ -106,12 +113,11 @@ def _sample(
 ) -> None:
     from scenegen.cli.output import complain, detail, print_error
     from scenegen.cli.render import draw
-    from scenegen.cli.sampled import Bar, summary
     from scenegen.cli.streams import check_output
-    from scenegen.formats.blocks import BLOCK
-    from scenegen.formats.files import check_folder, check_writable
-    from scenegen.formats.registry import format_of
     from scenegen.needs import need
+    from scenegen.scenes.blocks import BLOCK
+    from scenegen.scenes.files import check_folder, check_writable
+    from scenegen.scenes.formats.registry import format_of
 
     subject = _load(source, wishes.spec, wishes.root)
     if wishes.counts:
@@ -120,8 +126,6 @@ def _sample(
         counts = parse_counts(wishes.counts)
         subject = subject.with_counts(counts)
     if _is_over_time(subject):
-        from scenegen.cli.motion_runs import sample_motions
-
         refused = {"engine": storing.engine != "local", "resume": storing.resume}
         refused |= {"address": bool(storing.address), "shard_size": bool(storing.shard_size)}
         refused |= {"fix_from": wishes.fix_from is not None, "pictures": storing.pictures is not None}
@@ -180,11 +184,11 @@ def _complete(
 ) -> None:
     """The scenes of --fix-from, completed. Raises what `sample` raises."""
     from scenegen.api.complete import complete
-    from scenegen.api.model import Model
     from scenegen.api.reading import part_of_scenes
     from scenegen.api.sample import draw_scenes
     from scenegen.cli.output import complain
     from scenegen.errors import RequestError
+    from scenegen.learn.model import Model
 
     assert wishes.fix_from is not None
     if stored or storing.resume or isinstance(subject, Model):
@@ -205,13 +209,12 @@ def _hand_out(scenes: SceneSet, path: Path | None, render: Path | None, pictures
     from scenegen.api.stream import met
     from scenegen.cli.output import print_error
     from scenegen.cli.render import draw
-    from scenegen.cli.sampled import summary
 
     if path is not None:
         scenes.save(path)
     else:
         from scenegen.cli.streams import write_data
-        from scenegen.formats.scenes_json import dump
+        from scenegen.scenes.formats.scenes_json import dump
 
         write_data(dump(scenes.file()))
     if "reason" in scenes.header.sampler:
@@ -222,7 +225,7 @@ def _hand_out(scenes: SceneSet, path: Path | None, render: Path | None, pictures
 
 
 def _is_over_time(subject: Spec | Model) -> TypeGuard[Spec]:
-    from scenegen.api.model import Model
+    from scenegen.learn.model import Model
 
     return not isinstance(subject, Model) and subject.over_time is not None
 
@@ -237,10 +240,9 @@ def _refuse_set_options(storing: Storing) -> None:
 
 
 def _request(source: Path, subject: Spec | Model, wishes: Wishes) -> SampleRequest:
-    from scenegen.api.model import Model
     from scenegen.cli.output import detail, left
-    from scenegen.sampling.fixed_objects import parse_fix
-    from scenegen.sampling.request import USUAL, Range, SampleRequest, parse_phi
+    from scenegen.learn.model import Model
+    from scenegen.sampling.request import USUAL, Range, SampleRequest, parse_fix, parse_phi
 
     labels = subject.spec.labels if isinstance(subject, Model) else subject.labels
     ranges = parse_phi(wishes.phi, labels)
@@ -264,8 +266,8 @@ def _elapsed() -> float:
 
 
 def _in_steps(subject: Spec | Model, steps: int) -> Model:
-    from scenegen.api.model import Model
     from scenegen.errors import RequestError
+    from scenegen.learn.model import Model
 
     if not isinstance(subject, Model):
         raise RequestError(STEPS_OF_SPEC())
@@ -274,9 +276,9 @@ def _in_steps(subject: Spec | Model, steps: int) -> Model:
 
 def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Model:
     """A model if the file is one, else a spec."""
-    from scenegen.api.family import load_model
     from scenegen.api.spec import load
     from scenegen.errors import RequestError
+    from scenegen.learn.model import load_model
 
     if looks_like_model(source):
         return load_model(source, None if expected is None else load(expected, root))
@@ -288,7 +290,7 @@ def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Mode
 def looks_like_model(path: Path) -> bool:
     """By its ending, by the spec in a folder of models, or by how safetensors files begin: the header's length in 8
     bytes, then the header."""
-    from scenegen.api.family import is_family
+    from scenegen.learn.model import is_family
 
     if path.suffix.lower() == ".safetensors" or is_family(path):
         return True
@@ -302,3 +304,129 @@ def looks_like_model(path: Path) -> bool:
     except OSError:
         return False
     return len(start) == 9 and start[8:] == b"{" and b"\0" in start[:8]
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `scenegen sample` of a spec over time: motions.
+
+
+def sample_motions(
+    spec: Spec,
+    request: SampleRequest,
+    source: Path,
+    out: str | None,
+    refused: Mapping[str, object],
+    render: Path | None,
+    reserve: Reserve,
+) -> None:
+    """`refused` are options that only scenes have, with their values. Raises what the API raises, RequestError for
+    one of those that is given, and OutputError for places that cannot be written to."""
+    from scenegen.api.motions import draw_motions
+    from scenegen.cli.output import complain, detail, print_error
+    from scenegen.cli.streams import check_output, write_data
+    from scenegen.errors import RequestError
+    from scenegen.needs import need
+    from scenegen.scenes.files import check_folder, check_writable
+    from scenegen.scenes.formats.motions.table import format_of
+
+    given = {**refused, "out": out is not None and names_set(out)}
+    for argument, value in given.items():
+        if value:
+            raise RequestError(NOT_FOR_MOTIONS(argument=argument, value=out if argument == "out" else None))
+    path = None if out is None else Path(out)
+    if path is None:
+        check_output()
+    else:
+        format_of(path)
+        check_writable(path, source)
+    if render is not None:
+        check_folder(render, path)
+        need("pybullet", "to draw pictures")
+    found = draw_motions(spec, request, reserve=reserve)
+    complain(*found.warnings)
+    detail(f"sampled {len(found)} motions")
+    if path is None:
+        write_data(found.dump())
+    else:
+        found.save(path)
+    print_error(motion_summary(found, path))
+    if render is not None:
+        made = found.figures(render, "gif", "strip")
+        print_error(f"drew {len(made)} figures in {render}")
+
+
+def motion_summary(found: MotionSet, path: Path | None) -> str:
+    """What was drawn, and where it is."""
+    info = found.header.sampler
+    ranges = ", ".join(f"{name} {min(values):.4g} .. {max(values):.4g}" for name, values in found.phi.items())
+    rare = info.get("log10_probability")
+    drawn = str(info["method"]) + ("" if rare is None else f"; log10 of their probability {rare:.2f}")
+    share = info.get("effective_share")
+    if share is not None and share < 1.0:
+        drawn += f"; worth about {max(1, round(share * len(found))):,} independent ones"
+    what = "motion" if len(found) == 1 else "motions"
+    return f"{len(found):,} {what}{'' if path is None else f' in {path}'}: phi of {ranges} ({drawn})"
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What `scenegen sample` shows: a bar while it works, and a table of what was found.
+
+
+class Bar:
+    """A progress bar that appears only when sampling takes a while."""
+
+    def __enter__(self) -> Bar:
+        self._progress: Progress | None = None
+        self._calls = 0
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._progress is not None:
+            self._progress.stop()
+
+    def __call__(self, found: int, wanted: int, candidates: int) -> None:
+        self._calls += 1
+        if self._calls < 2:
+            return
+        if self._progress is None:
+            self._progress = progress_bar()
+            self._task = self._progress.add_task("sampling", total=None)
+            self._progress.start()
+        text = f"sampling: {found:,} of {wanted:,} in {candidates:,} candidates"
+        self._progress.update(self._task, description=text, completed=found, total=wanted)
+
+
+def summary(header: SceneFile, count: int, phi: Mapping[str, Met], out: Path | str | None) -> None:
+    """The requested ranges beside the results."""
+    print_error(f"{count} scenes ({_how(header.sampler)})" + (f" in {out}" if out is not None else ""))
+    rows = []
+    for label, values in phi.items():
+        low, high = header.request.phi.get(label, (None, None))
+        wanted = "any" if low is None and high is None else f"{_end(low)}:{_end(high)}"
+        rows.append((label, wanted, *(f"{value:+.4f}" for value in (values.lowest, values.mean, values.highest))))
+    print_columns(("label", "wanted phi", "lowest", "mean", "highest"), rows)
+
+
+def _how(info: Mapping[str, Any]) -> str:
+    """How scenes were made, and with what yield."""
+    if info.get("raw"):
+        return "raw output of the model"
+    if info["method"] in ("rejection", "completed"):
+        return f"{info['method']}, {info['draws']:,} draws, {100 * info['acceptance']:.3g}% accepted"
+    if info["method"] == "splitting":
+        return f"splitting, {info['candidates']:,} evaluations, {100 * info['acceptance']:.3g}% of the moves accepted"
+    if info["method"] == "growth":
+        return f"growth, {info['candidates']:,} evaluations, {info['sweeps']} sweeps of moves after the last object"
+    if info["method"] == "numbered":
+        methods = ", ".join(dict.fromkeys(part["method"] for part in info["numbers"]))
+        equal = " in equal shares" if all("share" in part for part in info["numbers"]) else ""
+        what = "choices of assets" if any("assets" in part for part in info["numbers"]) else "numbers of things"
+        return f"{len(info['numbers'])} {what}{equal}, by {methods}"
+    if info["method"] == "paired":
+        methods = ", ".join(part["method"] for part in info["components"])
+        return f"{len(info['components'])} independent parts by {methods}, {info['candidates']:,} evaluations"
+    return f"{info['method']}, {info['candidates']:,} candidates"
+
+
+def _end(value: float | None) -> str:
+    return "" if value is None else f"{value:g}"

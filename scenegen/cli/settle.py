@@ -13,7 +13,7 @@ from scenegen.cli import options
 from scenegen.cli.many import Address, Engine, Said, folder_for, names_of, refuse_engine, shared_work
 from scenegen.cli.options import Meshes, PosesOf
 from scenegen.errors.requests import WRONG_VALUE
-from scenegen.formats.locations import names_set
+from scenegen.scenes.locations import names_set
 
 LENGTHS, ANGLES = ("a length with its unit, such as 2mm", "an angle with its unit, such as 2deg")
 
@@ -73,14 +73,14 @@ def settle(
     Several files are settled side by side, by --engine; one that fails is reported by its name, the others are settled,
     and the exit status is 1.
     """
-    from scenegen.api.settle import settle_file
     from scenegen.api.spec import load
     from scenegen.cli.output import print_error, progress_bar
+    from scenegen.worlds.physics.settle import settle_file
 
     loaded = None if spec is None else load(spec)
     limits = _quantity("max_shift", max_shift, LENGTHS), _quantity("max_turn", max_turn, ANGLES)
     if len(sources) > 1 or names_set(out):
-        from scenegen.formats.files import ensure_folder
+        from scenegen.scenes.files import ensure_folder
 
         folder = Path(folder_for(out, len(sources)))
         named = zip(names_of(sources), sources, strict=True)
@@ -113,8 +113,8 @@ class _Settling:
     spec: Path | None
 
     def __call__(self, paths: tuple[Path, Path]) -> Said:
-        from scenegen.api.settle import settle_file
         from scenegen.api.spec import load
+        from scenegen.worlds.physics.settle import settle_file
 
         summary = settle_file(
             *paths, self.simulator, seconds=self.seconds, max_shift=self.max_shift, max_turn=self.max_turn,
@@ -125,7 +125,7 @@ class _Settling:
 
 def _result(source: Path) -> str:
     """The name of the results of one file among several."""
-    from scenegen.formats.registry import FORMATS
+    from scenegen.scenes.formats.registry import FORMATS
 
     return source.name if source.suffix.lower() in FORMATS else f"{source.stem}.json"
 
@@ -133,7 +133,7 @@ def _result(source: Path) -> str:
 def _quantity(name: str, text: str, wanted: str) -> float:
     """A length in metres or an angle in degrees, above 0. Raises RequestError."""
     from scenegen.errors import RequestError
-    from scenegen.primitives.units import ANGLE, LENGTH, quantity
+    from scenegen.geometry.units import ANGLE, LENGTH, quantity
 
     known = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(mm|cm|m|deg|rad|turn)\s*", text)
     value, unit = quantity(*known.groups()) if known is not None else (0.0, None)

@@ -16,7 +16,7 @@ from typing import TextIO
 
 from scenegen.errors import OutputError
 from scenegen.errors.files import CANNOT_WRITE_OUTPUT
-from scenegen.processes.interrupt import ENDING, Terminated
+from scenegen.processes.process import ENDING, Terminated
 
 
 def prepare() -> None:

@@ -5,19 +5,24 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.many import Address, Engine, folder_for, names_of, refuse_engine, shared_work
+from scenegen.cli.many import Address, Engine, Said, folder_for, names_of, refuse_engine, shared_work
 from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts, seconds, whole
-from scenegen.formats.locations import names_set
+from scenegen.scenes.locations import names_set
+
+if TYPE_CHECKING:
+    from scenegen.api.spec import Spec
+    from scenegen.errors import Diagnostic
 
 
 def _models(incomplete: str) -> list[str]:
-    from scenegen.models.registry import MODELS
+    from scenegen.learn.models.registry import MODELS
 
     return [name for name in MODELS if name.startswith(incomplete)]
 
@@ -172,8 +177,8 @@ def train(
     and the exit status is 1. With --resume complete models are left alone, and the others go on. A spec that draws how
     many things there are gets a model for each number, in DIR/NAME/, which `sample` takes as a model.
     """
+    from scenegen.learn.training.config import make_config, parse_settings
     from scenegen.needs import need
-    from scenegen.training.config import make_config, parse_settings
     from scenegen.validation import as_seconds
 
     options: dict[str, Any] = {
@@ -193,8 +198,7 @@ def train(
     seconds = math.inf if timeout is None else as_seconds("timeout", timeout)
     until = time.monotonic() + seconds
     if len(specs) > 1 or names_set(out):
-        from scenegen.cli.train_runs import Training, trainings
-        from scenegen.formats.files import ensure_folder
+        from scenegen.scenes.files import ensure_folder
 
         folder = Path(folder_for(out, len(specs)))
         named = zip(names_of(specs), specs, strict=True)
@@ -206,18 +210,18 @@ def train(
     refuse_engine(engine, address)
     from scenegen.cli.output import complain, console, detail, flag, print_error
     from scenegen.errors import RequestError, render
-    from scenegen.errors.models import FOLDER_OF_MODELS
-    from scenegen.formats.files import check_writable
+    from scenegen.errors.learning import FOLDER_OF_MODELS
+    from scenegen.scenes.files import check_writable
 
     spec, path = specs[0], Path(out)
     check_writable(path, spec)
     need("torch", "to train a model")
     from scenegen.api.spec import load
-    from scenegen.api.train import train as run
-    from scenegen.evaluation.card import check_card, write_card
-    from scenegen.evaluation.faults import faults
+    from scenegen.learn.evaluation.card import check_card, write_card
+    from scenegen.learn.evaluation.describe import faults
+    from scenegen.learn.train import train as run
+    from scenegen.learn.training.progress import TrainingProgress
     from scenegen.sampling.request import parse_phi
-    from scenegen.training.progress import TrainingProgress
 
     if card:
         check_card(path, spec)
@@ -248,3 +252,110 @@ def train(
         f"{clock}; wrote {out} ({path.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16"
     )
     return 0
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `scenegen train` of several specs: each training is a job of its own.
+
+
+Task = tuple[Path, Path, dict[str, int]]
+
+
+def trainings(
+    name: str, source: Path, folder: Path, root: Path | None, counts: dict[str, str]
+) -> list[tuple[str, Task]]:
+    """The jobs of a spec, by their names: one model, FOLDER/NAME.safetensors; or, where the spec draws how many things
+    there are, a model for each combination of numbers, in FOLDER/NAME/."""
+    from scenegen.api.spec import load
+    from scenegen.errors import ScenegenError
+    from scenegen.lang.check.families import written
+    from scenegen.learn.model import family_files
+
+    one: Task = (source, folder / f"{name}.safetensors", {})
+    try:
+        spec = load(source, root).with_counts(counts)
+    except ScenegenError:  # its job says what is wrong
+        return [(name, one)]
+    if not spec.counts:
+        return [(name, one)]
+    return [
+        (f"{name} with {written(numbers)}", (source, file, {key: int(number) for key, number in numbers.items()}))
+        for numbers, _, file in family_files(spec, folder / name)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Training:
+    """The job of one model among several: spec file, model file, numbers of things. `options` are those of
+    `api.train.train`; `seconds` is the time limit of each, infinite for none. With `resume` a model that is complete is
+    left alone, a training that was broken off goes on, and one that had not begun begins. Raises what `api.train.train`
+    raises."""
+
+    model: str
+    recipe: str
+    options: dict[str, Any]
+    card: bool
+    resume: bool
+    seconds: float
+    log_dir: Path | None
+    root: Path | None
+    counts: dict[str, str]
+    phi: tuple[str, ...] = ()
+
+    def __call__(self, task: Task) -> Said:
+        from scenegen.api.spec import load
+        from scenegen.learn.evaluation.card import card_paths, check_card, write_card
+        from scenegen.learn.evaluation.describe import faults
+        from scenegen.learn.train import train
+        from scenegen.learn.training.state import begun
+        from scenegen.sampling.request import parse_phi
+        from scenegen.scenes.files import check_writable
+
+        source, out, numbers = task
+        began = time.monotonic()
+        spec = load(source, self.root).with_counts({**self.counts, **numbers})
+        check_writable(out, source)
+        if self.card:
+            check_card(out, source)
+        going = self.resume and begun(out)
+        wanted = parse_phi(self.phi, spec.labels)
+        if going and self._complete(spec, out) and not (self.card and not card_paths(out)[0].exists()):
+            return Said((f"complete already: {out}",))
+        notes: list[Diagnostic] = []
+        run = partial(
+            train, spec, self.model, recipe=self.recipe, out=out, resume=going, on_note=notes.append, phi=wanted
+        )
+        log_dir = (
+            None if self.log_dir is None else self.log_dir / (f"{source.stem}/{out.stem}" if numbers else out.stem)
+        )
+        limit = None if math.isinf(self.seconds) else self.seconds
+        done = run(log_dir=log_dir, timeout=limit, **self.options)
+        left = self.seconds - (time.monotonic() - began)
+        if self.card and left > 0.0:
+            write_card(done, out, left)
+        took = f"{time.monotonic() - began:.0f} s"
+        size = out.stat().st_size / 1e6
+        return Said(
+            (f"wrote {out} ({size:.2f} MB) in {took}",),
+            (*notes, *faults(done.trained.card.quality, done.trained.card.ranges or ())),
+        )
+
+    def _complete(self, spec: Spec, out: Path) -> bool:
+        """Whether a file is the model of this training after all its epochs."""
+        from scenegen.errors import DataError
+        from scenegen.learn.models.checkpoint import load_model
+        from scenegen.learn.train import trained_on
+        from scenegen.learn.training.config import make_config
+        from scenegen.learn.training.state import load_state, state_path
+        from scenegen.sampling.request import parse_phi
+
+        if not state_path(out).exists():
+            return False
+        asked = trained_on(spec, parse_phi(self.phi, spec.labels))
+        config = make_config(self.model, self.recipe, phi=asked, **self.options)
+        if load_state(state_path(out), spec.checked, config).epoch < config.epochs:
+            return False
+        try:
+            return load_model(out, spec.checked).card.epochs_done == config.epochs
+        except DataError:
+            return False

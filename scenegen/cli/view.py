@@ -49,9 +49,9 @@ def view(
     """
     from scenegen.cli.output import complain, print_error
     from scenegen.errors import RequestError
-    from scenegen.errors.page import PUBLIC_ADDRESS, SERVED_IN_PUBLIC
+    from scenegen.errors.program import PUBLIC_ADDRESS, SERVED_IN_PUBLIC
     from scenegen.errors.requests import NOT_INSTALLED
-    from scenegen.view.opened import open_
+    from scenegen.show.view.opened import open_
 
     if host not in LOOPBACK and not public:
         raise RequestError(PUBLIC_ADDRESS(host=host))
@@ -59,7 +59,7 @@ def view(
     if export is not None:
         import shlex
 
-        from scenegen.view.export import export_page
+        from scenegen.show.view.export import export_page
 
         name = shlex.quote(str(what) if what is not None else opened.name)
         command = f"scenegen view {name} --export {shlex.quote(export.name)} -n {n} --seed {seed}"
@@ -67,7 +67,7 @@ def view(
         print_error(f"wrote {export}, {size / 1e6:.1f} MB: open it in any browser")
         return 0
     try:
-        from scenegen.view.serve import serve
+        from scenegen.show.view.serve import serve
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] not in ("starlette", "uvicorn", "websockets", "h11"):
             raise

@@ -2,17 +2,24 @@
 
 Every problem a user can cause is a `Diagnostic`: a `Kind` with a stable code, a place in a text, and facts. The kinds
 are listed in the modules of this folder, one for each stage. `template.py` turns facts into prose, `render.py` prose
-into text, `facts.py` facts into data. Problems travel in `ScenegenError`. `catalog.py` has all kinds, and what
+into text, `diagnostic.py` facts into data. Problems travel in `ScenegenError`. `catalog.py` has all kinds, and what
 `scenegen explain` says.
 """
 
 from __future__ import annotations
 
-from scenegen.errors.diagnostic import Diagnostic, Kind, Severity
-from scenegen.errors.exceptions import DataError, OutputError, RequestError, ScenegenError, SpecError
-from scenegen.errors.names import nearest, quoted
-from scenegen.errors.render import render, render_all, to_json
-from scenegen.errors.source import Source, Span
+from scenegen.errors.diagnostic import Diagnostic, Kind, Severity, Source, Span
+from scenegen.errors.render import (
+    DataError,
+    OutputError,
+    RequestError,
+    ScenegenError,
+    SpecError,
+    render,
+    render_all,
+    to_json,
+)
+from scenegen.errors.template import nearest, quoted
 
 __all__ = [
     "DataError",

@@ -12,25 +12,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenegen.errors.diagnostic import Kind
-from scenegen.errors.facts import names
+from scenegen.errors.diagnostic import Kind, names
 
 GROUPS = {
-    "syntax": "Text of a spec",
-    "language": "Names, values and lists of a spec",
-    "declarations": "Objects, regions and statements of a spec",
-    "counts": "Random numbers of things",
-    "temporal": "Time",
+    "language": "Text, names, values and lists of a spec",
+    "declarations": "Objects, their numbers, regions and statements of a spec",
+    "time": "Time, motions and pairs",
     "requests": "Requests",
-    "files": "Files",
-    "planning": "Planning problems",
-    "motions": "Motions and pairs",
-    "stores": "Sets of scenes, stores and clusters",
-    "models": "Training, models, metrics",
-    "learning": "Environments and curricula",
-    "placing": "Environments of other libraries",
-    "page": "The page",
-    "program": "The program and the machine",
+    "files": "Files, sets of scenes, stores and clusters",
+    "worlds": "Planning problems, and environments of other libraries",
+    "learning": "Training, models, metrics, environments and curricula",
+    "program": "The program, the page and the machine",
 }
 FOLDER = Path(__file__).parent / "explanations"
 

@@ -6,9 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from scenegen.errors.diagnostic import Diagnostic
-from scenegen.errors.facts import as_json
-from scenegen.errors.source import Span
+from scenegen.errors.diagnostic import Diagnostic, Span, as_json
 from scenegen.errors.template import Spell, python_name
 
 TAB = 4  # columns a tab takes in a printed source line
@@ -111,9 +109,9 @@ def to_json(diagnostic: Diagnostic, spell: Spell = python_name) -> dict[str, Any
     """A diagnostic as data, shaped like those of the Language Server Protocol.
 
     `code`, `severity`, `message`, `label`, `help` and `note` are always there ("" where there is nothing to say), and
-    `facts` by name: arguments are named as in Python, missing facts left out (facts.py says how values are written).
-    Where the problem has a place there are also `file` and `range`, whose `start` and exclusive `end` have a 0-based
-    `line` and `character` in UTF-16 code units, as that protocol counts.
+    `facts` by name: arguments are named as in Python, missing facts left out (diagnostic.py says how values are
+    written). Where the problem has a place there are also `file` and `range`, whose `start` and exclusive `end` have a
+    0-based `line` and `character` in UTF-16 code units, as that protocol counts.
     """
     found: dict[str, Any] = {
         "code": diagnostic.code,
@@ -132,3 +130,36 @@ def to_json(diagnostic: Diagnostic, spell: Spell = python_name) -> dict[str, Any
             for name, offset in (("start", span.start), ("end", max(span.start, span.end)))
         }
     return found
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Exceptions for problems that the user can fix.
+
+
+class ScenegenError(Exception):
+    """A problem that the user can mend. Carries at least one diagnostic; `str()` is their rendering."""
+
+    def __init__(self, *diagnostics: Diagnostic) -> None:
+        if not diagnostics:
+            raise ValueError("a ScenegenError needs a diagnostic")
+        super().__init__(*diagnostics)
+        self.diagnostics = diagnostics
+
+    def __str__(self) -> str:
+        return render_all(self.diagnostics)
+
+
+class SpecError(ScenegenError, ValueError):
+    """The spec's text is wrong."""
+
+
+class RequestError(ScenegenError, ValueError):
+    """The request is wrong: a range, a count, a label, an option's value."""
+
+
+class DataError(ScenegenError, ValueError):
+    """A scenes file, a model file or an array of poses is wrong."""
+
+
+class OutputError(ScenegenError, OSError):
+    """Something could not be written."""

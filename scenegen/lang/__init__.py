@@ -1,0 +1,1 @@
+"""The language: text -> syntax tree -> checked spec -> core formula, which every reader walks."""

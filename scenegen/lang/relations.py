@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from scenegen.lang import ast
-from scenegen.lang.print import print_expr
-from scenegen.lang.scope import prelude, signature_of
+from scenegen.lang.check.scope import prelude, signature_of
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.pieces import print_expr
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.assets import Shape, shape_of
 from scenegen.errors import Diagnostic
-from scenegen.lang.core import Core
-from scenegen.lang.timed import Timed
+from scenegen.geometry import Footprint
+from scenegen.geometry.workspace import Workspace
+from scenegen.lang.formula.core import Core
+from scenegen.lang.formula.timed import Timed
 from scenegen.pose import span_of
-from scenegen.primitives import Footprint
-from scenegen.scene.workspace import Workspace
+from scenegen.things import Shape, shape_of
 
 Pose = tuple[float, float, float]
 

@@ -2,14 +2,151 @@
 
 from __future__ import annotations
 
+import contextlib
+import pickle
+import queue
 import threading
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
-from scenegen.processes.companion import Companion
-from scenegen.processes.process import Process
-from scenegen.processes.reserve import Reserve
+from scenegen.errors import ScenegenError
+from scenegen.processes.process import GONE, Message, Process
 from scenegen.processes.worker import FAILED
+
+# --------------------------------------------------------------------------------------------------------------------
+# Processes that start before there is work for them, and take up one job after another.
+
+
+class Reserve:
+    """Idle processes: `count` of them start at once, `later` more when the first has loaded the modules of `load`, or
+    with `fill`. Pools and others take processes from here, new ones if none is left, and bring them back when their job
+    is done. A context manager, at the end of which the idle ones end. Workers start in 0.2 s; most of it is saved where
+    that is while the plan is begun.
+
+    One that keeps none serves those who have no reserve: each process is new, and ends when it is brought back."""
+
+    def __init__(self, count: int = 0, load: Sequence[str] = (), *, later: int = 0, keeps: bool = True) -> None:
+        self.keeps = keeps
+        self._load, self._later = tuple(load), later
+        self._idle: list[Process] = []
+        self._lock = threading.Lock()  # the thread of the first process starts others
+        self._start(count)
+
+    def __enter__(self) -> Reserve:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def fill(self) -> None:
+        """Those that were to start later start now."""
+        with self._lock:
+            count, self._later = self._later, 0
+            self._start(count)
+
+    def _start(self, count: int) -> None:
+        with contextlib.suppress(ScenegenError):  # it is reported when one is needed
+            for _ in range(count):
+                loaded = self.fill if self._later else None
+                self._idle.append(Process("a worker process", self._load, loaded))
+
+    def take(self, what: str) -> Process:
+        """A process. Raises ScenegenError if none can start."""
+        with self._lock:
+            if self._idle:
+                return self._idle.pop(0)  # the first has loaded first
+            self._later = max(0, self._later - 1)
+            return Process(what, self._load)
+
+    def bring_back(self, process: Process) -> None:
+        """A process that may be used again, unless it is at work, or has ended: then it is ended."""
+        if self.keeps and process.idle:
+            self._idle.append(process)
+        else:
+            process.end()
+
+    def close(self) -> None:
+        """End the idle processes."""
+        with self._lock:
+            self._later = 0
+        for process in self._idle:
+            process.process.kill()
+        while self._idle:
+            self._idle.pop().end()
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A process that works for this one while it goes on, and the thread that talks to it.
+
+
+Self = TypeVar("Self", bound="Companion")
+
+PATIENCE = 0.1  # seconds in which a process may give up its work; a new one takes longer to start
+
+
+class Companion(ABC):
+    """A context manager, at the end of which the process gives up its work and goes back to the reserve that it comes
+    from, or ends. Where none can start there is none, and nothing is done."""
+
+    def __init__(self, job: Callable[[Any], Any], reserve: Reserve | None) -> None:
+        self._reserve = Reserve(keeps=False) if reserve is None else reserve
+        self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self._process: Process | None = None
+        self._left = False
+        try:
+            self._process = self._reserve.take("a worker process")
+        except ScenegenError:
+            return
+        self._process.take_up(pickle.dumps(job, protocol=5), self._inbox)
+        self._thread = threading.Thread(target=self._talk, args=(self._process,), daemon=True)
+        self._thread.start()
+
+    def __enter__(self: Self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process is None or self._left:
+            return
+        self._left = True
+        if self._thread.is_alive():
+            self._stop()
+            if self._process.ready and self._reserve.keeps:
+                self._process.give_up()
+                self._thread.join(PATIENCE)
+        if self._thread.is_alive():
+            self._process.process.kill()
+        self._thread.join()
+        self._reserve.bring_back(self._process)
+
+    def _talk(self, process: Process) -> None:
+        """Runs in its own thread."""
+        message = self._inbox.get()
+        if message.ready and message.status != FAILED:
+            process.ready = True
+            self._work(process)
+        elif message.status != GONE:
+            self._refused(message)
+
+    def _ask(self, process: Process, order: Any) -> Message | None:
+        """The answer to an order, None if the process has died."""
+        process.order(0, order)
+        message = self._inbox.get()
+        if message.status == GONE:
+            return None
+        process.orders.popleft()
+        return message
+
+    @abstractmethod
+    def _work(self, process: Process) -> None:
+        """Orders for a process that is ready."""
+
+    def _refused(self, message: Message) -> None:  # noqa: B027 - most have nothing to do
+        """The process could not read the job."""
+
+    def _stop(self) -> None:  # noqa: B027 - the same
+        """The process is to end: whatever the thread waits for does not come."""
+
 
 Step = TypeVar("Step")
 
@@ -71,3 +208,50 @@ class Ahead(Companion, Generic[Step]):
                     return self._done.index(done), self._steps[done]
                 self._more.wait()
             return None
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# One piece of work in a process of its own, while this one goes on.
+
+
+Item = TypeVar("Item")
+T = TypeVar("T")
+
+
+class Beside(Companion, Generic[Item, T]):
+    """job(item), begun at once; both must be picklable. Where no process can start, or it dies, the work is done here
+    when the result is asked for."""
+
+    def __init__(self, job: Callable[[Item], T], item: Item, reserve: Reserve | None = None) -> None:
+        self._job, self._item = job, item
+        self._answer: Message | None = None
+        super().__init__(job, reserve)
+
+    def result(self) -> T:
+        """Waits for it. Raises what the job raises."""
+        if self._process is not None:
+            self._thread.join()
+        if self._answer is None:
+            return self._job(self._item)
+        if self._answer.status == FAILED:
+            raise self._answer.value
+        value: T = self._answer.value
+        return value
+
+    def then(self, call: Callable[[], object]) -> None:
+        """`call` is called when the result is there, by another thread. Then this can be left: nothing is awaited."""
+
+        def wait() -> None:
+            if self._process is not None:
+                self._thread.join()
+            call()
+
+        threading.Thread(target=wait, daemon=True).start()
+
+    def _work(self, process: Process) -> None:
+        answer = self._ask(process, self._item)
+        if not self._left:  # else it was given up
+            self._answer = answer
+
+    def _refused(self, message: Message) -> None:
+        self._answer = message

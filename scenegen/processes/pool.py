@@ -11,9 +11,11 @@ that take less than a few seconds are better off with `workers=1` of `run_pieces
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import pickle
 import queue
+import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, cast
@@ -21,12 +23,30 @@ from typing import Any, Generic, TypeVar, cast
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.processes.beside import Beside
+from scenegen.processes.ahead import Beside, Reserve
 from scenegen.processes.process import GONE, Message, Process
-from scenegen.processes.reserve import Reserve
-from scenegen.processes.threads import one_thread
 from scenegen.processes.worker import DONE, FAILED
 from scenegen.validation import as_int
+
+# --------------------------------------------------------------------------------------------------------------------
+# Runs torch on one thread, as a context manager.
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """As many threads as in a worker: the number of threads affects how torch splits sums, and so the rounding; and for
+    small batches a second thread costs more than it saves. If torch is not loaded, this does not load it."""
+    torch: Any = sys.modules.get("torch")
+    before = 1 if torch is None else torch.get_num_threads()
+    if before == 1:
+        yield
+        return
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
 
 Item = TypeVar("Item")
 T = TypeVar("T")

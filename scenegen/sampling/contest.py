@@ -14,23 +14,33 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenegen.bounds.effort import BOUNDED, TooMuchError
 from scenegen.errors import RequestError
-from scenegen.processes.beside import Beside
-from scenegen.sampling.at_once import FIRST, GROWN, MANY, Look, at_once, because, in_range, look, moving, open_cells
-from scenegen.sampling.growth.begin import Stalled as NoGrowth
-from scenegen.sampling.growth.begin import Started, start_growth
+from scenegen.processes.ahead import Beside
+from scenegen.sampling.growth.population import Stalled as NoGrowth
+from scenegen.sampling.growth.population import Started, start_growth
 from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
-from scenegen.sampling.paired import Paired, pair
-from scenegen.sampling.parts import Part, independent_parts
+from scenegen.sampling.parts import Paired, Part, independent_parts, pair
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.rejection.outcome import (
+    FIRST,
+    GROWN,
+    MANY,
+    Look,
+    at_once,
+    because,
+    in_range,
+    look,
+    moving,
+    open_cells,
+)
 from scenegen.sampling.rejection.sampler import Rejection, first_look
 from scenegen.sampling.rejection.sampler import make_plan as plan_rejection
 from scenegen.sampling.rejection.trial import LONG_SEARCH, MOST, Trial, nothing_found, search
 from scenegen.sampling.report import too_early
 from scenegen.sampling.splitting.levels import Stalled
 from scenegen.sampling.splitting.sampler import Splitting, plan_splitting, why_stalled
+from scenegen.search.effort import BOUNDED, TooMuchError
 
 EASY = 1.0  # seconds of rejection without pruning that are spent without looking at another method
 PRUNED = 4.0  # share of the time without pruning, its inverse, that pruning may take

@@ -24,11 +24,11 @@ class Method:
 
 
 METHODS: Mapping[str, Method] = {
-    "auto": Method("scenegen.sampling.auto:choose", "takes the method below that needs least time"),
+    "auto": Method("scenegen.sampling.choose:choose", "takes the method below that needs least time"),
     "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests"),
     "growth": Method("scenegen.sampling.growth.sampler:make_plan", "full tables"),
     "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets"),
-    "model": Method("scenegen.sampling.guided:make_plan", "a model file", proposes=True),
+    "model": Method("scenegen.learn.guided:make_plan", "a model file", proposes=True),
 }
 
 

@@ -10,20 +10,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import Effort, StoppedError
-from scenegen.bounds.requirements import push_down
-from scenegen.errors import RequestError
-from scenegen.lang.core import REQUIRE, Core, Junction, Node, part
-from scenegen.pose import span_of
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.lang.formula.core import REQUIRE, Core, Junction, Node, part_of
+from scenegen.pose import BELOW_TURN, THETA, along, rows_of, span_of
 from scenegen.sampling.growth.graph import components, make_graph, touched
+from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import PAIRED, Budget, Problem, narrowed
+from scenegen.sampling.rejection.sampler import SPARE, Rejection
 from scenegen.sampling.report import too_early
 from scenegen.sampling.request import Range
+from scenegen.search.contract import push_down
+from scenegen.search.effort import Effort, StoppedError, scoring
 
 Array = npt.NDArray[np.float64]
 Objects = frozenset[int]
@@ -121,7 +124,7 @@ def _part(
         if thing not in group:
             highest[span_of(thing)] = lowest[span_of(thing)]
     seed = np.random.SeedSequence([problem.request.seed, PAIRED, *sorted(group)]).generate_state(1, np.uint64)
-    small = part(Core(tuple(nodes), mine, core.objects), tuple(mine))
+    small = part_of(Core(tuple(nodes), mine, core.objects), tuple(mine))
     phi = {label: problem.request.phi.get(label, Range(0.0)) for label in mine}
     made = narrowed(problem, small, (lowest, highest), phi, int(seed[0] >> np.uint64(1)), effort)
     return Part(tuple(sorted(group)), made)
@@ -138,3 +141,167 @@ def _share(one: Part, effort: Effort) -> float:
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PAIRED]))
     rows = low + rng.random((len(low), LOOK)) * (high - low)
     return float((problem.cells.find(problem.phi(rows)) == 0).mean())
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Independent parts of a request, each sampled by its own plan, and combined.
+#
+# Piece k combines piece k of every part's plan. The scenes of a piece come in random order and are independent of
+# those of the other parts, so a combination is a scene of the whole request. Costs add up, where the probabilities of
+# a joint draw would multiply.
+
+
+LARGEST = 1 << 25  # maximum work of a piece of rejection that must give as many scenes as the other parts' pieces
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Paired(Plan):
+    """A plan for one request: the `plans` of its `parts`. The facts of a piece are those of the parts' pieces one after
+    the other; `facts` has the number of each part, and missing ones are zeros."""
+
+    parts: tuple[Part, ...]
+    plans: tuple[Plan, ...]
+    facts: tuple[int, ...]
+
+    method: ClassVar[str] = "paired"
+
+    @property
+    def plan_digest(self) -> str:
+        objects = tuple(part.objects for part in self.parts)
+        return digest("paired", objects, tuple(plan.plan_digest for plan in self.plans))
+
+    @property
+    def reached(self) -> Sequence[int]:
+        return self._spread.reached
+
+    @property
+    def ruled_out(self) -> frozenset[int]:
+        return self._spread.ruled_out
+
+    @property
+    def fewest(self) -> int:
+        return max(plan.fewest for plan in self.plans)
+
+    @property
+    def patience(self) -> int | None:
+        known = [plan.patience for plan in self.plans if plan.patience is not None]
+        return max(known, default=None)
+
+    @property
+    def shared_by(self) -> int:
+        return min(plan.shared_by for plan in self.plans)
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return min(plan.scenes_per_piece for plan in self.plans)
+
+    @property
+    def evaluations(self) -> float:
+        return sum(plan.evaluations for plan in self.plans)
+
+    @property
+    def seconds(self) -> float:
+        return sum(plan.seconds for plan in self.plans)
+
+    @property
+    def fact_count(self) -> int:
+        return sum(self.facts)
+
+    @property
+    def _spread(self) -> Plan:
+        """The plan of the part whose labels have cells; any plan if there are no cells."""
+        return max(self.plans, key=lambda plan: plan.cells.count)
+
+    def draw(self, k: int) -> Piece:
+        """Piece k. Raises StoppedError if a part's deadline passes meanwhile."""
+        made = [plan.draw(k) for plan in self.plans]
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, PAIRED, k]))
+        chosen = [rng.permutation(np.flatnonzero(one.cell >= 0)) for one in made]
+        count = min(map(len, chosen))
+        lowest, highest = self.problem.lowest, self.problem.highest
+        rows = np.empty((len(lowest), count))
+        mine: set[int] = set()
+        for part, one, order in zip(self.parts, made, chosen, strict=True):
+            for row in (row for thing in part.objects for row in rows_of(thing)):
+                rows[row] = one.rows[row, order[:count]]
+                mine.add(row)
+        for row in sorted(set(range(len(lowest))) - mine):  # no clause reads them
+            rows[row] = lowest[row] + rng.random(count) * (highest[row] - lowest[row])
+        np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
+        with np.errstate(all="ignore"):  # as in the parts' own plans
+            phi = self.problem.phi(rows)
+        return Piece(rows, phi, self.cells.find(phi), self._together([one.facts for one in made]))
+
+    def account(self, tally: Tally) -> Account:
+        """What the scene file says about the run: each part's own account, and the probability of all of them."""
+        accounts = [self._account(number, tally) for number in range(len(self.plans))]
+        evaluations = sum(int(_number(one.info, "candidates", "draws")) for one in accounts)
+        info: dict[str, object] = {
+            "method": "paired",
+            "seed": self.seed,
+            "candidates": evaluations,
+            "pieces": tally.pieces,
+            "effective_share": min(_number(one.info, "effective_share", otherwise=1.0) for one in accounts),
+            **_product([one.info for one in accounts]),
+        }
+        if REQUIRE in self.problem.core.labels:
+            info["probability_of"] = "range and requirement"
+        info["components"] = [
+            {"objects": [self.problem.core.objects[thing] for thing in part.objects], **_own(one.info)}
+            for part, one in zip(self.parts, accounts, strict=True)
+        ]
+        warnings: dict[Diagnostic, None] = {}
+        for one in accounts:
+            warnings |= dict.fromkeys(one.warnings)
+        methods = ", ".join(one.tried for one in accounts)
+        return Account(info, f"{len(accounts)} parts: {methods}", tuple(warnings))
+
+    def _together(self, facts: Sequence[Array]) -> Array:
+        return np.concatenate([np.pad(one, (0, size - len(one))) for one, size in zip(facts, self.facts, strict=True)])
+
+    def _account(self, number: int, tally: Tally) -> Account:
+        first = sum(self.facts[:number])
+        facts = tally.facts[first : first + self.facts[number]]
+        return self.plans[number].account(replace(tally, strays=(), facts=facts))
+
+
+def pair(problem: Problem, parts: Sequence[Part], plans: Sequence[Plan]) -> Paired:
+    """The plan that combines the parts' plans. Pieces of rejection can have any size; they are cut to give about as
+    many scenes as the pieces of the others."""
+    fixed = [count for plan in plans if (count := plan.scenes_per_piece) and not isinstance(plan, Rejection)]
+    enough = SPARE * problem.request.n / max(plan.fewest for plan in plans)
+    target = min(enough, *(fixed or [plan.scenes_per_piece for plan in plans]))
+    some = target + 3.0 * math.sqrt(target) + 8.0
+    sized = tuple(_sized(plan, some) if isinstance(plan, Rejection) else plan for plan in plans)
+    return Paired(problem, tuple(parts), sized, tuple(plan.fact_count for plan in sized))
+
+
+def _sized(plan: Rejection, scenes: float) -> Rejection:
+    """The plan with pieces of about so many scenes, or as many as the maximum work of a piece allows."""
+    most = LARGEST / scoring(plan.problem.core.nodes, plan.candidates)
+    factor = min(max(1.0, most), scenes / plan.scenes_per_piece)
+    sources = [replace(one, candidates=math.ceil(factor * one.candidates)) for one in plan.sources]
+    return replace(plan, sources=tuple(sources))
+
+
+def _product(parts: Sequence[Mapping[str, object]]) -> dict[str, object]:
+    """log10 of the product of the parts' probabilities, and its error: independent errors add up in squares."""
+    total = sum(_number(info, "log10_probability", otherwise=math.nan) for info in parts)
+    error = math.hypot(*(_number(info, "log10_error", otherwise=math.nan) for info in parts))
+    return {
+        "log10_probability": None if math.isnan(total) else round(total, 5) + 0.0,
+        "log10_error": None if math.isnan(error) else round(error, 5),
+    }
+
+
+def _number(info: Mapping[str, object], *names: str, otherwise: float = 0.0) -> float:
+    """The first of these facts that is present and not None."""
+    for name in names:
+        value = info.get(name)
+        if isinstance(value, int | float):
+            return value
+    return otherwise
+
+
+def _own(info: Mapping[str, object]) -> dict[str, object]:
+    return {name: value for name, value in info.items() if name != "seed"}

@@ -8,24 +8,129 @@ more than this.
 
 from __future__ import annotations
 
+import hashlib
 import math
+import pickle
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Self
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
-from scenegen.processes.beside import Beside
-from scenegen.sampling.cells import Cells
+from scenegen.processes.ahead import Beside
 from scenegen.sampling.problem import Problem
-from scenegen.sampling.verify import verify
+from scenegen.sampling.request import Cells
+
+# --------------------------------------------------------------------------------------------------------------------
+# Pieces that begin while their plan is still being made, each as far as it has come.
+
+
+Stage = TypeVar("Stage", contravariant=True)
+
+
+class Begun(Protocol[Stage]):
+    """A piece that can be pickled after any of its stages."""
+
+    def follow(self, stage: Stage) -> None:
+        """One more stage."""
+
+
+@dataclass(slots=True)
+class Pieces(Generic[Stage]):
+    """The job of `processes.ahead`: `begin` makes piece k before its first stage, and can be pickled."""
+
+    begin: Callable[[int], Begun[Stage]]
+    begun: dict[int, Any] = field(default_factory=dict)
+
+    def __call__(self, order: tuple[int, Stage | None]) -> bytes | None:
+        number, stage = order
+        if stage is None:
+            return pickle.dumps(self.begun[number], protocol=5)
+        with np.errstate(all="ignore"):
+            if number not in self.begun:
+                self.begun[number] = self.begin(number)
+            self.begun[number].follow(stage)
+        return None
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A hash of a plan's values. It does not depend on the version of Python or pickle.
+
+
+def digest(*values: Any) -> str:
+    """SHA-256 of nested dataclasses, sequences, mappings, sets, arrays, numbers and texts. Raises TypeError for others.
+
+    Two values have the same digest if all their types, shapes and numbers are the same, bit for bit.
+    """
+    found = hashlib.sha256()
+    waiting: list[Any] = [values]
+    while waiting:
+        value = waiting.pop()
+        found.update(f"{type(value).__name__}:".encode())
+        if isinstance(value, np.ndarray):
+            found.update(f"{value.dtype.str}{value.shape}".encode())
+            found.update(np.ascontiguousarray(value).tobytes())
+        elif value is None or isinstance(value, bool | int | float | str | np.generic):
+            text = repr(value)  # for floats, the shortest text that reads back to the same bits
+            found.update(f"{len(text)}:{text}".encode())
+        elif is_dataclass(value):
+            waiting += [getattr(value, one.name) for one in fields(value)]
+        elif isinstance(value, Mapping):
+            found.update(str(len(value)).encode())
+            waiting += [part for item in value.items() for part in item]
+        elif isinstance(value, tuple | list):
+            found.update(str(len(value)).encode())
+            waiting += value
+        elif isinstance(value, set | frozenset):
+            waiting.append(tuple(sorted(value)))
+        else:
+            raise TypeError(f"no digest of a {type(value).__name__}")
+    return found.hexdigest()
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Verification of every scene before it is returned.
+
+
+Array = npt.NDArray[np.float64]
+
+AGREE = 1e-9  # maximum difference of two evaluators of phi
+CHUNK = 16_384  # scenes at a time, which stay in cache
+LIVE = 1 << 22  # numbers in memory at a time; specs of thousands of atoms get smaller chunks
+
+
+def verify(problem: Problem, rows: Array, phi: Array) -> None:
+    """Verify scenes, rows (3N, m) with phi (L, m), from scratch: phi of every label by numpy in float64; the ranges,
+    the requirement, the workspace, the range of headings, and fixed objects.
+
+    `phi` may lack the requirement's row. Raises AssertionError: a failure is a bug of scenegen, and such scenes are
+    never returned.
+    """
+    size = max(64, min(CHUNK, LIVE // len(problem.core.nodes)))
+    for start in range(0, rows.shape[1], size):
+        part = slice(start, start + size)
+        _look(problem, np.ascontiguousarray(rows[:, part]), phi[:, part])
+
+
+def _look(problem: Problem, rows: Array, phi: Array) -> None:
+    again = problem.phi(rows)
+    if not (np.abs(again[: len(phi)] - phi) <= AGREE).all():
+        raise AssertionError("two evaluators of the same spec disagree about phi")
+    cells = problem.cells
+    if not ((again >= cells.low[:, None]) & (again <= cells.high[:, None])).all():
+        raise AssertionError("a sampler returned a scene outside the requested range")
+    if not problem.spec.workspace.contains(rows).all():
+        raise AssertionError("a sampler placed an object outside the workspace")
+    still = problem.lowest == problem.highest
+    if (rows[still] != problem.lowest[still, None]).any():
+        raise AssertionError("a sampler moved an object that is held in place")
+
 
 MANY_PIECES = 1 << 30  # more than there are processes
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 

@@ -11,24 +11,54 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds import label_bounds
-from scenegen.bounds.clash import clash, explain
-from scenegen.bounds.contract import ROUNDS, SLACK, contract, contract_box, size_of, start
-from scenegen.bounds.effort import Effort, StoppedError, TooMuchError, scoring
-from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
-from scenegen.bounds.tape import Tape, make_tape
-from scenegen.bounds.worlds import improbable, worlds
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NO_SUCH_SCENE, NO_TIME_TO_CHECK, TOO_IMPROBABLE
-from scenegen.lang.core import REQUIRE, Core, gated, read_rows
-from scenegen.lang.interpret import phi as evaluate
+from scenegen.geometry import NUMPY
+from scenegen.lang.formula.core import REQUIRE, Core, gated, read_rows
+from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
-from scenegen.primitives import NUMPY
-from scenegen.processes.reserve import Reserve
-from scenegen.sampling.cells import Cells, cut
-from scenegen.sampling.fixed_objects import hold_fixed
-from scenegen.sampling.piece_size import piece_size
-from scenegen.sampling.request import FixedPose, Range, SampleRequest, check_request, empty_range
+from scenegen.pose import row_count
+from scenegen.processes.ahead import Reserve
+from scenegen.sampling.request import (
+    Cells,
+    FixedPose,
+    Range,
+    SampleRequest,
+    check_request,
+    cut,
+    empty_range,
+    hold_fixed,
+)
+from scenegen.search import label_bounds
+from scenegen.search.clash import clash, explain
+from scenegen.search.contract import (
+    EVERYTHING,
+    ROUNDS,
+    SLACK,
+    Ends,
+    both,
+    contract,
+    contract_box,
+    push_down,
+    size_of,
+    start,
+)
+from scenegen.search.effort import Effort, StoppedError, TooMuchError, scoring
+from scenegen.search.surfaces import improbable, worlds
+from scenegen.search.tape import Tape, make_tape
+
+# --------------------------------------------------------------------------------------------------------------------
+# How many scenes a piece of a run has.
+
+
+PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k) in any process
+LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
+
+
+def piece_size(objects: int) -> int:
+    """How many scenes of that many objects a piece has."""
+    return max(16, min(PIECE, LARGEST_PIECE // row_count(objects)))
+
 
 Array = npt.NDArray[np.float64]
 

@@ -6,46 +6,226 @@ t from the level below it, times the shares of all levels before, estimates P(ph
 first, in the same way, so all probabilities are conditional on it.
 
 The chains are divided into islands that never exchange chains (Whiteley, Lee and Heine 2016 discuss such particle
-systems). Each island has its own estimate; the scatter of these gives a 95 % interval (see interval.py), which
+systems). Each island has its own estimate; the scatter of these gives a 95 % interval (see report.py), which
 includes the effect of copies of one ancestor. Effort is counted in node visits, never in seconds. numpy only: torch is
 not loaded.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import NEVER, Stop, StoppedError
-from scenegen.lang.core import REQUIRE, Apply, Core, gated, part
-from scenegen.lang.interpret import phi as evaluate
-from scenegen.primitives import NUMPY
-from scenegen.primitives.footprint import Circle
-from scenegen.sampling.cells import Cells
-from scenegen.sampling.interval import Estimate, ratio
+from scenegen.geometry import NUMPY
+from scenegen.geometry.footprint import Circle
+from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
+from scenegen.lang.formula.interpret import phi as evaluate
+from scenegen.sampling.report import Estimate, ratio
+from scenegen.sampling.request import Cells
 from scenegen.sampling.splitting.chain_state import ChainState, Tape, make_frame
 from scenegen.sampling.splitting.chains import Chains, Region
-from scenegen.sampling.splitting.tuning import Tuner, longest
-from scenegen.sampling.tails import (
-    COUNTED,
-    ISLANDS,
-    KEPT,
-    ROUNDS,
-    OutOfReach,
-    Rarity,
-    Reach,
-    Tail,
-    climb,
-    constant,
-    margins,
-    next_level,
-    restrict,
-)
+from scenegen.sampling.splitting.levels import Tuner, longest
+from scenegen.search.effort import NEVER, Stop, StoppedError
+
+# --------------------------------------------------------------------------------------------------------------------
+# How phi is distributed towards either end, from chains that are restricted level by level.
+
 
 Array = npt.NDArray[np.float64]
+
+ISLANDS = 16  # estimates whose scatter is the error bar
+KEPT, CLIMB = 0.5, 0.1  # share of the chains that makes a level; the same once levels are not counted any more
+NEAR, TOP = 0.01, 0.001  # how near to the end levels are counted, and searched: shares of the way from the median
+LEVELS, SEARCH = 400, 30  # maximum number of counted levels, and of levels in the search for the end after them
+COUNTED = 0.8  # share of the effort after which levels are not counted any more, so that some is left for the search
+ROUNDS = 2  # rounds of moves on a level: after one, copies have parted, but resemble each other
+NONE = 3.0  # scenes that may be missed at 95 % where none of a large number was
+FEW = 8  # minimum number of scenes behind an estimate
+
+
+class Population(Protocol):
+    """Chains of scenes or of motions, in islands of equally many: their scores (rows, P), and where they may go."""
+
+    @property
+    def phi(self) -> Sequence[Array]: ...
+
+    @property
+    def region(self) -> Region: ...
+
+    @property
+    def evaluations(self) -> int: ...
+
+    def narrow(self, region: Region, islands: int = 1) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Tail:
+    """One run: `sign` is 1 towards the highest phi, -1 towards the lowest.
+
+    `levels` (K,) are each stage's lower limit of sign * phi, the first -inf; `values` are the chains' sign * phi, K
+    arrays (islands, chains of an island) in rising order; `weights` (K, islands) are the probabilities of the stages by
+    island. `end` is the furthest phi that was found; `whole` says that levels were counted until hardly any scenes were
+    left, and did not end because the effort was used up.
+    """
+
+    sign: int
+    levels: Array
+    values: tuple[Array, ...]
+    weights: Array
+    end: float
+    whole: bool
+
+    def __call__(self, phi: float) -> Estimate | None:
+        """log10 P(phi' >= phi) for a run upwards, log10 P(phi' <= phi) downwards; None if there are too few scenes."""
+        place = self.sign * phi
+        stage = int(np.searchsorted(self.levels, place, side="right")) - 1
+        values = self.values[stage]
+        hits = values.shape[1] - np.array([np.searchsorted(island, place, side="left") for island in values])
+        if hits.sum() < FEW:
+            return None
+        if stage == 0 and hits.sum() == values.size and values.shape[1] > 1:
+            # Of all that are not there, the share is at most 3 / n at 95 % (the rule of three). Copies tell nothing.
+            return Estimate(0.0, -math.log10(1.0 - NONE / max(2.0 * NONE, len(np.unique(values)))))
+        return ratio(self.weights[stage] * hits / values.shape[1], self.weights[0])
+
+    def quantile(self, share: float) -> float:
+        """The phi beyond which, in the direction of the run, about that share of the scenes lies."""
+        first = np.sort(self.values[0].ravel())
+        return self.sign * float(first[max(0, len(first) - max(1, round(share * len(first))))])
+
+
+class Run(Protocol):
+    """One direction of a label's distribution: a `Tail`, or a mixture of them; see there."""
+
+    @property
+    def sign(self) -> int: ...
+
+    @property
+    def levels(self) -> Array: ...
+
+    @property
+    def end(self) -> float: ...
+
+    @property
+    def whole(self) -> bool: ...
+
+    def __call__(self, phi: float) -> Estimate | None: ...
+
+    def quantile(self, share: float) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """The distribution of a label's phi among the scenes that satisfy the requirement."""
+
+    up: Run
+    down: Run
+    evaluations: int
+
+
+@dataclass(frozen=True, slots=True)
+class Rarity:
+    """The runs of a spec: `reaches` by label, and how rare the requirement is (None: nothing is required)."""
+
+    reaches: dict[str, Reach]
+    requirement: Estimate | None
+    evaluations: int
+
+
+@dataclass(frozen=True, slots=True)
+class OutOfReach:
+    """No scene that satisfies the requirement was found; `best` is its largest margin."""
+
+    best: float
+    evaluations: int
+
+
+def constant(phi: float) -> Reach:
+    """The result for a label whose phi is the same in all scenes."""
+    weights = np.ones((1, ISLANDS))
+    tails = [
+        Tail(sign, np.array([-np.inf]), (np.full((ISLANDS, 1), sign * phi),), weights, phi, True) for sign in (1, -1)
+    ]
+    return Reach(tails[0], tails[1], 1)
+
+
+def climb(
+    state: Population,
+    move: Callable[[], object],
+    weights: Array,
+    sign: int,
+    work: int,
+    check: Callable[[], None],
+    row: int = 0,
+    stop: Stop = NEVER,
+) -> tuple[Tail, int]:
+    """Restrict the chains step by step towards one end of the phi of a row, with at most about `work` evaluations.
+    `move` is one round of moves. Where `stop` or a move raises StoppedError, the run ends with what it has."""
+    phi = margins(state, sign, row)
+    levels, values, shares = [-np.inf], [_sorted(phi)], [weights]
+    middle, end = float(np.median(phi)), float(phi.max())
+    counting, searched, whole = True, 0, False
+    while state.evaluations < work and searched < SEARCH:
+        check()
+        here = sign * (state.region.low if sign > 0 else state.region.high)[row]
+        whole = whole or (counting and bool(end - here <= NEAR * (end - middle)))
+        counting = counting and not whole and len(levels) < LEVELS and state.evaluations < COUNTED * work
+        level = next_level(phi, here, KEPT if counting else CLIMB)
+        if level is None or end - level <= TOP * (end - middle):
+            whole = whole or counting
+            break
+        try:
+            stop.check()
+            kept = restrict(state, level, sign, row)
+            for _ in range(ROUNDS if counting else 1):
+                move()
+        except StoppedError:
+            break
+        phi = margins(state, sign, row)
+        end = max(end, float(phi.max()))
+        if counting:
+            weights = weights * kept
+            levels.append(level)
+            values.append(_sorted(phi))
+            shares.append(weights)
+        else:
+            searched += 1
+    return Tail(sign, np.array(levels), tuple(values), np.array(shares), sign * end, whole), state.evaluations
+
+
+def margins(state: Population, sign: int, row: int = 0) -> Array:
+    """sign * phi of a row, (P,); NaN counts as the lowest."""
+    phi = sign * state.phi[row]
+    return np.where(np.isnan(phi), -np.inf, phi)
+
+
+def _sorted(phi: Array) -> Array:
+    return np.sort(phi.reshape(ISLANDS, -1), axis=1)
+
+
+def next_level(phi: Array, here: float, kept: float) -> float | None:
+    """The next level above `here`: the one that `kept` of the chains reach, or the lowest above; None at the top."""
+    level = float(np.quantile(phi, 1.0 - kept, method="higher"))
+    if level > here:
+        return level
+    above = phi[phi > here]
+    return float(above.min()) if len(above) else None
+
+
+def restrict(state: Population, level: float, sign: int, row: int = 0) -> Array:
+    """Restrict the chains to sign * phi >= level in a row; returns the share of each island that survived."""
+    low, high = state.region.low.copy(), state.region.high.copy()
+    (low if sign > 0 else high)[row] = sign * level
+    region = Region(low, high)
+    alive: Array = region.holds(state.phi).reshape(ISLANDS, -1).mean(axis=1)
+    state.narrow(region, ISLANDS)
+    return alive
+
 
 STREAM = 6  # random stream of these runs, apart from those of the samplers
 MOST, FEWEST = 8192, 256  # chains of a run
@@ -93,20 +273,20 @@ def _measure(
     required: Estimate | None = None
     spent = 0
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
-    count = _chains([part(core, (label, *gate)) for label in labels], lowest, highest, effort)
+    count = _chains([part_of(core, (label, *gate)) for label in labels], lowest, highest, effort)
     if gate:
-        base, best = _require(part(core, gate), lowest, highest, count, seed, check, effort, stop)
+        base, best = _require(part_of(core, gate), lowest, highest, count, seed, check, effort, stop)
         spent = base.evaluations
         if not base.weights.any():
             return OutOfReach(best, spent)
         required = ratio(base.weights, np.ones(ISLANDS))
     reaches: dict[str, Reach] = {}
     for index, label in enumerate(labels):
-        alone = part(core, (label,))
+        alone = part_of(core, (label,))
         if not make_frame(alone, lowest, highest).dimension:
             reaches[label] = constant(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
-        one = part(core, (label, *gate))
+        one = part_of(core, (label, *gate))
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
         try:
             start, weights = _begin(make_frame(one, lowest, highest), base, count, rng, stop)
@@ -201,3 +381,71 @@ def _climb(
     state: Chains, weights: Array, sign: int, work: int, check: Callable[[], None], stop: Stop
 ) -> tuple[Tail, int]:
     return climb(state, Tuner(state).adapt, weights, sign, work, check, stop=stop)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# How phi is distributed where the number of things is drawn: tails of the members, in equal shares.
+
+
+CERTAIN = Estimate(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class MixedTail:
+    """Tails of the same direction, each with the same share of the scenes; it has what `Tail` has."""
+
+    tails: tuple[Run, ...]
+
+    @property
+    def sign(self) -> int:
+        return self.tails[0].sign
+
+    @property
+    def levels(self) -> Array:
+        """Those of all tails."""
+        found = np.unique(np.concatenate([tail.levels[1:] for tail in self.tails]))
+        return np.concatenate([[-np.inf], found])
+
+    @property
+    def end(self) -> float:
+        return self.sign * max(self.sign * tail.end for tail in self.tails)
+
+    @property
+    def whole(self) -> bool:
+        return all(tail.whole for tail in self.tails)
+
+    def __call__(self, phi: float) -> Estimate | None:
+        """As of `Tail`; a tail that has too few scenes there counts as having none."""
+        return mean([tail(phi) for tail in self.tails])
+
+    def quantile(self, share: float) -> float:
+        """As of `Tail`."""
+        each = [tail.values[0].ravel() for tail in self.tails if isinstance(tail, Tail)]
+        values = np.concatenate(each)
+        weights = np.concatenate([np.full(len(one), 1.0 / len(one) / len(each)) for one in each])
+        order = np.argsort(-values, kind="stable")
+        beyond = np.cumsum(weights[order])
+        place = min(int(np.searchsorted(beyond, share * (1.0 - 1e-12))), len(values) - 1)
+        return self.sign * float(values[order[place]])
+
+
+def mean(estimates: Sequence[Estimate | None]) -> Estimate | None:
+    """The mean of probabilities; None counts as 0, and is what there is where all are None."""
+    known = [(10.0**one.log10, one.error) for one in estimates if one is not None]
+    total = sum(value for value, _ in known)
+    if not total > 0.0:
+        return None
+    error = math.sqrt(sum((value * error) ** 2 for value, error in known)) / total
+    return Estimate(math.log10(total / len(estimates)), error)
+
+
+def mixed(found: Sequence[Rarity]) -> Rarity:
+    """The distribution over members in equal shares, each among its own scenes that meet the requirement."""
+    reaches = {}
+    for label in found[0].reaches:
+        each = [one.reaches[label] for one in found]
+        up, down = (MixedTail(tuple(tails)) for tails in ([one.up for one in each], [one.down for one in each]))
+        reaches[label] = Reach(up, down, sum(one.evaluations for one in each))
+    required = [one.requirement for one in found]
+    requirement = None if not any(required) else mean([one or CERTAIN for one in required])
+    return Rarity(reaches, requirement, sum(one.evaluations for one in found))

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.api.advice import advice
-from scenegen.evaluation.faults import concerned, faults
-from scenegen.models.card import LabelData, QualityData, RangeData
+from scenegen.learn.evaluation.describe import concerned, faults
+from scenegen.learn.model import advice
+from scenegen.learn.models.card import LabelData, QualityData, RangeData
 from scenegen.sampling.request import Range
 
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.api.figures import FIGURES, figures
 from scenegen.api.scenes import evaluate, requirement
-from scenegen.api.sweep import DONE, HARD, sweep
 from scenegen.errors import RequestError
+from scenegen.show.scenes import DONE, FIGURES, HARD, figures, sweep
 
 RULES = """object plate at (0.5, 0.3, 0), mug, fork, block
 require noOverlap()
@@ -52,7 +51,7 @@ def test_a_sweep_is_about_the_label_asked_for(scenes):
 
 @pytest.mark.long
 def test_every_figure_is_made_and_named(scenes, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenegen.api.figures.FRAMES", 4)
+    monkeypatch.setattr("scenegen.show.scenes.FRAMES", 4)
     kinds = [kind for kind in FIGURES if kind != "mp4"]  # tests/figures/test_video.py
     made = scenes.figures(tmp_path / "figures", *kinds, size=(40, 30), workers=1)
     names = [path.name for path in made]

@@ -2,8 +2,7 @@
 
 import pytest
 
-from scenegen.api.fold import Folded
-from scenegen.api.outline import Outline
+from scenegen.api.outline import Folded, Outline
 from scenegen.api.spec import parse
 
 CASES = {

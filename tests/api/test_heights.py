@@ -9,7 +9,7 @@ import pytest
 
 import scenegen
 from scenegen.errors import DataError, RequestError
-from scenegen.scene.stage import places_of, poses_of, stage_of
+from scenegen.scenes.stage import places_of, poses_of, stage_of
 
 TEXT = """object tray at (0.5, 0.5, 30 deg), can on tray, low = box(0.2, 0.2, 0.05) at (0.2, 0.2)
 object block[2] on [low, block[1]]
@@ -115,7 +115,7 @@ def test_furniture_has_one_height_in_files_arrays_pictures_and_gazebo(furnished,
 def test_mujoco_has_the_same_heights_and_finds_no_collision(which, request, tmp_path):
     """The convex pieces of simulators, at the heights of the file, reach into each other by no more than 0.1 mm."""
     mujoco = pytest.importorskip("mujoco")
-    from scenegen.export.setting import world_of
+    from scenegen.worlds.export.setting import world_of
 
     scenes = request.getfixturevalue(which)
     world = world_of(scenes.header, next(scenes.blocks()))

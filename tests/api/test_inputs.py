@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.api.trajectory import read_trajectories
+from scenegen.api.monitor import read_trajectories
 from scenegen.errors import DataError, RequestError
 from scenegen.robosuite import Placement
 

@@ -11,8 +11,7 @@ import pytest
 from PIL import Image
 
 import scenegen
-from scenegen import render
-from scenegen.api import notebook
+from scenegen.show import notebook, render
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 import scenegen
-from scenegen.assets import asset_of
+from scenegen.things import asset_of
 from tests.export.bullet import Bullet
 from tests.export.worlds import library, tower
 

@@ -9,8 +9,8 @@ import scenegen
 from scenegen.api.set_edit import filter_set, merge_sets, split_set
 from scenegen.api.set_report import set_report
 from scenegen.errors import DataError, RequestError
-from scenegen.formats.blocks import BLOCK
 from scenegen.sampling.request import Range
+from scenegen.scenes.blocks import BLOCK
 
 COUNT = 2 * BLOCK + 1000
 
@@ -165,7 +165,7 @@ def test_damaged_shards_are_named(stored, tmp_path):
 def test_phi_that_is_not_the_specs(stored, tmp_path, monkeypatch):
     """--verify scores every scene again, and does not trust a checksum that was written beside wrong values."""
     from scenegen.api import set_edit
-    from scenegen.formats.blocks import Block
+    from scenegen.scenes.blocks import Block
 
     wrong = lambda one: (Block(block.rows, block.phi + 1e-6) for block in set_edit._blocks(one))  # noqa: E731
     set_edit.write_blocks(f"{tmp_path}/set/", stored, wrong(stored), {})

@@ -9,8 +9,8 @@ import torch
 import scenegen
 from scenegen.api.set_edit import filter_set, merge_sets, split_set
 from scenegen.errors import ScenegenError
-from scenegen.formats.blocks import BLOCK
 from scenegen.sampling.request import Range
+from scenegen.scenes.blocks import BLOCK
 
 ASSETS = '[asset("red", box(10 cm, 10 cm, 10 cm)), asset("blue", box(20 cm, 10 cm, 10 cm))]'
 SPEC = f'object block[2..4], mug of category("mug", {ASSETS}), plate\nnear: forall b in block: leftOf(b, plate)\n'

@@ -7,14 +7,13 @@ import zlib
 import numpy as np
 import pytest
 
-from scenegen.assets.gltf import surfaces
-from scenegen.assets.mesh import Mesh
-from scenegen.assets.meshfile import MeshError
-from scenegen.assets.urdf import mesh_outline
-from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_file
-from scenegen.primitives import Box
+from scenegen.geometry import Box
+from scenegen.lang.checker import check_file
+from scenegen.things.gltf import surfaces
+from scenegen.things.mesh import Mesh
+from scenegen.things.meshfile import MeshError
+from scenegen.things.urdf import UrdfError, mesh_outline
 
 from .gltf_files import BODY, CORNERS, FACES, UV, document, glb, inline, png
 

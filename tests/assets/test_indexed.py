@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from scenegen.assets.indexed import UPRIGHT, Entry, IndexFileError, categories, fitted, read_index
-from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import DataError, SpecError
-from scenegen.lang.check import check_file
-from scenegen.primitives import Box
-from scenegen.render.models import models_of, still_outlines
+from scenegen.geometry import Box
+from scenegen.lang.checker import check_file
+from scenegen.show.render.models import models_of, still_outlines
+from scenegen.things.indexed import UPRIGHT, Entry, IndexFileError, categories, fitted, read_index
+from scenegen.things.urdf import UrdfError
 
 from .gltf_files import glb
 
@@ -196,8 +196,8 @@ ROBOT = """<robot name="r"><link name="base"><inertial><mass value="0.4"/></iner
 
 def test_a_urdf_file_is_an_entry_with_its_own_mass_and_friction(tmp_path):
     import scenegen
-    from scenegen.export.own_bodies import own_bodies_of
-    from scenegen.primitives import Circle
+    from scenegen.geometry import Circle
+    from scenegen.worlds.export.world import own_bodies_of
 
     (tmp_path / "look.obj").write_bytes(solid(100, 50, 20))
     (tmp_path / "can.urdf").write_text(ROBOT)

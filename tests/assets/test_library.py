@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from scenegen.assets import ASSETS, Box, Circle, asset_of, colors_of, has_picture, shape_of, stem
-from scenegen.scene.data import ShapeData, footprint_data, footprint_of
+from scenegen.scenes.data import ShapeData, footprint_data, footprint_of
+from scenegen.things import ASSETS, Box, Circle, asset_of, colors_of, has_picture, shape_of, stem
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from scenegen.assets.mesh import Mesh, box, disc, prism, revolve, shaded, tube
+from scenegen.things.mesh import Mesh, box, disc, prism, revolve, shaded, tube
 
 
 def test_volumes_follow_the_formulas():

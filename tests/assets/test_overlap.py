@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scenegen.assets import Shape, shape_of
-from scenegen.assets.overlap import overlapping
-from scenegen.primitives import Polygon
+from scenegen.geometry import Polygon
+from scenegen.things import Shape, shape_of
+from scenegen.things.overlap import overlapping
 
 WEDGE = Shape("prism", Polygon(((0.0, 0.0), (0.2, 0.0), (0.0, 0.2))), 0.05)
 PAIRS = [

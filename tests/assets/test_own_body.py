@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from scenegen import needs
-from scenegen.assets import convex, own_body
-from scenegen.assets.convex import convex_pieces
-from scenegen.assets.mesh import Mesh, box, joined
-from scenegen.assets.meshfile import MeshError
-from scenegen.assets.own_body import mesh_body, robot_body
-from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import RequestError
 from scenegen.processes.process import Process
+from scenegen.things.mesh import Mesh, box, joined
+from scenegen.things.meshfile import MeshError
+from scenegen.things.urdf import UrdfError
+from scenegen.worlds import own_body
+from scenegen.worlds import own_body as convex
+from scenegen.worlds.own_body import convex_pieces, mesh_body, robot_body
 
 from .gltf_files import glb
 

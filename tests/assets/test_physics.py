@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from scenegen.assets import ASSETS, Box, Circle, Shape, shape_of
-from scenegen.assets.physics import DENSITY, collision_of, friction_of, mass_of
-from scenegen.assets.rooms import rooms_of
-from scenegen.primitives import Polygon
+from scenegen.geometry import Polygon
+from scenegen.things import ASSETS, Box, Circle, Shape, shape_of
+from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of
+from scenegen.things.surfaces import rooms_of
 
 NAMES = sorted(ASSETS)
 PLAINS = [

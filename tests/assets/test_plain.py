@@ -9,9 +9,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.assets import ASSETS, Shape, colors_of, parts_of
-from scenegen.primitives import Box, Circle, Polygon
-from scenegen.primitives.hull import convex_hull
+from scenegen.geometry import Box, Circle, Polygon
+from scenegen.geometry.footprint import convex_hull
+from scenegen.things import ASSETS, Shape, colors_of, parts_of
 
 from ..laws import examples
 

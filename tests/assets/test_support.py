@@ -7,9 +7,9 @@ import pytest
 from shapely import Point, affinity, box
 from shapely import Polygon as Region
 
-from scenegen.assets import Shape, shape_of
-from scenegen.assets.support import base_heights
-from scenegen.primitives import Box, Circle, Polygon
+from scenegen.geometry import Box, Circle, Polygon
+from scenegen.things import Shape, shape_of
+from scenegen.things.surfaces import base_heights
 
 WEDGE = Polygon(((0.02, 0.01), (0.09, 0.01), (0.03, 0.06)))  # beside its own origin
 SHAPES = (

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.assets.drawn import mesh_surfaces
-from scenegen.assets.own_body import mesh_body
-from scenegen.assets.urdf import mesh_outline
 from scenegen.errors import SpecError
-from scenegen.primitives import Box
+from scenegen.geometry import Box
+from scenegen.things.drawn import mesh_surfaces
+from scenegen.things.urdf import mesh_outline
+from scenegen.worlds.own_body import mesh_body
 
 CORNERS = [(x, y, z) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (0.0, 0.05)]
 SIDES = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]

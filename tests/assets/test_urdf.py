@@ -8,13 +8,13 @@ import pytest
 import shapely
 from scipy.spatial.transform import Rotation
 
-from scenegen.assets.meshfile import vertices
-from scenegen.assets.outline import CORNERS, simplified
-from scenegen.assets.urdf import outline
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_file, check_text
-from scenegen.primitives import Box, Circle, Polygon
-from scenegen.primitives.hull import convex_hull, is_convex
+from scenegen.geometry import Box, Circle, Polygon
+from scenegen.geometry.footprint import convex_hull, is_convex
+from scenegen.lang.checker import check_file, check_text
+from scenegen.things.meshfile import vertices
+from scenegen.things.outline import CORNERS, simplified
+from scenegen.things.urdf import outline
 
 from .urdf_files import HERE, OBJ, box, close, cylinder, no_mesh, robot, stl, stl_text
 

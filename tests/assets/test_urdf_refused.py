@@ -4,12 +4,11 @@ import random
 
 import pytest
 
-from scenegen.assets.urdf import outline
-from scenegen.assets.urdf_tree import UrdfError
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_file
-from scenegen.primitives import Polygon
-from scenegen.primitives.hull import is_convex
+from scenegen.geometry import Polygon
+from scenegen.geometry.footprint import is_convex
+from scenegen.lang.checker import check_file
+from scenegen.things.urdf import UrdfError, outline
 
 from .urdf_files import HERE, OBJ, stl, stl_text
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenegen.assets.urdf import outline
+from scenegen.things.urdf import outline
 
 HERE = Path(__file__).parent / "urdf"
 OBJ = (HERE / "bookend.obj").read_bytes()

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from scenegen.bounds import node_bounds
-from scenegen.bounds.batches import FEWEST, make_batches
-from scenegen.bounds.contract import contract, forward, start
-from scenegen.bounds.effort import Effort
-from scenegen.bounds.requirements import push_down
-from scenegen.bounds.tape import make_tape
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Coord
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Coord
+from scenegen.search import node_bounds
+from scenegen.search.contract import contract, forward, push_down, start
+from scenegen.search.effort import Effort
+from scenegen.search.tape import FEWEST, make_batches, make_tape
 
 from ..laws import examples
 

@@ -5,13 +5,13 @@ import time
 import numpy as np
 import pytest
 
-from scenegen.bounds.clash import clash, explain, take_apart
-from scenegen.bounds.search import find
 from scenegen.errors import Kind
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Atom
-from scenegen.lang.interpret import phi
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Atom
+from scenegen.lang.formula.interpret import phi
 from scenegen.resources import shipped_specs
+from scenegen.search.clash import clash, explain, take_apart
+from scenegen.search.prune import find
 
 EXP1 = "object mug, plate\ntask: leftOf(mug, plate) & aboveOf(mug, plate)\nsafe: !closeTo(mug, plate, 0.25)"
 

@@ -10,18 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.bounds import contract as contraction
-from scenegen.bounds import grid as grids
-from scenegen.bounds.batches import make_batches
-from scenegen.bounds.contract import contract, contract_box, start
-from scenegen.bounds.effort import Effort, TooMuchError
-from scenegen.bounds.prune import prune
-from scenegen.bounds.requirements import alternatives, push_down
-from scenegen.bounds.tape import make_tape
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Junction
-from scenegen.lang.interpret import evaluate
-from scenegen.primitives import NUMPY
+from scenegen.geometry import NUMPY
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Junction
+from scenegen.lang.formula.interpret import evaluate
+from scenegen.search import contract as contraction
+from scenegen.search import grid as grids
+from scenegen.search.contract import alternatives, contract, contract_box, push_down, start
+from scenegen.search.effort import Effort, TooMuchError
+from scenegen.search.prune import prune
+from scenegen.search.tape import make_batches, make_tape
 
 from ..laws import examples
 

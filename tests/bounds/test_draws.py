@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.bounds.alias import make_alias
-from scenegen.bounds.chain import BINS, Edge, empty, make_chain
-from scenegen.bounds.order import make_order
-from scenegen.bounds.prune import prune
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.search.grid import BINS, Edge, empty, make_alias, make_chain
+from scenegen.search.proposal import make_order
+from scenegen.search.prune import prune
 
 from ..laws import examples
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenegen.bounds.effort import Effort, TooMuchError
+from scenegen.search.effort import Effort, TooMuchError
 
 
 def test_more_than_a_quarter_is_told_once():

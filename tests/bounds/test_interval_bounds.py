@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.bounds import label_bounds, node_bounds, spec_bounds
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import evaluate
-from scenegen.primitives import NUMPY
-from scenegen.scene.workspace import Workspace
+from scenegen.geometry import NUMPY
+from scenegen.geometry.workspace import Workspace
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import evaluate
+from scenegen.search import label_bounds, node_bounds, spec_bounds
 
 from ..laws import examples
 

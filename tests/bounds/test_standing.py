@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.bounds.patches import SLICES
-from scenegen.bounds.standing import stands_of, step_for
-from scenegen.lang.choices import area_of
-from scenegen.lang.interpret import evaluate
+from scenegen.geometry import NUMPY, PRIMITIVES
+from scenegen.geometry.footprint import Box
+from scenegen.lang.check.choices import area_of
+from scenegen.lang.formula.interpret import evaluate
 from scenegen.pose import TWO_PI, row_of
-from scenegen.primitives import NUMPY, PRIMITIVES
-from scenegen.primitives.footprint import Box
+from scenegen.search.surfaces import SLICES, stands_of, step_for
 
 CANS = "object tray, can[2] on any of [tray, workspace], mug\ntask: leftOf(can[1], can[2])"
 FORKS = "object tray, fork on any of [tray, workspace], mug\ntask: leftOf(fork, mug)"

@@ -5,9 +5,9 @@ import os
 
 import pytest
 
-from scenegen.export import simulators
-from scenegen.formats import files
-from scenegen.render import scenes as pictures
+from scenegen.scenes import files
+from scenegen.show.render import scenes as pictures
+from scenegen.worlds.export import simulators
 
 COMMANDS = {
     "sample": ["sample", "good.spec", "-n", "4", "--out"],
@@ -38,8 +38,8 @@ def no_work(monkeypatch):
     def started(*_, **__):
         raise AssertionError("work was begun")
 
-    monkeypatch.setattr("scenegen.sampling.auto.choose", started)
-    monkeypatch.setattr("scenegen.training.loop._run", started)
+    monkeypatch.setattr("scenegen.sampling.choose.choose", started)
+    monkeypatch.setattr("scenegen.learn.training.loop._run", started)
     monkeypatch.setattr(pictures, "draw", started)
     monkeypatch.setattr(simulators, "worlds_of", started)
 

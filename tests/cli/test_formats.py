@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.formats.registry import FORMATS
+from scenegen.scenes.formats.registry import FORMATS
 
 WANTED = ["--phi", "0:0.2", "-n", "3", "--seed", "5"]
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from scenegen.api.figures import FIGURES
 from scenegen.cli.app import ALONE, COMMANDS
+from scenegen.show.scenes import FIGURES
 
 
 def test_program(scenegen, golden):
@@ -59,8 +59,8 @@ def _trimmed(text):
 
 def test_relations_in_the_terminal(scenegen):
     """All of them, one, and what another language calls them; `explain` shows the same."""
+    from scenegen.lang.check.scope import signatures
     from scenegen.lang.relations import groups
-    from scenegen.lang.scope import signatures
 
     listed = scenegen("relations").out
     for usage in (

@@ -7,7 +7,7 @@ import pytest
 
 
 def test_without_pygls(scenegen, monkeypatch, assert_one_diagnostic):
-    for name in [one for one in sys.modules if one.startswith(("pygls", "scenegen.lsp"))]:
+    for name in [one for one in sys.modules if one.startswith(("pygls", "scenegen.editors.lsp"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pygls.lsp.server", None)
     monkeypatch.setitem(sys.modules, "pygls.exceptions", None)

@@ -36,7 +36,7 @@ def test_train(here, scenegen, monkeypatch):
     named(scenegen(*words, "good.spec", "bad.spec", "forks.spec", "--out", "models/"), "bad")
     assert scenegen(*words, "forks.spec", "--out", "alone/", "-q").status == 0
     assert (here / "models/forks.safetensors").read_bytes() == (here / "alone/forks.safetensors").read_bytes()
-    monkeypatch.setattr("scenegen.api.train.train", lambda *_, **__: pytest.fail("trained again"))
+    monkeypatch.setattr("scenegen.learn.train.train", lambda *_, **__: pytest.fail("trained again"))
     done = scenegen(*words, "good.spec", "forks.spec", "--out", "models/", "--resume")
     assert done.status == 0 and done.err.count("complete already") == 2
 

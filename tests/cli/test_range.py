@@ -103,9 +103,9 @@ def test_what_is_advised_can_be_sampled(report, scenegen, here):
 def test_what_is_very_rare_is_offered_even_where_it_cannot_be_counted(told, report, scenegen, here, monkeypatch):
     """And what violates the task is not called easy, be it the best that occurs."""
     if not told:
-        monkeypatch.setattr("scenegen.sampling.vast.EFFORT", 0.0)
-        monkeypatch.setattr("scenegen.sampling.vast.FEWEST", -1)
-        monkeypatch.setattr("scenegen.sampling.vast.SATISFIED", 0.0)
+        monkeypatch.setattr("scenegen.sampling.rarity_grown.EFFORT", 0.0)
+        monkeypatch.setattr("scenegen.sampling.rarity_grown.FEWEST", -1)
+        monkeypatch.setattr("scenegen.sampling.rarity_grown.SATISFIED", 0.0)
     (here / "rare.spec").write_text(RARE)
     out = report("rare.spec").out
     share = "1 scene in 10^10" if told else "so few scenes that their share cannot be told"
@@ -195,7 +195,7 @@ def test_shares_in_words(log10, words):
 
 
 def test_a_plot_of_a_straight_line():
-    from scenegen.cli.curve import curves
+    from scenegen.cli.range import curves
 
     lines = curves([[(0.0, 0.0), (1.0, -8.0)]], ">", ends=(0.0, 1.0), floor=-8.0, columns=40, fancy=False, color=False)
     marks = [[column for column, char in enumerate(line) if char == ">"] for line in lines[:9]]
@@ -206,7 +206,7 @@ def test_a_plot_of_a_straight_line():
 
 
 def test_ticks_are_round():
-    from scenegen.figures.plot import ticks
+    from scenegen.show.figures.plot import ticks
 
     assert ticks(-1.0, 1.0) == [-1.0, -0.5, 0.0, 0.5, 1.0]
     assert 0.0 in ticks(-2.94, 0.2) and all(-2.94 <= tick <= 0.2 for tick in ticks(-2.94, 0.2))

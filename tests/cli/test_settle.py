@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from scenegen.assets import shape_of
-from scenegen.physics.settle import settle_scenes
+from scenegen.things import shape_of
+from scenegen.worlds.physics.settling import settle_scenes
 
 OVERLAPPING = "object mug, crackerbox\ntask: leftOf(mug, crackerbox) & closeTo(mug, crackerbox, 15 cm)\n"
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.formats.sets import read_manifest
-from scenegen.formats.stores import store_at
+from scenegen.scenes.sets import read_manifest
+from scenegen.scenes.stores import store_at
 
 pytestmark = pytest.mark.cluster
 SCENES = int(os.environ.get("CLUSTER_SCENES", "1000000"))

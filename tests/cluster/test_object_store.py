@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.formats.sets import read_manifest
-from scenegen.formats.stores import store_at
+from scenegen.scenes.sets import read_manifest
+from scenegen.scenes.stores import store_at
 
 pytestmark = pytest.mark.cluster
 SHARD = 65_536

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from scenegen.curriculum.strategies import strategy
-from scenegen.curriculum.tasks import Outcome, PhiBox
+from scenegen.learn.curriculum.strategies import strategy
+from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 
 def reach(labels=1):

@@ -9,12 +9,11 @@ from gymnasium import error
 
 import scenegen
 from scenegen.curriculum import PhiBox, TableTop
-from scenegen.curriculum.library import forget
-from scenegen.curriculum.request import PhiRanges
-from scenegen.curriculum.sources import SECONDS, SHORTLY, Sampler
-from scenegen.curriculum.strategies import strategy
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, NO_TIME_TO_CHECK
+from scenegen.learn.curriculum.library import SECONDS, SHORTLY, Sampler, forget
+from scenegen.learn.curriculum.request import PhiRanges
+from scenegen.learn.curriculum.strategies import strategy
 from scenegen.sampling.request import Range
 
 LEFT = "leftOf(mug, plate)"
@@ -249,6 +248,6 @@ def test_draws_that_take_too_long_say_what_helps(monkeypatch):
         raise RequestError(NO_TIME_TO_CHECK())
 
     sampler = Sampler(TableTop(LEFT).rules.target)
-    monkeypatch.setattr("scenegen.curriculum.sources.draw_scenes", late)
+    monkeypatch.setattr("scenegen.learn.curriculum.library.draw_scenes", late)
     with pytest.raises(RequestError, match=r"a draw has 3 s here(.|\n)*give them as `source`"):
         sampler.draw({"task": Range(0.1, 0.2)}, 1000, 0, patience=3.0)

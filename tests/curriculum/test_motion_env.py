@@ -15,8 +15,8 @@ from gymnasium.utils.env_checker import check_env
 
 import scenegen
 from scenegen.curriculum import Curriculum, MotionTable
-from scenegen.curriculum.strategies import strategy
-from scenegen.motions.bounds import step_bounds
+from scenegen.learn.curriculum.strategies import strategy
+from scenegen.sampling.motions.bounds import step_bounds
 
 NAME = "scenegen.curriculum:scenegen/Motion-v0"
 CARRY = """object mug, plate at (0.5, 0.5)

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import scenegen
 from scenegen.curriculum import Curriculum, MotionTable, MotionVector, VectorCurriculum
-from scenegen.curriculum.strategies import strategy
+from scenegen.learn.curriculum.strategies import strategy
 
 NAME = "scenegen.curriculum:scenegen/Motion-v0"
 COUNT = 5

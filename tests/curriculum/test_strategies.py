@@ -10,10 +10,10 @@ import sys
 import numpy as np
 import pytest
 
-from scenegen.curriculum.strategies import STRATEGIES, strategy
-from scenegen.curriculum.strategies.base import Base
-from scenegen.curriculum.tasks import Outcome, PhiBox
 from scenegen.errors import DataError
+from scenegen.learn.curriculum.strategies import STRATEGIES, strategy
+from scenegen.learn.curriculum.strategies.base import Base
+from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 from .learners import Chain, draw, reach
 
@@ -80,7 +80,7 @@ def test_the_page_has_a_row_for_it(name, root):
 def test_the_room_does_without_torch_and_gymnasium():
     """The room above makes its environment known to gymnasium where that is installed; here it is not."""
     code = (
-        "import sys; sys.modules['gymnasium'] = None; from scenegen.curriculum.strategies import STRATEGIES\n"
+        "import sys; sys.modules['gymnasium'] = None; from scenegen.learn.curriculum.strategies import STRATEGIES\n"
         "for one in STRATEGIES.values(): one.load()\n"
         "sys.exit(', '.join({'torch', 'sklearn', 'scipy'} & set(sys.modules)) or None)"
     )

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from scenegen.curriculum.strategies import STRATEGIES
+from scenegen.learn.curriculum.strategies import STRATEGIES
 
 from .learners import Chain, Separate, episodes
 

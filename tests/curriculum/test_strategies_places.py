@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from scenegen.curriculum.strategies import strategy
-from scenegen.curriculum.strategies.axis import Axis, pick
-from scenegen.curriculum.strategies.chances import drawn
-from scenegen.curriculum.strategies.levels import Cells, Levels
-from scenegen.curriculum.strategies.mixture import fit
-from scenegen.curriculum.tasks import Outcome, PhiBox
 from scenegen.errors import RequestError
+from scenegen.learn.curriculum.strategies import strategy
+from scenegen.learn.curriculum.strategies.alp_gmm import fit
+from scenegen.learn.curriculum.strategies.base import Axis, Cells, Levels, drawn, pick
+from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 from .learners import draw, reach
 

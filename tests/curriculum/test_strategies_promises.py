@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from scenegen.curriculum.strategies import strategy
-from scenegen.curriculum.tasks import Outcome, PhiBox
+from scenegen.learn.curriculum.strategies import strategy
+from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 from .learners import draw, reach
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -71,7 +71,7 @@ def test_a_metric(extended):
     project = extended("A metric")
     program = """
 import numpy as np
-from scenegen.evaluation.extent import extent
+from scenegen.learn.evaluation.extent import extent
 
 print(extent(np.array([[0.0], [0.0], [0.0], [2.0], [0.0], [0.0]])))
 """

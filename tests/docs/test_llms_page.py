@@ -4,7 +4,7 @@ import re
 import runpy
 from pathlib import Path
 
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "llms.txt"
@@ -25,8 +25,8 @@ def test_it_fits_a_prompt_and_its_examples_check():
 
 
 def test_it_names_all_there_is():
-    from scenegen.lang import ast
-    from scenegen.lang.scope import STEPS, prelude, signatures
+    from scenegen.lang.check.scope import STEPS, prelude, signatures
+    from scenegen.lang.syntax import ast
 
     text = PAGE.read_text(encoding="utf-8")
     names = [one.name.id for one in prelude().statements if isinstance(one, ast.Definition | ast.Constant)]

@@ -6,8 +6,8 @@ import re
 import pytest
 
 from scenegen.errors import Source
-from scenegen.lang.parse import parse_tolerant
-from scenegen.lang.tokens import KEYWORDS, TEMPORAL, scan
+from scenegen.lang.syntax.parse import parse_tolerant
+from scenegen.lang.syntax.tokens import KEYWORDS, TEMPORAL, scan
 from scenegen.resources import grammar_file, shipped_specs
 
 from .textmate import Grammar, report

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.formats.registry import FORMATS
+from scenegen.scenes.formats.registry import FORMATS
 
 HERE = Path(__file__).parent
 

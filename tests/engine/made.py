@@ -13,12 +13,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from scenegen.engine.stream import stream_scenes
-from scenegen.primitives import Circle
-from scenegen.sampling.cells import Cells, cut
+from scenegen.geometry import Circle
+from scenegen.sampling.engine.stream import stream_scenes
 from scenegen.sampling.plan import Piece
-from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scene.data import ObjectData, RequestData, SceneFile, ShapeData, SpecRef, WorkspaceData, footprint_data
+from scenegen.sampling.request import Cells, Range, SampleRequest, cut
+from scenegen.scenes.data import ObjectData, RequestData, SceneFile, ShapeData, SpecRef, WorkspaceData, footprint_data
 
 SOURCE = "object mug, plate\ntask: leftOf(mug, plate)\n"
 SHA = hashlib.sha256(SOURCE.encode()).hexdigest()

@@ -4,11 +4,11 @@ import hashlib
 
 from made import SHA, Made, header_of
 
-from scenegen.engine.engines import Writing
-from scenegen.engine.local import Local
-from scenegen.engine.sets import write_set
-from scenegen.formats.sets import Manifest, header_data
-from scenegen.formats.stores import store_at
+from scenegen.sampling.engine.engines import Writing
+from scenegen.sampling.engine.local import Local
+from scenegen.sampling.engine.sets import write_set
+from scenegen.scenes.sets import Manifest, header_data
+from scenegen.scenes.stores import store_at
 
 BLOCK, SHARD, COUNT = 300, 600, 2000
 MADE = {}  # what is different from `Made`

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenegen.sampling.base import draw, piece_generator
-from scenegen.sampling.guided import score
+from scenegen.learn.guided import score
+from scenegen.learn.refine import draw, piece_generator
 from scenegen.sampling.plan import Account, Piece, Plan
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.processes.ahead import Ahead
-from scenegen.processes.reserve import Reserve
+from scenegen.processes.ahead import Ahead, Reserve
 
 sys.path.insert(0, str(Path(__file__).parent))
 import jobs

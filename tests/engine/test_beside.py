@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from scenegen.bounds.effort import StoppedError
-from scenegen.processes.beside import Beside
+from scenegen.processes.ahead import Beside
+from scenegen.search.effort import StoppedError
 
 
 def where(item):

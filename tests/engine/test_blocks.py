@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.engine.blocks import BlockAssembler
-from scenegen.formats.blocks import Block
+from scenegen.sampling.engine.blocks import BlockAssembler
+from scenegen.scenes.blocks import Block
 
 from ..laws import examples
 

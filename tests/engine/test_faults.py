@@ -11,13 +11,14 @@ from pathlib import Path
 import pyarrow.fs
 import pytest
 
-from scenegen.engine import sets
-from scenegen.engine.local import Local
 from scenegen.errors import OutputError
-from scenegen.errors.stores import CANNOT_WRITE_STORE
-from scenegen.formats import files, stores, trying
-from scenegen.formats.sets import read_manifest
-from scenegen.formats.stores import Store, store_at
+from scenegen.errors.files import CANNOT_WRITE_STORE
+from scenegen.sampling.engine import sets
+from scenegen.sampling.engine.local import Local
+from scenegen.scenes import files, stores
+from scenegen.scenes import stores as trying
+from scenegen.scenes.sets import read_manifest
+from scenegen.scenes.stores import Store, store_at
 
 sys.path.insert(0, str(Path(__file__).parent))
 from made_sets import digest, run

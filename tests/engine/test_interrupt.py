@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from scenegen.processes.interrupt import stop_signals
+from scenegen.processes.process import stop_signals
 
 
 @pytest.mark.usefixtures("interruptible")

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from scenegen.errors import OutputError
-from scenegen.formats.shards import folder_of
+from scenegen.scenes.shards import folder_of
 
 SMALL = {"checkpoint": 0.0, "size": 300}
 
@@ -15,8 +15,8 @@ SMALL = {"checkpoint": 0.0, "size": 300}
 def test_lines_are_the_same_whoever_makes_them(ending, tmp_path, unbroken, monkeypatch):
     from made import Made, stream
 
-    monkeypatch.setattr("scenegen.engine.joined.MANY", 1)
-    monkeypatch.setattr("scenegen.engine.joined.PART", 70)
+    monkeypatch.setattr("scenegen.sampling.engine.stream.MANY", 1)
+    monkeypatch.setattr("scenegen.sampling.engine.stream.PART", 70)
     stream(tmp_path / f"x{ending}", Made(2000), workers=2, **SMALL)
     assert (tmp_path / f"x{ending}").read_bytes() == unbroken[ending]
 

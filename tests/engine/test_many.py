@@ -2,8 +2,8 @@
 
 import pytest
 
-from scenegen.engine.many import each, here
 from scenegen.errors import RequestError
+from scenegen.sampling.engine.engines import each, here
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 

@@ -7,13 +7,13 @@ import sys
 
 import pytest
 
-from scenegen.processes.memory import VARIABLES
 from scenegen.processes.process import environment
+from scenegen.processes.worker import VARIABLES
 
 PROGRAM = """
 import resource, sys
 import numpy as np
-from scenegen.processes.memory import keep_memory
+from scenegen.processes.worker import keep_memory
 if sys.argv[1] == "kept":
     keep_memory()
 for _ in range(100):  # four arrays of 1 MB that come and go

@@ -58,9 +58,9 @@ def model(tmp_path_factory):
 def plans(model):
     """Plans by kind."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.growth.begin.LEAST", 128)
-        patch.setattr("scenegen.sampling.growth.plan.LEAST", 128)
-        patch.setattr("scenegen.sampling.growth.begin.MOST", 256)
+        patch.setattr("scenegen.sampling.growth.population.LEAST", 128)
+        patch.setattr("scenegen.sampling.growth.sampler.LEAST", 128)
+        patch.setattr("scenegen.sampling.growth.population.MOST", 256)
         patch.setattr("scenegen.sampling.splitting.levels.CHAINS", 256)
         patch.setattr("scenegen.sampling.splitting.levels.FEWEST", 256)
         return {kind: _plan(kind, model) for kind in KINDS}
@@ -75,10 +75,9 @@ def _plan(kind, model):
 
 
 def _paired():
-    from scenegen.lang.check import check_text
+    from scenegen.lang.checker import check_text
     from scenegen.sampling.methods import make_plan
-    from scenegen.sampling.paired import pair
-    from scenegen.sampling.parts import independent_parts
+    from scenegen.sampling.parts import independent_parts, pair
     from scenegen.sampling.problem import make_problem
 
     problem = make_problem(check_text(APART), SampleRequest({"task": Range(0.0)}, 20))
@@ -116,7 +115,7 @@ def test_what_is_left_of_the_time_travels_with_a_plan():
 @pytest.fixture
 def words(monkeypatch):
     """A request that takes a model's plan several pieces."""
-    monkeypatch.setattr("scenegen.sampling.guided.LARGEST", 1024)
+    monkeypatch.setattr("scenegen.learn.guided.LARGEST", 1024)
     return {"phi": {"task": (-0.4, 0.2)}, "n": 3000, "seed": 3}
 
 

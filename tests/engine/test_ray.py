@@ -11,11 +11,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenegen.bounds.effort import StoppedError
-from scenegen.engine import ray as ray_engine
-from scenegen.engine import ray_tasks
-from scenegen.engine.engines import chosen
-from scenegen.formats.blocks import Block
+from scenegen.sampling.engine import ray as ray_engine
+from scenegen.sampling.engine import ray_tasks
+from scenegen.sampling.engine.engines import chosen
+from scenegen.scenes.blocks import Block
+from scenegen.search.effort import StoppedError
 
 sys.path.insert(0, str(Path(__file__).parent))
 from made_sets import digest, run

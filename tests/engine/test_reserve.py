@@ -11,12 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.engine.budget import start_processes
 from scenegen.errors import ScenegenError
-from scenegen.processes.beside import Beside
+from scenegen.processes.ahead import Beside, Reserve
 from scenegen.processes.pool import Pool, Underway, run_pieces
 from scenegen.processes.process import Process
-from scenegen.processes.reserve import Reserve
+from scenegen.sampling.engine.run import start_processes
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
@@ -119,7 +118,7 @@ class Fake:
 
 def test_no_more_start_than_were_asked_for(monkeypatch):
     made = []
-    monkeypatch.setattr("scenegen.processes.reserve.Process", lambda *args: made.append(Fake(*args)) or made[-1])
+    monkeypatch.setattr("scenegen.processes.ahead.Process", lambda *args: made.append(Fake(*args)) or made[-1])
     with Reserve(2, later=2) as reserve:
         assert len(made) == 2
         for _ in range(2):
@@ -142,8 +141,8 @@ def test_no_more_start_than_were_asked_for(monkeypatch):
 @pytest.mark.parametrize("workers, there, now, later", [(2, 2, 1, 1), (2, 16, 2, 0), (8, 4, 3, 1), (4, 1, 1, 0)])
 def test_the_command_has_a_core_of_its_own_while_it_loads(workers, there, now, later, monkeypatch):
     made = []
-    monkeypatch.setattr("scenegen.engine.budget.cores", lambda: there)
-    monkeypatch.setattr("scenegen.processes.reserve.Process", lambda *args: made.append(Fake(*args)) or made[-1])
+    monkeypatch.setattr("scenegen.sampling.engine.run.cores", lambda: there)
+    monkeypatch.setattr("scenegen.processes.ahead.Process", lambda *args: made.append(Fake(*args)) or made[-1])
     with start_processes(workers, load=()) as reserve:
         assert len(made) == now
         reserve.fill()

@@ -9,11 +9,11 @@ import pytest
 
 import scenegen
 from scenegen.api.reading import read_scenes
-from scenegen.engine import run
-from scenegen.engine.run import draw, jobs
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
+from scenegen.sampling.engine import run
+from scenegen.sampling.engine.run import draw, jobs
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest

@@ -8,12 +8,12 @@ import pytest
 from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import evaluate
-from scenegen.engine.stream import stream_scenes
-from scenegen.lang.check import check_text
-from scenegen.lang.core import gated
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import gated
+from scenegen.sampling.engine.stream import stream_scenes
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scene.data import RequestData
+from scenegen.scenes.data import RequestData
 
 
 @pytest.fixture

@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenegen.engine.engines import chosen, open_engine
-from scenegen.engine.local import Local
-from scenegen.engine.packing import Packing, Room
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.formats.blocks import Block
-from scenegen.formats.registry import read_scenes, write_scenes
-from scenegen.formats.sets import MANIFEST, read_manifest, read_set
-from scenegen.formats.stores import store_at
+from scenegen.sampling.engine.engines import chosen, open_engine
+from scenegen.sampling.engine.local import Local
+from scenegen.sampling.engine.stream import Packing, Room
+from scenegen.scenes.blocks import Block
+from scenegen.scenes.formats.registry import read_scenes, write_scenes
+from scenegen.scenes.sets import MANIFEST, read_manifest, read_set
+from scenegen.scenes.stores import store_at
 
 sys.path.insert(0, str(Path(__file__).parent))
 from made import Made
@@ -292,7 +292,7 @@ def _checked(monkeypatch, check):
 def test_a_shard_that_cannot_be_packed_ends_the_run(at, tmp_path, monkeypatch):
     """Also when more of its blocks come than may wait: nobody waits for a thread that has ended."""
     _checked(monkeypatch, _Slow(at))
-    monkeypatch.setattr("scenegen.engine.packing.AHEAD", 1)
+    monkeypatch.setattr("scenegen.sampling.engine.stream.AHEAD", 1)
     with Local(2) as engine, pytest.raises(AssertionError, match="a wrong scene"):
         run(tmp_path / "set", engine)
     assert len(read_manifest(store_at(f"{tmp_path}/set/")).shards) <= (at - 1) // 2
@@ -315,7 +315,7 @@ def test_a_run_that_ends_in_the_midst_of_a_shard_leaves_no_thread(tmp_path, monk
 def test_blocks_wait_for_the_thread_that_packs_them(tmp_path, monkeypatch):
     slow = _Slow(0, 0.05)
     _checked(monkeypatch, slow)
-    monkeypatch.setattr("scenegen.engine.packing.AHEAD", 1)
+    monkeypatch.setattr("scenegen.sampling.engine.stream.AHEAD", 1)
     add, most = Packing.add, []
 
     def counted(self, block):
@@ -331,7 +331,7 @@ def test_blocks_wait_for_the_thread_that_packs_them(tmp_path, monkeypatch):
 @pytest.mark.parametrize("at", [1, 2])
 def test_a_packing_that_fails_leaves_its_room_to_others(at, monkeypatch):
     """Nothing it was given counts any longer: not the block at which it failed, nor those that came too late."""
-    monkeypatch.setattr("scenegen.engine.packing.AHEAD", 1)
+    monkeypatch.setattr("scenegen.sampling.engine.stream.AHEAD", 1)
     block, room, seen = Block(np.zeros((3, 5)), np.zeros((1, 5))), Room(), []
 
     def failing(blocks):

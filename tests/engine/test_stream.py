@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.formats import shards
-from scenegen.formats.blocks import joined
-from scenegen.formats.registry import FORMATS, read_scenes
-from scenegen.formats.shards import folder_of
+from scenegen.scenes import shards
+from scenegen.scenes.blocks import joined
+from scenegen.scenes.formats.registry import FORMATS, read_scenes
+from scenegen.scenes.shards import folder_of
 
 HERE = Path(__file__).parent
 SMALL = {"checkpoint": 0.0, "size": 300}
@@ -328,7 +328,7 @@ def test_a_block_that_does_not_pass_inspection_is_not_stored(tmp_path):
 def test_blocks_in_memory_are_the_blocks_of_the_file(tmp_path, unbroken):
     from made import Made
 
-    from scenegen.engine.stream import run_blocks
+    from scenegen.sampling.engine.stream import run_blocks
 
     (tmp_path / "x.parquet").write_bytes(unbroken[".parquet"])
     written = read_scenes(tmp_path / "x.parquet").whole()

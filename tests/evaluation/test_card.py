@@ -7,12 +7,12 @@ import pytest
 from PIL import Image
 
 import scenegen
-from scenegen.api.family import load_model
-from scenegen.evaluation import measure as measuring
-from scenegen.evaluation.card import card_paths, card_text, write_card
-from scenegen.evaluation.describe import as_json, describe, held_out
-from scenegen.evaluation.measure import measure, values
-from scenegen.figures.calibration import Panel, calibration
+from scenegen.learn.evaluation import measure as measuring
+from scenegen.learn.evaluation.card import card_paths, card_text, write_card
+from scenegen.learn.evaluation.describe import as_json, describe, held_out
+from scenegen.learn.evaluation.measure import measure, values
+from scenegen.learn.model import load_model
+from scenegen.show.figures.calibration import Panel, calibration
 
 TEXT = "# A mug stands left of a plate.\nobject mug, plate\ntask: leftOf(mug, plate)\nnear: closeTo(mug, plate, 0.3)\n"
 

@@ -3,7 +3,7 @@ import pytest
 from scipy import stats
 
 from scenegen.errors import DataError
-from scenegen.evaluation.chi_square import chi_square
+from scenegen.learn.evaluation.metrics import chi_square
 
 
 def test_agrees_with_scipy():

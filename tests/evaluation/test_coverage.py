@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError
-from scenegen.evaluation import neighbours as module
-from scenegen.evaluation.coverage import coverage
-from scenegen.evaluation.features import features
+from scenegen.learn.evaluation import coverage as module
+from scenegen.learn.evaluation.coverage import coverage, features
 
 TWO_PI = 2.0 * np.pi
 

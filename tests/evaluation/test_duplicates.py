@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenegen.errors import DataError, RequestError
-from scenegen.evaluation import duplicates as module
-from scenegen.evaluation.duplicates import duplicates
+from scenegen.learn.evaluation import metrics as module
+from scenegen.learn.evaluation.metrics import duplicates
 
 TURN = 2.0 * np.pi
 

@@ -4,9 +4,9 @@ from scipy import stats
 from scipy.spatial.distance import cdist
 
 from scenegen.errors import DataError, RequestError
-from scenegen.evaluation import energy as module
-from scenegen.evaluation.energy import energy_test
-from scenegen.evaluation.features import features
+from scenegen.learn.evaluation import fidelity as module
+from scenegen.learn.evaluation.coverage import features
+from scenegen.learn.evaluation.fidelity import energy_test
 
 
 def by_hand(a, b):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError
-from scenegen.evaluation.errors import error_statistics
+from scenegen.learn.evaluation.metrics import error_statistics
 
 
 def test_hand_computed_figures():

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError
-from scenegen.evaluation.energy import energy_distance
-from scenegen.evaluation.fidelity import Fidelity, fidelity, sliced_distance
+from scenegen.learn.evaluation.fidelity import Fidelity, energy_distance, fidelity, sliced_distance
 
 
 def scenes(seed, count=600):

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError, RequestError
-from scenegen.evaluation.coverage import coverage
-from scenegen.evaluation.features import features
-from scenegen.evaluation.manifold import precision_recall
+from scenegen.learn.evaluation.coverage import coverage, features
+from scenegen.learn.evaluation.metrics import precision_recall
 
 
 def by_hand(points, queries, k):

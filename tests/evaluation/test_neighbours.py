@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from scenegen.evaluation import neighbours
-from scenegen.evaluation.neighbours import kth_squared, least_squared, nearest
+from scenegen.learn.evaluation import coverage
+from scenegen.learn.evaluation.coverage import kth_squared, least_squared, nearest
 
 
 @pytest.fixture(params=[(16, 256, 64), (3, 20, 7), (1, 1, 1)])
 def tiles(request, monkeypatch):
     """The same answers whatever the tiles: one, several, single distances."""
     for name, value in zip(("_STACK", "_WIDTH", "_QUERIES"), request.param, strict=True):
-        monkeypatch.setattr(neighbours, name, value)
+        monkeypatch.setattr(coverage, name, value)
 
 
 @pytest.mark.long

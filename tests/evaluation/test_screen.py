@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from scenegen.errors import DataError
-from scenegen.evaluation.screen import kolmogorov_smirnov, ks_screen, kuiper
+from scenegen.learn.evaluation.fidelity import kolmogorov_smirnov, ks_screen, kuiper
 
 TURN = 2.0 * np.pi
 values = st.lists(st.integers(0, 12), min_size=1, max_size=15).map(lambda v: np.array(v, dtype=float))

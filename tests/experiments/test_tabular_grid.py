@@ -11,8 +11,8 @@ from experiments.tabular.lines import corridors
 from experiments.tabular.play import Scenes
 from experiments.tabular.starts import every_cell, of_scenes
 from scenegen.api.spec import parse
-from scenegen.curriculum.tasks import PhiBox
 from scenegen.errors import RequestError
+from scenegen.learn.curriculum.tasks import PhiBox
 
 A = "object mug\nobject plate at (0.5, 0.5, 0)\ntask: closeTo(mug, plate, 0)\n"
 B = "object spoon\nobject plate at (0.5, 0.5, 0)\ntask: leftOf(spoon, plate) & belowOf(spoon, plate)\n"

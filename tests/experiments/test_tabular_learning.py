@@ -15,9 +15,9 @@ from experiments.tabular.qlearning import NEVER, Learner, Stop, stepwise, train
 from experiments.tabular.rng import below, bits, seeded, share
 from experiments.tabular.starts import every_cell
 from scenegen.api.spec import parse
-from scenegen.curriculum.strategies.self_paced import SelfPaced
-from scenegen.curriculum.strategies.uniform import Uniform
-from scenegen.curriculum.tasks import Outcome, PhiBox
+from scenegen.learn.curriculum.strategies.self_paced import SelfPaced
+from scenegen.learn.curriculum.strategies.uniform import Uniform
+from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 A = "object mug\nobject plate at (0.5, 0.5, 0)\ntask: closeTo(mug, plate, 0)\n"
 FAIR = Learner(0.5, 0.95, 0.1, True, 40)

@@ -10,7 +10,7 @@ from experiments.plan import FULL, Plan
 from experiments.problems import PROBLEMS
 from experiments.trainings import Job, kept, perform, trained
 from experiments.variants import VARIANTS
-from scenegen.models.registry import MODELS
+from scenegen.learn.models.registry import MODELS
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,10 @@ from experiments.unseen.queries import QUANTILES, quantiles, queries, truth
 from experiments.unseen.report import BARS, _bars, _figures, _missing, _scope, _specs, _targets
 from experiments.unseen.runs import Row, Run
 from experiments.unseen.specs import REPORT, TUNE, TWELVE, spec_text
-from scenegen.engine.run import Sampled
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_CHECK
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.sampling.engine.run import Sampled
 
 
 def test_the_problems_never_change():

@@ -6,9 +6,9 @@ import re
 import pytest
 
 import scenegen
-from scenegen.assets.palette import rgb_of
 from scenegen.errors import SpecError
-from scenegen.scene.stage import stage_of
+from scenegen.scenes.stage import stage_of
+from scenegen.things.palette import rgb_of
 
 TEXT = (
     'object sponge = box(10 cm, 6 cm, 4 cm, color = "#ffdd33"), cup[2] = cylinder(3 cm, 8 cm, color = "red"),\n'

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from scenegen.assets.mesh import box, disc, revolve
-from scenegen.export.inertia import inertia
+from scenegen.things.mesh import box, disc, revolve
+from scenegen.worlds.export.world import inertia
 
 
 def test_a_box_anywhere():

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from scenegen.errors import RequestError
-from scenegen.export.world import TALL
+from scenegen.worlds.export.world import TALL
 from tests.export.worlds import tower
 from tests.looks.pictures import four_colors
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.assets import parts_of, shape_of
-from scenegen.primitives import NUMPY, PRIMITIVES
+from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.resources import shipped_specs
-from scenegen.scene.data import footprint_of
+from scenegen.scenes.data import footprint_of
+from scenegen.things import parts_of, shape_of
 from tests.export.worlds import crates, library, scenes_of, tower
 
 

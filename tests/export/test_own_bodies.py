@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.assets.mesh import box, revolve
 from scenegen.errors import DataError, RequestError
-from scenegen.export.own_bodies import own_bodies_of
-from scenegen.export.setting import world_of
+from scenegen.things.mesh import box, revolve
+from scenegen.worlds.export.setting import world_of
+from scenegen.worlds.export.world import own_bodies_of
 
 ROBOT = """<robot name="r"><link name="a"><inertial><mass value="0.7"/></inertial>
 <contact><lateral_friction value="0.9"/></contact>

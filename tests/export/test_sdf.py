@@ -7,10 +7,10 @@ import numpy as np
 import pybullet
 import pytest
 
-from scenegen.assets import shape_of
-from scenegen.assets.meshfile import vertices
-from scenegen.assets.physics import collision_of
-from scenegen.export import stl
+from scenegen.things import shape_of
+from scenegen.things.bodies import collision_of
+from scenegen.things.meshfile import vertices
+from scenegen.worlds.export import stl
 from tests.export.sdf_facts import faults
 from tests.export.worlds import crates, library, tower
 

@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 
 import scenegen
-from scenegen.assets.mesh import box
-from scenegen.export.own_bodies import own_bodies_of
+from scenegen.things.mesh import box
+from scenegen.worlds.export.world import own_bodies_of
 
 MTL = "newmtl skin\nKd 0.5 1 1\nmap_Kd skin.jpg\nnewmtl lid\nKd 0.2 0.4 0.6\n"
 

@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenegen.export.usd.axes import principal
-from scenegen.export.usd.names import identifiers
-from scenegen.export.world import Record
+from scenegen.worlds.export.usd.files import identifiers
+from scenegen.worlds.export.usd.stage import principal
+from scenegen.worlds.export.world import Record
 from tests.export.stages import faults, opened, poses, rotation, things
 from tests.export.worlds import crates, scenes_of, world
 
 pxr = pytest.importorskip("pxr")
 from pxr import Sdf  # noqa: E402
 
-from scenegen.export.usd.scene import Scene  # noqa: E402
-from scenegen.export.usd.stage import Stage, crate  # noqa: E402
+from scenegen.worlds.export.usd.files import Scene  # noqa: E402
+from scenegen.worlds.export.usd.stage import Stage, crate  # noqa: E402
 
 HOSTILE = [
     "block[1]",

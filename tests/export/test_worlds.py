@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError, SpecError
-from scenegen.export.setting import world_of
-from scenegen.export.simulators import SIMULATORS
-from scenegen.formats import folder as folders
-from scenegen.formats.registry import ENDINGS, FORMATS
-from scenegen.scene.data import CircleFootprint, PolygonFootprint
+from scenegen.scenes import files as folders
+from scenegen.scenes.data import CircleFootprint, PolygonFootprint
+from scenegen.scenes.formats.registry import ENDINGS, FORMATS
+from scenegen.worlds.export.setting import world_of
+from scenegen.worlds.export.simulators import SIMULATORS
 from tests.export.stages import opened, things
 from tests.export.worlds import crates, scenes_of
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
-from scenegen.assets import ASSETS
-from scenegen.export.setting import world_of
-from scenegen.lang.check import check_text
-from scenegen.scene.data import RequestData
+from scenegen.lang.checker import check_text
+from scenegen.scenes.data import RequestData
+from scenegen.things import ASSETS
+from scenegen.worlds.export.setting import world_of
 
 
 def scenes_of(text, *poses):

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenegen.assets import ASSETS, Box, Circle
-from scenegen.figures import heatmap as heat
-from scenegen.figures.strip import EDGE, FOOT, GAP, animation, strip
-from scenegen.render import render_scenes
-from scenegen.render.gallery import gallery, library_sheet, measures
-from scenegen.scene.data import Pose, RegionData, footprint_data
+from scenegen.scenes.data import Pose, RegionData, footprint_data
+from scenegen.show.figures import heatmap as heat
+from scenegen.show.figures.strip import EDGE, FOOT, GAP, animation, strip
+from scenegen.show.render import render_scenes
+from scenegen.show.render.gallery import gallery, library_sheet, measures
+from scenegen.things import ASSETS, Box, Circle
 from tests.render.scenefiles import scene_file
 
 RED, GREEN, BLUE = (200, 30, 30), (30, 160, 60), (40, 60, 200)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image, ImageFont
 
-from scenegen.figures import sheet
-from scenegen.figures.sheet import asked, contact_sheet, thumbnail_size
-from scenegen.scene.count_data import CountData
-from scenegen.scene.data import SceneData
+from scenegen.scenes.data import CountData, SceneData
+from scenegen.show.figures import sheet
+from scenegen.show.figures.sheet import asked, contact_sheet, thumbnail_size
 from tests.render.scenefiles import scene_file
 
 ONE = [[(0.5, 0.5, 0.0)]]

@@ -8,15 +8,22 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from scenegen.figures.closest_points import gap_segment, room_segment
-from scenegen.figures.dimensions import dimensions, short
-from scenegen.figures.drawing import Dimension, Guide, Thing, Turn, View
-from scenegen.figures.labels import Labels, Rect
-from scenegen.figures.topview import topview
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import deciding_atom, evaluate
-from scenegen.primitives import MATH, POINT, Box, Circle, Polygon
-from scenegen.primitives.clearance import gap, room
+from scenegen.geometry import MATH, POINT, Box, Circle, Polygon
+from scenegen.geometry.clearance import gap, room
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import deciding_atom, evaluate
+from scenegen.show.figures.dimensions import (
+    Dimension,
+    Guide,
+    Thing,
+    Turn,
+    View,
+    dimensions,
+    gap_segment,
+    room_segment,
+    short,
+)
+from scenegen.show.figures.topview import Labels, Rect, topview
 
 from ..laws import examples
 
@@ -200,8 +207,8 @@ def test_short_numbers():
 
 
 def test_furniture_shows_its_cells():
-    from scenegen.assets import shape_of
-    from scenegen.assets.surfaces import cells_of
+    from scenegen.things import shape_of
+    from scenegen.things.surfaces import cells_of
 
     shapes = {name: shape_of(name) for name in ("rack", "cabinet", "bin", "mug")}
     for name, cells in {"rack": 6, "cabinet": 1, "bin": 1, "mug": 0}.items():

@@ -8,8 +8,7 @@ from PIL import Image
 
 import scenegen
 from scenegen import needs
-from scenegen.figures.strip import HELD, STEP
-from scenegen.figures.video import video
+from scenegen.show.figures.strip import HELD, STEP, video
 
 COLORS = (200, 30, 30), (30, 160, 60), (40, 60, 200)
 

@@ -15,6 +15,6 @@ def scenes():
 
 @pytest.fixture(scope="session")
 def written(scenes):
-    from scenegen.formats.scenes_json import dump
+    from scenegen.scenes.formats.scenes_json import dump
 
     return dump(scenes.file())

@@ -6,7 +6,7 @@ import pytest
 
 from scenegen.api.scenes import from_file
 from scenegen.errors import ScenegenError
-from scenegen.formats.scenes_json import load
+from scenegen.scenes.formats.scenes_json import load
 
 MUTATIONS = 2000
 JUNK = [

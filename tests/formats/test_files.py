@@ -10,10 +10,17 @@ import threading
 import pytest
 
 from scenegen.errors import DataError, OutputError
-from scenegen.formats import files
-from scenegen.formats.files import begin_writing, check_folder, check_writable, ensure_folder, read_bytes, write_whole
-from scenegen.formats.folder import whole_files
-from scenegen.formats.packed import AHEAD, Packed, Parts
+from scenegen.scenes import files
+from scenegen.scenes.files import (
+    begin_writing,
+    check_folder,
+    check_writable,
+    ensure_folder,
+    read_bytes,
+    whole_files,
+    write_whole,
+)
+from scenegen.scenes.shards import AHEAD, Packed, Parts
 
 
 def failing(code):

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from scenegen.api.reading import read_scenes
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
-from scenegen.formats.blocks import BLOCK, Block, joined, regrouped
-from scenegen.formats.registry import FORMATS, format_of, write_scenes
-from scenegen.formats.registry import read_scenes as read_blocks
+from scenegen.scenes.blocks import BLOCK, Block, joined, regrouped
+from scenegen.scenes.formats.registry import FORMATS, format_of, write_scenes
+from scenegen.scenes.formats.registry import read_scenes as read_blocks
 
 from ..laws import examples
 
@@ -135,7 +135,7 @@ def test_cut_short(ending, keep, scenes, tmp_path):
 
 def test_without_the_library(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.delitem(sys.modules, "scenegen.formats.parquet", raising=False)
+    monkeypatch.delitem(sys.modules, "scenegen.scenes.formats.parquet", raising=False)
     with pytest.raises(RequestError, match=r"pyarrow is needed for .parquet files, and is not installed") as caught:
         format_of(tmp_path / "x.parquet")
     assert caught.value.diagnostics[0].help == 'pip install "scenegen[parquet]"'

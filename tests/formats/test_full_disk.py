@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from scenegen.errors import OutputError
-from scenegen.formats import registry as table
-from scenegen.formats import shards
-from scenegen.formats.blocks import Block
+from scenegen.scenes import shards
+from scenegen.scenes.blocks import Block
+from scenegen.scenes.formats import registry as table
 
 
 @contextlib.contextmanager

@@ -10,14 +10,14 @@ import pyarrow.fs
 import pytest
 
 from scenegen.errors import OutputError
-from scenegen.formats import holding
-from scenegen.formats.holding import LOCK, Holder, held, refuse_held
-from scenegen.formats.stores import Store, store_at
+from scenegen.scenes import lease
+from scenegen.scenes.lease import LOCK, Holder, held, refuse_held
+from scenegen.scenes.stores import Store, store_at
 
 HOLD = """
 import sys, time
-from scenegen.formats.holding import held
-from scenegen.formats.stores import store_at
+from scenegen.scenes.lease import held
+from scenegen.scenes.stores import store_at
 with held(store_at(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)
@@ -27,7 +27,7 @@ with held(store_at(sys.argv[1])):
 @pytest.fixture
 def remote(tmp_path, monkeypatch):
     """A folder that is used as an object store."""
-    monkeypatch.setattr(holding, "SETTLE", 0.0)
+    monkeypatch.setattr(lease, "SETTLE", 0.0)
     return Store("s3://bucket/set/", pyarrow.fs.LocalFileSystem(), str(tmp_path), False, patience=0.0)
 
 
@@ -86,15 +86,15 @@ def test_two_runs_in_an_object_store(remote):
 
 def test_what_is_left_behind_in_an_object_store(remote, tmp_path):
     """By a process that is gone, also if another one has its number now; by another machine, when it is old."""
-    write(remote, machine=holding._machine())
+    write(remote, machine=lease._machine())
     refuse_held(remote)
-    write(remote, machine=holding._machine(), born=holding._born(os.getpid()))
+    write(remote, machine=lease._machine(), born=lease._born(os.getpid()))
     with pytest.raises(OutputError, match="another run is writing"):
         refuse_held(remote)
     write(remote)
     with pytest.raises(OutputError, match=r"process \d+ on other\n.*its hold ends in 1[12]\d s"):
         refuse_held(remote)
-    long_ago = time.time() - holding.LEASE - 1
+    long_ago = time.time() - lease.LEASE - 1
     os.utime(tmp_path / LOCK, (long_ago, long_ago))
     with held(remote):
         pass
@@ -103,14 +103,14 @@ def test_what_is_left_behind_in_an_object_store(remote, tmp_path):
 
 
 def test_of_two_at_once_the_later_one_goes_on(remote, monkeypatch):
-    monkeypatch.setattr(holding.time, "sleep", lambda seconds: write(remote))
+    monkeypatch.setattr(lease.time, "sleep", lambda seconds: write(remote))
     with pytest.raises(OutputError, match="on other"):
         held(remote).__enter__()
     assert LOCK in remote.sizes()
 
 
 def test_a_hold_is_renewed_and_its_loss_noticed(remote, tmp_path, monkeypatch):
-    monkeypatch.setattr(holding, "RENEWED", 0.01)
+    monkeypatch.setattr(lease, "RENEWED", 0.01)
 
     def until(condition):
         end = time.monotonic() + 20

@@ -15,8 +15,8 @@ from scenegen.api.sample import sample
 from scenegen.api.scenes import evaluate, from_file
 from scenegen.api.spec import parse
 from scenegen.errors import DataError
-from scenegen.formats.scenes_json import dump, load
-from scenegen.scene.data import Pose, SceneData
+from scenegen.scenes.data import Pose, SceneData
+from scenegen.scenes.formats.scenes_json import dump, load
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 

@@ -7,8 +7,8 @@ import pytest
 
 from scenegen.api.reading import read_scenes
 from scenegen.errors import DataError
-from scenegen.formats.blocks import Block
-from scenegen.formats.registry import write_scenes
+from scenegen.scenes.blocks import Block
+from scenegen.scenes.formats.registry import write_scenes
 
 
 @pytest.fixture

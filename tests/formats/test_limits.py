@@ -6,15 +6,16 @@ import sys
 import numpy as np
 import pytest
 
-from scenegen.api.export import convert
 from scenegen.api.reading import read_scenes
 from scenegen.api.spec import parse
 from scenegen.api.stream import sample_to
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.export import xml
-from scenegen.formats import blocks, jsonl, parquet, scenes_json
-from scenegen.formats.header import dump_header
-from scenegen.formats.registry import read_scenes as opened
+from scenegen.scenes import blocks
+from scenegen.scenes.formats import jsonl, parquet, scenes_json
+from scenegen.scenes.formats.header import dump_header
+from scenegen.scenes.formats.registry import read_scenes as opened
+from scenegen.worlds.export import xml
+from scenegen.worlds.files import convert
 
 
 @pytest.fixture
@@ -81,7 +82,7 @@ def test_a_bomb_is_read_in_little_memory(bomb, tmp_path):
     """Four million scenes are 224 MB as numbers; reading them block by block takes a process some of that."""
     path = bomb(4_000_000)
     program = (
-        "import resource, sys; from pathlib import Path; import scenegen.formats.parquet as p;"
+        "import resource, sys; from pathlib import Path; import scenegen.scenes.formats.parquet as p;"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss;"
         "count = sum(block.count for block in p.read(Path(sys.argv[1])).blocks);"
         "print(count, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)"
@@ -154,7 +155,7 @@ def test_headers_of_motions_that_are_none(header, said, motions):
 
     import pyarrow.parquet as pq
 
-    from scenegen.formats.motions.table import read_motions
+    from scenegen.scenes.formats.motions.table import read_motions
 
     table = pq.read_table(motions)
     if header == "columns":
@@ -170,9 +171,9 @@ def test_motions_that_fill_the_memory_are_refused(motions, monkeypatch):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from scenegen.errors.temporal import NOT_A_TRAJECTORY
-    from scenegen.formats.motions.table import read_motions
-    from scenegen.formats.plain import read_table
+    from scenegen.errors.time import NOT_A_TRAJECTORY
+    from scenegen.scenes.formats.motions.table import read_motions
+    from scenegen.scenes.formats.plain import read_table
 
     table = pq.read_table(motions)
     columns = {name: pa.array(np.full(2_000_000, 1.0)) for name in table.column_names}
@@ -192,8 +193,8 @@ def test_texts_of_tables_are_in_memory_once(tmp_path):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from scenegen.errors.temporal import NOT_A_TRAJECTORY
-    from scenegen.formats.plain import read_table
+    from scenegen.errors.time import NOT_A_TRAJECTORY
+    from scenegen.scenes.formats.plain import read_table
 
     table = pa.table({"t": ["1", "2.5", None, "x" * 1_000_000] * 2000, "u": [[0.5]] * 8000})
     pq.write_table(table, tmp_path / "t.parquet")
@@ -213,7 +214,7 @@ def test_columns_of_motions_that_hold_no_numbers(motions):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from scenegen.formats.motions.table import read_motions
+    from scenegen.scenes.formats.motions.table import read_motions
 
     table = pq.read_table(motions)
     pq.write_table(table.append_column("note", pa.array(["a"] * 4)), motions)

@@ -13,9 +13,9 @@ import pytest
 
 from scenegen.api.reading import read_scenes
 from scenegen.errors import DataError
-from scenegen.formats import parquet
-from scenegen.formats.blocks import BLOCK, Block
-from scenegen.formats.registry import write_scenes
+from scenegen.scenes.blocks import BLOCK, Block
+from scenegen.scenes.formats import parquet
+from scenegen.scenes.formats.registry import write_scenes
 
 
 @pytest.fixture

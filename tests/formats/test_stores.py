@@ -8,9 +8,10 @@ import pyarrow.fs
 import pytest
 
 from scenegen.errors import DataError, OutputError
-from scenegen.formats import stores, trying
-from scenegen.formats.locations import as_location, is_set, names_set
-from scenegen.formats.stores import Store, store_at
+from scenegen.scenes import stores
+from scenegen.scenes import stores as trying
+from scenegen.scenes.locations import as_location, is_set, names_set
+from scenegen.scenes.stores import Store, store_at
 
 
 class Flaky:

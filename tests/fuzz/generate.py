@@ -8,8 +8,8 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass, field
 
-from scenegen.lang import ast
-from scenegen.lang.scope import prelude
+from scenegen.lang.check.scope import prelude
+from scenegen.lang.syntax import ast
 
 from .phrases import OBJECTS, Phrases
 

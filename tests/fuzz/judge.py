@@ -18,17 +18,17 @@ import numpy as np
 
 from scenegen.api.outline import Outline
 from scenegen.api.spec import Spec
-from scenegen.bounds import node_bounds
 from scenegen.errors import Diagnostic, SpecError, render, to_json
 from scenegen.errors.declarations import SPEC_TOO_LARGE, TOO_MANY_ROUNDS
-from scenegen.lang.check import check_file, check_text
-from scenegen.lang.core import Atom, Core, Junction, gated
-from scenegen.lang.interpret import evaluate
-from scenegen.lang.layout import format_source
-from scenegen.lang.parse import parse_tolerant, read_source
+from scenegen.geometry import NUMPY
+from scenegen.lang.checker import check_file, check_text
+from scenegen.lang.formula.core import Atom, Core, Junction, gated
+from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.spec import CheckedSpec
-from scenegen.primitives import NUMPY
+from scenegen.lang.syntax.format import format_source
+from scenegen.lang.syntax.parse import parse_tolerant, read_source
 from scenegen.resources import grammar_file
+from scenegen.search import node_bounds
 
 from .generate import Case
 

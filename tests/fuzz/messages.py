@@ -14,9 +14,9 @@ from collections import Counter
 from io import BytesIO
 from typing import Any
 
-from scenegen.lsp.answers import Page, Question, answer
-from scenegen.lsp.document import Document
-from scenegen.lsp.stream import Fault, frames
+from scenegen.editors.lsp.answers import Page, Question, answer
+from scenegen.editors.lsp.document import Document
+from scenegen.editors.lsp.server import Fault, frames
 
 from .judge import Fault as Broken
 
@@ -106,7 +106,7 @@ def survive(data: bytes) -> None:
 
 async def _session(messages: list[bytes | Fault]) -> tuple[list[dict[str, Any]], list[str]]:
     """The answers of a server to messages, and the tracebacks that it logged."""
-    from scenegen.lsp.server import Server
+    from scenegen.editors.lsp.server import Server
 
     server, out, log = Server(), BytesIO(), _Log()
     page = Page(Document(TEXT), URI)
@@ -117,7 +117,7 @@ async def _session(messages: list[bytes | Fault]) -> tuple[list[dict[str, Any]],
     server.desk._ask = ask  # type: ignore[method-assign]
     server.desk._revise = lambda one: None  # type: ignore[method-assign]  # starts no process
     server.protocol.set_writer(out)
-    for name in ("scenegen.lsp", "pygls"):
+    for name in ("scenegen.editors.lsp", "pygls"):
         logging.getLogger(name).addHandler(log)
     try:
         for message in messages:
@@ -125,7 +125,7 @@ async def _session(messages: list[bytes | Fault]) -> tuple[list[dict[str, Any]],
             await asyncio.sleep(0)
             await asyncio.sleep(0)
     finally:
-        for name in ("scenegen.lsp", "pygls"):
+        for name in ("scenegen.editors.lsp", "pygls"):
             logging.getLogger(name).removeHandler(log)
         server.shutdown()
     answers = [json.loads(one) for one in frames(BytesIO(out.getvalue())) if not isinstance(one, Fault)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
-from scenegen.lang.tokens import KEYWORDS, scan
+from scenegen.lang.syntax.tokens import KEYWORDS, scan
 
 from .generate import Case
 from .phrases import EXTREMES

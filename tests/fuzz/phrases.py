@@ -10,7 +10,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 
-from scenegen.lang.tokens import KEYWORDS
+from scenegen.lang.syntax.tokens import KEYWORDS
 
 OBJECTS = "mug plate knife fork cup block box x y theta m cm e gap tray a b objects1 _ NORTHEAST".split()
 EXTREMES = "0 -0 1e308 1e-308 1e400 1e999999999 5e-324 -1e308 00 0.0000001 99999999999999999999 1.5 6.3 1e6 1e3".split()

@@ -14,25 +14,25 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.feasibility import doubts
-from scenegen.bounds import spec_bounds
-from scenegen.bounds.clash import clash
-from scenegen.bounds.effort import Effort, TooMuchError
-from scenegen.bounds.search import find
 from scenegen.errors import RequestError, SpecError
 from scenegen.errors.requests import BEYOND_BOUNDS, NO_SUCH_SCENE, TABLE_TOO_FULL
-from scenegen.lang.check import check_text
-from scenegen.lang.core import REQUIRE, gated
-from scenegen.lang.counts import combinations
-from scenegen.lang.interpret import phi
+from scenegen.geometry import NUMPY
+from scenegen.lang.check.families import combinations
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec
-from scenegen.primitives import NUMPY
-from scenegen.sampling.growth.full import too_full
 from scenegen.sampling.growth.graph import make_graph
+from scenegen.sampling.growth.room import too_full
 from scenegen.sampling.parts import independent_parts
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.sampler import make_plan
 from scenegen.sampling.rejection.trial import make_cover
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search import spec_bounds
+from scenegen.search.clash import clash
+from scenegen.search.effort import Effort, TooMuchError
+from scenegen.search.prune import find
 
 Array = npt.NDArray[np.float64]
 

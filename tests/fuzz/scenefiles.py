@@ -16,7 +16,7 @@ from scenegen.api.reading import read_scenes
 from scenegen.api.sample import sample
 from scenegen.api.spec import parse
 from scenegen.errors import ScenegenError
-from scenegen.formats.scenes_json import dump
+from scenegen.scenes.formats.scenes_json import dump
 
 from .judge import Fault
 

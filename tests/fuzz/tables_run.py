@@ -27,9 +27,9 @@ import numpy as np
 
 import scenegen
 from scenegen.api.scenes import evaluate, requirement
-from scenegen.lang.core import REQUIRE, gated
-from scenegen.lang.interpret import phi
-from scenegen.primitives import NUMPY
+from scenegen.geometry import NUMPY
+from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.interpret import phi
 
 from .tables import Table, table
 

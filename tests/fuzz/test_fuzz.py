@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 
 from . import judge as judging
 from .generate import Case
@@ -41,7 +41,7 @@ def test_damaged_messages_leave_the_language_server_usable(bench):
 
 def test_it_finds_a_server_that_does_not_answer(bench, monkeypatch):
     pytest.importorskip("pygls")
-    from scenegen.lsp.rpc import Protocol
+    from scenegen.editors.lsp.server import Protocol
 
     monkeypatch.setattr(Protocol, "_dispatch", lambda self, message: None)
     assert "without its one answer" in bench.attacked(SEED, 0)[0]
@@ -104,7 +104,7 @@ def grown():
 
 
 def judging_interval():
-    from scenegen.primitives import Interval
+    from scenegen.geometry import Interval
 
     return Interval(7.0, 8.0)
 

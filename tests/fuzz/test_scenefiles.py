@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from scenegen.formats import header
+from scenegen.scenes.formats import header
 
 from . import scenefiles
 from .judge import Fault

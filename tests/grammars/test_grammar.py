@@ -7,12 +7,10 @@ from functools import cache
 import pytest
 
 import scenegen
-from scenegen.api.grammar import rules_of
+from scenegen.editors.grammars.grammar import rules_of
+from scenegen.editors.grammars.rules import Choice, Ref, Repeat, Seq, gbnf, lark, pattern
+from scenegen.editors.grammars.rules import json as as_json
 from scenegen.errors import RequestError, SpecError
-from scenegen.grammars.gbnf import gbnf
-from scenegen.grammars.lark import json as as_json
-from scenegen.grammars.lark import lark, pattern
-from scenegen.grammars.rules import Choice, Ref, Repeat, Seq
 from tests.grammars.walks import SPECS, derive, read_gbnf, refused
 
 LONG = pytest.mark.long
@@ -56,8 +54,8 @@ def test_a_definition_of_the_spec_takes_part():
 
 @LONG
 def test_every_relation_takes_part():
-    from scenegen.lang import ast
-    from scenegen.lang.scope import prelude
+    from scenegen.lang.check.scope import prelude
+    from scenegen.lang.syntax import ast
 
     written = lark(rules_for("crowded"))
     names = [one.name.id for one in prelude().statements if isinstance(one, ast.Definition)]

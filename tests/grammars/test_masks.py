@@ -7,8 +7,8 @@ import numpy
 import pytest
 
 import scenegen
-from scenegen.api.grammar import rules_of
-from scenegen.grammars.lark import json, lark
+from scenegen.editors.grammars.grammar import rules_of
+from scenegen.editors.grammars.rules import json, lark
 from tests.grammars.walks import SPECS, derive, refused
 
 llguidance = pytest.importorskip("llguidance")

@@ -7,8 +7,8 @@ import re
 
 import scenegen
 from scenegen.api.feasibility import doubts
+from scenegen.editors.grammars.rules import Choice, Grammar, Ref, Repeat, Seq, Text, Whole
 from scenegen.errors import SpecError
-from scenegen.grammars.rules import Choice, Grammar, Ref, Repeat, Seq, Text, Whole
 
 SPECS = {
     "pair": "object mug, plate\ntask: leftOf(mug, plate)\n",

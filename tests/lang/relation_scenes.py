@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 
 FOLDER = Path(__file__).resolve().parents[1] / "golden" / "relations"

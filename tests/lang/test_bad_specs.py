@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from scenegen.errors import SpecError
-from scenegen.lang.check import check
-from scenegen.lang.parse import read_source
+from scenegen.lang.checker import check
+from scenegen.lang.syntax.parse import read_source
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "tests" / "golden" / "lang" / "errors"

@@ -6,7 +6,7 @@ import pytest
 
 import scenegen
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 
 
 def spec(shape, what="spoon", drawer=2):

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from scenegen.errors import Source, SpecError
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Atom, gated, part
-from scenegen.lang.interpret import phi
-from scenegen.lang.layout import format_source
-from scenegen.primitives import NUMPY, Box, Circle, Polygon
-from scenegen.primitives.standing import standing_area
+from scenegen.geometry import NUMPY, Box, Circle, Polygon
+from scenegen.geometry.footprint import standing_area
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Atom, gated, part_of
+from scenegen.lang.formula.interpret import phi
+from scenegen.lang.syntax.format import format_source
 
 TEXT = """region shelf[2] = rect(0.1, 0.6, 0.9, 0.95) at 30 cm, 60 cm
 object book[2] on any of shelf, tray on any of [shelf[1], workspace] by area, can on tray
@@ -96,7 +96,7 @@ def test_names_of_heights_can_be_defined_by_a_spec():
     """
     plain = check_text("object tray, can on tray, mug\nmine: stackedOn(can, tray)")
     mine = [
-        [node.text for node in part(one.core, ["mine"]).nodes if isinstance(node, Atom)]
+        [node.text for node in part_of(one.core, ["mine"]).nodes if isinstance(node, Atom)]
         for one in (check_text(text), plain)
     ]
     assert mine[0] == mine[1] and "y(can)" not in str(mine)  # the prelude goes on with its own z

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_text
-from scenegen.lang.core import gated
-from scenegen.lang.interpret import phi
-from scenegen.lang.levels import chosen
+from scenegen.geometry import NUMPY
+from scenegen.lang.check.heights import chosen
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.interpret import phi
 from scenegen.pose import X, row_of
-from scenegen.primitives import NUMPY
 
 HEAD = """region shelf[2] = rect(0.1, 0.6, 0.9, 0.95) at 30 cm, 60 cm
 region mat = rect(0.1, 0.1, 0.4, 0.4)

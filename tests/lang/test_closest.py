@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from scenegen.lang.check import check_text
-from scenegen.lang.closest import find, last_uses_of, least
-from scenegen.lang.interpret import evaluate
-from scenegen.primitives import NUMPY, PRIMITIVES
+from scenegen.geometry import NUMPY, PRIMITIVES
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import evaluate
+from scenegen.lang.formula.nearest import find, last_uses_of, least
 
 TABLE = """object a, b = box(0.1, 0.06, 0.05), c = box(0.3, 0.01, 0.05), d = cylinder(0.04, 0.1)
 object e = box(0.1, 0.06, 0.05)

@@ -99,8 +99,8 @@ def test_the_last_of_them_is_another_one_with_another_number():
 
 
 def test_editors_say_how_many_there_can_be():
-    from scenegen.lsp.document import Document
-    from scenegen.lsp.hover import hover
+    from scenegen.editors.lsp.document import Document
+    from scenegen.editors.lsp.hover import hover
 
     found = hover(Document(FAMILY), FAMILY.index("block"))
     assert found is not None and "2 to 4 of block" in found.markdown

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Atom
-from scenegen.lang.deciding import deciding_atoms
-from scenegen.lang.interpret import deciding_atom, evaluate, is_constant
-from scenegen.primitives import NUMPY
+from scenegen.geometry import NUMPY
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Atom
+from scenegen.lang.formula.interpret import deciding_atom, deciding_atoms, evaluate, is_constant
 from tests.robustness.formulas import scenes, seeds, specs
 
 from ..laws import examples

@@ -5,9 +5,9 @@ import math
 import pytest
 
 from scenegen.errors import Source
-from scenegen.lang.check import check_module, check_text
-from scenegen.lang.parse import parse
-from scenegen.primitives import Box, Circle, Polygon
+from scenegen.geometry import Box, Circle, Polygon
+from scenegen.lang.checker import check_module, check_text
+from scenegen.lang.syntax.parse import parse
 
 from .worth import alike, problems, worth
 

@@ -7,11 +7,12 @@ import pytest
 import torch
 
 from scenegen.errors import Source, SpecError, render
-from scenegen.lang import builder, parse
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import phi
-from scenegen.lang.parse import MOST_ERRORS
-from scenegen.robustness import Robustness
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula import builder
+from scenegen.lang.formula.interpret import phi
+from scenegen.lang.syntax import parse
+from scenegen.lang.syntax.parse import MOST_ERRORS
+from scenegen.learn.robustness import Robustness
 
 N = 10_000
 FEW = 1_200  # Python's recursion ends at 1,000

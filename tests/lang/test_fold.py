@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import scenegen
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction, children, last_uses
-from scenegen.lang.fold import Algebra, fold
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, children, last_uses
+from scenegen.lang.formula.interpret import Algebra, fold
 
 TEXT = "near: closeTo(a, b) & dist(a, b) >= 0.01\napart: !closeTo(a, b) | leftOf(a, b)"
 

@@ -6,8 +6,8 @@ import time
 import pytest
 
 from scenegen.errors import SpecError
-from scenegen.lang import imports
-from scenegen.lang.check import check_file, check_text
+from scenegen.lang.check import imports
+from scenegen.lang.checker import check_file, check_text
 
 TASK = "task: leftOf(mug, plate)\n"
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from scenegen import parse
-from scenegen.lang.core import gated
-from scenegen.lang.interpret import evaluate
-from scenegen.lang.least_gap import BATCH, find_groups
-from scenegen.primitives import NUMPY
+from scenegen.geometry import NUMPY
+from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.interpret import evaluate
+from scenegen.lang.formula.nearest import BATCH, find_groups
 
 SPECS = {
     "boxes": "object a[9] = box(9 cm, 4 cm, 5 cm)\nrequire noOverlap()\ntask: closeTo(a[1], a[2])",

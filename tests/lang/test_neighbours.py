@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from scenegen.lang.check import check_text
-from scenegen.robustness import Robustness
+from scenegen.lang.checker import check_text
+from scenegen.learn.robustness import Robustness
 
 from .worth import alike, worth
 

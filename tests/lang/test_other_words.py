@@ -6,7 +6,7 @@ import pytest
 
 import scenegen
 from scenegen.errors import SpecError
-from scenegen.lang.other_words import BODY, COLOR, COUNTING, LYING, PRIOR, RELATIONS, SEEN, SIZES, of_relation, plain
+from scenegen.lang.syntax.foreign import BODY, COLOR, COUNTING, LYING, PRIOR, RELATIONS, SEEN, SIZES, of_relation, plain
 
 # a spec, and part of the help of its first mistake
 HELPS = {
@@ -125,8 +125,8 @@ def test_time_that_runs_backwards():
 def test_what_is_to_be_written_is_known(name):
     """Every relation and function of the advice is one that there is."""
     told = of_relation(name, ("mug", "plate"))
+    from scenegen.lang.check.scope import signatures
     from scenegen.lang.relations import groups
-    from scenegen.lang.scope import signatures
 
     known = {*signatures(), *(one.name for group in groups() for one in group.entries)}
     assert set(re.findall(r"(\w+)\(", told)) <= known
@@ -134,8 +134,8 @@ def test_what_is_to_be_written_is_known(name):
 
 
 def test_the_names_of_formats(tmp_path):
-    from scenegen.api.export import chosen
     from scenegen.errors import RequestError
+    from scenegen.worlds.files import chosen
 
     for name, meant in {"mujoco": "mjcf", "Isaac-Sim": "usd", "gazebo": "sdf", "isaac": "usd"}.items():
         with pytest.raises(RequestError, match="unknown format") as caught:

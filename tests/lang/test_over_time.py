@@ -6,13 +6,13 @@ import pytest
 
 import scenegen
 from scenegen.errors import Source, SpecError
-from scenegen.lang.check import check_file, check_text
-from scenegen.lang.core import Const
-from scenegen.lang.horizon import Horizon
-from scenegen.lang.layout import format_source
-from scenegen.lang.parse import parse
-from scenegen.lang.print import dump
-from scenegen.lang.tokens import TEMPORAL, has_time
+from scenegen.lang.checker import check_file, check_text
+from scenegen.lang.formula.core import Const
+from scenegen.lang.formula.timed import Horizon
+from scenegen.lang.syntax.format import format_source
+from scenegen.lang.syntax.parse import parse
+from scenegen.lang.syntax.pieces import dump
+from scenegen.lang.syntax.tokens import TEMPORAL, has_time
 
 O = "object mug, plate\n"  # noqa: E741
 TASK = "task: always leftOf(mug, plate)"

@@ -3,10 +3,10 @@
 from hypothesis import given, settings
 
 from scenegen.errors import Source
-from scenegen.lang import ast
-from scenegen.lang.layout import format_source
-from scenegen.lang.parse import parse
-from scenegen.lang.print import dump, print_module
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.format import format_source
+from scenegen.lang.syntax.parse import parse
+from scenegen.lang.syntax.pieces import dump, print_module
 
 from ..laws import examples
 from .trees import expressions, horizons, ladders, statements, timed_statements, tuples

@@ -3,7 +3,7 @@
 import pytest
 
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 
 from .worth import alike, problems
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import phi
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi
 
 from ..laws import examples
 

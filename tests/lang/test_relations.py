@@ -7,13 +7,14 @@ import pytest
 import torch
 
 from scenegen.errors import Source
-from scenegen.lang import ast, traversal
-from scenegen.lang.core import Apply
-from scenegen.lang.interpret import phi
-from scenegen.lang.parse import parse
-from scenegen.lang.scope import prelude
-from scenegen.primitives import Box
-from scenegen.robustness import Robustness
+from scenegen.geometry import Box
+from scenegen.lang.check.scope import prelude
+from scenegen.lang.formula.core import Apply
+from scenegen.lang.formula.interpret import phi
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax import ast as traversal
+from scenegen.lang.syntax.parse import parse
+from scenegen.learn.robustness import Robustness
 
 from .relation_scenes import FOLDER, read
 

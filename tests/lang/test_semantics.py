@@ -5,8 +5,8 @@ import math
 import pytest
 
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import phi
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi
 
 PI = math.pi
 A, B = (0.25, 0.5, 0.0), (0.75, 0.125, 0.0)  # dx = 0.5, dy = -0.375, dist = sqrt(0.25 + 0.140625) = 0.625

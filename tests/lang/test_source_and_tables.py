@@ -7,11 +7,10 @@ import lark
 import pytest
 
 from scenegen.errors import Source, SpecError
-from scenegen.lang import parser_tables as tables
-from scenegen.lang.build import Builder
-from scenegen.lang.check import check_file, check_text
-from scenegen.lang.parse import _parser, parse, read_source
-from scenegen.lang.print import dump
+from scenegen.lang.checker import check_file, check_text
+from scenegen.lang.syntax import parser_tables as tables
+from scenegen.lang.syntax.parse import Builder, _parser, parse, read_source
+from scenegen.lang.syntax.pieces import dump
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = "leftOf(mug, plate) & !closeTo(mug, plate, 0.25)"

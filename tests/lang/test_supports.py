@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.bounds import spec_bounds
 from scenegen.errors import Source, SpecError
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Atom
-from scenegen.lang.interpret import phi as evaluate
-from scenegen.lang.layout import format_source
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Atom
+from scenegen.lang.formula.interpret import phi as evaluate
+from scenegen.lang.syntax.format import format_source
+from scenegen.search import spec_bounds
 
 TOWER = """object tray, can on tray, low = box(0.2, 0.2, 0.05), block[3] on [low, block[1], block[2]]
 require noCollision()

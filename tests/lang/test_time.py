@@ -6,9 +6,9 @@ import time
 import pytest
 
 from scenegen.errors import Source, SpecError
-from scenegen.lang import lower
-from scenegen.lang.check import check_text
-from scenegen.lang.parse import parse_tolerant
+from scenegen.lang.check import lower
+from scenegen.lang.checker import check_text
+from scenegen.lang.syntax.parse import parse_tolerant
 
 LONG = "a" * 100_000
 DIGITS = "1" * 100_000

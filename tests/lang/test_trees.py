@@ -7,9 +7,9 @@ import pytest
 from scenegen.api.outline import Outline
 from scenegen.api.spec import Spec
 from scenegen.errors import Source, SpecError
-from scenegen.lang.check import check_text
-from scenegen.lang.parse import parse
-from scenegen.lang.print import dump, print_module
+from scenegen.lang.checker import check_text
+from scenegen.lang.syntax.parse import parse
+from scenegen.lang.syntax.pieces import dump, print_module
 
 ROOT = Path(__file__).resolve().parents[2]
 SPECS = sorted((ROOT / "specs").glob("*.spec"))

@@ -2,8 +2,8 @@
 
 from hypothesis import strategies as st
 
-from scenegen.lang import ast
-from scenegen.lang.tokens import KEYWORDS, TEMPORAL
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.tokens import KEYWORDS, TEMPORAL
 
 ids = st.one_of(
     st.sampled_from("a b mug plate x theta m cm e5 inside objects _ A1".split()),

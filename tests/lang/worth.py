@@ -3,9 +3,9 @@
 import random
 
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_text
-from scenegen.lang.core import gated
-from scenegen.lang.interpret import phi
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.interpret import phi
 
 
 def worth(text, *poses, label="task"):

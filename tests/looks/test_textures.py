@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from scenegen.looks.read import read_looks
-from scenegen.looks.textures import BUILT_IN, PATTERNS, Textures, checked, found_files, image_of, mean_of
+from scenegen.show.looks.read import read_looks
+from scenegen.show.looks.textures import BUILT_IN, PATTERNS, Textures, checked, found_files, image_of, mean_of
 from tests.looks.pictures import four_colors
 
 RED, GREEN, BLUE, WHITE = (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)

@@ -1,6 +1,6 @@
 """Texts with a cursor in them."""
 
-from scenegen.lsp.document import Document
+from scenegen.editors.lsp.document import Document
 
 CURSOR = "§"
 

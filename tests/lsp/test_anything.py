@@ -3,12 +3,12 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.lsp.complete import complete
-from scenegen.lsp.define import definition, refusal, symbols, uses
-from scenegen.lsp.diagnose import problems
-from scenegen.lsp.document import Document
-from scenegen.lsp.format import formatted
-from scenegen.lsp.hover import hover
+from scenegen.editors.lsp.answers import formatted
+from scenegen.editors.lsp.complete import complete
+from scenegen.editors.lsp.define import definition, refusal, symbols, uses
+from scenegen.editors.lsp.diagnose import problems
+from scenegen.editors.lsp.document import Document
+from scenegen.editors.lsp.hover import hover
 
 from ..laws import examples
 

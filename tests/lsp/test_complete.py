@@ -2,8 +2,8 @@
 
 import pytest
 
-from scenegen.assets import ASSETS
-from scenegen.lsp.complete import complete
+from scenegen.editors.lsp.complete import complete
+from scenegen.things import ASSETS
 
 from .marks import at_cursor
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from scenegen.bounds import spec_bounds
-from scenegen.lang.check import check_text
-from scenegen.lsp.define import definition, refusal, symbols, uses
-from scenegen.lsp.document import Document
+from scenegen.editors.lsp.define import definition, refusal, symbols, uses
+from scenegen.editors.lsp.document import Document
+from scenegen.lang.checker import check_text
 from scenegen.resources import grammar_file
+from scenegen.search import spec_bounds
 
 from .marks import at_cursor
 

@@ -7,11 +7,11 @@ import pytest
 
 pytest.importorskip("pygls")
 
-from scenegen.lsp import desk as desks
-from scenegen.lsp import worker as workers
-from scenegen.lsp.answers import Question, answer
-from scenegen.lsp.once import once
-from scenegen.lsp.process import Gone
+from scenegen.editors.lsp import desk as desks
+from scenegen.editors.lsp import worker as workers
+from scenegen.editors.lsp.answers import Question, answer
+from scenegen.editors.lsp.desk import Gone
+from scenegen.editors.lsp.document import once
 
 
 class Still:

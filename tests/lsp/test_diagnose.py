@@ -2,8 +2,8 @@
 
 import pytest
 
-from scenegen.lsp.diagnose import problems
-from scenegen.lsp.document import Document
+from scenegen.editors.lsp.diagnose import problems
+from scenegen.editors.lsp.document import Document
 from scenegen.resources import shipped_specs
 
 

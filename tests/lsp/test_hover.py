@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenegen.lsp.hover import hover
+from scenegen.editors.lsp.hover import hover
 
 from .marks import CURSOR, at_cursor
 

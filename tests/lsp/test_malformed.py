@@ -80,7 +80,7 @@ def test_a_path_that_cannot_be_leaves_other_documents_alone(client, tmp_path):
 
 def test_uris_without_a_file():
     pytest.importorskip("pygls")
-    from scenegen.lsp.desk import _path
+    from scenegen.editors.lsp.desk import _path
 
     for uri in (
         "file:///x/%00",

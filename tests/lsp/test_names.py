@@ -4,12 +4,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenegen.editors.lsp.document import Document
+from scenegen.editors.lsp.names import index
 from scenegen.errors import Source
-from scenegen.lang import ast, traversal
-from scenegen.lang.parse import parse
-from scenegen.lang.print import print_module
-from scenegen.lsp.document import Document
-from scenegen.lsp.names import index
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax import ast as traversal
+from scenegen.lang.syntax.parse import parse
+from scenegen.lang.syntax.pieces import print_module
 from scenegen.resources import shipped_specs
 
 from ..lang import trees

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenegen.lsp.positions import Lines
+from scenegen.editors.lsp.answers import Lines
 
 texts = st.text(st.sampled_from("ab \n\té≤🍵𝔸"), max_size=30)
 codecs = {"utf-8": ("utf-8", 1), "utf-16": ("utf-16-le", 2), "utf-32": ("utf-32-le", 4)}

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("pygls")
 
-from scenegen.lsp.desk import MOST
+from scenegen.editors.lsp.desk import MOST
 
 TABLE = """# the furniture
 const NEAR = 25 cm
@@ -147,8 +147,8 @@ def test_characters_are_counted_as_agreed(client, tmp_path):
 
 
 def test_a_failure_of_a_feature_is_logged_and_no_more(caplog, monkeypatch):
-    from scenegen.lsp import answers
-    from scenegen.lsp.document import Document
+    from scenegen.editors.lsp import answers
+    from scenegen.editors.lsp.document import Document
 
     def broken(page, offset, question):
         raise ZeroDivisionError(page.uri)

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from scenegen.lsp.answers import Page, Question, answer
-from scenegen.lsp.document import Document
+from scenegen.editors.lsp.answers import Page, Question, answer
+from scenegen.editors.lsp.document import Document
 
 from ..laws import FULL, in_full_again
 

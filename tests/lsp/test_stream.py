@@ -2,7 +2,7 @@
 
 import io
 
-from scenegen.lsp.stream import Fault, frames
+from scenegen.editors.lsp.server import Fault, frames
 
 
 def read(data):

@@ -1,17 +1,15 @@
 import pytest
 import torch
 
-from scenegen.lang.check import check_text
-from scenegen.models.branches import survey
-from scenegen.models.card import LabelData, LossData, ModelCard, spec_data
-from scenegen.models.checkpoint import save_model
-from scenegen.models.codec import Codec
-from scenegen.models.examples import Examples
-from scenegen.models.layout import Layout, layout_of
-from scenegen.models.registry import model_class, parse_hyper
-from scenegen.models.spec_loss import SpecLoss
-from scenegen.scene.data import WorkspaceData
-from scenegen.training.datasets.uniform import uniform
+from scenegen.lang.checker import check_text
+from scenegen.learn.models.base import SpecLoss
+from scenegen.learn.models.card import LabelData, LossData, ModelCard, spec_data
+from scenegen.learn.models.checkpoint import save_model
+from scenegen.learn.models.codec import Codec, Examples, survey
+from scenegen.learn.models.layout import Layout, layout_of
+from scenegen.learn.models.registry import model_class, parse_hyper
+from scenegen.learn.training.datasets.uniform import uniform
+from scenegen.scenes.data import WorkspaceData
 
 
 def plain_spec(objects, labels):

@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 import torch
 
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Atom
-from scenegen.lang.interpret import deciding_atom, evaluate, phi
-from scenegen.models.branches import MOST, OTHER, survey
-from scenegen.models.codec import Codec
-from scenegen.models.examples import Examples
-from scenegen.models.layout import Layout, layout_of
-from scenegen.models.selector import PASSES, Selector
-from scenegen.models.spec_loss import SpecLoss
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Atom
+from scenegen.lang.formula.interpret import deciding_atom, evaluate, phi
+from scenegen.learn.models.base import SpecLoss
+from scenegen.learn.models.codec import MOST, OTHER, Codec, Examples, survey
+from scenegen.learn.models.conditioned import PASSES, Selector
+from scenegen.learn.models.layout import Layout, layout_of
+from scenegen.learn.refine import draw
+from scenegen.learn.robustness.deciding import deciding
 from scenegen.resources import shipped_specs
-from scenegen.robustness.deciding import deciding
-from scenegen.sampling.base import draw
 
 SPECS = ("mug_left_of_plate", "table_setting", "sort_7", "chess_corner", "recycling")
 

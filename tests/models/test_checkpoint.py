@@ -10,11 +10,10 @@ import pytest
 import safetensors.torch
 import torch
 
-from scenegen.api.model import Model
 from scenegen.errors import DataError, OutputError
-from scenegen.models.card import FORMAT
-from scenegen.models.checkpoint import load_model, save_model
-from scenegen.models.safefile import KEY, pack
+from scenegen.learn.model import Model
+from scenegen.learn.models.card import FORMAT
+from scenegen.learn.models.checkpoint import KEY, load_model, pack, save_model
 
 
 def rewritten(path, model, changes):

@@ -4,9 +4,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenegen.models.codec import Codec, within
+from scenegen.geometry.workspace import Workspace
+from scenegen.learn.models.codec import Codec, within
 from scenegen.pose import TWO_PI
-from scenegen.scene.workspace import Workspace
 
 UNIT = st.lists(
     st.sampled_from([0.0, 1.0, 0.5, 1e-8, 1.0 - 6e-8]) | st.floats(0.0, 1.0, width=32), min_size=6, max_size=6

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from scenegen.errors import DataError, RequestError
-from scenegen.models.base import SceneModel
-from scenegen.models.registry import RECIPES, model_class, parse_hyper
+from scenegen.learn.models.base import SceneModel
+from scenegen.learn.models.registry import RECIPES, model_class, parse_hyper
 
 from ..laws import FULL
 

@@ -7,13 +7,12 @@ import pytest
 import torch
 from scipy import stats
 
-from scenegen.evaluation.screen import kolmogorov_smirnov
-from scenegen.lang.check import check_text
-from scenegen.lang.core import REQUIRE, gated
-from scenegen.models.codec import Codec
-from scenegen.models.correction import Correction, newton
-from scenegen.models.stirring import Stir
-from scenegen.robustness import Robustness
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.learn.evaluation.fidelity import kolmogorov_smirnov
+from scenegen.learn.models.codec import Codec
+from scenegen.learn.models.correction import Correction, Stir, newton
+from scenegen.learn.robustness import Robustness
 
 TEXT = """object a = cylinder(0.05, 0.1), b = cylinder(0.05, 0.1), c = cylinder(0.05, 0.1) at (0.5, 0.5)
 require noOverlap()

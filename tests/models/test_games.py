@@ -4,16 +4,14 @@ the wanted phi and, what games are known to lose, keep the spread and both branc
 import pytest
 import torch
 
-from scenegen.lang.check import check_text
-from scenegen.models.branches import survey
-from scenegen.models.codec import Codec
-from scenegen.models.examples import Examples
-from scenegen.models.layout import layout_of
-from scenegen.models.registry import model_class, parse_hyper
-from scenegen.models.spec_loss import SpecLoss
-from scenegen.robustness import Robustness
-from scenegen.training.datasets.balanced import balanced
-from scenegen.training.datasets.uniform import uniform
+from scenegen.lang.checker import check_text
+from scenegen.learn.models.base import SpecLoss
+from scenegen.learn.models.codec import Codec, Examples, survey
+from scenegen.learn.models.layout import layout_of
+from scenegen.learn.models.registry import model_class, parse_hyper
+from scenegen.learn.robustness import Robustness
+from scenegen.learn.training.datasets.balanced import balanced
+from scenegen.learn.training.datasets.uniform import uniform
 
 pytestmark = pytest.mark.slow
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from scenegen.models.gan import START
+from scenegen.learn.models.gan import START
 
 
 def pushes(make, done, **hyper):

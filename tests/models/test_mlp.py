@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from scenegen.models.mlp import Mlp, Pass, Trainable
+from scenegen.learn.models.mlp import Mlp, Pass, Trainable
 
 WIDTHS = (5, 16, 8, 3)
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch.nn.functional import binary_cross_entropy as bce
 
-from scenegen.models.examples import Examples
+from scenegen.learn.models.codec import Examples
 
 
 def parameters(mlp):

@@ -6,11 +6,10 @@ import pytest
 import torch
 
 from scenegen.errors import DataError
-from scenegen.lang.check import check_text
-from scenegen.models.codec import Codec
-from scenegen.models.conditioned import given
-from scenegen.models.examples import EVERY, NONE, Examples
-from scenegen.models.trained import TrainedModel
+from scenegen.lang.checker import check_text
+from scenegen.learn.models.codec import EVERY, NONE, Codec, Examples
+from scenegen.learn.models.conditioned import given
+from scenegen.learn.models.trained import TrainedModel
 
 from .conftest import card_for
 

@@ -5,11 +5,10 @@ import math
 import pytest
 import torch
 
-from scenegen.models.examples import Examples
-from scenegen.models.generator import Generator, noise
-from scenegen.models.layout import Layout
-from scenegen.models.selector import Selector
-from scenegen.models.view import View
+from scenegen.learn.models.codec import Examples
+from scenegen.learn.models.conditioned import Selector, View
+from scenegen.learn.models.energy import Generator, noise
+from scenegen.learn.models.layout import Layout
 
 LAYOUT = Layout(objects=2, labels=2, positions=(0, 4), angles=(2,), branches=3)
 

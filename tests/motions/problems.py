@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenegen.motions.problem import MotionProblem
 from scenegen.pose import TWO_PI
+from scenegen.sampling.motions.problem import MotionProblem
 from scenegen.sampling.request import Range, SampleRequest
 
 

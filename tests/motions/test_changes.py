@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
-from scenegen.motions import relocate
-from scenegen.motions.chains import Chains
-from scenegen.motions.mixture import statistics
-from scenegen.motions.moves import WAYS, changes
-from scenegen.motions.variables import Variables, draw, poses_of
+from scenegen.sampling.motions import relocate
+from scenegen.sampling.motions.moves import WAYS, changes
+from scenegen.sampling.motions.problem import Variables, draw, poses_of
+from scenegen.sampling.motions.relocate import statistics
+from scenegen.sampling.motions.schedule import Chains
 from scenegen.sampling.splitting.chains import Region
 
 from .problems import apart, held, meets, problem

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.bounds.effort import StoppedError
 from scenegen.errors import RequestError
-from scenegen.motions.prepare import make_problem
+from scenegen.sampling.motions.scores import make_problem
 from scenegen.sampling.request import SampleRequest
+from scenegen.search.effort import StoppedError
 
 LIMIT, ROOM = 0.5, 4.0
 MEMORY = 1.5e9
@@ -68,7 +68,7 @@ def test_ranges_with_two_ends_and_each_method(name):
 
 @pytest.mark.parametrize("name", ["long", "rare"])
 def test_training_refuses_a_spec_over_time_at_once(name, tmp_path):
-    importlib.import_module("scenegen.api.train")  # the import of torch is not measured
+    importlib.import_module("scenegen.learn.train")  # the import of torch is not measured
     importlib.import_module("torch")
     found = answered(lambda: scenegen.train(scenegen.parse(SPECS[name]), out=tmp_path / "model.safetensors"))
     assert isinstance(found, RequestError) and {one.code for one in found.diagnostics} == {"time-not-here"}

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.lang.timed import Numpy, over_time
-from scenegen.motions.lean import lean
-from scenegen.motions.needed import moments_needed
-from scenegen.motions.prepare import make_problem
-from scenegen.motions.variables import draw, poses_of
+from scenegen.lang.formula.timed import Numpy, over_time
+from scenegen.sampling.motions.problem import draw, poses_of
+from scenegen.sampling.motions.scores import lean, make_problem, moments_needed
 from scenegen.sampling.request import Range, SampleRequest
 
 HEAD = "object mug, plate, block[3]\ntime 8 steps\n{moves}require forall a in objects: speed(a) <= 20 cm/s\n"

@@ -6,8 +6,8 @@ import torch
 
 import scenegen
 from scenegen.errors import RequestError
-from scenegen.motions.prepare import make_problem
-from scenegen.motions.variables import draw, poses_of, within_a_turn
+from scenegen.sampling.motions.problem import draw, poses_of, within_a_turn
+from scenegen.sampling.motions.scores import make_problem
 from scenegen.sampling.request import SampleRequest
 
 HEAD = """object mug, plate at (0.5, 0.5), knife

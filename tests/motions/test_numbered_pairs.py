@@ -7,9 +7,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import scenegen
-from scenegen.api.planning import export_problems
 from scenegen.api.scenes import evaluate
 from scenegen.errors import DataError, RequestError
+from scenegen.worlds.planning import export_problems
 
 ASSETS = '[asset("red", box(10 cm, 10 cm, 10 cm)), asset("blue", box(20 cm, 10 cm, 10 cm))]'
 TEXT = "object block[1..3], mug\nrequire insideWorkspace()\ntask: forall b in block: leftOf(b, mug)\n"
@@ -38,7 +38,7 @@ def test_a_pair_is_one_of_the_spec_with_its_number(made):
 
 def test_given_the_number_pairs_are_those_of_the_ordinary_spec(made):
     """The same code with the member's own seed: so no more than shares and order is new."""
-    from scenegen.sampling.numbered_planning import seed_of
+    from scenegen.sampling.families import seed_of
 
     mine = made.poses[made.counts["block"] == 2][:, :, [0, 1, 3]]
     alone = scenegen.pairs(

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.engine.run import draw
 from scenegen.errors import DataError, RequestError
-from scenegen.evaluation.energy import energy_test
-from scenegen.motions import pairs
+from scenegen.learn.evaluation.fidelity import energy_test
 from scenegen.pose import as_rows
+from scenegen.sampling.engine.run import draw
+from scenegen.sampling.motions import pairs
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -76,9 +76,9 @@ def by_hand(count, rng):
 
 def requirement(poses):
     from scenegen.api.scenes import evaluate  # noqa: F401
-    from scenegen.lang.core import REQUIRE, gated
-    from scenegen.lang.interpret import phi as score
-    from scenegen.primitives import NUMPY
+    from scenegen.geometry import NUMPY
+    from scenegen.lang.formula.core import REQUIRE, gated
+    from scenegen.lang.formula.interpret import phi as score
 
     return score(gated(SPEC.checked.core), list(as_rows(poses)), NUMPY)[REQUIRE]
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.motions import rarity
-from scenegen.motions.plan import MotionSplitting
-from scenegen.motions.prepare import make_problem
-from scenegen.motions.schedule import Schedule
-from scenegen.motions.variables import draw, poses_of
+from scenegen.sampling.motions import rarity
+from scenegen.sampling.motions.problem import draw, poses_of
+from scenegen.sampling.motions.sampler import MotionSplitting
+from scenegen.sampling.motions.schedule import Schedule
+from scenegen.sampling.motions.scores import make_problem
 from scenegen.sampling.plan import Tally
 from scenegen.sampling.request import SampleRequest
 

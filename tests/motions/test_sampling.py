@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenegen.evaluation.energy import energy_test
-from scenegen.evaluation.screen import ks_screen
-from scenegen.motions.chains import Chains
-from scenegen.motions.plan import make_plan, pilot
-from scenegen.motions.problem import MotionProblem
-from scenegen.motions.sample import sample
-from scenegen.motions.variables import Variables, draw, poses_of, unit_steps
+from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
 from scenegen.pose import as_rows
+from scenegen.sampling.motions.problem import MotionProblem, Variables, draw, poses_of, unit_steps
+from scenegen.sampling.motions.sampler import make_plan, pilot, sample
+from scenegen.sampling.motions.schedule import Chains
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import Range
 

@@ -6,10 +6,9 @@ import torch
 
 import scenegen
 from scenegen.errors import RequestError
-from scenegen.evaluation.energy import energy_test
-from scenegen.evaluation.screen import ks_screen
-from scenegen.motions.bounds import step_bounds
+from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
 from scenegen.pose import as_rows
+from scenegen.sampling.motions.bounds import step_bounds
 
 HEAD = "object mug, plate\ntime {steps} steps\n{moves}require forall a in objects: speed(a) <= 20 cm/s\n"
 

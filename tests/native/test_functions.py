@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.native import make_kernel
-from scenegen.native.functions import DOUBLE, SINGLE
+from scenegen.learn.native import make_kernel
+from scenegen.learn.native.functions import DOUBLE, SINGLE
 
 BOTH = pytest.mark.parametrize("constants, dtype", [(DOUBLE, np.float64), (SINGLE, np.float32)])
 TEXT = """object a

@@ -1,9 +1,14 @@
 """No circles of imports: neither between modules nor between the parts of a package, imports for types included."""
 
+import copy
+import tomllib
 from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
 import grimp
 import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
 
 PACKAGES = ("scenegen", "experiments")
 
@@ -33,6 +38,11 @@ def between_parts(graph, package):
     return imports
 
 
+def doors():
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    return [line.split(" -> ") for line in contracts[0]["ignore_imports"]]
+
+
 def test_circles_are_found():
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) in (["a", "b", "c", "a"], ["b", "c", "a", "b"],
                                                                       ["c", "a", "b", "c"])  # fmt: skip
@@ -52,6 +62,9 @@ def test_no_circles_between_modules(graph):
 
 
 def test_no_circles_within_packages(graph):
+    graph = copy.deepcopy(graph)
+    for door in doors():  # pyproject.toml lists the ways from the core to its leaves one by one
+        graph.remove_import(importer=door[0], imported=door[1])
     packages = [module for module in graph.modules if graph.find_children(module)]
     assert set(PACKAGES) < set(packages)
     found = {package: circle(between_parts(graph, package)) for package in packages}

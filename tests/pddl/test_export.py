@@ -8,19 +8,17 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.api.planning import export_problems
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet, evaluate
 from scenegen.errors import ScenegenError, Source
-from scenegen.lang.check import check_text
-from scenegen.pddl.export import Problems, goal_labels
-from scenegen.pddl.ground import ground
-from scenegen.pddl.problem import Domain, problem_of
-from scenegen.pddl.read import expressions
-from scenegen.pddl.unsaid import unsaid
-from scenegen.pddl.write import vocabulary
+from scenegen.lang.checker import check_text
 from scenegen.pose import as_poses
-from scenegen.scene.data import RequestData
+from scenegen.scenes.data import RequestData
+from scenegen.worlds.pddl.export import Problems, goal_labels, unsaid
+from scenegen.worlds.pddl.ground import ground
+from scenegen.worlds.pddl.problem import Domain, expressions, problem_of
+from scenegen.worlds.pddl.write import vocabulary
+from scenegen.worlds.planning import export_problems
 
 SPECS = Path(__file__).parents[2] / "specs"
 ROW = "object block[3] = box(4 cm, 4 cm, 4 cm)\nobject mug\nregion zone = rect(0, 0, 0.5, 0.5)\n"

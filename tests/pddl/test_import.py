@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.api.planning import Imported, import_problem
 from scenegen.api.scenes import evaluate
 from scenegen.errors import ScenegenError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.worlds.planning import Imported, import_problem
 
 KITCHEN = """
 (define (problem own_kitchen) (:domain robosuite) (:language put the bowl on the plate)

@@ -8,10 +8,9 @@ import pytest
 import scenegen
 from scenegen.api.scenes import SceneSet, evaluate
 from scenegen.errors import ScenegenError, Source
-from scenegen.pddl.formula import value
-from scenegen.pddl.original import _goal
-from scenegen.pddl.problem import Domain, problem_of
-from scenegen.pddl.read import expressions
+from scenegen.worlds.pddl.export import _goal
+from scenegen.worlds.pddl.ground import value
+from scenegen.worlds.pddl.problem import Domain, expressions, problem_of
 from tests.pddl.test_import import HOUSE, KITCHEN
 
 DOMAIN = """(define (domain blocks) (:requirements :typing :action-costs :adl) (:types block bowl)

@@ -10,10 +10,10 @@ import math
 import numpy as np
 import pytest
 
-from scenegen.assets.mesh import prism
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import phi
-from scenegen.primitives import NUMPY, Box, Circle
+from scenegen.geometry import NUMPY, Box, Circle
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi
+from scenegen.things.mesh import prism
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco, the oracle, is not installed (pip install 'scenegen[mujoco]')")
 

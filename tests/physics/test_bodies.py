@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon as Region
 
-from scenegen.assets import Shape
-from scenegen.physics.bodies import DENSITY, SIDES, prism_of
-from scenegen.primitives import Box, Circle, Polygon
+from scenegen.geometry import Box, Circle, Polygon
+from scenegen.things import Shape
+from scenegen.worlds.physics.bodies import DENSITY, SIDES, prism_of
 
 from ..laws import examples
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scenegen.assets.mesh import box, disc
-from scenegen.physics.bodies import MOST_PIECES, Body, piece_files
-from scenegen.physics.drop import World
+from scenegen.things.mesh import box, disc
+from scenegen.worlds.physics.bodies import MOST_PIECES, Body, piece_files
+from scenegen.worlds.physics.drop import World
 
 SIDE = 0.05
 

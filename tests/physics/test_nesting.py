@@ -6,10 +6,10 @@ from functools import cache
 import pytest
 
 import scenegen
-from scenegen.assets import ASSETS, Circle, shape_of
-from scenegen.assets.nesting import nested
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.things import ASSETS, Circle, shape_of
+from scenegen.things.surfaces import nested
 
 ROUND = [name for name, asset in ASSETS.items() if isinstance(asset.footprint, Circle)]
 CRATES = ["tray", "carton", "bin"]

@@ -9,14 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import scenegen
-from scenegen.api.settle import settle_file
 from scenegen.errors import RequestError
-from scenegen.export import mjcf, sdf
-from scenegen.export.setting import world_of
-from scenegen.physics.attitude import standing, turn_between, upright
-from scenegen.physics.bodies import board_of, piece_files, whole_of
-from scenegen.physics.contact import TABLE, Contact, gathered
-from scenegen.physics.rest import SIMULATORS, InMujoco, InPybullet, Rest
+from scenegen.geometry.attitude import standing, turn_between, upright
+from scenegen.worlds.export import mjcf, sdf
+from scenegen.worlds.export.setting import world_of
+from scenegen.worlds.physics.bodies import TABLE, Contact, board_of, gathered, piece_files, whole_of
+from scenegen.worlds.physics.rest import SIMULATORS, InMujoco, InPybullet, Rest
+from scenegen.worlds.physics.settle import settle_file
 from tests.export.worlds import scenes_of, tower
 
 BOXES = "object base = box(0.1, 0.1, 0.1) at (0.5, 0.5, 0), near = box(0.1, 0.1, 0.1), far = box(0.04, 0.06, 0.02)\n"
@@ -167,9 +166,9 @@ def test_no_scenes_are_refused_and_a_missing_simulator_is_named(monkeypatch):
 
 def test_what_diverges_is_null_and_has_not_settled(tmp_path):
     """A simulation that leaves NaN: the file says so."""
-    from scenegen.api.settle import _header, _judged
-    from scenegen.lang.check import check_text
-    from scenegen.physics.rest import Rested
+    from scenegen.lang.checker import check_text
+    from scenegen.worlds.physics.rest import Rested
+    from scenegen.worlds.physics.settle import _header, _judged
 
     scenes = boxes()
     header = _header(scenes.header, "pybullet", 2.0, 0.002, 2.0)
@@ -183,7 +182,7 @@ def test_what_diverges_is_null_and_has_not_settled(tmp_path):
     )
     assert block.moved.tolist() == [[False, True, False], [False] * 3]
     assert np.isnan(block.phi[:, 0]).all() and np.isfinite(block.phi[:, 1]).all()
-    from scenegen.formats.settled import write_settled
+    from scenegen.scenes.formats.settled import write_settled
 
     write_settled(tmp_path / "s.json", header, [block])
     first = json.loads((tmp_path / "s.json").read_text())["scenes"][0]

@@ -7,13 +7,13 @@ import textwrap
 import numpy as np
 import pytest
 
-from scenegen.assets import Shape, shape_of
-from scenegen.assets.support import base_heights
 from scenegen.errors import RequestError, ScenegenError
-from scenegen.physics.motion import within
-from scenegen.physics.settle import Refusals, Settled, Settler, settle_scenes
-from scenegen.primitives import NUMPY, PRIMITIVES, Box, Circle, Polygon
+from scenegen.geometry import NUMPY, PRIMITIVES, Box, Circle, Polygon
 from scenegen.processes import process
+from scenegen.things import Shape, shape_of
+from scenegen.things.surfaces import base_heights
+from scenegen.worlds.physics.bodies import within
+from scenegen.worlds.physics.settling import Refusals, Settled, Settler, settle_scenes
 
 NAMES = ("plate", "mug", "knife", "crackerbox", "bottle")
 SHAPES = tuple(map(shape_of, NAMES))
@@ -189,8 +189,8 @@ def test_standard_output_stays_clean_and_the_caller_free_of_pybullet():
         """
         import sys
         import numpy as np
-        from scenegen.assets import shape_of
-        from scenegen.physics.settle import settle_scenes
+        from scenegen.things import shape_of
+        from scenegen.worlds.physics.settling import settle_scenes
         print(settle_scenes([shape_of("mug")], np.zeros((1, 1, 3)), workers=1).kept.tolist(), "pybullet" in sys.modules)
         """
     )

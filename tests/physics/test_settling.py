@@ -7,17 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenegen.assets import Shape
-from scenegen.bounds.effort import StoppedError
-from scenegen.engine.blocks import BlockAssembler
-from scenegen.engine.stream import run_blocks
-from scenegen.formats.blocks import Block
-from scenegen.physics.settle import settle_scenes
-from scenegen.physics.settling import Settling
-from scenegen.primitives import Box
-from scenegen.sampling.cells import Cells
+from scenegen.geometry import Box
+from scenegen.sampling.engine.blocks import BlockAssembler
+from scenegen.sampling.engine.stream import run_blocks
 from scenegen.sampling.plan import Account, Piece, Plan
-from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.request import Cells, SampleRequest
+from scenegen.scenes.blocks import Block
+from scenegen.search.effort import StoppedError
+from scenegen.things import Shape
+from scenegen.worlds.physics.settling import Settling, settle_scenes
 
 SHAPES = (Shape("box", Box(0.1, 0.1), 0.1), Shape("box", Box(0.1, 0.1), 0.1))
 NAMES = ("red", "blue")

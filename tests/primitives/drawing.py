@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from scenegen.primitives import POINT, PRIMITIVES, Box, Circle, Polygon
-from scenegen.primitives.hull import convex_hull
+from scenegen.geometry import POINT, PRIMITIVES, Box, Circle, Polygon
+from scenegen.geometry.footprint import convex_hull
 
 # A point, thin and square ones, one whose origin is outside, and one whose origin is on its edge.
 FOOTPRINTS = (

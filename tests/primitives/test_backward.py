@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from scenegen.primitives import NUMPY, PRIMITIVES, Box, Circle, Interval
+from scenegen.geometry import NUMPY, PRIMITIVES, Box, Circle, Interval
 
 from .drawing import boxes, shapes, within
 

@@ -9,8 +9,8 @@ import shapely
 import torch
 from scipy.spatial import ConvexHull
 
-from scenegen.primitives import MATH, NUMPY, POINT, PRIMITIVES, Box, Circle, Polygon
-from scenegen.robustness.namespace import TORCH
+from scenegen.geometry import MATH, NUMPY, POINT, PRIMITIVES, Box, Circle, Polygon
+from scenegen.learn.robustness.namespace import TORCH
 
 from .drawing import random_footprint
 

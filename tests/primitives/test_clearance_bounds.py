@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.primitives import NUMPY, PRIMITIVES, Box, Circle, Interval, Polygon
-from scenegen.primitives.hull import convex_hull
-from scenegen.primitives.outline import measures
+from scenegen.geometry import NUMPY, PRIMITIVES, Box, Circle, Interval, Polygon
+from scenegen.geometry.footprint import convex_hull, measures
 
 from ..laws import examples
 from .drawing import within

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from scenegen.primitives import Polygon
-from scenegen.primitives.hull import area, centroid, clipped, convex_hull, is_convex, signed_area
+from scenegen.geometry import Polygon
+from scenegen.geometry.footprint import area, centroid, clipped, convex_hull, is_convex, signed_area
 
 coordinates = st.floats(-2.0, 2.0)
 

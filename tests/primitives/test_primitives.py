@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from scenegen.primitives import ANGLE, BARE, LENGTH, MATH, NUMPY, PRIMITIVES, Interval, Unit, UnitMismatch
-from scenegen.primitives import interval as iv
-from scenegen.primitives.units import agree, over, quantity, times
-from scenegen.robustness.namespace import TORCH
+from scenegen.geometry import ANGLE, BARE, LENGTH, MATH, NUMPY, PRIMITIVES, Interval, Unit, UnitMismatch
+from scenegen.geometry import interval as iv
+from scenegen.geometry.units import agree, over, quantity, times
+from scenegen.learn.robustness.namespace import TORCH
 
 from .drawing import arguments, boxes, shapes, within
 

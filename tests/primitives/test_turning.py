@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import evaluate
-from scenegen.primitives import NUMPY, PRIMITIVES
-from scenegen.primitives.namespace import turning
+from scenegen.geometry import NUMPY, PRIMITIVES
+from scenegen.geometry.namespace import turning
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import evaluate
 
 
 class Counting:

@@ -2,8 +2,7 @@
 
 import hashlib
 
-from scenegen.assets import shape_of
-from scenegen.scene.data import (
+from scenegen.scenes.data import (
     ObjectData,
     Pose,
     RequestData,
@@ -14,6 +13,7 @@ from scenegen.scene.data import (
     WorkspaceData,
     footprint_data,
 )
+from scenegen.things import shape_of
 
 
 def shape_data(shape):

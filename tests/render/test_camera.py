@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenegen.assets import ASSETS, parts_of
-from scenegen.looks.camera import frame
-from scenegen.render import VIEWS, render_scenes
-from scenegen.scene.stage import poses_of, stage_of
+from scenegen.scenes.stage import poses_of, stage_of
+from scenegen.show.looks.camera import frame
+from scenegen.show.render import VIEWS, render_scenes
+from scenegen.things import ASSETS, parts_of
 
 from .scenefiles import scene_file
 

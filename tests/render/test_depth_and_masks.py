@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenegen.assets import Shape, shape_of
 from scenegen.errors import ScenegenError
-from scenegen.primitives import Box, Circle
-from scenegen.render import VIEWS, render_scenes
+from scenegen.geometry import Box, Circle
+from scenegen.show.render import VIEWS, render_scenes
+from scenegen.things import Shape, shape_of
 
 from .scenefiles import scene_file
 

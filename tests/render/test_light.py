@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scenegen.looks.wood import wood
-from scenegen.render.ambient import MAP, Ambient, landscape_camera
-from scenegen.scene.stage import stage_of
+from scenegen.scenes.stage import stage_of
+from scenegen.show.looks.textures import wood
+from scenegen.show.render.light import SKY_MAP, Ambient, landscape_camera
 
 from .scenefiles import scene_file
 
@@ -35,14 +35,14 @@ def hidden(heights, points, z=0.0):
 def tower(height):
     """A square tower of 10 cm in the middle of the table, as (MAP, MAP) heights."""
     camera = landscape_camera(STAGE)
-    columns, rows = np.meshgrid(np.arange(MAP) + 0.5, np.arange(MAP) + 0.5)
-    origin, _ = camera.resized((MAP, MAP)).rays(columns, rows)
+    columns, rows = np.meshgrid(np.arange(SKY_MAP) + 0.5, np.arange(SKY_MAP) + 0.5)
+    origin, _ = camera.resized((SKY_MAP, SKY_MAP)).rays(columns, rows)
     inside = (np.abs(origin[..., 0] - 0.5) < 0.05) & (np.abs(origin[..., 1] - 0.5) < 0.05)
     return np.where(inside, height, 0.0)
 
 
 def test_an_empty_table_sees_all_of_the_sky():
-    assert (hidden(np.zeros((MAP, MAP)), [(0.5, 0.5), (0.0, 1.0)]) == 0.0).all()
+    assert (hidden(np.zeros((SKY_MAP, SKY_MAP)), [(0.5, 0.5), (0.0, 1.0)]) == 0.0).all()
 
 
 def test_less_of_the_sky_is_seen_the_nearer_a_wall_and_the_higher_it_is():

@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from scenegen.errors import DataError, RequestError
-from scenegen.looks.read import read_looks
-from scenegen.render import render_scenes
-from scenegen.scene.stage import stage_of
+from scenegen.scenes.stage import stage_of
+from scenegen.show.looks.read import read_looks
+from scenegen.show.render import render_scenes
 from tests.looks.pictures import four_colors
 
 from .scenefiles import scene_file

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenegen.assets import ASSETS
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE
-from scenegen.formats import folder
-from scenegen.looks.camera import frame
 from scenegen.processes import process
-from scenegen.render import render_scenes, scenes
-from scenegen.render.request import usual_size
-from scenegen.scene.stage import stage_of
+from scenegen.scenes import files
+from scenegen.scenes.stage import stage_of
+from scenegen.show.looks.camera import frame
+from scenegen.show.render import render_scenes, scenes
+from scenegen.show.render.files import usual_size
+from scenegen.things import ASSETS
 
 from .scenefiles import scene_file
 
@@ -166,7 +166,7 @@ def test_a_folder_that_cannot_be_made(tmp_path):
 @pytest.mark.parametrize("after", [3, 6])
 def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
     """`after` = 6 is the contact sheet."""
-    real, written = folder._write, []
+    real, written = files._write, []
 
     def full(path, data):
         if len(written) == after:
@@ -174,7 +174,7 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch, after):
         real(path, data)
         written.append(path)
 
-    monkeypatch.setattr(folder, "_write", full)
+    monkeypatch.setattr(files, "_write", full)
     with pytest.raises(OutputError, match="no space"):
         render_scenes(scene_file(NAMES, THREE), tmp_path / "new", size=SIZE, workers=1)
     assert len(written) == after
@@ -209,14 +209,14 @@ def test_standard_output_stays_clean_in_a_plain_script_that_uses_torch(tmp_path,
         textwrap.dedent(
             """
             import sys
-            import scenegen.render
+            import scenegen.show.render
             assert not {"pybullet", "PIL"} & set(sys.modules)
             import torch
             from pathlib import Path
-            from scenegen.scene.data import SceneFile
+            from scenegen.scenes.data import SceneFile
             torch.ones(200, 200) @ torch.ones(200, 200)
             file = SceneFile.model_validate_json(Path("file.json").read_text())
-            done = scenegen.render.render_scenes(file, Path("out"), size=(32, 24), workers=2)
+            done = scenegen.show.render.render_scenes(file, Path("out"), size=(32, 24), workers=2)
             assert "pybullet" not in sys.modules
             print(len(done.pictures))
             """

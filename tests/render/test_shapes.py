@@ -8,16 +8,16 @@ from PIL import Image
 
 from scenegen.api.sample import sample
 from scenegen.api.spec import load
-from scenegen.assets import Shape
 from scenegen.errors import DataError
-from scenegen.figures.heatmap import heatmap
-from scenegen.formats.scenes_json import dump
-from scenegen.formats.scenes_json import load as read
-from scenegen.looks.camera import USUAL, frame
-from scenegen.primitives import Box, Circle, Polygon
-from scenegen.render import render_scenes
-from scenegen.scene.data import Pose, RegionData, footprint_data
-from scenegen.scene.stage import stage_of
+from scenegen.geometry import Box, Circle, Polygon
+from scenegen.scenes.data import Pose, RegionData, footprint_data
+from scenegen.scenes.formats.scenes_json import dump
+from scenegen.scenes.formats.scenes_json import load as read
+from scenegen.scenes.stage import stage_of
+from scenegen.show.figures.heatmap import heatmap
+from scenegen.show.looks.camera import USUAL, frame
+from scenegen.show.render import render_scenes
+from scenegen.things import Shape
 
 from .scenefiles import scene_file
 

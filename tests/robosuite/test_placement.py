@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.curriculum.strategies import strategy
-from scenegen.curriculum.tasks import PhiBox
 from scenegen.errors import RequestError
+from scenegen.learn.curriculum.strategies import strategy
+from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.robosuite import Placement, phi_space
-from scenegen.robosuite.frame import Frame, inverse, times, upright
+from scenegen.worlds.robosuite.placement import Frame, inverse, times, upright
 from tests.robosuite.stubs import Corner, Thing, Tipped, Turned, simulation
 
 TEXT = """

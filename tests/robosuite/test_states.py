@@ -7,9 +7,9 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.api.planning import import_problem
 from scenegen.errors import RequestError
 from scenegen.robosuite import Placement, init_states
+from scenegen.worlds.planning import import_problem
 from tests.robosuite.stubs import Corner, Simulation, Thing
 
 SPEC = scenegen.parse("object red = box(4 cm, 4 cm, 4 cm), blue\nrequire noOverlap()\ntask: closeTo(red, blue)\n")

@@ -5,9 +5,9 @@ import math
 import numpy as np
 from hypothesis import strategies as st
 
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import evaluate
-from scenegen.primitives import MATH
+from scenegen.geometry import MATH
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import evaluate
 
 NAMES = ("mug", "plate", "fork", "knife")
 objects = st.integers(1, 4).map(lambda count: NAMES[:count])

@@ -12,8 +12,8 @@ import pytest
 import torch
 
 from scenegen.errors import SpecError
-from scenegen.lang.check import check_text
-from scenegen.robustness.traces import TraceRobustness
+from scenegen.lang.checker import check_text
+from scenegen.learn.robustness.traces import TraceRobustness
 
 rtamt = pytest.importorskip("rtamt", reason='rtamt is not installed: pip install -e ".[monitors]"')
 

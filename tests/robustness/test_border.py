@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
-from scenegen.lang.check import check_text
-from scenegen.robustness import Robustness
+from scenegen.lang.checker import check_text
+from scenegen.learn.robustness import Robustness
 
 SPEC = check_text("object mug, plate\ntask: leftOf(mug, plate)\nsafe: !closeTo(mug, plate, 0.25)\n")
 RUN = Robustness(SPEC.core)

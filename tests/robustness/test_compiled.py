@@ -10,14 +10,13 @@ import torch
 from hypothesis import HealthCheck, given, settings
 
 import scenegen
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Atom, Const, Core, Junction
-from scenegen.native import MOST_LINES
-from scenegen.native.build import build
-from scenegen.native.source import write
-from scenegen.primitives import LENGTH
+from scenegen.geometry import LENGTH
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Atom, Const, Core, Junction
+from scenegen.learn.native import MOST_LINES
+from scenegen.learn.native.kernel import build, write
+from scenegen.learn.robustness import Robustness
 from scenegen.resources import shipped_specs
-from scenegen.robustness import Robustness
 
 from ..laws import examples
 from .formulas import away_from_jumps, magnitude, scenes, seeds, specs
@@ -79,7 +78,7 @@ def test_the_kernel_agrees_with_the_tape_whatever_the_batch_and_layout(mixed, mo
 
 def test_one_compilation_serves_all_calls(monkeypatch):
     built = []
-    monkeypatch.setattr("scenegen.native.kernel.build", lambda *args: built.append(args) or build(*args))
+    monkeypatch.setattr("scenegen.learn.native.kernel.build", lambda *args: built.append(args) or build(*args))
     text = "leftOf(mug, plate) & farFrom(mug, plate, 0.3125)"  # of no other test: equal cores share a kernel
     rows = torch.from_numpy(scenes(2, 64, seed=6))
     for count in (1, 2, 5, 64):

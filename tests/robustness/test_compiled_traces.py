@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.native.source import write
+from scenegen.learn.native.kernel import write
 
 TEXT = """time {} steps
 object mug, plate, fork
@@ -41,7 +41,7 @@ def test_compiled_motions_are_those_of_the_tape(dtype, monkeypatch):
         assert torch.allclose(run.required(poses), eager.required(poses), rtol=0.0, atol=near)
         for count in (0, 1, 2):
             assert torch.equal(run(poses[:count]), found[:count])
-        monkeypatch.setattr("scenegen.robustness.traces.STATES", 31)
+        monkeypatch.setattr("scenegen.learn.robustness.traces.STATES", 31)
         assert torch.equal(run(poses), found)
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import torch
 
-from scenegen.bounds import label_bounds
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, Junction
-from scenegen.lang.interpret import phi
-from scenegen.primitives import NUMPY, Box, Circle, Polygon
-from scenegen.primitives.units import LENGTH
-from scenegen.robustness import Robustness
+from scenegen.geometry import NUMPY, Box, Circle, Polygon
+from scenegen.geometry.units import LENGTH
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction
+from scenegen.lang.formula.interpret import phi
+from scenegen.learn.robustness import Robustness
+from scenegen.search import label_bounds
 
 DART = Polygon(((-0.05, -0.05), (0.15, 0.0), (-0.05, 0.05)))
 

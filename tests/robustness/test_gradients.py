@@ -5,9 +5,9 @@ import pytest
 import torch
 from hypothesis import given, settings
 
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import phi
-from scenegen.robustness import Robustness
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi
+from scenegen.learn.robustness import Robustness
 
 from ..laws import examples
 from .formulas import away_from_jumps, magnitude, scenes, seeds, specs

@@ -8,9 +8,9 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.lang.headings import bare_rows
+from scenegen.geometry.workspace import turned
+from scenegen.lang.formula.headings import bare_rows
 from scenegen.pose import TWO_PI
-from scenegen.scene.workspace import turned
 
 BARE = "leftOf(a, b) & theta(b) <= 0.5 rad & angle(a, NORTH)"
 THETAS = [-1.0, TWO_PI - 1.0, TWO_PI, 0.0, -1e-20, -0.0, 100.0, math.nextafter(TWO_PI, 0.0), 3.0]

@@ -3,8 +3,8 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import phi
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi
 
 from ..laws import examples
 from .formulas import formulas, objects, scenes, seeds, spec_text

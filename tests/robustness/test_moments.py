@@ -5,14 +5,14 @@ import torch
 from hypothesis import given, settings
 
 import scenegen
-from scenegen.api.trajectory import score_trajectory
-from scenegen.lang.check import check_text
-from scenegen.lang.core import gated
-from scenegen.lang.interpret import evaluate
-from scenegen.lang.moments import score
-from scenegen.lang.unroll import unroll
-from scenegen.robustness import Robustness
-from scenegen.robustness.traces import TraceRobustness
+from scenegen.api.monitor import score_trajectory
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.interpret import evaluate
+from scenegen.lang.formula.timed import score
+from scenegen.lang.formula.unroll import unroll
+from scenegen.learn.robustness import Robustness
+from scenegen.learn.robustness.traces import TraceRobustness
 
 from ..laws import examples
 from .slow_time import text

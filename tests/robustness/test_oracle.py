@@ -4,10 +4,10 @@ import numpy as np
 import torch
 from hypothesis import given, settings
 
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import phi
-from scenegen.primitives import NUMPY
-from scenegen.robustness import Robustness
+from scenegen.geometry import NUMPY
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi
+from scenegen.learn.robustness import Robustness
 
 from ..laws import examples
 from .formulas import away_from_jumps, magnitude, scenes, seeds, specs

@@ -4,9 +4,9 @@ import math
 
 import torch
 
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.learn.robustness import Robustness
 from scenegen.resources import shipped_specs
-from scenegen.robustness import Robustness
 
 SCENES = 400_000
 

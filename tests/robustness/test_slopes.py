@@ -5,12 +5,12 @@ import pytest
 import torch
 from hypothesis import given, settings
 
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Atom, gated
-from scenegen.lang.interpret import evaluate
-from scenegen.primitives import NUMPY
-from scenegen.robustness import Robustness
-from scenegen.robustness.slopes import Slopes
+from scenegen.geometry import NUMPY
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Atom, gated
+from scenegen.lang.formula.interpret import evaluate
+from scenegen.learn.robustness import Robustness
+from scenegen.learn.robustness.deciding import Slopes
 
 from ..laws import examples
 from .formulas import scenes, seeds, specs

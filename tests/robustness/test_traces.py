@@ -12,10 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import scenegen
-from scenegen.lang.check import check_text
-from scenegen.lang.timed import Numpy
-from scenegen.lang.windows import extreme, until
-from scenegen.robustness.traces import TraceRobustness, _Torch
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.timed import Numpy, extreme, until
+from scenegen.learn.robustness.traces import TraceRobustness, _Torch
 
 from ..laws import examples
 from .slow_time import text, value
@@ -210,7 +209,7 @@ def test_dtypes_chunks_and_copies(monkeypatch):
     assert whole.dtype == torch.float32 and whole.shape == (9, 2)
     assert torch.equal(pickle.loads(pickle.dumps(run))(poses), whole)  # noqa: S301
     assert torch.equal(copy.deepcopy(run)(poses), whole)
-    monkeypatch.setattr("scenegen.robustness.traces.STATES", 11)
+    monkeypatch.setattr("scenegen.learn.robustness.traces.STATES", 11)
     assert torch.equal(run(poses), whole) and run(poses[:0]).shape == (0, 2)
 
 

@@ -36,7 +36,7 @@ def test_vmap_over_batches_and_over_scenes(phi, poses):
 
 
 def test_vmap_in_several_chunks(poses, monkeypatch):
-    monkeypatch.setattr("scenegen.robustness.compile.CHUNK", 2)
+    monkeypatch.setattr("scenegen.learn.robustness.compile.CHUNK", 2)
     phi = parse(SPEC).robustness()
     assert torch.equal(vmap(phi)(poses), torch.stack([phi(batch) for batch in poses]))
 

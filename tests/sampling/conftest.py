@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 
 

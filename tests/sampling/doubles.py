@@ -6,11 +6,11 @@ What tests of distribution are worth is what they say of these.
 import numpy as np
 import torch
 
-from scenegen.lang.check import check_text
-from scenegen.lang.core import REQUIRE
-from scenegen.robustness import Robustness
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import REQUIRE
+from scenegen.learn.refine import refine
+from scenegen.learn.robustness import Robustness
 from scenegen.sampling.problem import make_problem
-from scenegen.sampling.refine import refine
 from scenegen.sampling.request import Range, SampleRequest
 
 from .plain import TURN, fits, truth, uniform

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenegen.engine.run import in_memory
-from scenegen.sampling.guided import make_plan
+from scenegen.learn.guided import make_plan
+from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.problem import Budget
 
 
@@ -24,7 +24,7 @@ class Uniform:
         return rows
 
     def __call__(self, phi, generator):
-        from scenegen.sampling.base import draw
+        from scenegen.learn.refine import draw
 
         return draw(*self.box, phi.shape[1], generator)
 

@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenegen.engine.run import draw
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_CHECK
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling import contest
 from scenegen.sampling import problem as module
-from scenegen.sampling.at_once import look
-from scenegen.sampling.auto import choose
-from scenegen.sampling.digest import digest
-from scenegen.sampling.growth import begin
+from scenegen.sampling.choose import choose
+from scenegen.sampling.engine.run import draw
+from scenegen.sampling.growth import population
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.parts import Part
+from scenegen.sampling.plan import digest
 from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.rejection.outcome import look
 from scenegen.sampling.rejection.trial import make_trial, search
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.levels import Stalled
@@ -274,7 +274,7 @@ def test_a_look_at_another_method_takes_no_longer_than_it_can_save():
     """A plan of growth is given up; rejection, which has one, is taken."""
     problem = make_problem(check_text(COUNTER), SampleRequest({"task": Range(0.0)}, n=1000, workers=1))
     looked = plan_growth(problem, Budget(), patient=False, longest=0.01)
-    assert isinstance(looked, begin.Stalled) and looked.dear and looked.evaluations < 1e5
+    assert isinstance(looked, population.Stalled) and looked.dear and looked.evaluations < 1e5
     mine = make_plan(problem, Budget(), method="rejection")
     cheap = replace(mine, expected=mine.expected / 1000)
     choice = contest.Contest(problem, Budget(), choose, parts=())._against(cheap, None)
@@ -286,14 +286,14 @@ def begun(monkeypatch):
     """What `start_growth` returned, where pruning soon takes a quarter of what it may."""
     started = []
 
-    def start(problem, budget, honest=begin.start_growth):
+    def start(problem, budget, honest=population.start_growth):
         started.append(honest(problem, budget))
         return started[-1]
 
-    monkeypatch.setattr(begin, "start_growth", start)
-    monkeypatch.setattr("scenegen.sampling.auto.FIRST", 1e5)
-    monkeypatch.setattr(begin, "LEAST", 128)
-    monkeypatch.setattr(begin, "MOST", 256)
+    monkeypatch.setattr(population, "start_growth", start)
+    monkeypatch.setattr("scenegen.sampling.choose.FIRST", 1e5)
+    monkeypatch.setattr(population, "LEAST", 128)
+    monkeypatch.setattr(population, "MOST", 256)
     return started
 
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.sampling.cells import Cells, cut
-from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.request import Cells, Range, SampleRequest, cut
 
 from ..laws import examples
 

@@ -9,12 +9,12 @@ from scipy import stats
 import scenegen
 from scenegen.api.scene_arrays import rows_of
 from scenegen.api.scenes import evaluate
-from scenegen.api.sweep import sweep
 from scenegen.curriculum import TableTop
 from scenegen.errors import DataError, RequestError
-from scenegen.lang.levels import levels
+from scenegen.lang.check.heights import levels
+from scenegen.learn.training.datasets.scenefile import whole_file
 from scenegen.pose import row_count
-from scenegen.training.datasets.scenefile import whole_file
+from scenegen.show.scenes import sweep
 
 SPEC = """region mat = rect(0.55, 0.1, 0.95, 0.3) at 20 cm
 object tray, can[2] on any of [tray, mat, workspace]{}

@@ -5,13 +5,14 @@ from itertools import pairwise
 
 import pytest
 
-from scenegen.bounds.effort import StoppedError, TooMuchError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rejection import covers, sampler
+from scenegen.sampling.rejection import sampler
+from scenegen.sampling.rejection import trial as covers
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import StoppedError, TooMuchError
 
 TEXT = "task: closeTo(a, (0.5, 0.5), 0.2) & closeTo(b, (0.2, 0.2), 0.2)"
 BUDGET = Budget(math.inf)  # this module is read long before its tests are run

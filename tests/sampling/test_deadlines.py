@@ -9,26 +9,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenegen.bounds import contract, label_bounds
-from scenegen.bounds.clash import clash
-from scenegen.bounds.effort import Effort, StoppedError, TooMuchError
-from scenegen.bounds.prune import prune
-from scenegen.bounds.search import find
-from scenegen.bounds.tape import make_tape
-from scenegen.engine.stream import run_blocks
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Apply, Atom, gated
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Apply, Atom, gated
 from scenegen.sampling import problem as module
 from scenegen.sampling import report
-from scenegen.sampling.growth.islands import NoRoom, grow_islands
+from scenegen.sampling.engine.stream import run_blocks
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.rarity_grown import NoRoom, grow_islands
 from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import Tape, make_frame
 from scenegen.sampling.splitting.levels import Stalled
 from scenegen.sampling.splitting.sampler import Splitting, plan_splitting, why_stalled
+from scenegen.search import contract, label_bounds
+from scenegen.search.clash import clash
+from scenegen.search.effort import Effort, StoppedError, TooMuchError
+from scenegen.search.prune import find, prune
+from scenegen.search.tape import make_tape
 
 BINS = """object item[6] = cylinder(0.03, 0.05)
 region left = rect(0.0, 0.0, 0.25, 0.25)
@@ -213,7 +212,7 @@ def test_what_stood_in_the_way_is_told_of_few_scenes_of_a_large_table(monkeypatc
 
 
 def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.auto.FIRST", 1e5)
+    monkeypatch.setattr("scenegen.sampling.choose.FIRST", 1e5)
     monkeypatch.setattr("scenegen.sampling.contest.first_look", lambda problem, budget: None)
     problem = make_problem(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), SampleRequest({"task": Range(0.05)}, n=10))
     choice = make_plan(problem, Budget(), method="auto")

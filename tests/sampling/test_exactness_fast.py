@@ -8,9 +8,9 @@ import pytest
 from scipy import stats
 
 import scenegen
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Core
-from scenegen.lang.interpret import evaluate
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Core
+from scenegen.lang.formula.interpret import evaluate
 
 from .doubles import DOUBLES
 from .plain import CASES, fits, setting_probability, truth, uniform

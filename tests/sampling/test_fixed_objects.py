@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.engine.run import draw as run
 from scenegen.errors import RequestError
-from scenegen.sampling.fixed_objects import hold_fixed, parse_fix
+from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.request import FixedPose, Range, SampleRequest
+from scenegen.sampling.request import FixedPose, Range, SampleRequest, hold_fixed, parse_fix
 
 from .proposers import Uniform, guided
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.engine.run import draw
-from scenegen.lang.check import check_text
-from scenegen.sampling.growth.kinship import Kinship
+from scenegen.lang.checker import check_text
+from scenegen.sampling.engine.run import draw
+from scenegen.sampling.growth.grow import Kinship
 from scenegen.sampling.growth.machine import make_machine
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.population import spread_over

@@ -4,13 +4,14 @@ import math
 
 import pytest
 
-from scenegen.bounds.effort import TooMuchError
-from scenegen.lang.check import check_text
-from scenegen.sampling.at_once import CELLS
+from scenegen.lang.checker import check_text
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rejection import covers, sampler
+from scenegen.sampling.rejection import sampler
+from scenegen.sampling.rejection import trial as covers
+from scenegen.sampling.rejection.outcome import CELLS
 from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import TooMuchError
 
 from ..fuzz.tables import table
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scenegen.sampling.interval import ratio, student
+from scenegen.sampling.report import ratio, student
 from scenegen.sampling.splitting.sampler import probability
 
 ISLANDS, TRIALS = 16, 1000

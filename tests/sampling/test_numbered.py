@@ -8,12 +8,11 @@ import scenegen
 from scenegen.api.request import plan_of
 from scenegen.api.scenes import evaluate
 from scenegen.errors import RequestError
-from scenegen.sampling.mixed_tails import MixedTail, mean
-from scenegen.sampling.numbered_planning import seed_of
+from scenegen.sampling.families import seed_of
 from scenegen.sampling.plan import Tally
 from scenegen.sampling.problem import Budget
+from scenegen.sampling.rarity import MixedTail, constant, mean
 from scenegen.sampling.request import SampleRequest
-from scenegen.sampling.tails import constant
 
 SPEC = "object block[2..4], cup[1..2], mug\nrequire x(mug) >= 0.3\ntask: forall b in block: leftOf(b, mug)\n"
 RARE = "object block[2..4], mug\ntask: forall b in block: leftOf(b, mug) & x(mug) >= block.count * 0.3\n"

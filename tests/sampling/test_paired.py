@@ -7,18 +7,16 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.bounds.effort import StoppedError
-from scenegen.engine.run import draw, in_memory
 from scenegen.errors import RequestError
-from scenegen.evaluation.energy import energy_test
-from scenegen.evaluation.screen import ks_screen
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
 from scenegen.sampling import problem as module
+from scenegen.sampling.engine.run import draw, in_memory
 from scenegen.sampling.methods import make_plan
-from scenegen.sampling.paired import pair
-from scenegen.sampling.parts import independent_parts
+from scenegen.sampling.parts import independent_parts, pair
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import StoppedError
 
 LEVEL = 0.99
 ODDS = math.acos(LEVEL) / math.pi  # of sin(20 theta) >= LEVEL: twenty whole waves

@@ -6,17 +6,17 @@ from functools import partial
 import numpy as np
 import pytest
 
-from scenegen.bounds.prune import Part
-from scenegen.engine.run import draw as run
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.learn.guided import score
+from scenegen.learn.refine import draw as base
+from scenegen.learn.refine import piece_generator
 from scenegen.resources import shipped_specs
-from scenegen.sampling.base import draw as base
-from scenegen.sampling.base import piece_generator
-from scenegen.sampling.guided import score
+from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection.sampler import make_plan
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.prune import Part
 
 rejection = partial(run, method="rejection")
 

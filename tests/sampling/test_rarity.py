@@ -9,16 +9,15 @@ import pytest
 
 from scenegen.api.rarity import rarity
 from scenegen.api.spec import parse
-from scenegen.engine.run import draw
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.learn.guided import score
+from scenegen.learn.refine import draw as base
+from scenegen.learn.refine import piece_generator
 from scenegen.resources import shipped_specs
-from scenegen.sampling.base import draw as base
-from scenegen.sampling.base import piece_generator
-from scenegen.sampling.guided import score
+from scenegen.sampling.engine.run import draw
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rarity import measure
+from scenegen.sampling.rarity import OutOfReach, measure
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.tails import OutOfReach
 
 SURE = 2.0  # error bars, of 95 % each: of a few dozen comparisons none should be further off
 

@@ -3,10 +3,9 @@
 import pytest
 import torch
 
-from scenegen.lang.check import check_text
-from scenegen.robustness import Robustness
-from scenegen.sampling.base import draw
-from scenegen.sampling.refine import refine
+from scenegen.lang.checker import check_text
+from scenegen.learn.refine import draw, refine
+from scenegen.learn.robustness import Robustness
 
 STARTS = 1000
 

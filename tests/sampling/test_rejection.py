@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from scenegen.engine.run import draw as run
+from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -90,7 +90,7 @@ def test_nothing_asked_is_the_base_distribution(exp1, direct, same_distribution)
 
 
 def test_a_workspace_of_its_own(same_distribution):
-    from scenegen.lang.check import check_text
+    from scenegen.lang.checker import check_text
 
     spec = check_text("workspace [-2 m, 30 cm] x [5, 6]\ntask: leftOf(mug, plate)")
     found = rejection(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=2000)), Budget())

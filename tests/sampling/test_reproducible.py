@@ -8,8 +8,8 @@ import pytest
 
 from scenegen.api.sample import sample
 from scenegen.api.spec import load
-from scenegen.formats.scenes_json import dump
 from scenegen.resources import shipped_specs
+from scenegen.scenes.formats.scenes_json import dump
 
 SPEC = shipped_specs()["mug_left_of_plate"]
 WORDS = ["sample", str(SPEC), "--phi", "task=0.05:0.2", "--phi", "safe=0:", "-n", "200", "--seed", "11"]

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import BAND, Range, SampleRequest, check_request, parse_phi
 

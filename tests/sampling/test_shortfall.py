@@ -8,9 +8,9 @@ import pytest
 
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec, parse
-from scenegen.engine.run import draw as run
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.report import shortfall, too_early
 from scenegen.sampling.request import Range, SampleRequest

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scenegen.engine.run import draw as run
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
+from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.levels import Stalled, make_schedule

@@ -3,16 +3,12 @@
 import numpy as np
 import pytest
 
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import SampleRequest
-from scenegen.sampling.splitting.autocorrelation import Statistics, correlation, design_effect
 from scenegen.sampling.splitting.chain_state import Tape, frame_of
-from scenegen.sampling.splitting.chains import Chains, Region, _systematic
-from scenegen.sampling.splitting.involutions import COMPOSED, MIRRORS
-from scenegen.sampling.splitting.local_moves import STEPS
-from scenegen.sampling.splitting.move_registry import MOVES, moves_for
-from scenegen.sampling.splitting.moves import Deck, Draw, Tuning, bring_home
+from scenegen.sampling.splitting.chains import Chains, Region, Statistics, _systematic, correlation, design_effect
+from scenegen.sampling.splitting.moves import COMPOSED, MIRRORS, MOVES, STEPS, Deck, Draw, Tuning, bring_home, moves_for
 
 SPEC = """
 workspace [0, 2] x [0, 1]

@@ -8,14 +8,13 @@ import pytest
 
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec, parse
-from scenegen.engine.run import draw as run
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import Stalled, _Planner, make_schedule
+from scenegen.sampling.splitting.levels import Stalled, _Planner, go_on, make_schedule
 from scenegen.sampling.splitting.sampler import make_plan, run_piece
-from scenegen.sampling.splitting.stages import go_on
 
 splitting = partial(run, method="splitting")
 

@@ -8,14 +8,14 @@ import pytest
 from scenegen.api.rarity import rarity
 from scenegen.api.spec import parse
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
-from scenegen.lang.core import REQUIRE, gated
-from scenegen.lang.interpret import phi as evaluate
-from scenegen.primitives import NUMPY
+from scenegen.geometry import NUMPY
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.resources import shipped_specs
-from scenegen.sampling import vast as module
+from scenegen.sampling import rarity_grown as module
 from scenegen.sampling.rarity import measure
-from scenegen.sampling.vast import measure_vast, vast
+from scenegen.sampling.rarity_grown import measure_vast, vast
 
 SURE = 2.0  # error bars, of 95 % each
 TABLE = """object disc[5] = cylinder(0.06, 0.05)

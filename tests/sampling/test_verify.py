@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from scenegen.engine.run import draw
+from scenegen.sampling.engine.run import draw
+from scenegen.sampling.plan import CHUNK, verify
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.verify import CHUNK, verify
 
 
 @pytest.fixture(scope="module")

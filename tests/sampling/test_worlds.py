@@ -7,15 +7,15 @@ import pytest
 from scipy import stats
 
 import scenegen
-from scenegen.bounds import prune
-from scenegen.bounds.worlds import worlds
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
-from scenegen.lang.core import gated
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import gated
 from scenegen.sampling.problem import Budget, Problem, make_problem
-from scenegen.sampling.rejection import covers, sampler, sieve, trial
+from scenegen.sampling.rejection import sampler, trial
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search import prune
+from scenegen.search.surfaces import worlds
 
 KITCHEN = """workspace [-0.5, 0.5] x [-0.6, 0.6]
 region place = rect(-0.05, -0.25, 0, -0.2)
@@ -112,7 +112,7 @@ def test_cells_that_are_served_together_have_their_scenes(monkeypatch: pytest.Mo
     first = make_trial(problem, Budget())
     hits = first.hits.copy()
     hits[10:26] = 0
-    monkeypatch.setattr(sieve, "WORTH", 0.0)
+    monkeypatch.setattr(sampler, "WORTH", 0.0)
     made = sampler.make_plan(problem, Budget(), dataclasses.replace(first, hits=hits))
     assert made.reachable == plain.reachable
     assert any(source.cells.sum() == 16 for source in made.sources)
@@ -151,16 +151,17 @@ def test_a_cover_that_is_good_enough_has_the_same_scenes(monkeypatch: pytest.Mon
 def test_cells_that_no_candidate_hits_get_no_covers_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problem_of(KITCHEN, -0.3, -0.05)
     made: list[int] = []
+    enough = trial._enough_for_cell
 
-    def counted(*args: object) -> trial.Cover:
+    def counted(of: Problem) -> tuple[float, float | None]:  # asked once for each cover of a cell
         made.append(1)
-        return trial.make_cover(*args)  # type: ignore[arg-type]
+        return enough(of)
 
-    monkeypatch.setattr(covers, "make_cover", counted)
-    monkeypatch.setattr(sieve, "WORTH", 0.0)
+    monkeypatch.setattr(trial, "_enough_for_cell", counted)
+    monkeypatch.setattr(sampler, "WORTH", 0.0)
     plan = sampler.make_plan(problem, Budget())
     assert len(plan.reachable) == 16 and not made
-    monkeypatch.setattr(sieve, "WORTH", np.inf)
+    monkeypatch.setattr(sampler, "WORTH", np.inf)
     assert sampler.make_plan(problem, Budget()).reachable == plan.reachable and made
 
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from scenegen.evaluation.coverage import coverage
-from scenegen.evaluation.energy import energy_test
-from scenegen.evaluation.screen import ks_screen
+from scenegen.learn.evaluation.coverage import coverage
+from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
 
 LEAST_P = 0.01
 LEAST_COVERAGE = 0.95

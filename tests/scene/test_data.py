@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from scenegen.geometry.workspace import Workspace
 from scenegen.pose import TWO_PI
-from scenegen.scene.data import BoxFootprint, CircleFootprint, Pose, RequestData, SceneData, ShapeData, SpecRef
-from scenegen.scene.workspace import Workspace
+from scenegen.scenes.data import BoxFootprint, CircleFootprint, Pose, RequestData, SceneData, ShapeData, SpecRef
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "left", None, [1.0]])

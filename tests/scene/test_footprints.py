@@ -5,8 +5,8 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from scenegen.primitives import Box, Circle, Polygon
-from scenegen.scene.data import PolygonFootprint, footprint_data, footprint_of
+from scenegen.geometry import Box, Circle, Polygon
+from scenegen.scenes.data import PolygonFootprint, footprint_data, footprint_of
 
 
 @pytest.mark.parametrize("footprint", [Circle(0.1), Box(0.1, 1 / 3), Polygon(((0.0, 0.0), (0.1, 1e-17), (1 / 3, 0.2)))])

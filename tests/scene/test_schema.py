@@ -2,7 +2,7 @@
 
 import json
 
-from scenegen.scene.data import SceneFile
+from scenegen.scenes.data import SceneFile
 
 
 def schema():

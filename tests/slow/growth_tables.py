@@ -5,8 +5,8 @@ import math
 import numpy as np
 from scipy import stats
 
-from scenegen.engine.run import draw
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.sampling.engine.run import draw
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 

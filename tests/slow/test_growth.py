@@ -13,7 +13,7 @@ import pytest
 from scipy import stats
 
 import scenegen
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 

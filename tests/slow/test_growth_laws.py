@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scenegen.engine.run import draw
-from scenegen.evaluation.chi_square import chi_square
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
+from scenegen.learn.evaluation.metrics import chi_square
+from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import sampler
 from scenegen.sampling.growth.grow import grow
 from scenegen.sampling.growth.moves import Settings

@@ -7,10 +7,10 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.evaluation.coverage import coverage
+from scenegen.learn.evaluation.coverage import coverage
+from scenegen.learn.refine import draw, piece_generator
 from scenegen.resources import shipped_specs
-from scenegen.sampling.base import draw, piece_generator
-from scenegen.sampling.piece_size import PIECE
+from scenegen.sampling.problem import PIECE
 
 pytestmark = pytest.mark.slow
 

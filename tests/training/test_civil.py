@@ -6,17 +6,17 @@ import torch
 import scenegen
 from scenegen.cli import train as command
 from scenegen.errors import RequestError
-from scenegen.models.examples import EVERY
+from scenegen.learn.models.codec import EVERY
+from scenegen.learn.training.datasets import balanced as module
+from scenegen.learn.training.datasets.balanced import _jointly, balanced
+from scenegen.learn.training.datasets.gathering import Gathering
 from scenegen.sampling.request import Range
-from scenegen.training.datasets import balanced as module
-from scenegen.training.datasets.balanced import _jointly, balanced
-from scenegen.training.datasets.gathering import Gathering
 
 NEVER = "object a, b\ntask: leftOf(a, b) & farFrom(a, b, 20 cm) & closeTo(a, b, 10 cm)"
 
 
 def test_a_label_that_no_scene_satisfies_is_refused_with_the_reason_of_check(tmp_path, monkeypatch):
-    from scenegen.training import loop
+    from scenegen.learn.training import loop
 
     monkeypatch.setattr(loop, "make_feed", lambda *_: pytest.fail("work was done"))
     with pytest.raises(RequestError) as caught:

@@ -3,8 +3,8 @@ import math
 import pytest
 
 from scenegen.errors import RequestError
-from scenegen.models.registry import RECIPES
-from scenegen.training.config import make_config
+from scenegen.learn.models.registry import RECIPES
+from scenegen.learn.training.config import make_config
 
 
 def test_the_papers_recipe():

@@ -5,16 +5,16 @@ import pytest
 import torch
 
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
-from scenegen.lang.core import Apply, Atom, Const, Coord, Core, gated
+from scenegen.geometry import ANGLE, LENGTH
+from scenegen.geometry.workspace import Workspace
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, gated
 from scenegen.lang.spec import CheckedSpec
-from scenegen.primitives import ANGLE, LENGTH
-from scenegen.robustness import Robustness
-from scenegen.scene.workspace import Workspace
-from scenegen.training.datasets.balanced import balanced
-from scenegen.training.datasets.boosted import boosted
-from scenegen.training.datasets.registry import DATASETS, dataset_maker
-from scenegen.training.datasets.uniform import uniform
+from scenegen.learn.robustness import Robustness
+from scenegen.learn.training.datasets.balanced import balanced
+from scenegen.learn.training.datasets.boosted import boosted
+from scenegen.learn.training.datasets.registry import DATASETS, dataset_maker
+from scenegen.learn.training.datasets.uniform import uniform
 
 SPACE = Workspace(x=(-0.3, 0.1), y=(0.7, 2.0))
 

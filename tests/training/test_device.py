@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-from scenegen.lang.check import check_text
-from scenegen.models.registry import RECIPES
-from scenegen.training.config import make_config
-from scenegen.training.feed import make_feed
-from scenegen.training.session import Session
+from scenegen.lang.checker import check_text
+from scenegen.learn.models.registry import RECIPES
+from scenegen.learn.training.config import make_config
+from scenegen.learn.training.feed import make_feed
+from scenegen.learn.training.session import Session
 
 TEXT = """
 object mug, plate, fork

@@ -5,8 +5,8 @@ import importlib.util
 import pytest
 
 from scenegen.errors import OutputError, RequestError
-from scenegen.training.config import make_config
-from scenegen.training.loop import train
+from scenegen.learn.training.config import make_config
+from scenegen.learn.training.loop import train
 
 CONFIG = make_config("gan", "paper", epochs=2, scenes=300, batch_size=64)
 
@@ -70,7 +70,7 @@ def test_a_bad_folder_is_told_and_an_empty_one_not_left(tmp_path, exp1, monkeypa
     def fails(*_):
         raise RequestError(*_nothing())
 
-    monkeypatch.setattr("scenegen.training.loop.make_feed", fails)
+    monkeypatch.setattr("scenegen.learn.training.loop.make_feed", fails)
     with pytest.raises(RequestError):
         train(exp1, CONFIG, tmp_path / "m", log_dir=tmp_path / "a" / "b")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -11,17 +11,16 @@ import torch
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.errors import DataError, RequestError
-from scenegen.models.branches import survey
-from scenegen.models.published.gan import GAN
-from scenegen.scene.data import RequestData
-from scenegen.training import feed as feeds
-from scenegen.training.config import make_config
-from scenegen.training.datasets import scenefile
-from scenegen.training.datasets.uniform import uniform
-from scenegen.training.feed import Memory, Windows, make_feed, ranked, sorted_into
-from scenegen.training.interrupt import Interrupted
-from scenegen.training.loop import train
-from scenegen.training.state import state_path
+from scenegen.learn.models.codec import survey
+from scenegen.learn.models.published.gan import GAN
+from scenegen.learn.training import feed as feeds
+from scenegen.learn.training.config import make_config
+from scenegen.learn.training.datasets import scenefile
+from scenegen.learn.training.datasets.uniform import uniform
+from scenegen.learn.training.feed import Memory, Windows, make_feed, ranked, sorted_into
+from scenegen.learn.training.loop import Interrupted, train
+from scenegen.learn.training.state import state_path
+from scenegen.scenes.data import RequestData
 
 M = 950
 
@@ -29,7 +28,7 @@ M = 950
 @pytest.fixture
 def file(tmp_path, exp1, monkeypatch):
     """950 uniform scenes of experiment 1 as Parquet, in ten row groups."""
-    monkeypatch.setattr("scenegen.formats.parquet.BLOCK", 100)
+    monkeypatch.setattr("scenegen.scenes.formats.parquet.BLOCK", 100)
     rows = uniform(exp1, M, torch.Generator().manual_seed(0)).rows.double().numpy()
     header = make_header(exp1, {"method": "uniform"}, RequestData(phi={}, n=M))
     phi = dict.fromkeys(exp1.labels, np.zeros(M))  # not looked at
@@ -87,7 +86,7 @@ def test_batches_are_full_and_start_anywhere(file, exp1, small):
 
 def test_the_choice_keeps_the_extremes(file, exp1, small, monkeypatch):
     full = make_feed(exp1, config(file))
-    monkeypatch.setattr("scenegen.training.datasets.streamed.CHOSEN", 8 * 95)
+    monkeypatch.setattr("scenegen.learn.training.datasets.streamed.CHOSEN", 8 * 95)
     some = make_feed(exp1, config(file))
     assert len(some.fitting) < 130 < len(full.fitting)
     for end in (torch.amin, torch.amax):

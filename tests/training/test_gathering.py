@@ -13,13 +13,12 @@ from rich.console import Console
 
 import scenegen
 from scenegen.errors import DataError, RequestError
-from scenegen.training.datasets import balanced
-from scenegen.training.datasets import gathering as module
-from scenegen.training.datasets.gathering import Gathering
-from scenegen.training.datasets.registry import DATASETS, dataset_maker
-from scenegen.training.gathered import GatheringLines
-from scenegen.training.progress import TrainingProgress
-from scenegen.training.recipes import GATHERING, SECONDS
+from scenegen.learn.training.datasets import balanced
+from scenegen.learn.training.datasets import gathering as module
+from scenegen.learn.training.datasets.gathering import Gathering
+from scenegen.learn.training.datasets.registry import DATASETS, dataset_maker
+from scenegen.learn.training.progress import GatheringLines, TrainingProgress
+from scenegen.learn.training.recipes import GATHERING, SECONDS
 
 RARE = "object a, b, c\nrequire noOverlap()\ntask: leftOf(a, b) & closeTo(a, c, 0.3)\nsafe: farFrom(a, b, 0.4)"
 
@@ -144,8 +143,10 @@ class _RunsOut:
 
     def __init__(self, monkeypatch, after):
         self.left = after
-        monkeypatch.setattr("scenegen.training.loop.time", SimpleNamespace(monotonic=self.ask, perf_counter=self.now))
-        monkeypatch.setattr("scenegen.api.train.time", SimpleNamespace(monotonic=self.now))
+        monkeypatch.setattr(
+            "scenegen.learn.training.loop.time", SimpleNamespace(monotonic=self.ask, perf_counter=self.now)
+        )
+        monkeypatch.setattr("scenegen.learn.train.time", SimpleNamespace(monotonic=self.now))
 
     def ask(self):
         self.left -= 1
@@ -208,7 +209,7 @@ def test_a_bar_and_lines(monkeypatch):
         assert task.completed < 10.0 and (task.total, task.fields["left"]) == (SECONDS, "left at most")
         progress.step(1, 40)
         assert task.fields["figures"] == "" and task.fields["left"] == "left" and task.description == "gan: epoch 1/4"
-    monkeypatch.setattr("scenegen.training.gathered.FIRST", 0.0)
+    monkeypatch.setattr("scenegen.learn.training.progress.FIRST", 0.0)
     plain = io.StringIO()
     with TrainingProgress(4, "gan", Console(file=plain)) as progress:
         progress.gather("gathering scenes", 0, 5500)

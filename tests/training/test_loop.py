@@ -5,12 +5,12 @@ import pytest
 import torch
 
 from scenegen.errors import OutputError, RequestError
-from scenegen.models.checkpoint import load_model
-from scenegen.models.published.aae import AAE
-from scenegen.robustness import Robustness
-from scenegen.training.config import make_config
-from scenegen.training.loop import train
-from scenegen.training.state import state_path
+from scenegen.learn.models.checkpoint import load_model
+from scenegen.learn.models.published.aae import AAE
+from scenegen.learn.robustness import Robustness
+from scenegen.learn.training.config import make_config
+from scenegen.learn.training.loop import train
+from scenegen.learn.training.state import state_path
 
 SMALL = make_config("aae", "paper", epochs=3, scenes=300, batch_size=64, hyper={"latent": 4})
 
@@ -71,7 +71,7 @@ def test_boosted_data_and_another_thread(tmp_path, exp1):
 
 
 def test_a_bad_place_is_told_before_the_work(tmp_path, exp1, monkeypatch):
-    monkeypatch.setattr("scenegen.training.loop.make_feed", lambda *_: pytest.fail("work was begun"))
+    monkeypatch.setattr("scenegen.learn.training.loop.make_feed", lambda *_: pytest.fail("work was begun"))
     (tmp_path / "file").write_text("")
     for out in (tmp_path / "none" / "m", tmp_path, tmp_path / "file" / "m"):
         with pytest.raises(OutputError):

@@ -8,15 +8,13 @@ import pytest
 import torch
 
 from scenegen.errors import DataError
-from scenegen.models.checkpoint import load_model
-from scenegen.models.published.gan import GAN
-from scenegen.models.safefile import pack, unpack
-from scenegen.training import session
-from scenegen.training.config import make_config
-from scenegen.training.interrupt import Interrupted
-from scenegen.training.loop import train
-from scenegen.training.state import FORMAT, state_path
-from scenegen.training.validate import Validation
+from scenegen.learn.models.checkpoint import load_model, pack, unpack
+from scenegen.learn.models.published.gan import GAN
+from scenegen.learn.training import session
+from scenegen.learn.training.config import make_config
+from scenegen.learn.training.loop import Interrupted, train
+from scenegen.learn.training.state import FORMAT, state_path
+from scenegen.learn.training.validate import Validation
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 CONFIG = make_config("gan", "paper", epochs=9, scenes=300, batch_size=64, patience=2)

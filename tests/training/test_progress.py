@@ -2,8 +2,8 @@ import io
 
 from rich.console import Console
 
-from scenegen.training.progress import TrainingProgress
-from scenegen.training.report import EpochReport
+from scenegen.learn.training.progress import TrainingProgress
+from scenegen.learn.training.validate import EpochReport
 
 
 def report(epoch, epochs):

@@ -3,9 +3,8 @@ import re
 
 from rich.console import Console
 
-from scenegen.training.progress import TrainingProgress
-from scenegen.training.report import EpochReport
-from scenegen.training.validate import Validation
+from scenegen.learn.training.progress import TrainingProgress
+from scenegen.learn.training.validate import EpochReport, Validation
 
 GOOD = Validation({"task": 0.01, "safe": 0.03}, 0.4)
 

@@ -6,11 +6,11 @@ import time
 import pytest
 
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
-from scenegen.sampling import vast
-from scenegen.sampling.tails import OutOfReach
-from scenegen.training.datasets import balanced
-from scenegen.training.datasets.gathering import Gathering
+from scenegen.lang.checker import check_text
+from scenegen.learn.training.datasets import balanced
+from scenegen.learn.training.datasets.gathering import Gathering
+from scenegen.sampling import rarity_grown
+from scenegen.sampling.rarity import OutOfReach
 
 TEXT = "object a, b\nrequire dist(a, b) >= 10 cm\ntask: dist(a, b) <= 30 cm"
 
@@ -19,7 +19,7 @@ TEXT = "object a, b\nrequire dist(a, b) >= 10 cm\ntask: dist(a, b) <= 30 cm"
 def grown(monkeypatch):
     """Chains find nothing; growth takes little time."""
     monkeypatch.setattr(balanced, "measure", lambda *given: OutOfReach(-0.1, 1))
-    monkeypatch.setattr(vast, "EFFORT", 2e7)
+    monkeypatch.setattr(rarity_grown, "EFFORT", 2e7)
 
 
 def test_growth_tells_what_chains_do_not_reach(grown):

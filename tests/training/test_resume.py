@@ -9,15 +9,14 @@ import pytest
 import torch
 
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.models.checkpoint import load_model
-from scenegen.models.published.aae import AAE
-from scenegen.models.published.gan import GAN
-from scenegen.models.registry import MODELS, PUBLISHED, model_class
-from scenegen.training import session
-from scenegen.training.config import make_config
-from scenegen.training.interrupt import Interrupted
-from scenegen.training.loop import train
-from scenegen.training.state import state_path
+from scenegen.learn.models.checkpoint import load_model
+from scenegen.learn.models.published.aae import AAE
+from scenegen.learn.models.published.gan import GAN
+from scenegen.learn.models.registry import MODELS, PUBLISHED, model_class
+from scenegen.learn.training import session
+from scenegen.learn.training.config import make_config
+from scenegen.learn.training.loop import Interrupted, train
+from scenegen.learn.training.state import state_path
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 CONFIG = make_config("gan", "paper", epochs=4, scenes=300, batch_size=64)  # five steps an epoch, the last of 44 scenes
@@ -193,7 +192,7 @@ def test_nothing_to_resume(tmp_path, exp1):
 def test_other_data_is_noticed(tmp_path, exp1, monkeypatch):
     out = tmp_path / "m"
     train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
-    monkeypatch.setattr("scenegen.training.datasets.dataset.Dataset.sha256", property(lambda self: "0" * 64))
+    monkeypatch.setattr("scenegen.learn.training.datasets.dataset.Dataset.sha256", property(lambda self: "0" * 64))
     with pytest.raises(DataError, match="cannot be rebuilt"):
         train(exp1, CONFIG, out, resume=True)
 

@@ -10,11 +10,11 @@ import scenegen
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.errors import DataError, RequestError
-from scenegen.lang.check import check_text
-from scenegen.robustness import Robustness
-from scenegen.scene.data import RequestData
-from scenegen.training.datasets import scenefile
-from scenegen.training.datasets.scenefile import whole_file
+from scenegen.lang.checker import check_text
+from scenegen.learn.robustness import Robustness
+from scenegen.learn.training.datasets import scenefile
+from scenegen.learn.training.datasets.scenefile import whole_file
+from scenegen.scenes.data import RequestData
 
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"
 

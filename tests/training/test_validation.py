@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from scenegen.models.checkpoint import load_model
-from scenegen.models.codec import Codec
-from scenegen.models.examples import Examples
-from scenegen.models.spec_loss import SpecLoss
-from scenegen.training import session
-from scenegen.training.config import make_config
-from scenegen.training.feed import make_feed
-from scenegen.training.loop import train
-from scenegen.training.validate import Validation, validate
+from scenegen.learn.models.base import SpecLoss
+from scenegen.learn.models.checkpoint import load_model
+from scenegen.learn.models.codec import Codec, Examples
+from scenegen.learn.training import session
+from scenegen.learn.training.config import make_config
+from scenegen.learn.training.feed import make_feed
+from scenegen.learn.training.loop import train
+from scenegen.learn.training.validate import Validation, validate
 
 CONFIG = make_config("gan", "paper", epochs=3, scenes=300, batch_size=64)
 
@@ -118,8 +117,8 @@ def test_reports_and_card_tell_the_same(tmp_path, exp1):
 
 
 def test_files_without_the_new_fields_still_load(tmp_path, exp1):
-    from scenegen.models.card import FORMAT, ModelCard
-    from scenegen.models.safefile import pack, unpack
+    from scenegen.learn.models.card import FORMAT, ModelCard
+    from scenegen.learn.models.checkpoint import pack, unpack
 
     train(exp1, dataclasses.replace(CONFIG, epochs=1), tmp_path / "m")
     text, tensors = unpack(tmp_path / "m", FORMAT, "a model file")

@@ -20,10 +20,10 @@ pytest.importorskip("uvicorn")
 import uvicorn
 from websockets.sync.client import connect
 
-from scenegen.view import serve
-from scenegen.view.app import make_app
-from scenegen.view.folder import Folder
-from scenegen.view.opened import Opened
+from scenegen.show.view import serve
+from scenegen.show.view.app import make_app
+from scenegen.show.view.folder import Folder
+from scenegen.show.view.opened import Opened
 
 TOKEN = "the-token"
 TEXT = "object mug, plate\ntask: leftOf(mug, plate) & closeTo(mug, plate, 30 cm)\n"

@@ -7,8 +7,8 @@ import pytest
 from scenegen.cli.output import flag
 from scenegen.errors import RequestError
 from scenegen.errors.requests import RANGE_WITHOUT_END
-from scenegen.view.control import FIELDS, control, without_command_line
-from scenegen.view.jobs.source import refusal
+from scenegen.show.view.jobs.source import refusal
+from scenegen.show.view.limits import FIELDS, control, without_command_line
 
 PANEL = Path(__file__).parents[2] / "page/src/panels/Request.tsx"
 

@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from scenegen.view.folder import Folder, Refused, digest, shipped
-from scenegen.view.limits import MAX_TEXT
+from scenegen.show.view.folder import Folder, Refused, digest, shipped
+from scenegen.show.view.limits import MAX_TEXT
 
 
 @pytest.fixture

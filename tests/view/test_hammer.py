@@ -12,8 +12,8 @@ import pytest
 
 pytest.importorskip("uvicorn")
 
-from scenegen.view import body, serve
-from scenegen.view.limits import MAX_TEXT
+from scenegen.show.view import security, serve
+from scenegen.show.view.limits import MAX_TEXT
 
 from ..laws import FULL, in_full_again
 
@@ -89,7 +89,7 @@ def resident() -> int:
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads its memory from /proc")
 def test_hundreds_at_a_time(running, monkeypatch):
     monkeypatch.setattr(serve, "HEADER_SECONDS", 0.5)
-    monkeypatch.setattr(body, "BODY_SECONDS", 0.5)
+    monkeypatch.setattr(security, "BODY_SECONDS", 0.5)
 
     async def all_at_once() -> list[bytes]:
         return await asyncio.gather(*(attack(running.port, number) for number in range(COUNT)))

@@ -18,11 +18,11 @@ import pytest
 import scenegen
 from scenegen.cli.eval import as_json
 from scenegen.errors import DataError, RequestError, SpecError
-from scenegen.errors.page import TOO_MANY_SHOWN
+from scenegen.errors.program import TOO_MANY_SHOWN
 from scenegen.resources import shipped_specs
-from scenegen.view.jobs import JOBS, TABLE, calm
-from scenegen.view.limits import SECONDS
-from scenegen.view.wire import dumps
+from scenegen.show.view.jobs import JOBS, TABLE, source
+from scenegen.show.view.limits import SECONDS
+from scenegen.show.view.worker import dumps
 
 TEXT = "object mug, plate\nrequire noOverlap()\ntask: leftOf(mug, plate) & closeTo(mug, plate, 30 cm)\n"
 
@@ -203,7 +203,7 @@ def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
     some = replace(
         scenegen.sample(scenegen.parse(TEXT), n=2), warnings=(TOO_MANY_SHOWN(most=1, count=2, what="scenes"),)
     )
-    monkeypatch.setattr(scenegen, "sample", lambda *_, **__: some)
+    monkeypatch.setattr("scenegen.api.sample.sample", lambda *_, **__: some)
     (found,) = do("sample", tmp_path, request={"n": 2})
     assert found["warnings"] == [{"code": TOO_MANY_SHOWN.code, "title": some.warnings[0].title}]
 
@@ -211,11 +211,11 @@ def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux alone")
 def test_work_gives_way_in_a_thread_of_its_own(monkeypatch):
     before = os.getpriority(os.PRIO_PROCESS, 0)  # other tests may have changed it
-    monkeypatch.setattr(calm, "_own", lambda: before)
-    niced = calm.calmly(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), 2)
+    monkeypatch.setattr(source, "_own", lambda: before)
+    niced = source.calmly(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), 2)
     assert niced == min(before + 2, 19) and os.getpriority(os.PRIO_PROCESS, 0) == before
     with pytest.raises(ZeroDivisionError):
-        calm.calmly(lambda: 1 // 0)
+        source.calmly(lambda: 1 // 0)
 
 
 def test_meshes_unpack_to_the_size_of_their_object(tmp_path):

@@ -8,8 +8,8 @@ import pytest
 
 import scenegen
 from scenegen.errors import RequestError
-from scenegen.view.jobs import sample
-from scenegen.view.jobs.source import spec_of
+from scenegen.show.view.jobs import sample
+from scenegen.show.view.jobs.source import spec_of
 
 TEXT = "object block[1..3], plate\ntask: leftOf(block[1], plate)\n"
 

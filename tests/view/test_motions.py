@@ -11,14 +11,14 @@ import pytest
 from PIL import Image
 
 import scenegen
-from scenegen.api.trajectory import score_trajectory
+from scenegen.api.monitor import score_trajectory
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.requests import NO_TIME_TO_TELL
-from scenegen.view import export
-from scenegen.view.jobs import JOBS
-from scenegen.view.limits import MAX_MOTION, MAX_PLAYED
-from scenegen.view.opened import open_
-from scenegen.view.wire import dumps
+from scenegen.show.view import export
+from scenegen.show.view.jobs import JOBS
+from scenegen.show.view.limits import MAX_MOTION, MAX_PLAYED
+from scenegen.show.view.opened import open_
+from scenegen.show.view.worker import dumps
 
 TEXT = """object mug, plate, knife
 time [0, 5 s] every 0.5 s
@@ -210,7 +210,7 @@ def test_a_page_without_a_server_plays(tmp_path, motions, monkeypatch):
 
 
 def test_a_motion_travels_in_one_message():
-    from scenegen.view.limits import MAX_MESSAGE, MAX_TEXT
+    from scenegen.show.view.limits import MAX_MESSAGE, MAX_TEXT
 
     pose = [-0.12345678901234567, 0.12345678901234567, 6.123456789012345]
     assert len(dumps([pose] * MAX_MOTION)) + MAX_TEXT < MAX_MESSAGE
@@ -218,7 +218,7 @@ def test_a_motion_travels_in_one_message():
 
 def test_motions_are_shown_while_they_are_found(tmp_path, monkeypatch):
     """At first any, then what comes nearer, then those in the range as they are found; the last answer is as ever."""
-    monkeypatch.setattr("scenegen.view.jobs.sample.BEAT", 0.0)
+    monkeypatch.setattr("scenegen.show.view.jobs.sample.BEAT", 0.0)
     wanted = {"phi": {"task": [0.02, None]}, "n": 12, "seed": 3, "method": "splitting"}
     *looks, last = do("sample", tmp_path, NEAR, request=wanted, watch=True)
     spec = scenegen.parse(NEAR)
@@ -234,14 +234,14 @@ def test_motions_are_shown_while_they_are_found(tmp_path, monkeypatch):
 
 
 def test_motions_that_were_found_when_time_is_up_are_shown(tmp_path, monkeypatch):
-    monkeypatch.setattr("scenegen.view.jobs.sample.BEAT", 0.0)
+    monkeypatch.setattr("scenegen.show.view.jobs.sample.BEAT", 0.0)
 
     def slow(spec, wanted, seconds, watch):
         found = scenegen.sample_motions(spec, wanted["phi"], 5, method="splitting")
         watch(found.poses, 2)
         raise RequestError(NO_TIME_TO_TELL(tried="levels of motions", undecided=1, count=1))
 
-    monkeypatch.setattr("scenegen.view.jobs.motions.drawn", slow)
+    monkeypatch.setattr("scenegen.show.view.jobs.motions.drawn", slow)
     wanted = {"phi": {"task": [0, None]}, "n": 12, "method": "splitting"}
     *_, last = do("sample", tmp_path, NEAR, request=wanted, watch=True)
     assert len(last["motions"]) == 2 and min(last["phi"]["task"]) >= 0

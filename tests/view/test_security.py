@@ -8,11 +8,10 @@ import pytest
 
 pytest.importorskip("starlette")
 
-from scenegen.view.folder import Folder
-from scenegen.view.limits import MAX_REQUESTS
-from scenegen.view.opened import Opened
-from scenegen.view.security import Gate
-from scenegen.view.shared import Shared
+from scenegen.show.view.folder import Folder
+from scenegen.show.view.limits import MAX_REQUESTS
+from scenegen.show.view.opened import Opened
+from scenegen.show.view.security import Gate, Shared
 
 HOST = "127.0.0.1:8000"
 

@@ -13,9 +13,9 @@ pytest.importorskip("uvicorn")
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from scenegen.view import lanes
-from scenegen.view.limits import MAX_SESSIONS, MAX_TEXT
-from scenegen.view.session import Session
+from scenegen.show.view import session as lanes
+from scenegen.show.view.limits import MAX_SESSIONS, MAX_TEXT
+from scenegen.show.view.session import Session
 
 LABEL = "r{0}: forall i in 1..13: leftOf(block[i], block[i+1]) & closeTo(block[i], block[i+1], {1} cm)\n"
 SLOW = "object block[14] = box(5 cm, 5 cm, 5 cm)\nrequire noOverlap()\n"

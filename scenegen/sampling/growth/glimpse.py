@@ -12,13 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import StoppedError, TooMuchError
 from scenegen.pose import BELOW_TURN, THETA, along
-from scenegen.sampling.growth.begin import GROWTH
 from scenegen.sampling.growth.grow import HITS, Stuck, explore
 from scenegen.sampling.growth.machine import make_machine
-from scenegen.sampling.growth.tally import Tally
+from scenegen.sampling.growth.particles import MoveTally
+from scenegen.sampling.growth.population import GROWTH
 from scenegen.sampling.problem import Budget, Problem
+from scenegen.search.effort import StoppedError, TooMuchError
 
 Array = npt.NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def _glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int])
         island = np.repeat(np.arange(count), size)
         quick = size < sizes[-1]
         hits = QUICK if quick else HITS
-        grown, _ = explore(machine, cells[island], island, rng, Tally(), hits=hits, moves=not quick)
+        grown, _ = explore(machine, cells[island], island, rng, MoveTally(), hits=hits, moves=not quick)
         if not isinstance(grown, Stuck):
             _, first = np.unique(grown.particles.island, return_index=True)
             rows = grown.particles.scenes[:, first].copy()

@@ -15,22 +15,113 @@ The ends of a clause depend on the cell of the range that a scene is for.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.contract import ROUNDS, contract, start
-from scenegen.bounds.effort import Effort
-from scenegen.bounds.requirements import EVERYTHING, Ends, both, push_down
-from scenegen.bounds.standing import Stand, stands_of
-from scenegen.lang.core import REQUIRE, Apply, Const, Coord, Core, Junction, Node
+from scenegen.geometry import PRIMITIVES, Footprint
+from scenegen.geometry.footprint import POINT, Circle
+from scenegen.lang.formula.core import REQUIRE, Apply, Atom, Const, Coord, Core, Junction, Node, children, moved
 from scenegen.pose import FLAT, PLACE, X, owner, row_of, rows_of
-from scenegen.primitives import Footprint
-from scenegen.primitives.footprint import POINT
-from scenegen.sampling.growth.reading import flat, members, needed, offset_of, read_by
 from scenegen.sampling.problem import Problem
+from scenegen.search.contract import EVERYTHING, ROUNDS, Ends, both, contract, push_down, start
+from scenegen.search.effort import Effort
+from scenegen.search.surfaces import Stand, stands_of
+from scenegen.search.tape import make_tape
+
+# --------------------------------------------------------------------------------------------------------------------
+# What nodes of the core formula read: coordinates, parts of junctions, a clearance and a constant.
+
+
+def read_by(node: Node) -> list[int]:
+    """The nodes that a value depends on: a circle's heading is not one of them."""
+    if not isinstance(node, Apply) or not node.shapes:
+        return list(children(node))
+    read: list[int] = []
+    at = 0
+    shapes = iter(node.shapes)
+    for kind in PRIMITIVES[node.primitive].params:
+        size = {"number": 1, "place": len(PLACE), "footprint": len(FLAT)}[kind]
+        args = node.args[at : at + size]
+        at += size
+        read += args[: len(PLACE)] if kind == "footprint" and isinstance(next(shapes), Circle) else args
+    return read
+
+
+def needed(args: Sequence[int], shape: Footprint) -> Sequence[int]:
+    """Arguments x, y and heading, of a round footprint the first two."""
+    return args[: len(PLACE)] if isinstance(shape, Circle) else args
+
+
+def members(bits: int) -> list[int]:
+    found = []
+    while bits:
+        lowest = bits & -bits
+        found.append(lowest.bit_length() - 1)
+        bits ^= lowest
+    return found
+
+
+def flat(core: Core, index: int) -> list[int]:
+    """The arguments of a junction, those of junctions of the same kind within it instead of these; each only once."""
+    top = core.nodes[index]
+    assert isinstance(top, Junction)
+    found: dict[int, None] = {}
+    waiting = list(reversed(top.args))
+    while waiting:
+        arg = waiting.pop()
+        node = core.nodes[arg]
+        if isinstance(node, Junction) and node.kind == top.kind:
+            waiting += reversed(node.args)
+        else:
+            found[arg] = None
+    return list(found)
+
+
+def ways_of(core: Core, index: int) -> list[int]:
+    """The numbers of which a formula's value is the largest: those of a disjunction's atoms, and of a `max` in them."""
+    found: dict[int, None] = {}
+    waiting = [index]
+    while waiting:
+        index = waiting.pop()
+        match core.nodes[index]:
+            case Junction("max", args) | Apply("max", args):
+                waiting += reversed(args)
+            case Atom(margin=margin):
+                waiting.append(margin)
+            case _:
+                found[index] = None
+    return list(found)
+
+
+def offset_of(nodes: Sequence[Node], index: int) -> tuple[int, float, float] | None:
+    """An atom's margin, or a number, as sign times a clearance or distance, plus a constant: its node, the sign, the
+    constant."""
+    node = nodes[index]
+    index, sign, constant = node.margin if isinstance(node, Atom) else index, 1.0, 0.0
+    while True:
+        node = nodes[index]
+        if not isinstance(node, Apply):
+            return None
+        if node.primitive in ("gap", "dist"):
+            return index, sign, constant
+        values = [nodes[arg] for arg in node.args]
+        match node.primitive, values:
+            case "neg", _:
+                index, sign = node.args[0], -sign
+            case "add", [_, Const(value)]:
+                index, constant = node.args[0], constant + sign * value
+            case "add", [Const(value), _]:
+                index, constant = node.args[1], constant + sign * value
+            case "sub", [_, Const(value)]:
+                index, constant = node.args[0], constant - sign * value
+            case "sub", [Const(value), _]:
+                index, constant, sign = node.args[1], constant + sign * value, -sign
+            case _:
+                return None
+
 
 Array = npt.NDArray[np.float64]
 
@@ -342,3 +433,92 @@ def asked(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
             ends = found.setdefault(node, (np.full(count, -np.inf), np.full(count, np.inf)))
             ends[0][cell], ends[1][cell] = low, high
     return found
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What follows from a formula and touches fewer objects than it does.
+#
+# `evenlySpaced` holds every gap of a row against the mean of all gaps: none of it can be scored before the last
+# object of the row is placed, and by then it is too late. But two gaps that are each within e of the mean are within
+# 2 e of each other, and that touches three or four objects. The margin e - |a - b| / 2 is at least the mean of the
+# two, so never below the smaller one: to add it to their conjunction changes no value of phi.
+
+
+Even = tuple[int, int, float]
+"""One number, the mean of several of which it is one (nodes), and how near they must be."""
+
+
+def strengthened(problem: Problem, effort: Effort) -> Problem:
+    """The problem with what its formulas imply, for growth; phi of every scene is the same but for rounding. Raises
+    what `effort` raises."""
+    core = with_implied(problem.core)
+    if core is problem.core:
+        return problem
+    return replace(problem, core=core, tape=make_tape(core, problem.lowest, problem.highest, effort))
+
+
+def with_implied(core: Core) -> Core:
+    """The core with an atom more for every two numbers that a conjunction holds against their mean; the core itself
+    where there are none."""
+    nodes: list[Node] = []
+    place: dict[int, int] = {}
+    for old, node in enumerate(core.nodes):
+        new = moved(node, place)
+        if isinstance(node, Junction) and isinstance(new, Junction) and node.kind == "min":
+            more = _pairs(core.nodes, node, place, nodes)
+            new = replace(new, args=(*new.args, *more)) if more else new
+        place[old] = len(nodes)
+        nodes.append(new)
+    if len(nodes) == len(core.nodes):
+        return core
+    labels = {name: place[node] for name, node in core.labels.items()}
+    required = None if core.requirement is None else place[core.requirement]
+    return Core(tuple(nodes), labels, core.objects, required)
+
+
+def _pairs(old: Sequence[Node], junction: Junction, place: dict[int, int], nodes: list[Node]) -> list[int]:
+    """Atoms for the pairs of one conjunction, appended to the nodes."""
+    found: dict[int, list[tuple[Even, Atom]]] = {}
+    for arg in junction.args:
+        atom = old[arg]
+        if isinstance(atom, Atom) and (even := _even(old, atom)) is not None:
+            found.setdefault(even[1], []).append((even, atom))
+    added = []
+    for group in found.values():
+        for number, (one, atom) in enumerate(group):
+            for other, _ in group[:number]:
+                begin = len(nodes)
+                nodes += [
+                    Const(0.5 * (one[2] + other[2])),
+                    Const(0.5),
+                    Apply("sub", (place[one[0]], place[other[0]])),
+                    Apply("abs", (begin + 2,)),
+                    Apply("mul", (begin + 3, begin + 1)),
+                    Apply("sub", (begin, begin + 4)),
+                    Atom(begin + 5, atom.text, atom.unit, atom.spans),
+                ]
+                added.append(begin + 6)
+    return added
+
+
+def _even(nodes: Sequence[Node], atom: Atom) -> Even | None:
+    """The atom as e - |number - mean|, where it is one, and the number one of several of which the mean is."""
+    match nodes[atom.margin]:
+        case Apply("sub", (limit, size)):
+            pass
+        case _:
+            return None
+    match nodes[limit], nodes[size]:
+        case Const(value), Apply("abs", (difference,)):
+            pass
+        case _:
+            return None
+    match nodes[difference]:
+        case Apply("sub", (number, mean)):
+            pass
+        case _:
+            return None
+    match nodes[mean]:
+        case Apply("mean", args) if number in args and len(args) > 2:
+            return number, mean, value
+    return None

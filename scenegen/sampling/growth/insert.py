@@ -2,19 +2,233 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.pose import FLAT, axis_of, owner, row_of
-from scenegen.sampling.growth.aim import New, aimed, chances_of, look_out, newly
+from scenegen.sampling.growth.graph import Clause
+from scenegen.sampling.growth.machine import Machine, Places, chance
 from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.growth.room import Boxes
-from scenegen.sampling.growth.stand import Places
+from scenegen.sampling.growth.room import Boxes, make_room
+from scenegen.sampling.growth.touch import within
+
+# --------------------------------------------------------------------------------------------------------------------
+# Which ways of a choice hold, as far as their objects are placed.
+
 
 Array = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+Index = npt.NDArray[np.intp]
+
+
+def placed_clauses(machine: Machine, choice: int, number: int, stage: int) -> tuple[Clause, ...]:
+    """What a way asks of the objects placed by a stage: the whole of it once all of its objects are there."""
+    way = machine.graph.choices[choice].ways[number]
+    if all(machine.at[thing] <= stage for thing in way.whole.objects):
+        return (way.whole,)
+    return tuple(one for one in way.clauses if one.objects and all(machine.at[thing] <= stage for thing in one.objects))
+
+
+def held_ways(
+    machine: Machine, choice: int, numbers: Sequence[int], rows: Sequence[Any], cell: Index, stage: int
+) -> Bool:
+    """Which of some ways of a choice nothing placed by a stage rules out, (len(numbers), B). `rows` are 3N arrays or
+    numbers that broadcast to (B,), `cell` (B,)."""
+    asked = [placed_clauses(machine, choice, number, stage) for number in numbers]
+    return met(machine, ("ways", choice, stage, *numbers), asked, rows, cell)
+
+
+def held_of_all(
+    machine: Machine, touched: Mapping[int, Sequence[int]], rows: Sequence[Any], cell: Index, stage: int
+) -> list[Bool]:
+    """The same of some ways of several choices, (len(numbers), B) for each: what they share is computed once."""
+    asked = {
+        index: [placed_clauses(machine, index, number, stage) for number in numbers]
+        for index, numbers in touched.items()
+    }
+    key = ("all ways", stage, *((index, *numbers) for index, numbers in touched.items()))
+    nodes = [one.node for each in asked.values() for clauses in each for one in clauses]
+    found = iter(machine.values(key, nodes)(rows, machine.effort.check))
+    held = []
+    for index, each in asked.items():
+        alone = ("ways", index, stage, *touched[index])  # work is counted as if each choice were looked at by itself
+        machine.count(machine.steps(alone, [one.node for clauses in each for one in clauses]), len(cell))
+        held.append(_met(each, found, cell))
+    return held
+
+
+def met(machine: Machine, key: object, asked: Sequence[Sequence[Clause]], rows: Sequence[Any], cell: Index) -> Bool:
+    """Which columns meet all clauses of each entry, (len(asked), B). `key` stands for these clauses."""
+    values = machine.values(key, [one.node for clauses in asked for one in clauses])
+    found = iter(values(rows))
+    machine.count(len(values.steps), len(cell))
+    return _met(asked, found, cell)
+
+
+def _met(asked: Sequence[Sequence[Clause]], found: Iterator[Array], cell: Index) -> Bool:
+    held = np.ones((len(asked), len(cell)), dtype=bool)
+    for row, clauses in zip(held, asked, strict=True):
+        for one in clauses:
+            inside = within(next(found), one, cell)
+            if inside is not None:
+                row &= inside
+    return held
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Placing an object with an eye to the choices: some of its poses are drawn where they help a way to hold.
+#
+# Poses come from a mixture: the object's room under the clauses that every scene meets, and a box for each way that
+# newly asks for something of the object, as contraction leaves it. How much a box gets depends on the scene: a way
+# that is ruled out gets nothing, a choice that is met already needs nothing, and the last object that can meet a
+# choice must. What the mixture is like decides how even the weights are; the weights undo it.
+
+
+EVENLY = 0.3  # share of the poses that is spread evenly over all boxes that may help, the whole room among them
+TINY = 1e-6
+MOST = 48  # boxes of a mixture; beyond these, ways get none of their own
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class New:
+    """Ways `numbers` of choice `choice` which ask for `clauses` of an object that comes now, one entry for each way."""
+
+    choice: int
+    numbers: tuple[int, ...]
+    clauses: tuple[tuple[Clause, ...], ...]
+
+
+def newly(machine: Machine, stage: int) -> tuple[New, ...]:
+    """What choices newly ask of the object of a stage."""
+    key = "newly", stage
+    if key not in machine.notes:
+        found = []
+        thing = machine.order[stage]
+        for index, numbers in machine.touch[thing].ways.items():
+            ways = machine.graph.choices[index].ways
+            asked = {
+                number: tuple(
+                    one
+                    for one in ways[number].clauses
+                    if thing in one.objects and max(machine.at[other] for other in one.objects) == stage
+                )
+                for number in numbers
+            }
+            asked = {number: clauses for number, clauses in asked.items() if clauses}
+            if asked:
+                found.append(New(index, tuple(asked), tuple(asked.values())))
+        machine.notes[key] = tuple(found)
+    known: tuple[New, ...] = machine.notes[key]
+    return known
+
+
+def aimed(particles: Particles, boxes: Boxes, new: Sequence[New], stage: int) -> Boxes:
+    """The mixture for an object whose room under the clauses alone is `boxes`."""
+    if not new:
+        return boxes
+    machine, thing = particles.machine, particles.machine.order[stage]
+    touch = machine.touch[thing]
+    each = max(1, MOST // 2 // len(new))
+    parts = [(one, place) for one in new for place in range(min(each, len(one.numbers)))]
+    key = "aimed", stage
+    if key not in machine.rooms:
+        asked = [one.clauses[place] for one, place in parts]
+        machine.rooms[key] = make_room(machine.problem, touch, touch.in_force(stage), asked, halved=True)
+    room = machine.rooms[key]
+    more = room.boxes(particles.scenes, particles.cell, machine.effort)
+    machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
+    halves = len(room.branches) // len(parts)
+    whole = boxes.volumes.sum(axis=0)
+    volumes = more.volumes.reshape(halves, len(parts), -1)
+    share = volumes.sum(axis=0)
+    gain = np.zeros((1 + len(parts), particles.count))
+    gain[0] = whole > 0.0
+    for row, ratio in zip(gain[1:], _gains(particles, new, parts, stage), strict=True):
+        row[:] = ratio
+    gain[1:] *= share / np.where(whole > 0.0, whole, 1.0)
+    total = gain.sum(axis=0)
+    helps = gain > 0.0
+    odds = (1.0 - EVENLY) * gain / np.where(total > 0.0, total, 1.0)
+    odds += EVENLY * helps / np.maximum(helps.sum(axis=0), 1)
+    of_whole = odds[0] * boxes.volumes / np.where(whole > 0.0, whole, 1.0)
+    of_parts = odds[1:] * volumes / np.where(share > 0.0, share, 1.0)
+    return Boxes(
+        np.concatenate([boxes.low, more.low], axis=1),
+        np.concatenate([boxes.width, more.width], axis=1),
+        np.concatenate([boxes.volumes, more.volumes]),
+        np.concatenate([of_whole, of_parts.reshape(len(room.branches), -1)]),
+    )
+
+
+def _gains(particles: Particles, new: Sequence[New], parts: Sequence[tuple[New, int]], stage: int) -> list[Array]:
+    """By how much each part raises the chance of its choice, relative to a pose that meets none of its new clauses:
+    (P,) each, 0 for ways that are ruled out."""
+    machine, cell = particles.machine, particles.cell
+    found: list[Array] = []
+    for one in new:
+        table = machine.outlooks[one.choice][:, stage]
+        held = particles.held[one.choice]
+        held = np.ones((len(table), particles.count), dtype=bool) if held is None else held.copy()
+        mine = held[list(one.numbers)]
+        held[list(one.numbers)] = False
+        without = chance(held, table, cell)
+        for place in range(sum(other is one for other, _ in parts)):
+            ends = table[one.numbers[place]]
+            good = 1.0 - (1.0 - without) * np.exp(ends[0] if len(ends) == 1 else ends[cell])
+            found.append(np.where(mine[place], (good - without) / np.maximum(without, TINY), 0.0))
+    return found
+
+
+def chances_of(
+    particles: Particles, new: Sequence[New], poses: Mapping[int, Array], column: Index, stage: int
+) -> Array:
+    """The product of the chances of the choices that newly ask for something, (B,), for poses of the object (row ->
+    (B,)) in scenes `column` (B,)."""
+    machine, cell = particles.machine, particles.cell[column]
+    rows: list[Array | float] = [0.0] * len(particles.scenes)
+    out = np.ones(len(column))
+    for one in new:
+        key = "new", one.choice, stage
+        values = machine.values(key, [clause.node for clauses in one.clauses for clause in clauses])
+        for row in values.rows:
+            if isinstance(rows[row], float):
+                rows[row] = poses[row] if row in poses else particles.scenes[row, column]
+        known = particles.held[one.choice]
+        table = machine.outlooks[one.choice][:, stage]
+        held = np.ones((len(table), len(column)), dtype=bool) if known is None else known[:, column]
+        held[list(one.numbers)] &= met(machine, key, one.clauses, rows, cell)
+        out *= chance(held, table, cell)
+    return out
+
+
+def look_out(particles: Particles, new: Sequence[New]) -> Array:
+    """Note which ways hold now that an object is placed, and the chances of the choices begun by now; by what weights
+    change (P,): one over the chances so far, times the present ones of choices that ask for nothing new."""
+    machine, stage = particles.machine, particles.stage
+    asking = {one.choice: one for one in new}
+    factor = np.ones(particles.count)
+    for index, begin in enumerate(machine.begins):
+        if begin > stage:
+            continue
+        known = particles.held[index]
+        if known is None:
+            numbers = range(len(machine.graph.choices[index].ways))
+            known = held_ways(machine, index, numbers, list(particles.scenes), particles.cell, stage)
+        elif index in asking:
+            which = asking[index].numbers
+            rows, known = list(particles.scenes), known.copy()
+            known[list(which)] = held_ways(machine, index, which, rows, particles.cell, stage)
+        new_chance = chance(known, machine.outlooks[index][:, stage], particles.cell)
+        factor /= np.maximum(particles.chances[index], 1e-300)
+        if index not in asking:
+            factor *= new_chance
+        particles.held[index], particles.chances[index] = known, new_chance
+    return factor
+
 
 NUMBERS = 1 << 18  # poses tried at a time
 MANY = 0.3  # share of the poses from which on each try is scored for all scenes
@@ -130,3 +344,92 @@ def _keep_clear(particles: Particles, poses: Array, good: npt.NDArray[np.bool_],
         clear = np.ones(len(column), dtype=bool)
         touch.clear((pose[0], pose[1], pose[2]), scenes, cell[column], stage, clear, column)
         good[number[~clear], column[~clear]] = False
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Trying new poses: which scenes may take them, scored by what touches the objects that move.
+
+
+def attempt(
+    particles: Particles,
+    things: Sequence[int],
+    new: Mapping[int, Array],
+    allowed: Bool | None = None,
+) -> Bool:
+    """Move `things` to the rows' new values, (P,) each, in the scenes in which all clauses in force stay met, and say
+    in which that was so. Where what begun choices promise changes, moves are taken in proportion to that."""
+    machine, cell = particles.machine, particles.cell
+    graph = machine.graph
+    good = np.ones(particles.count, dtype=bool) if allowed is None else allowed.copy()
+    brought: dict[int, Array] = {}
+    for row, value in new.items():
+        low, high = graph.low[row], graph.high[row]
+        least, most = (low[0], high[0]) if len(low) == 1 else (low[cell], high[cell])
+        if machine.circular(row):
+            lowest, highest = machine.problem.lowest[row], machine.problem.highest[row]
+            value = value - (highest - lowest) * np.floor((value - lowest) / (highest - lowest))
+            value = np.where(value >= highest, lowest, value)
+        good &= (value >= least) & (value <= most)
+        brought[row] = value
+    if len(things) == 1:
+        rows, trial = list(particles.scenes), particles.scenes  # the others stay: their rows are read as they are
+    else:
+        trial = particles.scenes.copy()
+        for row, value in brought.items():
+            trial[row] = value
+        rows = list(trial)
+    for row, value in brought.items():
+        rows[row] = value
+    _holds(particles, things, rows, trial, good)
+    held = _ways_held(particles, things, rows, good)
+    for row, value in brought.items():
+        np.copyto(particles.scenes[row], value, where=good)
+    for index, (table, chances) in held.items():
+        known = particles.held[index]
+        assert known is not None
+        np.copyto(known, table, where=good)
+        np.copyto(particles.chances[index], chances, where=good)
+    return good
+
+
+def _holds(particles: Particles, things: Sequence[int], rows: Sequence[Array], trial: Array, good: Bool) -> None:
+    """Take out of `good` (P,) the scenes that do not meet the clauses in force that touch `things`. `rows` are the
+    tried rows, and `trial` (3N, P) the tried scenes, in which a single thing may stand as before."""
+    machine, cell, stage = particles.machine, particles.cell, particles.stage
+    for thing in things:
+        touch = machine.touch[thing]
+        met = touch.meets(rows, cell, stage, machine.effort.check)
+        if met is not None:
+            good &= met
+            machine.count(len(touch.values(len(touch.in_force(stage)), ()).steps), len(good))
+    for thing in things:
+        touch = machine.touch[thing]
+        if touch.layers and good.any():
+            x, y, theta = (rows[row_of(thing, axis)] for axis in FLAT)
+            machine.count(6 * stage, len(good))
+            if good.mean() > MANY:
+                touch.clear((x, y, theta), trial, cell, stage, good)
+            else:
+                some = np.flatnonzero(good)
+                clear = np.ones(len(some), dtype=bool)
+                touch.clear((x[some], y[some], theta[some]), trial, cell[some], stage, clear, some)
+                good[some] = clear
+
+
+def _ways_held(
+    particles: Particles, things: Sequence[int], rows: Sequence[Array], good: Bool
+) -> dict[int, tuple[Bool, Array]]:
+    """For every choice of which some way touches `things`: which ways hold now (W, P), and the chance of the choice
+    (P,). Takes scenes out of `good` as often as their chances have become worse."""
+    machine, cell, stage = particles.machine, particles.cell, particles.stage
+    found: dict[int, tuple[Bool, Array]] = {}
+    touched = particles.touching(things)
+    for index, held in zip(touched, held_of_all(machine, touched, rows, cell, stage), strict=True):
+        known = particles.held[index]
+        assert known is not None
+        table = known.copy()
+        table[list(touched[index])] = held
+        chances = chance(table, machine.outlooks[index][:, stage], cell)
+        good &= particles.rng.random(len(good)) * particles.chances[index] < chances
+        found[index] = table, chances
+    return found

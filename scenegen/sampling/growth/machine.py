@@ -4,40 +4,332 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.contract import ROUNDS
-from scenegen.bounds.effort import GROWN, STEPPED, Effort, StoppedError, TooMuchError, per_scene, until
-from scenegen.pose import TWO_PI, axis_of, is_angle, owner
-from scenegen.sampling.growth.graph import Graph, make_graph
-from scenegen.sampling.growth.implied import strengthened
-from scenegen.sampling.growth.order import insertion_order
-from scenegen.sampling.growth.outlook import outlooks, without_easy_ends
+from scenegen.geometry.footprint import measures
+from scenegen.pose import TWO_PI, axis_of, is_angle, owner, rows_of
+from scenegen.sampling.growth.graph import Choice, Clause, Graph, make_graph, strengthened
 from scenegen.sampling.growth.room import Room, make_room
-from scenegen.sampling.growth.stand import Standing, make_standing
-from scenegen.sampling.growth.touch import Touch, touches
-from scenegen.sampling.growth.values import Values, make_values
+from scenegen.sampling.growth.touch import Touch, Values, make_values, touches, within
 from scenegen.sampling.problem import Problem
+from scenegen.search.contract import ROUNDS
+from scenegen.search.effort import GROWN, STEPPED, Effort, StoppedError, TooMuchError, per_scene, until
+from scenegen.search.surfaces import Stand, Step, step_for
+
+# --------------------------------------------------------------------------------------------------------------------
+# The order in which objects are placed: what hangs together follows one another, the large and the tightly held
+# first.
+#
+# How tightly an object is held shows in the box that contraction leaves of it, and in how many random scenes meet the
+# clauses and choices that touch it: what asks for much is placed while moves are cheap and nothing stands in the way.
+
+
+RANDOM = 1024  # random scenes that tell how often clauses are met
+LEAST = 0.25 / RANDOM
+FEW = 3  # objects of a clause or a choice up to which it says something of any two of them
+
+
+def insertion_order(
+    graph: Graph, last: Collection[int] = (), effort: Effort | None = None
+) -> tuple[tuple[int, ...], dict[int, int]]:
+    """The objects that phi depends on in the order of their placing, those in `last` after all others, and for each the
+    object that it hangs from, if any.
+
+    An object hangs from the first placed one with which it shares a clause that attracts: it is placed near that one,
+    and moves together with it. Deterministic: ties go by size, then by place in the spec. Raises what `effort` raises.
+    """
+    effort = Effort() if effort is None else effort
+    # what stands on a surface moves with what carries it by moves of its own: see hop.py
+    near = _neighbours(graph, [clause.objects for clause in graph.clauses if clause.node not in graph.switched])
+    groups = [clause.objects for clause in graph.clauses] + [choice.objects for choice in graph.choices]
+    linked = _neighbours(graph, groups)
+    size = _sizes(graph)
+    room = _log_room(graph)
+    for thing, share in _log_share(graph, effort).items():
+        room[thing] += share
+    left, none = set(graph.objects), frozenset[int]()
+    waits = {  # what stands is placed on what carries it
+        thing: {one.carrier for one in stand.options if one.carrier is not None}
+        for thing, stand in graph.stands.items()
+    }
+    order: list[int] = []
+    parent: dict[int, int] = {}
+    depth: dict[int, int] = {}
+    while left:
+        effort.check()
+        # the neighbours of what was placed last come first: a group is finished before the next one begins
+        ready = {thing for thing in left if waits.get(thing, none).isdisjoint(left)}
+        now = ready.difference(last) or ready
+        held = [thing for thing in now if linked[thing] & depth.keys()]
+        pool = held or sorted(now)
+
+        def rank(thing: int) -> tuple[float, float, float, int]:
+            last = max((depth[other] for other in linked[thing] & depth.keys()), default=-1)
+            root = -float(len(near[thing])) if last < 0 else 0.0
+            return root, round(room[thing] - 2.0 * math.log(size[thing] + 1e-3), 1), -float(last), thing
+
+        chosen = min(pool, key=rank)
+        above = near[chosen] & depth.keys()
+        if above:
+            parent[chosen] = min(above, key=depth.__getitem__)
+        depth[chosen] = len(order)
+        order.append(chosen)
+        left.remove(chosen)
+    return tuple(order), parent
+
+
+def _neighbours(graph: Graph, groups: Iterable[frozenset[int]]) -> dict[int, set[int]]:
+    """Objects that share one of some groups; those of many objects say little about any two of them."""
+    near: dict[int, set[int]] = {thing: set() for thing in graph.objects}
+    for group in groups:
+        for thing in group if len(group) <= FEW else ():
+            near[thing] |= group - {thing}
+    return near
+
+
+def _log_share(graph: Graph, effort: Effort) -> dict[int, float]:
+    """The logarithm of the share of random scenes that meet what touches each object, pairs apart; of what touches
+    several objects, each gets a part."""
+    asked: list[Clause] = [*graph.clauses, *(choice.whole for choice in graph.choices)]
+    share = dict.fromkeys(graph.objects, 0.0)
+    cell = np.arange(RANDOM) % graph.low.shape[1]
+    low, high = graph.low[:, cell], graph.high[:, cell]
+    scenes = low + np.random.default_rng(0).random(low.shape) * (high - low)
+    with np.errstate(all="ignore"):
+        values = make_values(graph.core, [clause.node for clause in asked])(list(scenes), effort.check)
+        for clause, value in zip(asked, values, strict=True):
+            effort.check()
+            inside = within(np.broadcast_to(value, RANDOM), clause, cell)
+            if inside is not None:
+                for thing in clause.objects:
+                    share[thing] += math.log(max(LEAST, float(np.mean(inside)))) / len(clause.objects)
+    return share
+
+
+def _sizes(graph: Graph) -> dict[int, float]:
+    size = dict.fromkeys(graph.objects, 0.0)
+    for pair in graph.pairs:
+        for end, shape in ((pair.first, pair.shapes[0]), (pair.second, pair.shapes[1])):
+            if isinstance(end, int):
+                size[end] = max(size[end], measures(shape).outer)
+    return size
+
+
+def _log_room(graph: Graph) -> dict[int, float]:
+    """The logarithm of what contraction leaves of each object's box, in the widest cell."""
+    out = {}
+    for thing in graph.objects:
+        rows = [row for row in rows_of(thing) if row in graph.rows]
+        widths = np.maximum((graph.high[rows] - graph.low[rows]).max(axis=1), 1e-12)
+        out[thing] = float(np.log(widths).sum())
+    return out
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What a choice is worth while its objects are being placed: the chance that one of its ways will hold in the end.
+#
+# A way of a choice asks for clauses, some of which touch objects that come later. The populations on the way to the
+# end must not be indifferent to that: growth would be full of scenes that have more to meet than they can, and lose
+# them with the last object. So a scene counts by the chance that at least one of its ways comes to hold: those that
+# nothing placed so far has ruled out, each with the share of random poses that meet the rest of it (a twisted target,
+# as in look-ahead particle filters: Guarniero et al. 2017). Ways that hold once all their objects are there count 1,
+# and a scene in which several hold counts no more than one in which one does. In the end the factor is 1 where the
+# choice is met and 0 elsewhere, so what the chances are worth decides how even the weights are, never what the scenes
+# are like.
+#
+# The upper end of a range is a choice, too: some atom of a conjunction must be no better than that. Where atoms are
+# many, most scenes that meet the lower end meet it anyway. Such a choice is left out: scenes out of the range are
+# dropped in the end, which costs less than to steer every move by it.
+
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
+
+RANDOM_POSES = 2048  # random scenes that tell how often a clause is met
+TRUST = 0.75  # power of the estimate: one neighbour may meet the clauses of several objects
+LEAST_SHARE = 0.25 / RANDOM_POSES  # share taken for clauses that none of them meets
+EASY = 0.15  # chance that a scene meets an upper end from which on growth does not mind it
+SEEN = 16  # random scenes that meet a lower end, at least, to tell how many of them meet the upper one
+SURE = -40.0  # logarithm of 1 - p for ways that hold: 1 - exp of it is 1
+
+
+def outlooks(problem: Problem, graph: Graph, at: Mapping[int, int], effort: Effort) -> tuple[Array, ...]:
+    """For each choice, (W, stages, C or 1): log(1 - p), p the chance that a way will hold which no object placed by
+    that stage rules out; SURE once all its objects are placed. Raises what `effort` raises."""
+    if not graph.choices:
+        return ()
+    scenes = _random(problem, graph)
+    return tuple(_outlook(problem, choice, at, scenes, graph.low.shape[1], effort) for choice in graph.choices)
+
+
+def without_easy_ends(problem: Problem, graph: Graph) -> tuple[Graph, Array | None]:
+    """The graph without the choices that are upper ends which most scenes of every cell meet by themselves; and how
+    many scenes each cell should begin with, (C,) in proportion, None where nothing is left out.
+
+    A scene that is better than its cell falls into one above, so all but the lowest cells lose as many as they get.
+    """
+    ends = [choice for choice in graph.choices if not np.isfinite(choice.whole.low).any()]
+    scenes, lower = _random(problem, graph), {one.node: one.low for one in graph.clauses}
+    lower |= {one.node: one.low for one in graph.pairs}
+    begin, easy = np.ones(graph.low.shape[1]), set[int]()
+    for choice in ends:
+        met = _met_anyway(problem, choice, lower, scenes, len(begin))
+        if met.min() >= EASY:
+            easy.add(choice.whole.node)
+            high = choice.whole.high
+            begin[high == high.min()] /= met[high == high.min()]
+    if not easy:
+        return graph, None
+    return replace(graph, choices=tuple(one for one in graph.choices if one.whole.node not in easy)), begin
+
+
+def _met_anyway(problem: Problem, choice: Choice, lower: Mapping[int, Array], scenes: Array, cells: int) -> Array:
+    """About which share of the scenes that meet the lower ends meet some way of an upper end, in each cell, (C,)."""
+    missed = np.ones(cells)
+    with np.errstate(all="ignore"):
+        found = make_values(problem.core, [way.whole.node for way in choice.ways])(list(scenes))
+    for way, value in zip(choice.ways, found, strict=True):
+        value, low = np.broadcast_to(value, RANDOM_POSES), np.broadcast_to(lower.get(way.whole.node, -np.inf), cells)
+        for cell in range(cells):
+            above = value >= low[cell]
+            if np.count_nonzero(above) >= SEEN:
+                missed[cell] *= np.mean(value[above] > way.whole.high[cell])
+    return 1.0 - missed
+
+
+def _random(problem: Problem, graph: Graph) -> Array:
+    """Scenes (3N, RANDOM) uniform over what contraction leaves of the box, of all cells in turn."""
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, len(graph.choices)]))
+    cell = np.arange(RANDOM_POSES) % graph.low.shape[1]
+    low, high = graph.low[:, cell], graph.high[:, cell]
+    scenes: Array = low + rng.random(low.shape) * (high - low)
+    return scenes
+
+
+def _outlook(
+    problem: Problem, choice: Choice, at: Mapping[int, int], scenes: Array, cells: int, effort: Effort
+) -> Array:
+    clauses = {(clause.node, id(clause)): clause for way in choice.ways for clause in way.clauses if clause.objects}
+    same = all((ends == ends[0]).all() for one in clauses.values() for ends in (one.low, one.high))
+    table = np.zeros((len(choice.ways), len(at), 1 if same else cells))
+    with np.errstate(all="ignore"):
+        found = make_values(problem.core, [node for node, _ in clauses])(list(scenes), effort.check)
+        shares = {
+            key: np.log(_shares(value, clause, table.shape[2], effort))
+            for (key, clause), value in zip(clauses.items(), found, strict=True)
+        }
+    for row, way in zip(table, choice.ways, strict=True):
+        for clause in way.clauses:
+            if clause.objects:
+                row[: max(at[thing] for thing in clause.objects)] += TRUST * shares[clause.node, id(clause)]
+        done = max((at[thing] for thing in way.whole.objects), default=0)
+        row[:done] = np.log1p(-np.minimum(np.exp(row[:done]), 1.0 - 1e-9))
+        row[done:] = SURE
+    return table
+
+
+def _shares(value: Array, clause: Clause, cells: int, effort: Effort) -> Array:
+    """The share of values within the clause's ends, for each cell, (C,)."""
+    value = np.broadcast_to(value, RANDOM_POSES)
+    share = np.ones(cells)
+    for cell in range(cells):
+        effort.check()
+        inside = within(value, clause, np.full(RANDOM_POSES, cell))
+        if inside is not None:
+            share[cell] = max(LEAST_SHARE, float(np.mean(inside)))
+    return share
+
+
+def chance(held: Bool, table: Array, cell: Index) -> Array:
+    """The chance that some way holds in the end, (B,): `held` (W, B) tells which ways nothing rules out so far, `table`
+    (W, C or 1) is the outlook's for this stage, `cell` (B,)."""
+    total = table[:, 0] @ held if table.shape[1] == 1 else (table[:, cell] * held).sum(axis=0)
+    out: Array = -np.expm1(total)
+    return out
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Placing what stands on one of its surfaces, together with its switch: the places are drawn in the frame of what
+# carries it, all of them equally likely, so that tries are lost to other things alone.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """The places of an object on its surfaces in P scenes: `low`, `width` (R, P) is its box, `volumes` (1, P) the share
+    of it that the places take."""
+
+    step: Step
+    rows: tuple[int, ...]
+    scenes: Array
+    low: Array
+    width: Array
+    volumes: Array
+
+    def draw(self, tries: int, rng: np.random.Generator) -> Array:
+        """Poses uniform over all places: (R, tries, P)."""
+        shape = (tries, self.scenes.shape[1])
+        drawn = self.step.poses(self.scenes, shape, rng)
+        rest = [row for row in self.rows if row not in drawn]
+        for row, number in zip(rest, rng.random((len(rest), *shape)), strict=True):
+            place = self.rows.index(row)
+            drawn[row] = self.low[place] + number * self.width[place]
+        return np.stack([np.broadcast_to(drawn[row], shape) for row in self.rows])
+
+    def density(self, poses: Array) -> Array:
+        """The density of `draw` at poses (R, ..., P) that stand on a surface, relative to that over the whole box:
+        (..., P), 0 outside the box."""
+        inside: Bool = np.ones(poses.shape[1:], dtype=bool)
+        for row, low, width in zip(poses, self.low, self.width, strict=True):
+            inside &= (row >= low) & (row <= low + width)
+        out: Array = inside / self.volumes[0]
+        return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Standing:
+    """The room of what stands. It has no `nodes` to contract, and one branch."""
+
+    touch: Touch
+    step: Step
+
+    nodes: tuple[()] = ()
+    branches: tuple[None] = (None,)
+
+    def boxes(self, scenes: Array, cell: Index, effort: Effort) -> Places:
+        """Its places in each of P scenes, `scenes` (3N, P), `cell` (P,). Raises what `effort` raises."""
+        effort.check()
+        graph, rows = self.touch.graph, self.touch.rows
+        low, high = graph.low[list(rows)][:, cell], graph.high[list(rows)][:, cell]
+        width = np.maximum(high - low, 1e-300)
+        drawn = {*self.step.rows}
+        share = math.exp(self.step.log_volume) / np.prod(
+            [wide for row, wide in zip(rows, width, strict=True) if row in drawn], axis=0
+        )
+        return Places(self.step, rows, scenes, low, width, share[None])
+
+
+def make_standing(stand: Stand, touch: Touch) -> Standing | None:
+    """The places of what stands; None where it has none, or where not all of its rows are read."""
+    graph = touch.graph
+    step = step_for(stand, lambda row: (float(graph.low[row].min()), float(graph.high[row].max())))
+    return Standing(touch, step) if step is not None and {*step.rows} <= {*touch.rows} else None
 
 
 @dataclass(slots=True, eq=False)
 class Machine:
     """`order` is the order of placing, `at` its inverse, `groups` the objects that hang from each object, itself first.
     `begins`: the stage at which a choice's first object is placed; `outlooks` say which chances its ways have, see
-    outlook.py. `kin` are classes of blocks that may take each other's places: single objects, or groups,
+    `outlooks` below. `kin` are classes of blocks that may take each other's places: single objects, or groups,
     member by member. `mixed` are few objects and others with the same footprints, but of other classes: to trade places
     with these brings the few across a full table. `whole` are the objects whose room is not worth contracting: a plan
     finds them out. `standing` are the places of what stands. `begin` (C,) is how many scenes each cell begins with, in
-    proportion, where they may leave their cell; None where they stay: see outlook.py. `each` is the work of scoring a
+    proportion, where they may leave their cell; None where they stay: see `outlooks`. `each` is the work of scoring a
     scene, `steps_done` how often all scenes were evaluated. `furthest` is how many objects have been placed at
     once."""
 

@@ -21,7 +21,7 @@ class Particles:
     """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other.
 
     `held[c]` (W, P) tells which ways of choice c are met as far as their objects are placed, None before the first of
-    them is; `chances` (choices, P) are the chances that a way holds in the end, see outlook.py. `families` are
+    them is; `chances` (choices, P) are the chances that a way holds in the end, see machine.py. `families` are
     ancestors, (P,) each, at several times."""
 
     machine: Machine
@@ -109,3 +109,25 @@ def resample(weights: Array, group: Index, rng: np.random.Generator) -> tuple[In
         marks = (np.arange(len(mine)) + rng.random()) * (total[-1] / len(mine))
         keep.append(mine[np.minimum(np.searchsorted(total, marks, side="right"), len(mine) - 1)])
     return (np.concatenate(keep) if keep else np.empty(0, dtype=np.intp)), mean
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What a plan learns about moves.
+
+
+@dataclass(slots=True)
+class MoveTally:
+    """How often each kind of move was tried and taken, in scenes; and walks by the power of two of their step, for each
+    object."""
+
+    tried: dict[str, float] = field(default_factory=dict)
+    taken: dict[str, float] = field(default_factory=dict)
+    steps: dict[int, Array] = field(default_factory=dict)
+
+    def note(self, kind: str, tried: int, taken: int) -> None:
+        self.tried[kind] = self.tried.get(kind, 0.0) + tried
+        self.taken[kind] = self.taken.get(kind, 0.0) + taken
+
+    def rate(self, kind: str) -> float | None:
+        tried = self.tried.get(kind, 0.0)
+        return self.taken[kind] / tried if tried else None

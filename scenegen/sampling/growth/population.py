@@ -7,22 +7,160 @@ process.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.sampling.growth.grow import HITS, Grown, Step, Stuck, explore
-from scenegen.sampling.growth.kinship import Kinship
-from scenegen.sampling.growth.machine import Machine
+from scenegen.pose import PLACE, X, Y, row_of
+from scenegen.processes.ahead import Beside
+from scenegen.processes.process import cores
+from scenegen.sampling.growth.grow import HITS, Grown, Kinship, Step, Stuck, explore
+from scenegen.sampling.growth.machine import Machine, make_machine
 from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, LIFTS, Settings, sweep
-from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.growth.settle import Settled, apart, part_of, settle
-from scenegen.sampling.growth.tally import Tally
+from scenegen.sampling.growth.particles import MoveTally, Particles
+from scenegen.sampling.growth.room import too_full
+from scenegen.sampling.problem import Budget, Problem
+from scenegen.search.effort import StoppedError, TooMuchError
+
+# --------------------------------------------------------------------------------------------------------------------
+# How long a population is moved once it has grown, and which share of it is worth taking.
+#
+# Scenes of a common ancestor are alike. Sweeps of moves make them differ; where these take long, it is cheaper to
+# grow a larger population and to take a random part of it: of N scenes with design effect e, a random part of N / k
+# has only 1 + (e - 1) / k. Which part is taken must not depend on what the scenes are like, nor on their ancestors:
+# copies carry the weight that their scene had. So a plan follows the design effect from sweep to sweep, and settles
+# for as many as bring the wanted scenes at the least cost.
+
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
+
+ALIKE = 1.5  # design effect of common ancestors from which on scenes count as apart
+LOST = 0.04  # share of the scenes that may be left out because they share an object's place with another
+LONGEST = 400  # sweeps at most
+FEW = 4  # sweeps at least
+SURE = 12  # sweeps from which on scenes that seem to differ are trusted to do so: a larger population tells more
+PAID = 0.4  # share of what all scenes will cost that may be spent to see how many sweeps are best
+SET_UP = 0.5  # what a further population costs however small it is, of what one as large as the first one does
+NOISE = 1.1  # the design effect is known to about so much
+TRIED_EARLY, HELPED_EARLY = 0.15, 0.8  # the same, as long as scenes are nearly as much alike as in the beginning
+FAR, DEARER, STILL = 4.0, 1.2, 2.0  # times the best number and cost at which the search ends if scenes are still alike
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """`sweeps` are made, then one scene in `thin` is taken at random. `effect` is the design effect of common ancestors
+    that is left among all scenes by then, `cost` what a sweep takes, in evaluations."""
+
+    sweeps: int
+    thin: float
+    effect: float
+    cost: float
+
+    @property
+    def left(self) -> float:
+        """The design effect among the scenes that are taken."""
+        return 1.0 + (self.effect - 1.0) / self.thin
+
+
+def settle(
+    particles: Particles,
+    sweep: Callable[[], object],
+    alike: Callable[[Particles], float],
+    grown: float,
+    wanted: float,
+) -> tuple[Settled, Settled]:
+    """What is best for the pieces of a plan, and how the given particles stand in the end: they are its first piece.
+
+    `sweep` moves the particles once, `alike` gives their design effect; growing them took `grown` evaluations, and
+    `wanted` scenes are to be had. Sweeps end where the particles themselves are enough, have taken a good part of what
+    all wanted scenes will cost, or are far more than the best number and dearer, and the scenes still much alike; of
+    their numbers, the one is taken that makes all scenes cheapest, of at least SURE if these are apart in the end.
+    """
+    machine = particles.machine
+    begun, done = machine.work, 0
+    best: Settled | None = None
+    sure: Settled | None = None
+    cheapest, surest, slowest = np.inf, np.inf, 0.0
+    while True:
+        block = max(1, done // 3)
+        for _ in range(block):
+            sweep()
+        done += block
+        if done < FEW:
+            continue
+        effect = alike(particles)
+        thin = max(1.0, (effect - 1.0) / (ALIKE - 1.0), partners(particles) / (2.0 * LOST))
+        each = (machine.work - begun) / done
+        now = Settled(done, thin, effect, each)
+        pieces = wanted * thin / particles.count - 1.0
+        rest = 0.0 if pieces <= 0.0 else SET_UP + pieces
+        cost = each * done + rest * (grown + each * done)
+        if cost < cheapest:
+            cheapest, best = cost, now
+        if cost < surest and done >= SURE:
+            surest, sure = cost, now
+        slowest = max(slowest, thin)
+        assert best is not None
+        spent = (machine.work - begun) / cheapest
+        enough = pieces <= 0.0 or (thin <= 1.0 and done >= SURE)
+        helps = cost <= NOISE * cheapest  # the last sweeps have made the whole cheaper
+        over = done >= LONGEST or (done >= FAR * best.sweeps and cost > DEARER * cheapest and thin >= STILL)
+        if enough or over or (not helps and spent > (PAID if thin < HELPED_EARLY * slowest else TRIED_EARLY)):
+            return ((sure or now) if thin <= 1.0 else best), now
+
+
+def part_of(cell: Index, thin: float, rng: np.random.Generator) -> Index:
+    """One in `thin` of the scenes at random, as many of each cell as that goes: their indices, in random order."""
+    order = rng.permutation(len(cell))
+    number = np.empty(len(cell), dtype=np.intp)  # of each scene among those of its cell
+    by_cell = np.argsort(cell[order], kind="stable")
+    sizes = np.bincount(cell[order][by_cell])
+    number[by_cell] = np.arange(len(cell)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    return order[np.argsort(number, kind="stable")][: int(np.ceil(len(cell) / thin))]
+
+
+def partners(particles: Particles) -> float:
+    """The mean number of other scenes with which a scene shares some object's place."""
+    values, scene = _places(particles, np.arange(particles.count))
+    shared = np.zeros((particles.count, particles.count), dtype=bool)
+    for distance in range(1, len(values)):
+        same = np.flatnonzero(values[distance:] == values[:-distance])
+        if not len(same):
+            break
+        shared[scene[same], scene[same + distance]] = True
+    np.fill_diagonal(shared, val=False)
+    return float((shared | shared.T).sum()) / particles.count
+
+
+def apart(particles: Particles, order: Index) -> Index:
+    """The scenes of `order` that share no object's place with one before them."""
+    values, number = _places(particles, order)
+    if not len(values):
+        return order
+    again = np.concatenate([[False], values[1:] == values[:-1]])
+    keep = np.ones(len(order), dtype=bool)
+    first = number[np.maximum.accumulate(np.where(again, 0, np.arange(len(values))))]
+    keep[number[again & (number != first)]] = False
+    return order[keep]
+
+
+def _places(particles: Particles, order: Index) -> tuple[Array, Index]:
+    """What tells the place of each placed object in the scenes of `order`, and the number of its scene there, both
+    sorted by place, then by number. Moves go by random steps, so equal places are copies."""
+    free = particles.machine.graph.rows
+    rows = [
+        row_of(thing, X if row_of(thing, X) in free else Y)
+        for thing in particles.placed
+        if any(row_of(thing, axis) in free for axis in PLACE)
+    ]
+    values = particles.scenes[rows][:, order].ravel()
+    number = np.tile(np.arange(len(order)), len(rows))
+    sorting = np.lexsort((number, values))
+    return values[sorting], number[sorting]
+
 
 ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread
 SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
@@ -106,7 +244,7 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
     possible = tuple(sorted(machine.problem.possible))
     count = size.count if machine.begin is None else max(size.count, _enough(machine.begin[list(possible)], size))
     for attempt in range(size.again + 1):
-        tally = Tally()
+        tally = MoveTally()
         before = machine.work
         hits = HITS if attempt == 0 else MORE_HITS
         grown, steps = explore(machine, *spread_over(machine, possible, count), rng, tally, hits=hits)
@@ -148,10 +286,12 @@ def _ancestors(particles: Particles) -> float:
     return float(sizes.sum() ** 2 / (sizes * sizes).sum())
 
 
-def _settle(particles: Particles, tally: Tally, cost: float, wanted: float) -> tuple[Settings, Settled, Settled, float]:
-    """The settings tuned on whole scenes, how long these are moved, see settle.py, and the share of walks taken.
+def _settle(
+    particles: Particles, tally: MoveTally, cost: float, wanted: float
+) -> tuple[Settings, Settled, Settled, float]:
+    """The settings tuned on whole scenes, how long these are moved, and the share of walks taken.
     Growing them took `cost`."""
-    final = Tally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
+    final = MoveTally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
     lift = dict.fromkeys(particles.placed, (TRIED, MOST_TRIES // 4))
     trial = Settings({}, redraws=lift, relocations=lift)
     for _ in range(2):
@@ -198,7 +338,7 @@ def take(grown: Grown, thin: float, effect: float, accepted: float, rng: np.rand
     return Taken(particles.scenes[:, taken], log_share, accepted, copies, effect, particles.machine.work, even)
 
 
-def tuned(tally: Tally) -> Settings:
+def tuned(tally: MoveTally) -> Settings:
     """Step lengths by how far they bring an object, a third of them spread over all lengths; and the kinds of move that
     scenes take."""
     odds = {}
@@ -232,3 +372,197 @@ def lifted(free: float, often: float) -> tuple[float, int]:
     best = int(np.argmax(taken / (CALLS + tries)))
     often *= 1.0 if taken[best] >= TAKEN else SELDOM if taken[best] >= SELDOM * TAKEN else 0.0
     return often, int(tries[best])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The populations with which a plan of growth begins, each in any process, and where there are two, in others before
+# growth is chosen.
+
+
+GROWTH = 6  # random stream of growth: plan and pieces
+LEAST, MOST = 512, 4096  # scenes of a population
+OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
+A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
+NUMBERS = 1 << 22  # coordinates of a population at most
+WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stalled:
+    """No plan: time was up (`stuck` is None), there was no room for an object, a `proof` (facts of
+    TABLE_TOO_FULL) says that there is none for all of them, or it is `dear`: it takes longer than was allowed."""
+
+    machine: Machine | None
+    stuck: Stuck | None
+    evaluations: float
+    proof: Mapping[str, str] = field(default_factory=dict)
+    dear: bool = False
+
+    @property
+    def crowded(self) -> bool:
+        """Whether poses met all clauses but those that keep objects apart: the table is too full."""
+        return self.stuck is not None and self.stuck.placed.attracted > 0
+
+
+@dataclass(frozen=True, slots=True)
+class First:
+    """The machine and the first population of a problem, in any process; in at most `longest` seconds, as the machine
+    counts them."""
+
+    problem: Problem
+    budget: Budget
+    longest: float = math.inf
+
+    def __call__(self, size: Size) -> tuple[Machine, Population] | Stalled:
+        machine = None
+        with np.errstate(all="ignore"):
+            try:
+                machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
+                proof = too_full(machine.graph, self.problem.spec)
+                if proof:
+                    return Stalled(machine, None, 0.0, proof)
+                machine.longest = self.longest
+                machine, made = _population(machine, size, 0)
+            except StoppedError:
+                return Stalled(machine, None, 0.0 if machine is None else machine.work)
+            except TooMuchError:
+                return Stalled(machine, None, 0.0 if machine is None else machine.work, dear=True)
+        return Stalled(machine, made, machine.work) if isinstance(made, Stuck) else (machine, made)
+
+
+@dataclass(frozen=True, slots=True)
+class Second:
+    """The second population of a problem, in any process; without scenes where there was no room for them. Raises
+    StoppedError with the number of objects placed by then, if any could be."""
+
+    problem: Problem
+    budget: Budget
+
+    def __call__(self, size: Size) -> Taken:
+        with np.errstate(all="ignore"):
+            machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
+            try:
+                machine, made = _population(machine, replace(size, fewest=0.0), 1)
+            except StoppedError:
+                raise StoppedError(placed_of(machine, size.count)) from None
+        if isinstance(made, Stuck) or made.taken is None:
+            none = np.empty((len(self.problem.lowest), 0)), np.full((ISLANDS, self.problem.cells.count), -np.inf)
+            return Taken(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
+        return made.taken
+
+
+@dataclass(slots=True)
+class Started:
+    """The two populations of a problem, as far as other processes have begun with them. A context manager, at the end
+    of which they are given up, unless they are `kept` by the plan that was chosen."""
+
+    problem: Problem
+    budget: Budget
+    size: Size
+    given_up: bool = False
+    kept: bool = False
+    _first: Beside[Size, tuple[Machine, Population] | Stalled] | None = None
+    _second: Beside[Size, Taken] | None = None
+
+    def __enter__(self) -> Started:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if not self.kept:
+            self.give_up()
+
+    def begin_first(self) -> None:
+        self._first = Beside(First(self.problem, self.budget), self.size, self.budget.reserve)
+
+    def begin_second(self) -> None:
+        """Now, if it has not begun yet."""
+        if self._second is None:
+            self._second = Beside(Second(self.problem, self.budget), self.size, self.budget.reserve)
+
+    def first(self) -> tuple[Machine, Population] | Stalled:
+        """Waits for it; if no other process has begun with it, this one makes it."""
+        if self._first is None:
+            return First(self.problem, self.budget)(self.size)
+        with self._first:  # then its process is free
+            return self._first.result()
+
+    def second(self) -> Taken | None:
+        """Waits for it; None if it has not begun, or time is up."""
+        try:
+            return None if self._second is None else self._second.result()
+        except StoppedError:
+            return None
+
+    def going(self) -> Beside[Size, Taken] | None:
+        """The work on the second one, if it has begun and is not given up."""
+        return None if self.given_up else self._second
+
+    def give_up(self) -> None:
+        """End what is not done: nobody will ask for it."""
+        if not self.given_up:
+            self.given_up = True
+            for one in (self._first, self._second):
+                if one is not None:
+                    one.__exit__()
+
+
+def start_growth(problem: Problem, budget: Budget, size: Size | None = None) -> Started | None:
+    """The populations of a large request, to be begun in other processes; those of a plan that is not `patient` while
+    it is found out whether growth is the method. None for small requests, or where there are no further processes."""
+    size = size_of(problem) if size is None else size
+    workers = problem.request.workers
+    several = (cores() if workers is None else workers) > 1
+    return Started(problem, budget, size) if several and size.populations > 1 else None
+
+
+def generator(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers of piece k."""
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH, piece + 1])))
+
+
+def _population(machine: Machine, size: Size, which: int) -> tuple[Machine, Population | Stuck]:
+    """A population of the plan, and its machine: one that holds scenes in their cells where too many of a loose one's
+    have left them."""
+    problem = machine.problem
+    made = make_population(machine, size, _of_plan(problem.request.seed, which))
+    if isinstance(made, Stuck) or machine.begin is None or made.share >= KEPT:
+        return machine, made
+    strict = replace(
+        make_machine(problem), work=machine.work, steps_done=machine.steps_done, deadline=machine.deadline,
+        longest=machine.longest,
+    )  # fmt: skip
+    return strict, make_population(strict, size, _of_plan(problem.request.seed, which))
+
+
+def _of_plan(seed: int, which: int) -> np.random.Generator:
+    """Random numbers of the populations of a plan."""
+    words = [seed, GROWTH, 0, *([which] if which else [])]
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(words)))
+
+
+def placed_of(machine: Machine, count: int) -> str:
+    """How far a piece of so many scenes got that time cut short: so many objects were placed."""
+    placed, objects = machine.furthest, len(machine.order)
+    if placed < objects:
+        return f"the next {count:,} scenes had {placed} of {objects} objects when time was up"
+    return f"the next {count:,} scenes had all {objects} objects when time was up, but were not ready"
+
+
+def size_of(problem: Problem, again: int = 0) -> Size:
+    """How large the populations of a plan are, and how many."""
+    n, rows, cells = problem.request.n, len(problem.lowest), len(problem.possible)
+    most = max(64, min(MOST, NUMBERS // rows))
+    of_a_cell = min(OF_A_CELL, max(FEWEST, math.ceil(A_SCENE * n / cells)))
+    least = max(LEAST, ISLANDS * of_a_cell * cells)
+    wanted = int(SPARE * n)
+    each = min(MOST // 2, wanted)  # half as many would cost nearly as much
+    half = wanted // 2
+    moving = int((problem.lowest < problem.highest).sum())
+    two = half >= MOST // 2 or (half >= least and half * moving >= WORTH)
+    count = min(most, max(least, min(each, half) if two else each))
+    return Size(count, most, again, 0.0 if again else FAMILIES / 2.0, n, 2 if two else 1)
+
+
+def with_deadline(machine: Machine, deadline: float) -> Machine:
+    """The same with another deadline, and with its counts of work and of placed objects begun again."""
+    return replace(machine, work=0.0, steps_done=0, deadline=deadline, furthest=0)

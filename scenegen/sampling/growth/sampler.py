@@ -4,33 +4,325 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import StoppedError
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import SCENES_ALIKE, TABLE_TOO_FULL
-from scenegen.lang.core import REQUIRE
-from scenegen.pose import BELOW_TURN, THETA, along
-from scenegen.processes.beside import Beside
-from scenegen.sampling.digest import digest
-from scenegen.sampling.growth.begin import GROWTH, Second, Stalled, Started, generator, placed_of, with_deadline
-from scenegen.sampling.growth.grow import Stuck, grow
-from scenegen.sampling.growth.kinship import Kinship
-from scenegen.sampling.growth.machine import Machine
-from scenegen.sampling.growth.moves import sweep
-from scenegen.sampling.growth.plan import Recipe, make_recipe
-from scenegen.sampling.growth.population import ISLANDS, Taken, spread_over, take
-from scenegen.sampling.growth.stuck import how_far, others, why_stuck
-from scenegen.sampling.plan import Account, Piece, Plan, Tally
+from scenegen.errors import Diagnostic, RequestError, Span, quoted
+from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW, SCENES_ALIKE, TABLE_TOO_FULL
+from scenegen.geometry import NUMPY, PRIMITIVES
+from scenegen.geometry.footprint import POINT
+from scenegen.lang.check.choices import options_of
+from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction
+from scenegen.pose import BELOW_TURN, FLAT, THETA, along, row_of
+from scenegen.processes.ahead import Beside
+from scenegen.sampling.growth.grow import Grown, Kinship, Step, Stuck, explore, grow
+from scenegen.sampling.growth.machine import Machine, make_machine
+from scenegen.sampling.growth.moves import Settings, sweep
+from scenegen.sampling.growth.particles import MoveTally
+from scenegen.sampling.growth.population import (
+    GROWTH,
+    ISLANDS,
+    LEAST,
+    OF_A_CELL,
+    SPARE,
+    WORTH,
+    First,
+    Population,
+    Second,
+    Size,
+    Stalled,
+    Started,
+    Taken,
+    generator,
+    placed_of,
+    size_of,
+    spread_over,
+    start_growth,
+    take,
+    wanted_scenes,
+    with_deadline,
+)
+from scenegen.sampling.growth.room import area
+from scenegen.sampling.growth.touch import make_values, within
+from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import too_early
 from scenegen.sampling.splitting.sampler import probability
+from scenegen.search.effort import GROWN, STEPPED, Effort, StoppedError, TooMuchError
+
+# --------------------------------------------------------------------------------------------------------------------
+# The plan of a growth run: the order of the objects, how many poses are tried for each, which moves are made and how
+# many.
+#
+# A population is grown while planning; what it needed is written down and frozen, and pieces follow that. All of it
+# is counted in evaluations, never timed, so spec, request and seed fix the plan, and its pieces can run anywhere.
+# Nothing can be drawn by the plan before there is one. So that a second process has work by then, too, large requests
+# have two such populations that know nothing of each other: the second one is the second piece.
+
+
+SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see settle.LOST
+EVEN = 0.75  # of that, for an even number of pieces
+AGAIN = 2  # times that a population is made larger
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recipe:
+    """What pieces follow: `count` scenes for `cells`, `steps` for each object, then `settle` sweeps, and one scene in
+    `thin` is taken; of these `share` fill the cells evenly. `effect` is the design effect of common ancestors that is
+    left among these, `evaluations` the cost of the plan, `piece` of a piece; `seconds` are those of CPU that a
+    population and a piece take, see bounds.effort. The first pieces are `populations` of their own, of the given
+    `size`; those that are known are in `taken`."""
+
+    steps: tuple[Step, ...]
+    settings: Settings
+    cells: tuple[int, ...]
+    count: int
+    settle: int
+    thin: float
+    effect: float
+    evaluations: float
+    piece: float
+    size: Size
+    taken: tuple[Taken, ...] = ()
+    share: float = 1.0
+    seconds: tuple[float, float] = math.inf, math.inf
+
+    @property
+    def brings(self) -> float:
+        """About how many scenes a piece brings."""
+        return self.share * self.count / self.thin
+
+    @property
+    def populations(self) -> int:
+        return self.size.populations
+
+    def pieces(self, scenes: int) -> int:
+        """About how many pieces bring so many scenes."""
+        each = self.taken[0].even if self.taken else self.brings
+        further = math.ceil(max(0, scenes - self.populations * each) / self.brings)
+        return min(self.populations, math.ceil(scenes / max(each, 1.0))) + further
+
+
+def make_recipe(
+    problem: Problem,
+    budget: Budget,
+    *,
+    patient: bool,
+    started: Started | None = None,
+    longest: float = math.inf,
+) -> tuple[Machine, Recipe, Started | None] | Stalled:
+    """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, small
+    populations must do: the design effect is infinite where few ancestors are left of the first one. `started`
+    is what other processes have begun; what is returned of it has the second population, too, if there are any."""
+    size = size_of(problem, AGAIN if patient else 0)
+    with ExitStack() as stack:
+        if started is None or started.given_up or started.size != size:
+            started = start_growth(problem, budget, size)
+            if started is not None:
+                stack.enter_context(started)
+        if started is not None:
+            started.begin_second()
+        found = First(problem, budget, longest)(size) if started is None else started.first()
+        if isinstance(found, Stalled):
+            return found
+        machine, made = found
+        machine.deadline, machine.longest = budget.ends, math.inf  # by this process's clock
+        stack.pop_all()  # `started` is the plan's
+        return machine, _recipe(problem, machine, size, made), started
+
+
+def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) -> Recipe:
+    """What a population found out, for the pieces that follow."""
+    cells, count = made.cells, made.count
+    if made.settled is None or made.taken is None:
+        return Recipe(made.steps, made.settings, cells, count, 0, 1.0, np.inf, machine.work, np.inf, size)
+    settled = made.settled
+    there = size.populations * made.taken.even
+    spare = SPARE if len(cells) > 1 else SPARE_OF_ONE
+    left = max(0.0, wanted_scenes(cells, problem.request.n, spare) - there)
+    wanted = max(ISLANDS * OF_A_CELL * len(cells), int(np.ceil(settled.thin * left / made.share)))
+    pieces = -(-wanted // size.most)  # of one size: a last one for a few scenes would cost as much
+    moving = len(machine.graph.rows)
+    if pieces % 2 and size.populations > 1 and wanted / (pieces + 1) * moving >= EVEN * WORTH:
+        pieces += 1  # as many for each of two processes
+    each = max(count if count > size.count else LEAST // 2, -(-wanted // pieces))
+    whole = made.cost + settled.cost * settled.sweeps  # smaller pieces take fewer evaluations, but as many steps
+    piece = whole * each / count
+    return Recipe(
+        made.steps,
+        made.settings,
+        cells,
+        each,
+        settled.sweeps,
+        settled.thin,
+        settled.left,
+        machine.work,
+        piece,
+        size,
+        (made.taken,),
+        made.share,
+        (machine.seconds, GROWN * machine.each * piece + STEPPED * machine.steps_done * whole / machine.work),
+    )
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What is said where no scene has room for all objects: how far it got, and what refused the rest.
+
 
 Array = npt.NDArray[np.float64]
+
+TRIED = 64  # poses in each of so many scenes, by which it is judged which clauses refuse an object
+SHOWN = 3
+TIGHT = 0.5  # of an area: more than objects that are put down at random take
+MORE = 3  # further objects of which it is seen whether they are refused, too
+SCENES, EFFORT = 256, 1e5  # scenes for that, and evaluations that each may take at least
+
+
+def others(problem: Problem, machine: Machine, end: Stuck) -> tuple[int, tuple[int, ...]]:
+    """How many objects can be placed at once, and which are refused then: those that have been are left to the last, as
+    far as a little work goes."""
+    refused = [machine.order[end.stage]]
+    most = end.stage
+    for attempt in range(MORE):
+        number = np.arange(SCENES)
+        cell = end.particles.cell[number % end.particles.count]
+        try:
+            again = make_machine(problem, refused, deadline=machine.deadline)
+        except StoppedError:
+            break
+        again.most = max(EFFORT, machine.work)
+        try:
+            found, _ = explore(again, cell, number % 2, np.random.default_rng(attempt), MoveTally())
+        except (StoppedError, TooMuchError):
+            most = max(most, again.furthest)
+            break
+        if isinstance(found, Grown):  # in another order there was room for all: few scenes were lucky
+            break
+        most = max(most, found.stage)
+        thing = again.order[found.stage]
+        if thing in refused:
+            break
+        refused.append(thing)
+    return most, tuple(refused)
+
+
+def why_stuck(machine: Machine, end: Stuck, placed: tuple[int, tuple[int, ...]], tried: str) -> Diagnostic:
+    """The objects that could be `placed`, see `others`; the clauses that refuse the first one that could not be; and
+    how full the table is."""
+    problem, order = machine.problem, machine.order
+    names = problem.core.objects
+    most, refused_things = placed
+    thing = order[end.stage]
+    facts: dict[str, Any] = {
+        "names": tuple(names[one] for one in refused_things),
+        "placed": str(most),
+        "count": len(order),
+        **_filled(machine, thing),
+    }
+    refused = _refused(machine, end)
+    if end.placed.attracted > 0:
+        by_footprints, by_distances = _in_the_way(machine, end)
+        if not by_distances or by_distances[0][2] < by_footprints:
+            crowd = {"crowded": end.placed.attracted, "tries": end.placed.tries, "first": names[thing]}
+            return NO_ROOM(tried=tried, **crowd, **facts)
+        refused = by_distances
+    span: Span | None = None
+    if refused:
+        text, span, share = refused[0]
+        also = "; ".join(f"`{text}` {share:.0%}" for text, _, share in refused[1:SHOWN])
+        facts |= {"clause": text, "share": share, "others": also}
+    return NO_ROOM(span, tried=tried, **facts)
+
+
+def how_far(machine: Machine, tried: str) -> Diagnostic:
+    """What to say where time is up while scenes grow."""
+    count = len(machine.order)
+    placed = None if machine.furthest == count else str(machine.furthest)
+    fullest = max((_filled(machine, thing) for thing in machine.order), key=lambda facts: facts["filled"])
+    return NO_TIME_TO_GROW(tried=tried, placed=placed, count=count, tight=fullest["filled"] >= TIGHT or None, **fullest)
+
+
+def _filled(machine: Machine, thing: int) -> dict[str, Any]:
+    """How full the surfaces are on which an object can stand: the share of their area that the footprints take of those
+    that stand nowhere else; of the workspace where it stands on nothing."""
+    spec = machine.problem.spec
+    options = {one: options_of(one, spec.supports, spec.choices) for one in machine.order if one < len(spec.shapes)}
+    mine = options.get(thing, ())
+    things = [one for one, own in options.items() if set(own) <= set(mine) and bool(own) == bool(mine)]
+    space = sum(area(one.outline) for one in mine) if mine else _table(machine)
+    where = quoted([one.name for one in mine]) if mine else "the workspace"
+    filled = sum(area(spec.shapes[one].footprint) for one in things) / space
+    return {"standing": len(things), "filled": filled, "where": where}
+
+
+def _in_the_way(machine: Machine, end: Stuck) -> tuple[float, list[tuple[str, Span | None, float]]]:
+    """The share of the poses in the object's room that footprints refuse; and of those that distances do which the
+    spec asks for by name, with the text of each clause."""
+    thing, particles = machine.order[end.stage], end.particles
+    some = np.arange(min(TRIED, particles.count))
+    scenes, cell = particles.scenes[:, some], particles.cell[some]
+    poses = machine.room(thing, end.stage).boxes(scenes, cell, Effort()).draw(TRIED, np.random.default_rng(0))
+    rows: list[Array] = list(scenes)
+    for row, values in zip(machine.touch[thing].rows, poses, strict=True):
+        rows[row] = values
+    placed = set(machine.order[: end.stage + 1])
+    pairs = [pair for pair in machine.graph.pairs if thing in pair.objects and pair.objects <= placed]
+    by_footprints, found = np.zeros((TRIED, len(some)), dtype=bool), []
+    for pair in pairs:
+        ends = [
+            [rows[row_of(end, axis)] for axis in FLAT] if isinstance(end, int) else end
+            for end in (pair.first, pair.second)
+        ]
+        gap = PRIMITIVES["gap"].evaluate(NUMPY, *pair.shapes, *ends[0], *ends[1])
+        refused = gap < (pair.low[cell] if len(pair.low) > 1 else pair.low[0])
+        if pair.shapes == (POINT, POINT):
+            found.append((*_said(machine.problem.core, pair.node), float(np.mean(refused))))
+        else:
+            by_footprints |= refused
+    return float(np.mean(by_footprints)), sorted(found, key=lambda one: -one[2])
+
+
+def _refused(machine: Machine, end: Stuck) -> list[tuple[str, Span | None, float]]:
+    """The clauses other than pairs that touch the object, with the share of poses of its box that each refuses."""
+    thing = machine.order[end.stage]
+    touch = machine.touch[thing]
+    clauses = touch.in_force(end.stage)
+    if not clauses:
+        return []
+    particles, rng = end.particles, np.random.default_rng(0)
+    some = np.arange(min(TRIED, particles.count))
+    cell = particles.cell[some]
+    rows: list[Array] = list(particles.scenes[:, some])
+    for row in touch.rows:
+        low, high = machine.graph.low[row][cell], machine.graph.high[row][cell]
+        rows[row] = low + rng.random((TRIED, len(some))) * (high - low)
+    values = make_values(machine.problem.core, [clause.node for clause in clauses])(rows)
+    found = []
+    for clause, value in zip(clauses, values, strict=True):
+        inside = within(value, clause, cell)
+        if inside is not None:
+            text, span = _said(machine.problem.core, clause.node)
+            found.append((text, span, 1.0 - float(np.mean(inside))))
+    return sorted(found, key=lambda one: -one[2])
+
+
+def _said(core: Core, node: int) -> tuple[str, Span | None]:
+    at = core.nodes[node]
+    if isinstance(at, Atom):
+        return at.text, at.spans[0] if at.spans else None
+    assert isinstance(at, Junction)
+    text, span = _said(core, at.args[0])
+    return at.text or f"{text} {'and' if at.kind == 'min' else 'or'} ...", span
+
+
+def _table(machine: Machine) -> float:
+    space = machine.problem.spec.workspace
+    return (space.x[1] - space.x[0]) * (space.y[1] - space.y[0])
+
 
 FACTS = 11  # of a piece
 BARREN = 8  # pieces in a row that bring nothing new before a run ends

@@ -15,23 +15,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenegen.bounds.effort import CALLED, DRAWN, NEVER, SCORED, Stop, StoppedError, TooMuchError, per_scene
-from scenegen.bounds.prune import GOOD, Cover, box_cover
-from scenegen.bounds.standing import stands_of
-from scenegen.bounds.worlds import chooses
 from scenegen.errors import RequestError
-from scenegen.lang.core import REQUIRE
-from scenegen.sampling.digest import digest
-from scenegen.sampling.interval import of_hits
-from scenegen.sampling.plan import Account, Piece, Plan, Tally
+from scenegen.lang.formula.core import REQUIRE
+from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
-from scenegen.sampling.rejection.covers import own_covers
 from scenegen.sampling.rejection.draw import (
     PIECE,
     PILOT,
     Array,
     Bool,
     Index,
+    Stages,
     affordable,
     chunk_size,
     chunks,
@@ -41,10 +35,119 @@ from scenegen.sampling.rejection.draw import (
     misses,
     within,
 )
-from scenegen.sampling.rejection.sieve import Served, sift
-from scenegen.sampling.rejection.stages import Stages
-from scenegen.sampling.rejection.trial import Rate, Trial, effort_of, make_trial, nothing_found, search
-from scenegen.sampling.report import too_early
+from scenegen.sampling.rejection.trial import (
+    Rate,
+    Trial,
+    effort_of,
+    make_cover,
+    make_trial,
+    nothing_found,
+    own_covers,
+    search,
+)
+from scenegen.sampling.report import of_hits, too_early
+from scenegen.search.contract import Ends
+from scenegen.search.effort import CALLED, DRAWN, NEVER, SCORED, Stop, StoppedError, TooMuchError, per_scene
+from scenegen.search.prune import GOOD, Cover, box_cover
+from scenegen.search.surfaces import chooses, stands_of
+
+# --------------------------------------------------------------------------------------------------------------------
+# Cells that no candidate hit, looked at together: where phi jumps, most of the cells of a range have no scenes.
+#
+# Bounds seldom prove this, and a cover of each such cell takes as long as one of the whole range. Where all those
+# covers would take long, one is made of each run of such cells first. Cells that its candidates hit are served from
+# it; if they miss all cells, these get no covers of their own.
+
+
+WORTH = 3e7  # work of covers of a cell each, about, above which a look at all of them together is worth it: 0.5 s
+LEAST = 2  # cells of a run
+CHUNKS = 10  # drawn from the cover of a run
+ROUGH = 5e6  # work of a cover of a run, about: many candidates are drawn in the time that a good one takes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Served:
+    """Cells that are taken from one cover; a candidate hits the rarest of them with the probability `rate`. `stages`
+    are the cover's, if they were made."""
+
+    cells: tuple[int, ...]
+    cover: Cover
+    rate: float
+    stages: Stages | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sieve:
+    """What is known of cells that need no covers of their own: those that are served together, those proved empty, and
+    those that no candidate hit."""
+
+    served: tuple[Served, ...] = ()
+    empty: frozenset[int] = frozenset()
+    barren: frozenset[int] = frozenset()
+    tried: int = 0
+    work: float = 0.0
+
+    @property
+    def settled(self) -> frozenset[int]:
+        return self.empty.union(self.barren, *(one.cells for one in self.served))
+
+
+def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, most: float, worth: float) -> Sieve:
+    """Look at those of `cells` (rising) together that no candidate of the trial hit. A cell is served with others where
+    it takes at most `worth` candidates for each scene that it is to get. Without choices of surfaces phi seldom jumps:
+    nothing is looked at.
+
+    Raises StoppedError if time is up, and TooMuchError if the work exceeds `most`.
+    """
+    missed = [cell for cell in cells if not trial.hits[cell]]
+    if len(missed) * trial.work < WORTH or not chooses(problem.core):
+        return Sieve()
+    served, empty, barren = list[Served](), set[int](), set[int]()
+    effort, tried = effort_of(budget, most), 0
+    possible = sorted(problem.possible)
+    waiting = _runs(missed, possible)
+    while waiting:
+        run = waiting.pop()
+        if len(run) < LEAST:
+            continue
+        if budget.spent:
+            raise StoppedError
+        stream = (problem.request.seed, PLAN, run[0] + 1, run[-1] + 1)
+        cover = make_cover(problem, _wanted(problem, run), stream, effort, 0.0, ROUGH)
+        if not cover.parts:
+            empty.update(run)
+            continue
+        rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
+        hits, count, stages = explore(problem, cover, CHUNKS, rng, effort)
+        tried += count
+        if not hits[run].any():
+            barren.update(run)
+            continue
+        common = [cell for cell in run if hits[cell] * worth >= count]
+        if common:
+            served.append(Served(tuple(common), cover, float(hits[common].min()) / count, stages))
+            waiting += _runs([cell for cell in run if cell not in common], possible)
+    return Sieve(tuple(served), frozenset(empty), frozenset(barren), tried, effort.used)
+
+
+def _runs(missed: Sequence[int], possible: Sequence[int]) -> list[list[int]]:
+    """Cells that follow one another among the possible ones, all rising."""
+    place = {cell: number for number, cell in enumerate(possible)}
+    runs: list[list[int]] = []
+    for cell in missed:
+        if runs and place[cell] == place[runs[-1][-1]] + 1:
+            runs[-1].append(cell)
+        else:
+            runs.append([cell])
+    return runs
+
+
+def _wanted(problem: Problem, run: Sequence[int]) -> dict[int, Ends]:
+    """A demand that the scenes of all these cells meet."""
+    limits = [problem.cells.limits(cell) for cell in run]
+    low, high = np.min([ends[0] for ends in limits], axis=0), np.max([ends[1] for ends in limits], axis=0)
+    return problem.demand(low, high)
+
 
 LARGER = 4  # times the usual size of a piece, at most, where each brings little
 PIECES, NUMBERS = 32, 1 << 21  # that a request of such pieces has at least, and that each brings at most
@@ -173,7 +276,7 @@ def make_plan(
 ) -> Rejection:
     """The plan of a problem; `trial` is its trial if there has been one. A time limit can only cut it short.
 
-    `most` is the work that each cover may take, see scenegen.bounds.effort; `together` is that of all covers of a cell
+    `most` is the work that each cover may take, see scenegen.search.effort; `together` is that of all covers of a cell
     each: they are given up as soon as those that are made show that it cannot suffice. Raises TooMuchError if it does
     not; RequestError if there is provably no scene, and if time is up before it is known which cells get scenes,
     because a time limit must not change the scenes.
@@ -275,7 +378,7 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
 
 
 def work_of(plan: Rejection) -> tuple[float, float]:
-    """The work of a candidate, and of its part of the calls; see scenegen.bounds.effort. Most candidates may fail in
+    """The work of a candidate, and of its part of the calls; see scenegen.search.effort. Most candidates may fail in
     the first stage, but some of every chunk are scored in full."""
     common = plan.sources[0]
     stages = make_stages(plan.problem, common.cover) if common.stages is None else common.stages

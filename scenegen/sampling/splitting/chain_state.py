@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import NEVER, Stop
-from scenegen.lang.core import Apply, Atom, Coord, Core, Junction, last_uses, needed, part, read_rows
-from scenegen.lang.fold import fold
-from scenegen.lang.interpret import Numbers
+from scenegen.geometry import NUMPY, PRIMITIVES, Namespace
+from scenegen.geometry.namespace import turning
+from scenegen.lang.formula.core import Apply, Atom, Coord, Core, Junction, last_uses, needed, part_of, read_rows
+from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.pose import THETA, TWO_PI, X, Y, axis_of, is_angle, owner, rows_of
-from scenegen.primitives import NUMPY, PRIMITIVES, Namespace
-from scenegen.primitives.namespace import turning
+from scenegen.search.effort import NEVER, Stop
 
 if TYPE_CHECKING:
     from scenegen.sampling.problem import Problem
@@ -156,7 +155,7 @@ class Tape:
         self._stop = stop
         core = chain_state.core if core is None else core
         read = needed(core)
-        self._core = core if len(read) == len(core.nodes) else part(core, tuple(core.labels))
+        self._core = core if len(read) == len(core.nodes) else part_of(core, tuple(core.labels))
         self._dead = last_uses(self._core)
         self.length = len(read)
         place = {row: index for index, row in enumerate(chain_state.rows)}

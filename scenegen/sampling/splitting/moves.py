@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.pose import EVERY, PLACE, TWO_PI, X, Y
 from scenegen.sampling.splitting.chain_state import ChainState, Part
 
 Array = npt.NDArray[np.float64]
@@ -152,3 +153,338 @@ def bring_home(chain_state: ChainState, proposal: Proposal) -> tuple[tuple[Array
         inside = here if inside is None else inside & here
         values.append(value)
     return tuple(values), inside
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Local moves: walks, shifts, turns, redraws and differences. See scenegen.sampling.splitting.moves.
+
+
+def _row(draw: Draw) -> Proposal:
+    (row,) = draw.row_deck.deal()
+    half = draw.capped(row, draw.factor())
+    return Proposal((row,), (draw.rows[row] + draw.noise(half),), row=row)
+
+
+def _object(draw: Draw) -> Proposal:
+    return draw.walk(draw.pick(1)[0].rows)
+
+
+def _pair(draw: Draw) -> Proposal:
+    return draw.walk([row for part in draw.pick(2) for row in part.rows])
+
+
+def _two(draw: Draw) -> Proposal:
+    """Two rows of any objects, for scenes in which another atom becomes active."""
+    return draw.walk(draw.row_deck.deal(2))
+
+
+def _all(draw: Draw) -> Proposal:
+    return draw.walk(range(draw.chain_state.dimension))
+
+
+def _shift_all(draw: Draw) -> Proposal:
+    return _shifted(draw, draw.chain_state.parts)
+
+
+def _shift_some(draw: Draw) -> Proposal:
+    return _shifted(draw, draw.pick(int(draw.rng.integers(2, len(draw.chain_state.parts) + 1))))
+
+
+def _shift_run(draw: Draw) -> Proposal:
+    """Objects that follow one another in the spec: if they stand in a row on the table, only the gaps at both ends
+    change."""
+    first, last = sorted(draw.rng.integers(len(draw.chain_state.parts), size=2).tolist())
+    return _shifted(draw, draw.chain_state.parts[first : last + 1])
+
+
+def _shifted(draw: Draw, parts: Sequence[Part]) -> Proposal:
+    """Several objects by the same step along x, y or both."""
+    axes = ((X,), (Y,), PLACE)[int(draw.rng.integers(3))]
+    factor = draw.factor()
+    rows: list[int] = []
+    values: Rows = []
+    for axis in axes:
+        mine = [row for part in parts if (row := part.at[axis]) is not None]
+        if mine:
+            step = draw.noise(draw.step(mine, factor))
+            rows += mine
+            values += [draw.rows[row] + step for row in mine]
+    return Proposal(tuple(rows), tuple(values))
+
+
+def _stretch(draw: Draw) -> Proposal:
+    """All objects towards or away from one of them, along x or y: gaps grow or shrink in proportion.
+
+    The map multiplies volumes by s^m for m rows stretched by s = e^u, and u and -u are equally likely: a proposal in
+    range is accepted with probability min(1, s^m) (Green 1995).
+    """
+    axis = PLACE[int(draw.rng.integers(2))]
+    (pivot,) = draw.pick(1)
+    about = pivot.at[axis]
+    rows = [row for part in draw.chain_state.parts if (row := part.at[axis]) is not None and row != about]
+    if about is None or not rows:
+        return Proposal((), ())
+    u = draw.noise(min(1.0, draw.factor()))
+    stretch = np.exp(u)
+    middle = draw.rows[about]
+    values = tuple(middle + stretch * (draw.rows[row] - middle) for row in rows)
+    return Proposal(tuple(rows), values, np.log(draw.rng.random(draw.count)) < len(rows) * u)
+
+
+def _redrawn(draw: Draw, rows: Sequence[int]) -> Proposal:
+    """Rows redrawn uniformly within the box of the plan's chains. Chains outside this box stay, because the reverse
+    move would be impossible."""
+    low, high = draw.tuning.low, draw.tuning.high
+    values: Rows = []
+    allowed: Mask | None = None
+    for row in rows:
+        old = draw.rows[row]
+        here = (old >= low[row]) & (old <= high[row])
+        allowed = here if allowed is None else allowed & here
+        value = draw.rng.random(draw.count)
+        value *= high[row] - low[row]
+        value += low[row]
+        values.append(value)
+    return Proposal(tuple(rows), tuple(values), allowed)
+
+
+def _redraw_row(draw: Draw) -> Proposal:
+    return _redrawn(draw, draw.row_deck.deal())
+
+
+def _redraw_two(draw: Draw) -> Proposal:
+    return _redrawn(draw, draw.row_deck.deal(2))
+
+
+def _redraw_object(draw: Draw) -> Proposal:
+    return _redrawn(draw, draw.pick(1)[0].rows)
+
+
+def _redraw_axis(draw: Draw) -> Proposal:
+    """One coordinate of all objects, which a disjunct along the other axis leaves free."""
+    by_axis = [[row for part in draw.chain_state.parts if (row := part.at[axis]) is not None] for axis in EVERY]
+    axes = [rows for rows in by_axis if rows]
+    return _redrawn(draw, axes[int(draw.rng.integers(len(axes)))])
+
+
+def _turn(draw: Draw) -> Proposal:
+    """One object around another, by an angle 2 atan(t) with t symmetric about 0: their distance does not change."""
+    moved, pivot = draw.pick(2)
+    if moved.x is None or moved.y is None or pivot.x is None or pivot.y is None:
+        return Proposal((), ())
+    rows = draw.rows
+    t = draw.noise(min(1.0, draw.factor()))
+    square = t * t
+    over = 1.0 / (1.0 + square)
+    cos, sin = (1.0 - square) * over, 2.0 * t * over
+    dx, dy = rows[moved.x] - rows[pivot.x], rows[moved.y] - rows[pivot.y]
+    return Proposal((moved.x, moved.y), (rows[pivot.x] + cos * dx - sin * dy, rows[pivot.y] + sin * dx + cos * dy))
+
+
+def _difference(draw: Draw) -> Proposal:
+    """Some objects by the difference of two scenes of a frozen pool (ter Braak 2006, but with a fixed pool): steps
+    along the shape of the target set, and from one of its modes to another."""
+    parts = draw.chain_state.parts
+    many = len(parts) if draw.rng.random() < 0.5 else int(draw.rng.integers(1, len(parts) + 1))
+    rows = [row for part in draw.pick(many) for row in part.rows]
+    size = len(draw.pool[0])
+    first, second = draw.rng.integers(size, size=(2, draw.count))
+    factor = 1.0 if draw.rng.random() < 0.25 else draw.factor()
+    return Proposal(
+        tuple(rows),
+        tuple(draw.rows[row] + factor * (draw.pool[row][first] - draw.pool[row][second]) for row in rows),
+    )
+
+
+STEPS: Mapping[str, Kind] = {
+    "row": _row,
+    "two rows": _two,
+    "object": _object,
+    "all": _all,
+    "redraw row": _redraw_row,
+    "redraw two rows": _redraw_two,
+    "redraw object": _redraw_object,
+    "redraw axis": _redraw_axis,
+    "difference": _difference,
+    "pair": _pair,
+    "shift all": _shift_all,
+    "shift some": _shift_some,
+    "shift run": _shift_run,
+    "turn": _turn,
+    "stretch": _stretch,
+}
+SCALED = frozenset(
+    {
+        "row",
+        "two rows",
+        "object",
+        "pair",
+        "all",
+        "shift all",
+        "shift some",
+        "shift run",
+        "turn",
+        "stretch",
+        "difference",
+    }
+)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Moves that are their own inverse: mirror images of the table and exchanges of objects, each with probability 1/2 per
+# chain.
+#
+# They lead directly from one mode of a symmetric spec to another, such as from "a left of b" to "b left of a", where
+# small steps would have to cross scenes out of range.
+
+
+def _flip(draw: Draw) -> Proposal:
+    """One object to the other side of another, along x, y or both."""
+    moved, pivot = draw.pick(2)
+    pairs = [(moved.x, pivot.x), (moved.y, pivot.y)]
+    axis = int(draw.rng.integers(3))
+    chosen = [pair for pair in (pairs if axis == 2 else pairs[axis : axis + 1]) if None not in pair]
+    rows = draw.rows
+    return Proposal(
+        tuple(row for row, _ in chosen if row is not None),
+        tuple(2.0 * rows[other] - rows[row] for row, other in chosen if row is not None and other is not None),
+        draw.coin(),
+        parting=False,
+    )
+
+
+def _alike(chain_state: ChainState, first: Part, second: Part, axes: Sequence[int]) -> list[tuple[int, int]]:
+    """The rows that two objects can exchange: those that move in both and have the same limits."""
+    pairs = [(first.at[axis], second.at[axis]) for axis in axes]
+    low, high = chain_state.low, chain_state.high
+    return [(a, b) for a, b in pairs if a is not None and b is not None and low[a] == low[b] and high[a] == high[b]]
+
+
+def _exchange(draw: Draw, pairs: Sequence[tuple[Part, Part]]) -> Proposal:
+    """The poses of each pair of objects exchanged: the whole pose, the position alone, or one coordinate."""
+    axes = (EVERY, PLACE, (X,), (Y,))[int(draw.rng.integers(4))]
+    rows: list[int] = []
+    values: Rows = []
+    for first, second in pairs:
+        for a, b in _alike(draw.chain_state, first, second, axes):
+            rows += [a, b]
+            values += [draw.rows[b], draw.rows[a]]
+    return Proposal(tuple(rows), tuple(values), draw.coin(), parting=False)
+
+
+def _swap(draw: Draw) -> Proposal:
+    first, second = draw.pick(2)
+    return _exchange(draw, [(first, second)])
+
+
+def _reverse(draw: Draw) -> Proposal:
+    """The objects in reverse order of the spec."""
+    parts = draw.chain_state.parts
+    half = len(parts) // 2
+    return _exchange(draw, list(zip(parts[:half], parts[::-1][:half], strict=True)))
+
+
+def _symmetry(swapping: bool, along_x: bool, along_y: bool, exchange: bool) -> Kind:
+    """All objects mirrored along the axes named, or with x and y exchanged first; `swapping` also exchanges the poses
+    of two of them. Half of the time the headings are mirrored with the table.
+
+    Exchanging x and y on a table that is not square stretches one and shrinks the other: volumes stay.
+    """
+
+    def move(draw: Draw) -> Proposal:
+        chain_state = draw.chain_state
+        low, high = chain_state.low, chain_state.high
+        new: dict[int, Array] = {}
+        turning = draw.rng.random() < 0.5
+        for part in chain_state.parts:
+            for row in part.rows:
+                new[row] = draw.rows[row]
+            if exchange and part.x is not None and part.y is not None:
+                x, y = part.x, part.y
+                ratio = (high[x] - low[x]) / (high[y] - low[y])
+                new[x], new[y] = low[x] + (new[y] - low[y]) * ratio, low[y] + (new[x] - low[x]) / ratio
+            for row_, mirrored in ((part.x, along_x), (part.y, along_y)):
+                if row_ is not None and mirrored:
+                    new[row_] = high[row_] + low[row_] - new[row_]
+            if turning and part.theta is not None and chain_state.circular[part.theta]:
+                new[part.theta] = _turned(new[part.theta], along_x, along_y, exchange)
+        if swapping:
+            first, second = draw.pick(2)
+            # An object without a moving x or y, or with other limits of its place, is mirrored in another way: with an
+            # exchange the map would not be its own inverse.
+            places = _alike(chain_state, first, second, PLACE)
+            if _places(first) != _places(second) or len(places) < sum(_places(first)):
+                return Proposal((), (), parting=False)
+            for a, b in _alike(chain_state, first, second, EVERY):
+                new[a], new[b] = new[b], new[a]
+        moved = [(row, value) for row, value in new.items() if value is not draw.rows[row]]
+        return Proposal(tuple(row for row, _ in moved), tuple(value for _, value in moved), draw.coin(), False)
+
+    return move
+
+
+def _places(part: Part) -> tuple[bool, bool]:
+    return part.x is not None, part.y is not None
+
+
+def _turned(theta: Array, along_x: bool, along_y: bool, exchange: bool) -> Array:
+    """The heading after the table has been mirrored: theta -> pi/2 - theta, then pi - theta, then -theta."""
+    if exchange:
+        theta = 0.5 * math.pi - theta
+    if along_x:
+        theta = math.pi - theta
+    if along_y:
+        theta = -theta
+    return np.mod(theta, TWO_PI)
+
+
+MIRRORS: Mapping[str, Kind] = {
+    "mirror x": _symmetry(False, True, False, False),
+    "mirror y": _symmetry(False, False, True, False),
+    "half turn": _symmetry(False, True, True, False),
+    "exchange axes": _symmetry(False, False, False, True),
+    "exchange axes, half turn": _symmetry(False, True, True, True),
+    "flip": _flip,
+    "swap": _swap,
+    "reverse": _reverse,
+    "swap, mirror x": _symmetry(True, True, False, False),
+    "swap, mirror y": _symmetry(True, False, True, False),
+    "swap, half turn": _symmetry(True, True, True, False),
+    "swap, exchange axes": _symmetry(True, False, False, True),
+    "swap, exchange axes, half turn": _symmetry(True, True, True, True),
+}
+_TURN = (frozenset({"half turn"}), frozenset({"mirror x", "mirror y"}))
+# Compositions of other mirrors, each with its own random choice.
+COMPOSED: Mapping[str, tuple[frozenset[str], ...]] = {
+    "half turn": _TURN[1:],
+    "exchange axes, half turn": tuple(others | {"exchange axes"} for others in _TURN),
+    "swap, mirror x": (frozenset({"swap", "mirror x"}),),
+    "swap, mirror y": (frozenset({"swap", "mirror y"}),),
+    "swap, half turn": tuple(others | {"swap"} for others in _TURN),
+    "swap, exchange axes": (frozenset({"swap", "exchange axes"}),),
+    "swap, exchange axes, half turn": (
+        frozenset({"swap", "exchange axes, half turn"}),
+        *(others | {"swap", "exchange axes"} for others in _TURN),
+    ),
+}
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The table of the kinds of moves.
+
+
+MOVES: Mapping[str, Kind] = {**STEPS, **MIRRORS}
+_COUPLED = frozenset(
+    {"pair", "shift all", "shift some", "shift run", "turn", "stretch", "flip"}
+)  # and all moves that are swaps or reversals of the order
+
+
+def moves_for(chain_state: ChainState) -> tuple[str, ...]:
+    """The kinds of moves that apply to a chain_state: those of two objects need two."""
+    kinds = list(MOVES)
+    if len(chain_state.parts) == 1:
+        kinds = [kind for kind in kinds if kind not in _COUPLED and "swap" not in kind and kind != "reverse"]
+    if chain_state.dimension == 1:
+        kinds.remove("two rows")
+        kinds.remove("redraw two rows")
+    return tuple(kinds)

@@ -17,20 +17,16 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.bounds.effort import MOVED, NEVER, Stop, per_scene
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import CHAINS_CORRELATED
-from scenegen.lang.core import REQUIRE
-from scenegen.sampling.digest import digest
-from scenegen.sampling.interval import student
-from scenegen.sampling.plan import Account, Piece, Plan, Tally
+from scenegen.lang.formula.core import REQUIRE
+from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.report import SHOWN, shortfall, too_early
-from scenegen.sampling.splitting.autocorrelation import NEGLIGIBLE, Statistics, design_effect
+from scenegen.sampling.report import SHOWN, shortfall, student, too_early
 from scenegen.sampling.splitting.chain_state import Tape, frame_of
-from scenegen.sampling.splitting.chains import Chains
-from scenegen.sampling.splitting.levels import Schedule, Stalled, make_schedule
-from scenegen.sampling.splitting.stages import SPLIT, begin, go_on
+from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, design_effect
+from scenegen.sampling.splitting.levels import SPLIT, Schedule, Stalled, begin, go_on, make_schedule
+from scenegen.search.effort import MOVED, NEVER, Stop, per_scene
 
 Array = npt.NDArray[np.float64]
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import evaluate
-from scenegen.sampling.growth.aim import look_out, newly
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import evaluate
+from scenegen.sampling.growth.insert import held_ways, look_out, newly
 from scenegen.sampling.growth.machine import make_machine
 from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.growth.ways import held_ways
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy import stats
 
-from scenegen.lang.check import check_text
+from scenegen.lang.checker import check_text
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenegen.primitives.footprint import POINT, Circle
+from scenegen.geometry.footprint import POINT, Circle
 from scenegen.sampling.growth.graph import components, make_graph
 from scenegen.sampling.request import Range
 

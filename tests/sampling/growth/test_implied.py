@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from scenegen.lang.check import check_text
-from scenegen.lang.interpret import phi
-from scenegen.primitives import NUMPY
-from scenegen.sampling.growth.implied import with_implied
+from scenegen.geometry import NUMPY
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi
+from scenegen.sampling.growth.graph import with_implied
 
 from .made import anywhere, machine_of, posed
 

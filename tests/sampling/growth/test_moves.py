@@ -5,12 +5,9 @@ import pytest
 from scipy import stats
 
 from scenegen.sampling.growth import moves
-from scenegen.sampling.growth.attempt import attempt
-from scenegen.sampling.growth.choose import cluster, jump
-from scenegen.sampling.growth.insert import scored
-from scenegen.sampling.growth.moves import Settings, sweep
-from scenegen.sampling.growth.reinsert import reinsert, relocate
-from scenegen.sampling.growth.tally import Tally
+from scenegen.sampling.growth.insert import attempt, scored
+from scenegen.sampling.growth.moves import Settings, cluster, jump, reinsert, relocate, sweep
+from scenegen.sampling.growth.particles import MoveTally
 from scenegen.sampling.request import Range
 
 from .made import POSITIVE, anywhere, everything_placed, machine_of, plain, ways_held
@@ -91,7 +88,7 @@ def clusters(particles):
 
 
 def everything(particles):
-    sweep(particles, Settings({}), Tally())
+    sweep(particles, Settings({}), MoveTally())
 
 
 CASES = [

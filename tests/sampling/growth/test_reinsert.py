@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenegen.sampling.growth.kinship import Kinship
+from scenegen.sampling.growth.grow import Kinship
 from scenegen.sampling.growth.moves import Settings, sweep
 from scenegen.sampling.growth.population import MOST_TRIES, REDRAWN, RELOCATED, lifted
 

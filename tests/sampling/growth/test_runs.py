@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.bounds.effort import StoppedError
-from scenegen.engine.run import in_memory
 from scenegen.errors import RequestError
-from scenegen.lang.check import check_text
-from scenegen.processes.reserve import Reserve
+from scenegen.lang.checker import check_text
+from scenegen.processes.ahead import Reserve
+from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.growth import machine as machine_module
-from scenegen.sampling.growth.begin import start_growth
-from scenegen.sampling.growth.full import too_full
-from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.growth.stuck import how_far
+from scenegen.sampling.growth.population import start_growth
+from scenegen.sampling.growth.room import too_full
+from scenegen.sampling.growth.sampler import Growth, how_far, plan_growth
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import StoppedError
 
 TEXT = """object p[3] = cylinder(0.06, 0.1), q = box(0.2, 0.1, 0.1)
 workspace [0, 0.6] x [0, 0.6]
@@ -35,9 +34,9 @@ WORDS = {"phi": {"task": (0.0, None)}, "n": 600, "seed": 3, "method": "growth"}
 def small_populations():
     """So that a run of a few hundred scenes has several pieces."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.growth.begin.LEAST", 128)
-        patch.setattr("scenegen.sampling.growth.plan.LEAST", 128)
-        patch.setattr("scenegen.sampling.growth.begin.MOST", 256)
+        patch.setattr("scenegen.sampling.growth.population.LEAST", 128)
+        patch.setattr("scenegen.sampling.growth.sampler.LEAST", 128)
+        patch.setattr("scenegen.sampling.growth.population.MOST", 256)
         patch.setattr("scenegen.sampling.growth.grow.MOST_POSES", 1 << 17)
         yield
 

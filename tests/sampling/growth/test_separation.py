@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scenegen.primitives import NUMPY, PRIMITIVES
-from scenegen.primitives.footprint import Box, Circle, Polygon
-from scenegen.sampling.growth.separation import _beyond, apart
+from scenegen.geometry import NUMPY, PRIMITIVES
+from scenegen.geometry.footprint import Box, Circle, Polygon
+from scenegen.sampling.growth.touch import _beyond, apart
 
 SHAPES = {
     "disc": Circle(0.05),

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from scenegen.bounds.requirements import push_down
-from scenegen.lang.core import Coord, Junction, children
-from scenegen.sampling.growth.attempt import _holds
-from scenegen.sampling.growth.ways import held_ways
+from scenegen.lang.formula.core import Coord, Junction, children
+from scenegen.sampling.growth.insert import _holds, held_ways
 from scenegen.sampling.request import Range
+from scenegen.search.contract import push_down
 
 from .made import POSITIVE, anywhere, everything_placed, machine_of, node_values, plain, ways_held
 

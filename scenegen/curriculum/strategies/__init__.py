@@ -1,5 +1,0 @@
-"""Strategies: which phi the next episode begins with. numpy only; any learner, any environment."""
-
-from scenegen.curriculum.strategies.registry import STRATEGIES, strategy
-
-__all__ = ["STRATEGIES", "strategy"]

@@ -1,0 +1,289 @@
+"""What of all that could be said checks, and how phi of it varies over scenes that meet what the spec requires.
+
+Every formula is expanded by the checker itself, into one core; what it refuses, and what is the same in every scene, is
+left out. A formula that some of the scenes satisfies can be satisfied: no proof to the contrary can be found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.editors.grammars.forms import (
+    HEADINGS,
+    MEASURES,
+    Form,
+    Measure,
+    Vocabulary,
+    calls,
+    fits,
+    grouped,
+    quantified,
+    samples,
+    vocabulary,
+)
+from scenegen.errors import Source, SpecError
+from scenegen.geometry import NUMPY
+from scenegen.geometry.units import LENGTH, SPEED, TURN_RATE, Unit
+from scenegen.lang.check.context import Frame, run
+from scenegen.lang.check.lower import Lowering
+from scenegen.lang.check.scope import LIST_FUNCTIONS, signatures
+from scenegen.lang.check.values import FormulaValue, ListValue, NumberValue, PointValue, RegionValue, Value
+from scenegen.lang.checker import check_module
+from scenegen.lang.formula.builder import TooLarge
+from scenegen.lang.formula.core import Coord, Core, children
+from scenegen.lang.formula.interpret import evaluate, phi
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.parse import parse
+
+Array = npt.NDArray[np.float64]
+
+PROBES = 16  # scenes in which an extra argument has to shift phi by as much
+EXACT = 1e-9  # what rounding may make of a shift
+LIVE = 1 << 23  # numbers that a look at some scenes may hold
+MOST_SLOTS = 3  # arguments that relations can have here
+TRIVIAL = ("abs", "min", "max", "sum", "mean", "sin", "cos", "wrap", "height")
+
+
+@dataclass(frozen=True, slots=True)
+class Extra:
+    """A further argument of a call that is a number or a heading: its text is `before` and a value of the measure, or
+    one of `words`."""
+
+    before: str
+    measure: Measure | None
+    words: tuple[str, ...] = ()
+
+    def values(self, words: Vocabulary) -> tuple[str, ...]:
+        if self.measure is None:
+            return self.words
+        return tuple(f"{step}{self.measure.suffix}" for step in self.measure.tried(words.few))
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """A form filled in. `low` and `high` are the ends of phi, or of the number, over the scenes."""
+
+    form: Form
+    arguments: tuple[str, ...]
+    extra: Extra | None = None
+    value: str = ""
+    low: float = -np.inf
+    high: float = np.inf
+
+
+@dataclass(slots=True)
+class Findings:
+    """All statements that check, the units of numbers, and the names that took part. `shifts` are those of phi where an
+    extra argument has a value, for forms that it shifts by as much in every scene. `moving` are statements about a
+    step, with what they reach where things move; `statements` have what is reached where nothing does."""
+
+    statements: list[Statement] = field(default_factory=list)
+    moving: list[Statement] = field(default_factory=list)
+    units: dict[Form, Unit] = field(default_factory=dict)
+    shifts: dict[Form, dict[Extra, dict[str, float]]] = field(default_factory=dict)
+    words: Vocabulary | None = None
+    steps: int = 0
+
+
+def findings(source: Source, scenes: Array) -> Findings:
+    """What can be said over the declarations of a spec's text, and what phi of it is in the scenes (3N, M).
+
+    Over time the scenes are moments: first every object is taken to stand where it stood the moment before, then where
+    it stands in the scene before. Raises SpecError for a text that does not check."""
+    trial = _Trial(scenes)
+    checked = check_module(parse(source), None, trial)
+    if checked.timed is not None:
+        trial.found.steps = checked.timed.horizon.steps
+    return trial.found
+
+
+def _reached(core: Core, scenes: Array) -> Array:
+    """The least and the largest value of each label over scenes, (L, 2)."""
+    places = list(core.labels.values())
+    ends = np.tile([np.inf, -np.inf], (len(places), 1))
+    block = max(32, LIVE // max(1, len(core.nodes)))
+    for start in range(0, scenes.shape[1], block):
+        values = evaluate(core, list(scenes[:, start : start + block]), NUMPY)
+        for end, place in zip(ends, places, strict=True):
+            end[:] = min(end[0], np.min(values[place])), max(end[1], np.max(values[place]))
+    return ends
+
+
+def _with_ends(one: Statement, ends: Array) -> Statement:
+    return replace(one, low=float(ends[0]), high=float(ends[1]))
+
+
+class _Trial:
+    """Expands statements with the checker's own machine, once all that a spec declares is known."""
+
+    def __init__(self, scenes: Array) -> None:
+        self.scenes = scenes
+        self.found = Findings()
+        self._values: dict[str, Value] = {}
+        self._depends: list[bool] = []
+        self._templates: dict[str, ast.Expr] = {}
+
+    def __call__(self, lowering: Lowering) -> None:
+        self.lowering = lowering
+        self.words = self.found.words = vocabulary(lowering)
+        over_time = lowering.builder.moving > 0
+        still = np.tile(self.scenes, (2, 1)) if over_time else self.scenes
+        steps = np.concatenate([self.scenes, np.roll(self.scenes, 1, axis=1)]) if over_time else still
+        self.probes = steps[:, :PROBES]
+        noticed = list(lowering.noticed)
+        made = list(self._all())
+        lowering.noticed[:] = noticed
+        core = lowering.builder.finish({str(place): node for place, (_, node) in enumerate(made)})
+        found = _reached(core, still)
+        self.found.statements = [_with_ends(one, ends) for (one, _), ends in zip(made, found, strict=True)]
+        if over_time:
+            later = _reached(core, steps)
+            changed = np.flatnonzero((found != later).any(axis=1))
+            self.found.moving = [_with_ends(made[place][0], later[place]) for place in changed]
+
+    def _all(self) -> Iterator[tuple[Statement, int]]:
+        scope, words = self.lowering.scope, self.words
+        for name in (*scope.definitions, *signatures(scope.timed)):
+            if name in LIST_FUNCTIONS or name in TRIVIAL:
+                continue
+            signature = scope.signature(name)
+            assert signature is not None
+            optional = self._optional(name)
+            counts = [signature.needed]
+            first = next(iter(optional.values()), None)
+            if signature.needed < 2 and isinstance(first, ListValue | RegionValue | PointValue):
+                counts.append(signature.needed + 1)
+            for count in counts:
+                if count > MOST_SLOTS:
+                    continue
+                for form in calls(name, count, name in words.own):
+                    made = self._looked_at(form)
+                    if made is None or not fits(form, words):
+                        continue
+                    extras = [] if made.number else self._extras(optional, signature.needed, count)
+                    for one in (made, *grouped(made, words), *quantified(made, words)):
+                        yield from self._filled(one, [] if one.quantified else extras)
+
+    def _optional(self, name: str) -> dict[str, Value]:
+        """The parameters that have defaults, with their values; none of built-in functions."""
+        declared = self.lowering.scope.definitions.get(name)
+        if declared is None or not isinstance(declared.statement, ast.Definition):
+            return {}
+        frame = Frame(declared.source)
+        found: dict[str, Value] = {}
+        for one in declared.statement.parameters:
+            if one.default is not None:
+                try:
+                    found[one.name.id] = run(self.lowering.lower(one.default, {}, frame))
+                except SpecError:
+                    continue  # a default that depends on the arguments before
+        return found
+
+    def _extras(self, optional: Mapping[str, Value], needed: int, count: int) -> list[Extra]:
+        found = []
+        for place, (name, value) in enumerate(optional.items(), start=needed):
+            if not isinstance(value, NumberValue):
+                continue
+            before = (", " if count else "") + ("" if place == count else f"{name} = ")
+            if name == "heading":
+                found.append(Extra(before, None, HEADINGS))
+            elif value.unit in MEASURES:
+                found.append(Extra(before, MEASURES[value.unit]))
+        return found
+
+    def _looked_at(self, form: Form) -> Form | None:
+        """The form, where a call of it can be a formula or a number; None where it cannot."""
+        for arguments in samples(form, self.words):
+            value = self._value(form, arguments)
+            if isinstance(value, FormulaValue):
+                return form
+            if isinstance(value, NumberValue) and value.unit in (LENGTH, SPEED, TURN_RATE):
+                made = replace(form, number=True)
+                self.found.units[made] = value.unit
+                return made
+        return None
+
+    def _filled(self, form: Form, extras: Sequence[Extra]) -> Iterator[tuple[Statement, int]]:
+        rest = [one for one in extras if not self._shifted(form, one)]
+        if not self.words.few or len(form.kinds) > 2:
+            rest = []
+        for arguments in form.arguments(self.words):
+            node = self._node(form, arguments)
+            if node is None:
+                continue
+            yield Statement(form, arguments), node
+            for extra in rest:
+                for value in extra.values(self.words):
+                    node = self._node(form.ending(extra.before + value), arguments)
+                    if node is not None:
+                        yield Statement(form, arguments, extra, value), node
+
+    def _shifted(self, form: Form, extra: Extra) -> bool:
+        """Whether the values of an extra argument shift phi by as much in every scene, and in proportion; then it is
+        noted by how much."""
+        if extra.measure is None:
+            return False
+        values = extra.values(self.words)
+        shifts: list[Array] = []
+        for arguments in samples(form, self.words):
+            nodes = [self._node(form, arguments)]
+            nodes += [self._node(form.ending(extra.before + value), arguments) for value in values]
+            labels = {str(place): node for place, node in enumerate(nodes) if node is not None}
+            if len(labels) < len(nodes):
+                continue
+            core = self.lowering.builder.finish(labels)
+            phis = [np.broadcast_to(one, self.probes.shape[1]) for one in phi(core, list(self.probes), NUMPY).values()]
+            moved = np.array(phis[1:]) - phis[0]
+            if np.ptp(moved, axis=1).max() > EXACT:
+                return False
+            shifts.append(moved[:, 0])
+        if not shifts or any(np.abs(one - shifts[0]).max() > EXACT for one in shifts):
+            return False
+        slopes = np.diff(shifts[0]) / np.diff(extra.measure.tried(self.words.few))
+        if np.ptp(slopes) > EXACT:
+            return False
+        self.found.shifts.setdefault(form, {})[extra] = dict(zip(values, map(float, shifts[0]), strict=True))
+        return True
+
+    def _node(self, form: Form, arguments: tuple[str, ...]) -> int | None:
+        """The node of a filled-in form; None where the checker refuses it, or no coordinate takes part in it."""
+        value = self._value(form, arguments, " >= 0" if form.number else "")
+        if not isinstance(value, FormulaValue) or value.node < 0:
+            return None
+        nodes = self.lowering.builder.nodes
+        for node in nodes[len(self._depends) :]:
+            self._depends.append(isinstance(node, Coord) or any(map(self._depends.__getitem__, children(node))))
+        return value.node if self._depends[value.node] else None
+
+    def _value(self, form: Form, arguments: tuple[str, ...], end: str = "") -> Value | None:
+        lowering = self.lowering
+        lowering.inside = 0  # the limits are those of one spec, and this is many
+        slots = tuple(f"_slot{place}" for place in range(len(arguments)))
+        text = form.text(slots) + end
+        template = self._templates.get(text)
+        if template is None:
+            template = self._templates[text] = self._parsed(text)
+        try:
+            env = dict(zip(slots, map(self._argument, arguments), strict=True))
+            return run(lowering.lower(template, env, self._frame(text)))
+        except (SpecError, TooLarge):
+            return None
+
+    def _argument(self, text: str) -> Value:
+        value = self._values.get(text)
+        if value is None:
+            value = run(self.lowering.lower(self._parsed(text), {}, self._frame(text)))
+            self._values[text] = value
+        return value
+
+    def _parsed(self, text: str) -> ast.Expr:
+        parsed = parse(Source("<grammar>", text), self.lowering.scope.timed).bare
+        assert parsed is not None
+        return parsed
+
+    def _frame(self, text: str) -> Frame:
+        return Frame(Source("<grammar>", text))

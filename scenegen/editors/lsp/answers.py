@@ -1,0 +1,292 @@
+"""What the features find, as the JSON of the Language Server Protocol."""
+
+from __future__ import annotations
+
+import logging
+from bisect import bisect_right
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+from scenegen.editors.lsp.complete import Item, complete
+from scenegen.editors.lsp.define import Symbol, definition, refusal, symbols, uses
+from scenegen.editors.lsp.diagnose import Problem, problems
+from scenegen.editors.lsp.document import Document
+from scenegen.editors.lsp.hover import hover
+from scenegen.errors import SpecError
+from scenegen.errors.diagnostic import as_json
+from scenegen.errors.program import INTERNAL_ERROR
+from scenegen.lang.syntax.format import format_source
+
+# --------------------------------------------------------------------------------------------------------------------
+# Places in a text: character offsets, and the lines and characters that editors count in.
+#
+# An editor's `character` counts UTF-16 code units unless client and server agreed on UTF-8 bytes or on UTF-32. Lines
+# end at `\n`; `\r\n` and `\r` count as one break too, so a text keeps its positions when its breaks are made plain.
+
+
+# encoding -> how many units one character takes
+_UNITS: Mapping[str, Callable[[str], int]] = {
+    "utf-8": lambda char: len(char.encode("utf-8", "surrogatepass")),
+    "utf-16": lambda char: 1 + (char > "\uffff"),
+    "utf-32": lambda char: 1,
+}
+
+
+class Lines:
+    """The lines of a text with plain line breaks, in one of the encodings that language servers know."""
+
+    def __init__(self, text: str, encoding: str = "utf-16") -> None:
+        self.text, self.encoding = text, encoding
+        self._units = _UNITS[encoding]
+        self._starts = [0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1])]
+
+    def position(self, offset: int) -> tuple[int, int]:
+        """0-based line and character of an offset; beyond the text it is the text's end."""
+        offset = min(max(offset, 0), len(self.text))
+        line = bisect_right(self._starts, offset) - 1
+        before = self.text[self._starts[line] : offset]
+        return line, len(before) if before.isascii() else sum(map(self._units, before))
+
+    def offset(self, line: int, character: int) -> int:
+        """The offset of a position. Beyond a line's end it is that end, inside a character that character's start."""
+        if line >= len(self._starts):
+            return len(self.text)
+        start = self._starts[max(line, 0)]
+        end = self.text.find("\n", start)
+        words = self.text[start : len(self.text) if end < 0 else end]
+        if words.isascii():
+            return start + min(max(character, 0), len(words))
+        for place, char in enumerate(words):
+            character -= self._units(char)
+            if character < 0:
+                return start + place
+        return start + len(words)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The text as `scenegen fmt` writes it, as one change to the lines that differ.
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """`text` takes the place of characters `start` to `end`."""
+
+    start: int
+    end: int
+    text: str
+
+
+def formatted(document: Document) -> Change | None:
+    """The change that turns the document into its canonical layout; None if it has that already, or does not parse."""
+    try:
+        wanted = format_source(document.source)
+    except SpecError:
+        return None
+    if wanted == document.text:
+        return None
+    old, new = document.text.splitlines(keepends=True), wanted.splitlines(keepends=True)
+    head = 0
+    while head < min(len(old), len(new)) and old[head] == new[head]:
+        head += 1
+    tail = 0
+    while tail < min(len(old), len(new)) - head and old[-1 - tail] == new[-1 - tail]:
+        tail += 1
+    start = sum(map(len, old[:head]))
+    end = len(document.text) - sum(map(len, old[len(old) - tail :]))
+    return Change(start, end, "".join(new[head : len(new) - tail]))
+
+
+Json = dict[str, Any]
+
+ERROR, WARNING, UNNECESSARY = 1, 2, 1  # DiagnosticSeverity, DiagnosticTag
+LOG = logging.getLogger("scenegen.editors.lsp")
+
+# CompletionItemKind
+_ITEMS: Mapping[str, int] = {
+    "keyword": 14,
+    "function": 3,
+    "definition": 3,
+    "member": 10,  # a property
+    "unit": 11,
+    "asset": 20,  # an enum member
+    "argument": 5,  # a field
+    "file": 17,
+    "object": 6,  # a variable
+    "region": 22,  # a struct
+    "constant": 21,
+    "label": 23,  # an event
+    "parameter": 25,
+    "variable": 25,
+}
+# SymbolKind: object, struct, constant, function, event
+_SYMBOLS: Mapping[str, int] = {"object": 19, "region": 23, "constant": 14, "definition": 12, "label": 24}
+
+
+class Refusal(Exception):  # noqa: N818 - what was wanted cannot be done, and the client learns why: no failure
+    """A request that cannot be answered, with the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One version of an open document, and how its client counts characters."""
+
+    document: Document
+    uri: str
+    encoding: str = "utf-16"
+    lines: Lines = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lines", Lines(self.document.text, self.encoding))
+
+    def span(self, start: int, end: int) -> Json:
+        return _span(self.lines, start, end)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A feature, the position that it is about (0-based), and the new name of a rename."""
+
+    feature: str
+    line: int = 0
+    character: int = 0
+    name: str = ""
+
+
+def answer(page: Page, question: Question) -> Any:
+    """The result of a request as JSON. An exception in a feature is logged, and the answer is empty. Raises Refusal."""
+    try:
+        return ANSWERS[question.feature](page, page.lines.offset(question.line, question.character), question)
+    except Refusal:
+        raise
+    except Exception as error:  # no text may end the server
+        LOG.exception("%s of %s failed", question.feature, page.uri)
+        return failure(f"{type(error).__name__}: {error}") if question.feature == "diagnostics" else None
+
+
+def failure(error: str) -> list[Json]:
+    """The diagnostics of a text that could not be analysed, because of a bug or for lack of memory."""
+    failed = INTERNAL_ERROR(error=error)
+    problem = Problem(0, 0, failed.title, failed.code, failed.severity, as_json(failed.facts))
+    return [_diagnostic(Lines("", "utf-16"), problem)]
+
+
+def _span(lines: Lines, start: int, end: int) -> Json:
+    """Characters start..end as a range."""
+    places = [dict(zip(("line", "character"), lines.position(at), strict=True)) for at in (start, end)]
+    return {"start": places[0], "end": places[1]}
+
+
+def _diagnostic(lines: Lines, problem: Problem) -> Json:
+    found: Json = {
+        "range": _span(lines, problem.start, problem.end),
+        "message": problem.message,
+        "code": problem.code,
+        "severity": ERROR if problem.severity == "error" else WARNING,
+        "source": "scenegen",
+        "data": {"facts": problem.facts},
+    }
+    if problem.unused:
+        found["tags"] = [UNNECESSARY]
+    if problem.elsewhere is not None:
+        other = problem.elsewhere
+        place = _span(Lines(other.source.text, lines.encoding), other.start, other.end)
+        location = {"uri": Path(other.source.name).resolve().as_uri(), "range": place}
+        found["relatedInformation"] = [{"location": location, "message": "it is here"}]
+    return found
+
+
+def _diagnostics(page: Page, offset: int, question: Question) -> list[Json]:
+    return [_diagnostic(page.lines, one) for one in problems(page.document)]
+
+
+def _hover(page: Page, offset: int, question: Question) -> Json | None:
+    found = hover(page.document, offset)
+    if found is None:
+        return None
+    return {"contents": {"kind": "markdown", "value": found.markdown}, "range": page.span(found.start, found.end)}
+
+
+def _completion(page: Page, offset: int, question: Question) -> Json:
+    spans: dict[tuple[int, int], Json] = {}  # there are thousands of items, most of them with the same place
+    items = []
+    for order, one in enumerate(complete(page.document, offset)):
+        place = (one.start, one.end)
+        if place not in spans:
+            spans[place] = page.span(*place)
+        items.append(_item(one, order, spans[place]))
+    return {"isIncomplete": False, "items": items}
+
+
+def _item(item: Item, order: int, place: Json) -> Json:
+    found: Json = {
+        "label": item.word,
+        "kind": _ITEMS[item.group],
+        "sortText": f"{order:06}",
+        "textEdit": {"range": place, "newText": item.word},
+    }
+    if item.detail:
+        found["detail"] = item.detail
+    if item.about:
+        found["documentation"] = item.about
+    return found
+
+
+def _definition(page: Page, offset: int, question: Question) -> Json | None:
+    place = definition(page.document, offset)
+    if place is None:
+        return None
+    if place.path is None or place.text is None:
+        return {"uri": page.uri, "range": page.span(place.start, place.end)}
+    return {
+        "uri": place.path.resolve().as_uri(),
+        "range": _span(Lines(place.text, page.encoding), place.start, place.end),
+    }
+
+
+def _symbols(page: Page, offset: int, question: Question) -> list[Json]:
+    return [_symbol(page, one) for one in symbols(page.document)]
+
+
+def _symbol(page: Page, found: Symbol) -> Json:
+    return {
+        "name": found.name,
+        "kind": _SYMBOLS[found.kind],
+        **({"detail": found.detail} if found.detail else {}),
+        "range": page.span(found.opens, found.closes),
+        "selectionRange": page.span(found.start, found.end),
+    }
+
+
+def _formatting(page: Page, offset: int, question: Question) -> list[Json]:
+    found = formatted(page.document)
+    return [] if found is None else [{"range": page.span(found.start, found.end), "newText": found.text}]
+
+
+def _prepare_rename(page: Page, offset: int, question: Question) -> Json | None:
+    found = page.document.occurrence(offset)
+    return page.span(found.start, found.end) if found is not None and uses(page.document, offset) else None
+
+
+def _rename(page: Page, offset: int, question: Question) -> Json:
+    reason = refusal(page.document, offset, question.name)
+    if reason:
+        raise Refusal(reason)
+    places = uses(page.document, offset)
+    return {
+        "changes": {page.uri: [{"range": page.span(one.start, one.end), "newText": question.name} for one in places]}
+    }
+
+
+ANSWERS: Mapping[str, Callable[[Page, int, Question], Any]] = {
+    "diagnostics": _diagnostics,
+    "hover": _hover,
+    "completion": _completion,
+    "definition": _definition,
+    "symbols": _symbols,
+    "formatting": _formatting,
+    "prepareRename": _prepare_rename,
+    "rename": _rename,
+}

@@ -1,0 +1,247 @@
+"""One version of an open file: its names, its tree, its meaning; each is computed when first needed, and cached."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any, Generic, TypeVar, overload
+
+from scenegen.editors.lsp import names
+from scenegen.editors.lsp.names import Binding, Index, Occurrence, index
+from scenegen.errors import Diagnostic, Source, Span, SpecError
+from scenegen.lang.check.imports import MAX_FILES, Project
+from scenegen.lang.check.lower import Lowering
+from scenegen.lang.check.scope import BUILT_IN
+from scenegen.lang.checker import check_module
+from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.parse import parse_tolerant, plain_breaks, read_source
+from scenegen.resources import grammar_file
+
+# --------------------------------------------------------------------------------------------------------------------
+# Properties that are computed once per object, by the first thread that needs them; others wait.
+
+
+T = TypeVar("T")
+
+
+class Once(Generic[T]):
+    """A property that is computed when it is first read, and cached. Unlike `functools.cached_property` (from Python
+    3.12 on) two threads never compute the same, and (up to 3.11) two objects never wait for each other."""
+
+    def __init__(self, compute: Callable[[Any], T]) -> None:
+        self._compute = compute
+        self.__doc__ = compute.__doc__
+        self._name = compute.__name__
+
+    @overload
+    def __get__(self, owner: None, kind: type) -> Once[T]: ...
+    @overload
+    def __get__(self, owner: object, kind: type) -> T: ...
+    def __get__(self, owner: object | None, kind: type) -> T | Once[T]:
+        if owner is None:
+            return self
+        kept = owner.__dict__
+        lock = kept.setdefault(f"_lock of {self._name}", threading.RLock())
+        with lock:
+            if self._name not in kept:
+                kept[self._name] = self._compute(owner)
+            found: T = kept[self._name]
+            return found
+
+
+def once(compute: Callable[[Any], T]) -> Once[T]:
+    return Once(compute)
+
+
+SALVAGES = 4  # how often faulty statements are left out before giving up
+
+
+@dataclass(slots=True)
+class EditedProject(Project):
+    """A project with files that are open in the editor: the editor's texts are used, not those on the disk."""
+
+    open_texts: Mapping[Path, str] = field(default_factory=dict)
+
+    def read(self, path: str, here: Span, what: str) -> bytes:
+        wanted = self.find(path, here)
+        text = self.open_texts.get(wanted)
+        return text.encode() if text is not None else Project.read(self, path, here, what)
+
+
+@cache
+def prelude_index() -> Index:
+    """The names of the prelude."""
+    path = grammar_file("prelude.spec")
+    return index(Source("prelude.spec", path.read_text(encoding="utf-8")), path)
+
+
+class Document:
+    """A spec's text in the editor. `path` is its file, None if it has none yet; `open_texts` are the texts of all open
+    files by their resolved path; nothing outside `root` is read (default: the file's folder)."""
+
+    def __init__(
+        self,
+        text: str,
+        path: Path | None = None,
+        name: str = "<spec>",
+        open_texts: Mapping[Path, str] | None = None,
+        root: Path | None = None,
+    ) -> None:
+        self.path = path
+        self.source = Source(str(path) if path is not None else name, plain_breaks(text))
+        self._open_texts = dict(open_texts or {})
+        self._root = root
+        self.lowering: Lowering | None = None  # what hovers have expanded so far: see hover.py
+
+    @property
+    def text(self) -> str:
+        return self.source.text
+
+    def project(self) -> EditedProject:
+        """Where the spec may read from, with nothing read yet."""
+        return EditedProject(self.path, self._root, open_texts=self._open_texts)
+
+    # ---- names
+
+    @once
+    def index(self) -> Index:
+        return index(self.source, self.path)
+
+    @once
+    def imported(self) -> list[Index]:
+        """The files that this one imports, directly or indirectly; unreadable ones are left out."""
+        project = self.project()
+        found: dict[Path, Index] = {}
+        waiting = [self.index]
+        while waiting and len(found) < MAX_FILES:
+            one = waiting.pop(0)
+            for link in one.imports:
+                here = Span(one.source, link.start, link.end)
+                try:
+                    path = project.find(link.name, here)
+                    if path in found or (self.path is not None and path == self.path.resolve()):
+                        continue
+                    source = read_source(str(path), project.read(link.name, here, "a .spec file"))
+                except SpecError:
+                    continue
+                project.sources[source.name] = path
+                found[path] = index(source, path)
+                waiting.append(found[path])
+        return list(found.values())
+
+    @once
+    def values(self) -> dict[str, Binding]:
+        """Names with a meaning of their own anywhere in the spec: objects, regions, constants, labels."""
+        return {one.name: one for one in self._declared() if one.kind != "definition"} | self._inferred
+
+    @once
+    def functions(self) -> dict[str, Binding]:
+        """The definitions, those of the prelude included."""
+        return {one.name: one for one in self._declared() if one.kind == "definition"}
+
+    def _declared(self) -> Iterator[Binding]:
+        """All declarations; of two with one name the first counts, and any takes precedence over the prelude's."""
+        own = [one for file in (self.index, *self.imported) for one in file.declarations]
+        yield from prelude_index().declarations
+        yield from reversed(own)
+
+    @once
+    def _inferred(self) -> dict[str, Binding]:
+        """Without an `object` statement, undefined names in formulas are objects."""
+        files = (self.index, *self.imported)
+        if any(statement.kind == "object" for file in files for statement in file.statements):
+            return {}
+        known = {*BUILT_IN, *(one.name for one in self._declared() if one.kind != "definition")}
+        found: dict[str, Binding] = {}
+        for file in files:
+            for statement in file.statements:
+                if statement.kind not in ("def", "label", "require", "formula"):
+                    continue
+                for one in file.between(statement.start, statement.end):
+                    if one.role == "value" and one.local is None and one.name not in known:
+                        place = (one.start, one.end, one.start, one.end)
+                        binding = Binding("object", one.name, file.source, file.path, *place, inferred=True)
+                        found.setdefault(one.name, binding)
+        return found
+
+    @once
+    def notes(self) -> dict[Binding, tuple[str, str]]:
+        """For every declaration what completion shows beside it: its usage or value, and its purpose."""
+        return {one: names.notes(one) for one in (*self.values.values(), *self.functions.values())}
+
+    def meaning(self, occurrence: Occurrence) -> Binding | None:
+        """The declaration of a name; None for built-in names, members and assets, and undeclared names."""
+        match occurrence.role:
+            case "declaration":
+                return occurrence.local
+            case "value":
+                return occurrence.local or self.values.get(occurrence.name)
+            case "call":
+                return self.functions.get(occurrence.name)
+            case "argument":
+                return self._parameter(occurrence)
+            case _:
+                return None
+
+    def _parameter(self, argument: Occurrence) -> Binding | None:
+        definition = self.functions.get(argument.of)
+        if definition is None:
+            return None
+        return next((one for one in self.parameters(definition) if one.name == argument.name), None)
+
+    def parameters(self, definition: Binding) -> list[Binding]:
+        """The parameters of a definition, in order."""
+        for file in (self.index, *self.imported, prelude_index()):
+            if file.source is definition.source:
+                inside = (one.local for one in file.between(definition.opens, definition.closes))
+                return [one for one in inside if one is not None and one.kind == "parameter" and one.owner]
+        return []
+
+    def occurrence(self, offset: int) -> Occurrence | None:
+        """The name at an offset, or the one that ends there."""
+        at = [*self.index.between(offset - 1, offset + 1), *self.index.imports]
+        touching = [one for one in at if one.start <= offset <= one.end]
+        return touching[-1] if touching else None
+
+    # ---- meaning
+
+    @once
+    def parsed(self) -> tuple[ast.Module | None, list[Diagnostic]]:
+        """The statements that parse, and the errors of the rest."""
+        return parse_tolerant(self.source)
+
+    @once
+    def checked(self) -> CheckedSpec | tuple[Diagnostic, ...]:
+        """The checked spec, or all errors."""
+        module, problems = self.parsed
+        if problems or module is None:
+            return tuple(problems)
+        try:
+            return check_module(module, self.project())
+        except SpecError as error:
+            return error.diagnostics
+
+    @once
+    def salvaged(self) -> tuple[ast.Module, CheckedSpec] | None:
+        """The largest part of the text that has a meaning, found by leaving out the statements that are wrong."""
+        module = self.parsed[0]
+        if module is None:
+            return None
+        if isinstance(self.checked, CheckedSpec):
+            return module, self.checked
+        problems: tuple[Diagnostic, ...] = () if self.parsed[1] else self.checked
+        for _ in range(SALVAGES):
+            wrong = [one.span.start for one in problems if one.span is not None and one.span.source is self.source]
+            kept = tuple(one for one in module.statements if not any(one.start <= at < one.end for at in wrong))
+            if problems and len(kept) == len(module.statements):
+                return None
+            module = ast.Module(module.source, kept, module.bare)
+            try:
+                return module, check_module(module, self.project())
+            except SpecError as error:
+                problems = error.diagnostics
+        return None

@@ -1,0 +1,150 @@
+"""What is wrong with planning problems: PDDL and BDDL files, maps of predicates, goals without geometry."""
+
+from __future__ import annotations
+
+from scenegen.errors.diagnostic import NEAREST, Kind
+
+# text
+PDDL_CHARACTER = Kind("pddl-character", "{file} holds a character that no PDDL file has", "{character}")
+PDDL_BRACKETS = Kind(
+    "pddl-brackets", "the parentheses do not match", ("never closed: {opened:?}", "nothing is open here")
+)
+PDDL_TOO_DEEP = Kind("pddl-too-deep", "the parentheses are more than {limit:,} deep", "one too many")
+PDDL_NO_PROBLEM = Kind(
+    "pddl-no-problem", "{file} is not a PDDL problem: {reason}", help="it starts with `(define (problem NAME) ...)`"
+)
+PDDL_FORM = Kind("pddl-form", "this is not {wanted}", "{reason}")
+PDDL_UNKNOWN_NAME = Kind("pddl-unknown-name", "unknown {what} `{name}`", "not declared", help=(NEAREST, "{advice}"))
+PDDL_TOO_LARGE = Kind("pddl-too-large", "{what} has too many instances", help="the limit is {limit:,}")
+PDDL_TOO_MANY_THINGS = Kind(
+    "pddl-too-many-things",
+    "{file} declares {count:,} things",
+    help="the limit is {limit:,}: leave out those that the goal does not need",
+)
+
+# meaning
+UNKNOWN_CATEGORY = Kind(
+    "unknown-category",
+    "no size is known for things of the kind `{name}`",
+    help='give it one in a map: [objects] {key} = "box(10 cm, 10 cm, 10 cm)"[[; nearest: {near:quoted}]]',
+)
+UNKNOWN_PREDICATE = Kind(
+    "unknown-predicate",
+    "no relation is known for the predicate `{name}`: it is left out",
+    help='map it: [predicates] {key} = [["{relation}", or ]]"none"[[; nearest: {near:quoted}]]',
+    severity="warning",
+)
+NO_SPATIAL_GOAL = Kind(
+    "no-spatial-goal",
+    "nothing in the goal of {file} is about places[[: {missing:quoted}]]",
+    help=(
+        'give `{thing}` a body in a map: [objects] {kind} = "cylinder(20 cm, 1 m)"',
+        'map a predicate to a relation, as in [predicates] {key} = "closeTo($1, $2)"',
+    ),
+)
+BAD_MAP = Kind("bad-map", "{file} is not a map of objects and predicates: {reason}")
+MAP_NAMES_NOTHING = Kind(
+    "map-names-nothing",
+    "{file} maps {names:quoted5}, which the problem does not have",
+    help=NEAREST,
+    severity="note",
+)
+IMPORT_FAILS = Kind(
+    "import-fails",
+    "{file} makes no spec that holds: {reason}",
+    help=("{advice}", "give its things other sizes in a map"),
+)
+
+# export
+TOO_MANY_FACTS = Kind(
+    "too-many-facts",
+    "{count:,} facts could hold in a scene",
+    help="the limit is {limit:,}; name the relations that you need, as in --facts leftOf,on",
+)
+FACTS_MEAN_NOTHING = Kind(
+    "facts-mean-nothing",
+    "`{formula}`, which the map gives the predicate `{name}`, means nothing for these things[[: {reason}]]",
+    help="write a relation of the language in which $1 and $2 are the arguments",
+)
+NO_GOAL_OVER_TIME = Kind(
+    "no-goal-over-time",
+    "the labels of a spec over time are goals of motions, not of scenes",
+    help="export the motions: the goal is then what holds at their last moment",
+)
+GOAL_ON_THE_EDGE = Kind(
+    "goal-on-the-edge",
+    "a margin of the goal is exactly 0 in {count:,} of the scenes: phi takes such a formula and its negation for true, "
+    "planners do not",
+    severity="note",
+)
+PARTS_WITHOUT_RELATION = Kind(
+    "parts-without-relation",
+    "what is no relation of things in the goal is a predicate by number: {parts}",
+    severity="note",
+)
+GOAL_TOO_LONG = Kind(
+    "goal-too-long",
+    "the formula of {labels:quoted} has more than {limit:,} parts: the goal has the label as one fact",
+    severity="note",
+)
+LABELS_OVER_TIME = Kind(
+    "labels-over-time",
+    "{labels:quoted}: PDDL has no words for what is said of a whole motion; the goal is all that holds in the end",
+    severity="note",
+)
+FACTS_WITHOUT_PLACE = Kind(
+    "facts-without-place",
+    "no scene decides {facts:quoted}: the goal asks for what {file} says of it",
+    severity="note",
+)
+NOT_ITS_SCENES = Kind(
+    "not-its-scenes",
+    "the scenes are not of {file}: they have no `{name}`",
+    help="give the problem, domain and map that the spec was imported from",
+)
+ONE_PROBLEM_A_FILE = Kind(
+    "one-problem-a-file",
+    "{path} is one file, and there are {count:,} scenes",
+    help="a PDDL file holds one problem: name a folder",
+)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What is wrong with scenes that are put into the environments of other libraries.
+
+
+OBJECT_NOT_PLACED = Kind(
+    "object-not-placed",
+    "the spec has no place for {objects:quoted} of the environment",
+    help="declare them in the spec, name them in `names`, or give `rest`, a sampler of robosuite's own",
+)
+OBJECT_NOT_THERE = Kind(
+    "object-not-there",
+    "the environment has no object `{name}`",
+    help="its objects are {known:quoted}; give the object's name there in `names`, or hold it in place with `at`",
+)
+ALREADY_PLACED = Kind(
+    "already-placed", "{objects:quoted} are among the fixtures already", help="leave them out of `fixtures`"
+)
+UNKNOWN_REFERENCE = Kind(
+    "unknown-reference",
+    "no fixture has the name of the reference, `{name}`",
+    help=("the fixtures are {known:quoted}", "give `fixtures`, or a place (x, y, z)"),
+)
+PLACEMENT_BLOCKED = Kind(
+    "placement-blocked",
+    "none of {tried} scenes keeps clear of the fixtures {fixtures:quoted}",
+    help="declare the fixtures in the spec, or give `ensure_valid_placement=False`",
+)
+NO_START_YET = Kind("no-start-yet", "no scene was placed yet", help="reset the environment first")
+NAME_TWICE = Kind("name-twice", "two objects have the name `{name}`", help="give each a name of its own in `names`")
+TOO_FEW_LAYOUTS = Kind(
+    "too-few-layouts",
+    "{scenes} scenes for {environments} environments",
+    help="each environment needs at least one: draw more scenes",
+)
+OBJECT_WITHOUT_JOINT = Kind(
+    "object-without-joint",
+    "`{name}` has no free joint, so no state says where it is",
+    help="hold it in place in the spec, with `at`",
+)

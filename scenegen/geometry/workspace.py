@@ -1,0 +1,98 @@
+"""The part of the table on which objects are placed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.pose import AXES, EVERY, NAMES, THETA, TWO_PI, X, Y, along, object_count, row_of
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """A rectangle in metres; x to the right, y away from the viewer. Poses are (x, y, theta), theta in [0, 2 pi).
+
+    `own` has the objects whose centres have another rectangle, because they stand on something: (index, x, y).
+    """
+
+    x: tuple[float, float] = (0.0, 1.0)
+    y: tuple[float, float] = (0.0, 1.0)
+    own: tuple[tuple[int, tuple[float, float], tuple[float, float]], ...] = ()
+
+    @property
+    def width(self) -> float:
+        return self.x[1] - self.x[0]
+
+    @property
+    def height(self) -> float:
+        return self.y[1] - self.y[0]
+
+    @property
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        """Lowest and highest value of a coordinate along each axis of a pose; theta ends at 2 pi."""
+        of = {"x": self.x, "y": self.y, "theta": (0.0, TWO_PI)}
+        return tuple(of[name] for name in NAMES)
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """A large step along each axis of a pose: across the workspace, or a radian."""
+        return tuple(1.0 if AXES[axis].is_angle else high - low for axis, (low, high) in enumerate(self.ranges))
+
+    def box(self, objects: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Lowest and highest value of every row of (3N, B) storage, each of shape (3N,); theta ends at 2 pi."""
+        lowest, highest = np.array(self.ranges).T
+        low, high = np.tile(lowest, objects), np.tile(highest, objects)
+        for which, x, y in self.own:
+            (low[row_of(which, X)], high[row_of(which, X)]), (low[row_of(which, Y)], high[row_of(which, Y)]) = x, y
+        return low, high
+
+    def log_excess(self, lowest: npt.NDArray[np.float64], highest: npt.NDArray[np.float64], things: int) -> float:
+        """How much more room the first `things` objects have than the workspace, as the natural logarithm of a share of
+        volumes: what stands on something has a rectangle of its own. Rows whose ends, (3N,) each, are equal are held
+        and do not count."""
+        total = 0.0
+        for which, *_ in (one for one in self.own if one[0] < things):
+            for axis, whole in ((X, self.width), (Y, self.height)):
+                low, high = lowest[row_of(which, axis)], highest[row_of(which, axis)]
+                total += math.log((high - low) / whole) if low < high else 0.0
+        return total
+
+    def ends(self, axis: int, objects: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Lowest and highest value along an axis for each object, each of shape (N,)."""
+        low, high = self.box(objects)
+        return low[along(axis)], high[along(axis)]
+
+    def contains(self, rows: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """Which of B scenes, stored as (3N, B), have every centre in its rectangle and every theta in [0, 2 pi)."""
+        inside = np.ones(rows.shape[1:], dtype=bool)
+        for axis in EVERY:
+            low, high = (ends[:, None] for ends in self.ends(axis, object_count(len(rows))))
+            value = rows[along(axis)]
+            below = value < high if AXES[axis].is_angle else value <= high
+            inside &= ((value >= low) & below).all(axis=0)
+        return inside
+
+
+def turned(rows: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """(3N, B) storage with every theta in [0, 2 pi), the same array where that is so already."""
+    theta = rows[along(THETA)]
+    outside = (theta < 0.0) | (theta >= TWO_PI)
+    if not outside.any():
+        return rows
+    rest = np.mod(theta, TWO_PI)
+    rows = rows.copy()
+    rows[along(THETA)] = np.where(outside, np.where(rest < TWO_PI, rest, 0.0), theta)  # that of -1e-17 is rounded up
+    return rows
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# How large and how far away things may be. The language keeps to it; files can hold any number (scenes/data.py).
+
+
+LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects and regions
+FARTHEST = 1e6  # metres from the origin; rounding is then still far below a micrometre
+BOARD = 0.01  # metres: how thick a region at a height is, where the table leaves room for that
+WIDEST = 2.0 * FARTHEST  # metres: what has its corners no further out

@@ -1,0 +1,385 @@
+"""What the declarations of objects say: how many there are, what they look like, and which are held in place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scenegen.errors import Diagnostic, Source, Span, SpecError
+from scenegen.errors.declarations import (
+    DRAWER_COUNT,
+    DRAWER_NOT_OPEN,
+    DRAWER_SHARE,
+    DRAWER_SHARES,
+    EMPTY_ARRAY,
+    FILE_WITHOUT_QUOTES,
+    NOT_A_SHAPE,
+    NOT_AN_OUTLINE,
+    ONE_OBJECT_MANY_PLACES,
+    PLACE_OUTSIDE_WORKSPACE,
+    TOO_MANY_COUNTS,
+    TOO_MANY_OBJECTS,
+    UNKNOWN_ASSET,
+    UNLIKELY_SHAPE,
+    UNUSABLE_SHAPE_FILE,
+    WRONG_NUMBER_OF_PLACES,
+)
+from scenegen.errors.language import EMPTY_RANGE, NOT_A_PLAIN_NUMBER, NOT_AN_ANGLE, NOT_CONSTANT
+from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
+from scenegen.geometry.units import ANGLE, BARE
+from scenegen.geometry.workspace import Workspace
+from scenegen.lang.check.context import Call, Frame, run
+from scenegen.lang.check.families import MOST_COMBINATIONS, Category, Variants, category_of, is_category, variants
+from scenegen.lang.check.heights import whole_number
+from scenegen.lang.check.names import BUILT, FILES, SHAPES, bind
+from scenegen.lang.check.regions import SIGNATURES, Arguments, arguments, color, corners, number, point, size
+from scenegen.lang.check.scope import Point, Thing
+from scenegen.lang.check.values import ListValue, NumberValue
+from scenegen.lang.spec import Count, Pose
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.pieces import print_expr
+from scenegen.pose import TWO_PI
+from scenegen.things import ASSETS, PLAIN, Shape, shape_of
+from scenegen.things.cabinet import DRAWERS, MOST, Cabinet
+from scenegen.things.library import cabinet_shape
+from scenegen.things.parts import Surface
+from scenegen.things.surfaces import narrowest
+
+if TYPE_CHECKING:
+    from scenegen.lang.check.imports import Project
+    from scenegen.lang.check.lower import Lowering
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `cabinet(drawers = 3, open = 0.6)`: how many drawers a cabinet has, and whether each is open enough.
+
+
+ROOM = 1e-3  # per cent: what just fits would be held by rounding alone
+
+
+def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
+    """A cabinet's shape. `open` is a list of shares, the lowest drawer first, or the share of the topmost drawer alone.
+    Raises SpecError."""
+    drawers = None
+    if "drawers" in given:
+        value, expr = given["drawers"]
+        what = "the number of drawers"
+        drawers = whole_number(lowering, lowering.coerce.number(value, what), expr, Frame(source), what)
+        if not 1 <= drawers <= MOST:
+            raise SpecError(DRAWER_COUNT(expr.span(source), given=drawers, most=MOST))
+    if "open" not in given:
+        return cabinet_shape((0.0,) * (drawers or DRAWERS))
+    value, expr = given["open"]
+    here, what = expr.span(source), "the share by which a drawer is open"
+    shares = []
+    for item in value.items if isinstance(value, ListValue) else (value,):
+        number = lowering.coerce.number(item, what)
+        share = lowering.builder.value(number.node)
+        if share is None:
+            raise SpecError(NOT_CONSTANT(here, what=what))
+        if number.unit != BARE:
+            raise SpecError(NOT_A_PLAIN_NUMBER(here, what=what, found=number.unit.words))
+        if not 0.0 <= share <= 1.0:
+            raise SpecError(DRAWER_SHARE(here, given=share))
+        shares.append(share)
+    if not isinstance(value, ListValue):
+        return cabinet_shape((*(0.0,) * ((drawers or DRAWERS) - 1), *shares))
+    if len(shares) != (drawers or len(shares)) or not 1 <= len(shares) <= MOST:
+        raise SpecError(DRAWER_SHARES(here, given=len(shares), drawers=drawers or None, most=MOST))
+    return cabinet_shape(tuple(shares))
+
+
+def not_open(lowering: Lowering, upper: int, carrier: int, surface: Surface, here: Span) -> Diagnostic | None:
+    """What to say where an object would fit into a drawer that were open further, or that drawers above it did not
+    hide; None of other surfaces, and where the object is too large for any drawer."""
+    pull = surface.pull
+    need = None if pull is None else narrowest(lowering.shapes[upper].footprint, pull.width)
+    if pull is None or need is None:
+        return None
+    shares = list(lowering.shapes[carrier].open or Cabinet().open)
+    number = int(surface.name.partition("[")[2].rstrip("]")) - 1
+    least, above = _rounded(pull.least(need)), ""
+    if least > 1.0:
+        shares = [*shares[: number + 1], *(0.0 for _ in shares[number + 1 :])]
+        alone = Cabinet(tuple(shares)).surfaces()[number + 1].pull
+        assert alone is not None
+        least, above = _rounded(alone.least(need)), "close the drawers above it and "
+    if not shares[number] < least <= 1.0 and not (above and least <= 1.0):
+        return None
+    shares[number] = max(least, shares[number])
+    return DRAWER_NOT_OPEN(
+        here,
+        name=lowering.builder.objects[upper],
+        drawer=surface.name,
+        carrier=lowering.builder.objects[carrier],
+        share=100.0 * pull.share,
+        reach=100.0 * max(pull.reach, 0.0),
+        need=100.0 * need,
+        least=least,
+        above=above,
+        mended=f"cabinet(open = [{', '.join(f'{share:g}' for share in shares)}])",
+    )
+
+
+def _rounded(share: float) -> float:
+    """Up to the next hundredth, with some room."""
+    return math.ceil(100.0 * share + ROOM) / 100.0
+
+
+MAX_OBJECTS = 20_000
+LARGE = 2.0  # metres: a thing on a table is smaller
+AWAY = 0.05  # metres from the origin of a file to its outline, at least along x or y
+CENTIMETRES = {  # what to do about a file in another unit
+    "mesh": 'give it an entry in assets.toml with scale = 0.01, and write asset("NAME")',
+    "asset": "multiply its scale in assets.toml by 0.01",
+    "urdf": 'write scale="0.01 0.01 0.01" in its <mesh>',
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """The arguments of a shape, as constants. Raises SpecError where they are not."""
+
+    lowering: Lowering
+    source: Source
+    kind: str
+    given: Arguments
+
+    def length(self, name: str) -> float:
+        """A length in metres."""
+        return size(self.lowering, *self.given[name], self.source, f"the {name} of a {self.kind}")
+
+    def points(self, name: str) -> tuple[Point, ...]:
+        """The corners of a convex polygon, counter-clockwise."""
+        return corners(self.lowering, *self.given[name], self.source)
+
+
+OUTLINES: dict[str, Callable[[Sizes], Footprint]] = {
+    "box": lambda sizes: Box(sizes.length("length"), sizes.length("width")),
+    "cylinder": lambda sizes: Circle(sizes.length("radius")),
+    "prism": lambda sizes: convex_hull(sizes.points("corners")),
+}
+"""Shape -> its footprint. Those of files are read from the file."""
+
+
+def name_objects(
+    lowering: Lowering, things: Sequence[Thing], counts: Mapping[str, int] | None = None
+) -> tuple[dict[str, int], dict[str, range]]:
+    """The places of single objects and elements by name, and those of each array. Where the number of elements is drawn
+    it is that of `counts`, or else the most there can be. Raises SpecError."""
+    objects: dict[str, int] = {}
+    arrays: dict[str, range] = {}
+    for thing in things:
+        one = thing.declaration
+        if one is None or one.count is None:
+            objects[thing.name.id] = len(objects)
+        else:
+            if isinstance(one.count, ast.Range):
+                drawn = _drawn(lowering, thing.name.id, one.count, thing.source, len(objects))
+                lowering.scope.counts[thing.name.id] = drawn
+                count = (counts or {}).get(thing.name.id, drawn.most)
+            else:
+                count = _count(lowering, one.count, thing.source, len(objects))
+            places = arrays[thing.name.id] = range(len(objects), len(objects) + count)
+            objects.update((f"{thing.name.id}[{k}]", place) for k, place in enumerate(places, start=1))
+        if len(objects) > MAX_OBJECTS:
+            raise SpecError(TOO_MANY_OBJECTS(thing.name.span(thing.source), limit=MAX_OBJECTS))
+    return objects, arrays
+
+
+def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> int:
+    frame = Frame(source)
+    value = lowering.coerce.number(run(lowering.lower(expr, {}, frame)), "the number of elements")
+    count = whole_number(lowering, value, expr, frame, "the number of elements")
+    if count < 1:
+        ends = (expr.left, expr.right) if isinstance(expr, ast.Binary) and expr.operator == "-" else ()
+        written = [print_expr(end) for end in ends if isinstance(end, ast.Quantity)]
+        instead = f"for a number that is drawn write {written[0]}..{written[1]}" if len(written) == 2 else None
+        raise SpecError(EMPTY_ARRAY(expr.span(source), count=count, instead=instead))
+    if before + count > MAX_OBJECTS:
+        raise SpecError(TOO_MANY_OBJECTS(expr.span(source), limit=MAX_OBJECTS))
+    return count
+
+
+def _drawn(lowering: Lowering, name: str, drawn: ast.Range, source: Source, before: int) -> Count:
+    least, most = (_count(lowering, end, source, before) for end in (drawn.lowest, drawn.highest))
+    if least > most:
+        written = isinstance(drawn.lowest, ast.Quantity) and isinstance(drawn.highest, ast.Quantity)
+        instead = f"{most}..{least}" if written else None
+        raise SpecError(EMPTY_RANGE(drawn.span(source), lowest=least, highest=most, instead=instead))
+    known = lowering.scope.counts.values()
+    combinations = math.prod(len(one.numbers) for one in known if one.name != name) * (most - least + 1)
+    if combinations > MOST_COMBINATIONS:
+        raise SpecError(TOO_MANY_COUNTS(drawn.span(source), combinations=combinations, limit=MOST_COMBINATIONS))
+    return Count(name, least, most)
+
+
+def shape(lowering: Lowering, thing: Thing, name: str, project: Project) -> Shape:
+    """What an object looks like: its name says it, or the shape it was declared with. Raises SpecError."""
+    one = thing.declaration
+    if one is None or one.shape is None:
+        return shape_of(name)
+    return run(_shape(lowering, one.shape, thing.source, project))
+
+
+def categories(lowering: Lowering, project: Project, counts: Mapping[str, int]) -> tuple[dict[str, Category], Variants]:
+    """The categories of the objects that have one, by name, and what these objects are where `counts` says so. Raises
+    SpecError."""
+    scope = lowering.scope
+    found: dict[str, Category] = {}
+    for name, thing in scope.things.items():
+        if thing.declaration is None or not is_category(thing.declaration.shape):
+            continue
+
+        def outlined(expr: ast.Expr, source: Source = thing.source) -> Shape:
+            made: Shape = run(_shape(lowering, expr, source, project))
+            return made
+
+        made = category_of(thing, len(scope.arrays.get(name, (0,))), project, outlined)
+        if made is not None:
+            found[name] = made
+    return found, variants(scope, found, counts)
+
+
+def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project) -> Call[Shape]:
+    here = expr.span(source)
+    if isinstance(expr, ast.Name):
+        if expr.id in ASSETS:
+            return shape_of(expr.id)
+        raise SpecError(UNKNOWN_ASSET(here, name=expr.id, known=ASSETS))
+    if not isinstance(expr, ast.Call) or expr.function.id not in SHAPES:
+        written = expr.function.id if isinstance(expr, ast.Call) else ""
+        usages = ", ".join(SIGNATURES[name].usage for name in SHAPES)
+        raise SpecError(NOT_A_SHAPE(here, name=written, known=SHAPES, usages=usages))
+    kind = expr.function.id
+    if kind in FILES:
+        file: Shape = yield _file(lowering, expr, source, project)
+        return file
+    given: Arguments = yield arguments(lowering, expr, source)
+    if kind in BUILT:
+        return cabinet(lowering, given, source)
+    sizes = Sizes(lowering, source, kind, given)
+    return Shape(kind, OUTLINES[kind](sizes), sizes.length("height"), color=color(given, source))
+
+
+def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Call[Shape]:
+    """A file's outline; where the outline stands beside the path, the file is not read."""
+    from scenegen.lang.check.families import indexed
+    from scenegen.things.urdf import UrdfError, mesh_outline, outline
+
+    kind = call.function.id
+    given = bind(call, SIGNATURES[kind], source)
+    if isinstance(given, Diagnostic):
+        raise SpecError(given)
+    path = given[SIGNATURES[kind].parameters[0]]
+    here = path.span(source)
+    if not isinstance(path, ast.Text):
+        raise SpecError(
+            FILE_WITHOUT_QUOTES(here, what="an asset" if kind == "asset" else "a file", usage=SIGNATURES[kind].usage)
+        )
+    if "shape" in given:
+        stated: Shape = yield _shape(lowering, given["shape"], source, project)
+        if stated.path or stated.color or stated.asset not in PLAIN:
+            raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
+        return Shape(kind, stated.footprint, stated.height, path.value)
+    if kind == "asset":
+        found = indexed(path.value, here, project)
+        _notice(lowering, found, here)
+        return found
+    name = path.value.replace("\\", "/")
+    data = project.read(name, here, "a URDF file" if kind == "urdf" else "a mesh file")
+
+    def beside(other: str) -> bytes:
+        return project.read_beside(name, other, here)
+
+    try:
+        if kind == "mesh":
+            footprint, height = mesh_outline(name, data, beside)
+        else:
+            footprint, height = outline(data, beside)
+    except UrdfError as error:
+        raise SpecError(UNUSABLE_SHAPE_FILE(here, path=path.value, reason=str(error))) from None
+    found = Shape(kind, footprint, height, path.value)
+    _notice(lowering, found, here)
+    return found
+
+
+def _notice(lowering: Lowering, shape: Shape, here: Span) -> None:
+    """Note what a file would be read as and hardly is."""
+    size = max(*shape.footprint.extent, shape.height)
+    away = 0.0
+    if isinstance(shape.footprint, Polygon):
+        xs, ys = zip(*shape.footprint.vertices, strict=True)
+        away = max(min(xs), -max(xs), min(ys), -max(ys))
+    notes = []
+    if size > LARGE:
+        notes.append(UNLIKELY_SHAPE(here, path=shape.path, size=size, remedy=CENTIMETRES[shape.asset]))
+    if away > AWAY:
+        notes.append(UNLIKELY_SHAPE(here, path=shape.path, distance=away))
+    lowering.noticed += [one for one in notes if one not in lowering.noticed]
+
+
+def pose(lowering: Lowering, thing: Thing, within: Workspace) -> tuple[Pose, ...]:
+    """Where an object is held, one pose per element of an array; empty where it is free. Raises SpecError."""
+    one = thing.declaration
+    if one is None or one.pose is None:
+        return ()
+    count = len(lowering.scope.arrays.get(thing.name.id, (0,)))
+    here = one.pose.span(thing.source)
+    if thing.is_array and not isinstance(one.pose, ast.List):
+        value = run(lowering.lower(one.pose, {}, Frame(thing.source)))  # a constant may be a list of places
+        items = value.items if isinstance(value, ListValue) else (value,)
+        _count_places(len(items), count, here)
+        places = [point(lowering, item, "the place of an object") for item in items]
+        for x, y in places:
+            _refuse_outside(x, y, here, within)
+        return tuple((x, y, 0.0) for x, y in places)
+    parts = one.pose.items if isinstance(one.pose, ast.List) else (one.pose,)
+    if thing.is_array:
+        _count_places(len(parts), count, here)
+    elif isinstance(one.pose, ast.List):
+        raise SpecError(ONE_OBJECT_MANY_PLACES(here))
+    return tuple(_pose(lowering, part, thing.source, within) for part in parts)
+
+
+def _count_places(given: int, count: int, here: Span) -> None:
+    if given != count:
+        raise SpecError(WRONG_NUMBER_OF_PLACES(here, count=count, given=given))
+
+
+def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace) -> Pose:
+    frame = Frame(source)
+    theta = 0.0
+    if isinstance(expr, ast.Point):
+        x, y = (
+            number(lowering, run(lowering.lower(part, {}, frame)), part, source, "a coordinate")
+            for part in expr.coordinates[:2]
+        )
+        if len(expr.coordinates) == 3:
+            theta = _heading(lowering, expr.coordinates[2], source)
+    else:
+        x, y = point(lowering, run(lowering.lower(expr, {}, frame)), "the place of an object")
+    _refuse_outside(x, y, expr.span(source), within)
+    return x, y, theta
+
+
+def _refuse_outside(x: float, y: float, here: Span, within: Workspace) -> None:
+    if not (within.x[0] <= x <= within.x[1] and within.y[0] <= y <= within.y[1]):
+        box = f"[{within.x[0]:g}, {within.x[1]:g}] x [{within.y[0]:g}, {within.y[1]:g}]"
+        raise SpecError(PLACE_OUTSIDE_WORKSPACE(here, workspace=box))
+
+
+def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
+    """A heading in [0, 2 pi). Raises SpecError."""
+    given = lowering.coerce.number(run(lowering.lower(expr, {}, Frame(source))), "a heading")
+    amount = lowering.builder.value(given.node)
+    if amount is None:
+        raise SpecError(NOT_CONSTANT(expr.span(source), what="a heading"))
+    if given.unit not in (BARE, ANGLE):
+        raise SpecError(NOT_AN_ANGLE(expr.span(source), found=given.unit.words))
+    lowering.refuse_degrees([given, NumberValue(given.node, ANGLE, origin=Span(source, expr.start, expr.end))])
+    wrapped = math.fmod(amount, TWO_PI)
+    wrapped = wrapped + TWO_PI if wrapped < 0.0 else wrapped
+    return 0.0 if wrapped >= TWO_PI else wrapped

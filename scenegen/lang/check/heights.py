@@ -1,0 +1,499 @@
+"""Functions of heights: z, height, top, what things stand on, and the clearance of bodies in space.
+
+Supports are declared, so heights are constants; only footprints depend on the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import Span
+from scenegen.errors.declarations import MAY_BE_MISSING, MEASURED_TOO_EARLY, TOO_MANY_CASES
+from scenegen.errors.language import (
+    EMPTY_LIST,
+    INDEX_OUT_OF_RANGE,
+    NO_SUCH_PART,
+    NOT_A_PLAIN_NUMBER,
+    NOT_A_WHOLE_NUMBER,
+    NOT_AN_ARRAY,
+    NOT_CONSTANT,
+    PART_OF_AN_OBJECT,
+    SAME_ARGUMENT_TWICE,
+)
+from scenegen.errors.template import nearest
+from scenegen.geometry import Circle, Footprint
+from scenegen.geometry.units import BARE, LENGTH
+from scenegen.geometry.workspace import BOARD
+from scenegen.lang.check.choices import MOST_CASES, by_cases, height_in, level, of_cases, options_of, picked
+from scenegen.lang.check.context import Frame
+from scenegen.lang.check.functions import key_of
+from scenegen.lang.check.scope import CORNERS, MEMBERS, SIDES, SIZES, Area, Point, board_gap
+from scenegen.lang.check.template import FIRST, Depends
+from scenegen.lang.check.values import (
+    AnyValue,
+    ChosenValue,
+    ListValue,
+    NumberValue,
+    ObjectValue,
+    PointValue,
+    RegionValue,
+    SurfaceValue,
+    Value,
+)
+from scenegen.lang.spec import CheckedSpec, Choice, Support
+from scenegen.lang.syntax import ast
+from scenegen.pose import FLAT, PLACE, X, row_of
+from scenegen.things.surfaces import Surface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
+
+if TYPE_CHECKING:
+    from scenegen.lang.check.context import Context
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `base` and `load`: what an object was declared to stand on, and the centre of mass of it and all that it carries.
+#
+# Where a support is a choice, both are numbers that the switches pick.
+
+
+def base(lowering: Context, which: int, origin: Span) -> Value:
+    """What an object was declared to stand on: a surface, a region at a height, or on the table its own footprint."""
+
+    def value(under: Support) -> Value:
+        if under.carrier is not None:
+            surface = Surface(under.name.partition(".")[2], under.outline, under.height, walled=under.walled)
+            return SurfaceValue(under.carrier, surface, origin=origin)
+        if under.height:
+            return RegionValue(under.name, lowering.areas[under.name], origin=origin)
+        return ObjectValue(which, origin=origin)
+
+    if which in lowering.choices:
+        return ChosenValue(which, tuple(map(value, lowering.choices[which].options)), origin=origin)
+    under = lowering.supports.get(which)
+    return ObjectValue(which, origin=origin) if under is None else value(under)
+
+
+def load(lowering: Context, which: int, value: Value) -> PointValue | None:
+    """The centre of mass of an object and all that stands on it. None where choices allow too many cases."""
+    above = _above(lowering, which)
+    free: dict[int, list[int]] = {}  # for each choice: options on one carrier, or on none of these, are one case
+    for one in sorted(above):
+        if one in lowering.choices:
+            first: dict[int | None, int] = {}
+            free[one] = [
+                first.setdefault(under.carrier if under.carrier in above else None, at)
+                for at, under in enumerate(lowering.choices[one].options)
+            ]
+    found: list[int] = []
+    for axis in PLACE:
+        number = of_cases(lowering, free, lambda supports, axis=axis: _centre(lowering, which, supports, axis))  # type: ignore[misc]
+        if number is None:
+            return None
+        found.append(number)
+    return PointValue(*found, origin=value.origin)
+
+
+def _above(lowering: Context, which: int) -> set[int]:
+    """An object, and all that can come to stand on it."""
+    above, larger = {which}, True
+    while larger:
+        more = {
+            one
+            for one in (*lowering.supports, *lowering.choices)
+            if any(under.carrier in above for under in options_of(one, lowering.supports, lowering.choices))
+        }
+        larger = not more <= above
+        above |= more
+    return above
+
+
+def _centre(lowering: Context, which: int, supports: Mapping[int, Support], axis: int) -> int:
+    """A coordinate of the centre of mass of an object with all that stands on it, where every support is known."""
+    from scenegen.things.bodies import mass_of
+
+    builder, coerce = lowering.builder, lowering.coerce
+    carried = [which]
+    for one in carried:
+        carried.extend(upper for upper, under in supports.items() if under.carrier == one)
+    masses: Sequence[float] = [mass_of(lowering.shapes[one]) for one in carried]
+    parts = [
+        builder.apply("mul", (builder.const(mass / sum(masses)), coerce.coordinate(one, axis)))
+        for one, mass in zip(carried, masses, strict=True)
+    ]
+    return parts[0] if len(parts) == 1 else builder.apply("sum", parts)
+
+
+ROUNDING = 1e-9  # metres: heights are sums along a chain of supports
+
+
+def height_function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
+    """A call of one of HEIGHTS. Raises SpecError."""
+    origin = lowering.origin(node, frame)
+    if any(isinstance(value, AnyValue) for value in values):
+        return AnyValue(origin=origin)
+    if lowering.heights is None:
+        named = "name the surfaces: on any of [a, b]" if name == "surfaces" else None
+        raise lowering.error(MEASURED_TOO_EARLY, node, frame, instead=named)
+    value = values[0]
+    if isinstance(value, ObjectValue) and value.index >= FIRST:
+        raise Depends
+    if name in ("z", "height", "top"):
+        return NumberValue(_height(lowering, name, value), LENGTH, origin=origin)
+    if name == "apart":
+        return NumberValue(_apart(lowering, values, node, frame), LENGTH, origin=origin)
+    if name == "bodies":
+        return _bodies(lowering, value)
+    if name == "surfaces":
+        if isinstance(value, RegionValue | SurfaceValue | ChosenValue):
+            return ListValue((value,), origin=origin)
+        which = _object(lowering, value, name)
+        upper = values[1] if len(values) > 1 else None
+        return ListValue(surface_values(lowering, which, value, upper), origin=origin)
+    which = _object(lowering, value, name)
+    if name == "others":
+        if len(values) > 1:
+            items = lowering.coerce.items(values[1], "the argument `items` of `others`")
+            if any(isinstance(one, ObjectValue) and one.index >= FIRST for one in items):
+                raise Depends
+            return ListValue(tuple(one for one in items if one != value), origin=origin)
+        rest = [one for one in range(len(lowering.heights)) if one != which]
+        return ListValue(tuple(ObjectValue(one, origin=origin) for one in rest), origin=origin)
+    if name == "base":
+        return base(lowering, which, origin)
+    found = load(lowering, which, value)
+    if found is None:
+        raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
+    return found
+
+
+def _bodies(lowering: Context, value: Value) -> Value:
+    """A list of objects and, as boards, the regions at a height; where there are none, the very list."""
+    items = lowering.coerce.items(value, "the argument of `bodies`")
+    boards = [RegionValue(name, area, origin=value.origin) for name, area in lowering.areas.items() if area.z > 0.0]
+    key = ("bodies", key_of(value))
+    if boards and key not in lowering.expansions:
+        lowering.expansions[key] = (ListValue((*items, *boards), origin=value.origin), [value])
+    return lowering.expansions[key][0] if boards else value
+
+
+def surface_values(lowering: Context, which: int, value: Value, upper: Value | None = None) -> tuple[SurfaceValue, ...]:
+    """The surfaces of an object; where walls slope, as deep as what stands on it fits."""
+    shape = lowering.shapes[upper.index] if isinstance(upper, ObjectValue) else None
+    found = surfaces_of(lowering.shapes[which], shape)
+    return tuple(SurfaceValue(which, one, origin=value.origin) for one in found)
+
+
+def _object(lowering: Context, value: Value, name: str) -> int:
+    if isinstance(value, ObjectValue):
+        return value.index
+    raise lowering.coerce.wrong(value, "an object", f"the argument of `{name}`")
+
+
+def _height(lowering: Context, name: str, value: Value) -> int:
+    assert lowering.heights is not None
+    builder = lowering.builder
+    match value:
+        case ChosenValue(chooser, options):
+            return picked(lowering, lowering.choices[chooser], [_height(lowering, name, one) for one in options])
+        case ObjectValue(which):
+            own = lowering.shapes[which].height
+            if name == "height":
+                return builder.const(own)
+            low = lowering.heights[which]
+            if low is not None:
+                return builder.const(low if name == "z" else low + own)
+            number = level(lowering, which)
+            return number if name == "z" else builder.apply("add", (number, builder.const(own)))
+        case SurfaceValue(which, surface) if name != "height":
+            low = lowering.heights[which]
+            if low is not None:
+                return builder.const(low + surface.height)
+            return builder.apply("add", (level(lowering, which), builder.const(surface.height)))
+        case RegionValue(_, area) if name != "height":
+            return builder.const(area.z)
+        case _:
+            raise lowering.coerce.wrong(value, "an object", f"the argument of `{name}`")
+
+
+def _apart(lowering: Context, values: list[Value], node: ast.Call, frame: Frame) -> int:
+    """min over the upright pieces of both bodies of the larger of their clearances, in the plane and along z."""
+    first, second = values
+    if isinstance(first, RegionValue) and isinstance(second, RegionValue):
+        return lowering.builder.const(board_gap(first.area, second.area))
+    for body, board in ((first, second), (second, first)):
+        if isinstance(board, RegionValue):
+            return _from_board(lowering, _object(lowering, body, "apart"), board.area)
+    one, other = _object(lowering, first, "apart"), _object(lowering, second, "apart")
+    if max(one, other) >= FIRST:
+        raise Depends
+    if one == other:
+        raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name="apart")
+    assert lowering.heights is not None
+    known = lowering.heights[one], lowering.heights[other]
+    if known[0] is not None and known[1] is not None:
+        return _clearance(lowering, (one, other), (known[0], known[1]), lowering.supports)
+    if not any(_is_hollow(lowering, which) for which in (one, other)):
+        return _clearance_of_columns(lowering, one, other)
+
+    def in_case(supports: Mapping[int, Support]) -> int:
+        lows = height_in(one, supports), height_in(other, supports)
+        return _clearance(lowering, (one, other), lows, supports)
+
+    found = by_cases(lowering, (one, other), in_case)
+    if found is None:
+        raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
+    return found
+
+
+def _clearance(
+    lowering: Context, pair: tuple[int, int], lows: tuple[float, float], supports: Mapping[int, Support]
+) -> int:
+    """The clearance of two bodies that stand at known heights, on known supports."""
+    builder = lowering.builder
+    (first, second), (low, other_low) = pair, lows
+    inside = [
+        room
+        for upper, lower, above in ((first, second, low - other_low), (second, first, other_low - low))
+        if (room := _inside(lowering, upper, lower, above, supports)) is not None
+    ]
+    clearances = []
+    for one_shape, one_low, one_high in _pieces(lowering, first, low):
+        for other_shape, other_bottom, other_high in _pieces(lowering, second, other_low):
+            beside = builder.apply("gap", (*_pose(lowering, first), *_pose(lowering, second)), (one_shape, other_shape))
+            above = builder.const(max(one_low - other_high, other_bottom - one_high))
+            clearances.append(builder.apply("max", (beside, above, *inside)))
+    return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
+
+
+def _clearance_of_columns(lowering: Context, first: int, second: int) -> int:
+    """The clearance of two bodies without hollows, at heights of which some depend on a choice."""
+    builder = lowering.builder
+    base, other_base = level(lowering, first), level(lowering, second)
+
+    def raised(number: int, by: float) -> int:
+        return builder.apply("add", (number, builder.const(by)))
+
+    clearances = []
+    for one_shape, low, high in _pieces(lowering, first, 0.0):
+        for other_shape, other_low, other_high in _pieces(lowering, second, 0.0):
+            beside = builder.apply("gap", (*_pose(lowering, first), *_pose(lowering, second)), (one_shape, other_shape))
+            over = builder.apply("sub", (raised(base, low), raised(other_base, other_high)))
+            under = builder.apply("sub", (raised(other_base, other_low), raised(base, high)))
+            clearances.append(builder.apply("max", (beside, over, under)))
+    return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
+
+
+def _from_board(lowering: Context, which: int, area: Area) -> int:
+    """The clearance of a body and the board of a region."""
+    builder = lowering.builder
+    place = (*map(builder.const, area.center), builder.const(0.0))
+    base = level(lowering, which)
+    clearances = []
+    for shape, low, high in _pieces(lowering, which, 0.0):
+        beside = builder.apply("gap", (*_pose(lowering, which), *place), (shape, area.footprint))
+        bottom, top = (builder.apply("add", (base, builder.const(one))) for one in (low, high))
+        over = builder.apply("sub", (bottom, builder.const(area.z)))
+        under = builder.apply("sub", (builder.const(area.z - min(BOARD, area.z)), top))
+        clearances.append(builder.apply("max", (beside, over, under)))
+    return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
+
+
+def _pose(lowering: Context, which: int) -> tuple[int, ...]:
+    return tuple(lowering.coerce.coordinate(which, axis) for axis in FLAT)
+
+
+def _is_hollow(lowering: Context, which: int) -> bool:
+    from scenegen.things.surfaces import rooms_of
+
+    return bool(rooms_of(lowering.shapes[which])) or pocketed(lowering.shapes[which]) is not None
+
+
+def _pieces(lowering: Context, which: int, low: float) -> list[tuple[Footprint, float, float]]:
+    """The footprint of each upright piece of an object at a height, and where it begins and ends above the table."""
+    shape = lowering.shapes[which]
+    slabs = slabs_of(shape)
+    if not slabs:
+        return [(shape.footprint, low, low + shape.height)]
+    return [(one.footprint, low + one.low, low + one.high) for one in slabs]
+
+
+def _inside(lowering: Context, upper: int, lower: int, above: float, supports: Mapping[int, Support]) -> int | None:
+    """How far one body is from the walls of a hollow one, where it begins above the floor of that; None elsewhere."""
+    from scenegen.things.surfaces import rooms_of
+
+    body, vessel = lowering.shapes[upper], lowering.shapes[lower]
+    rooms = rooms_of(vessel)
+    poses, footprint = (*_pose(lowering, upper), *_pose(lowering, lower)), lowering.coerce.covers(upper)
+    under = supports.get(upper)
+    if under is not None and under.carrier == lower and under.walled and (under.far or pocketed(vessel)):
+        return lowering.builder.apply("room", poses, (footprint, under.outline))
+    open_at = [outline for outline, floor in rooms if floor <= above + ROUNDING]
+    if not open_at:
+        return None
+    widest: Footprint = open_at[-1]  # walls lean outwards
+    if above < vessel.height - ROUNDING and not fits(footprint, rooms[0][0]):
+        free = leeway(vessel, body, max(above, rooms[0][1]))
+        if free is not None and free > 0.0:
+            widest = Circle(free + reach_of(footprint))
+    return lowering.builder.apply("room", poses, (footprint, widest))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# How high the objects of drawn scenes stand, where a spec declares it.
+
+
+Array = npt.NDArray[np.float64]
+
+
+def chosen(choice: Choice, rows: Array) -> npt.NDArray[np.intp]:
+    """(n,): which option each scene has, counted from 0; `rows` are those of the core, (3M, n)."""
+    return np.asarray(np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right"))
+
+
+def levels(spec: CheckedSpec, rows: Array) -> Array | None:
+    """(n, N): how high above the table each object's lowest point is, in metres, in scenes with the core's rows
+    (3M, n), the switches of choices among them; None where heights follow from the poses."""
+    if not spec.declares_heights:
+        return None
+    found: dict[int, Array] = {}
+    waiting = list(range(len(spec.objects)))
+    while waiting:  # what carries comes before what it carries: supports have no cycles
+        ready = [which for which in waiting if _carriers(spec, which) <= found.keys()]
+        for which in ready:
+            found[which] = _level(spec, which, rows, found)
+        waiting = [which for which in waiting if which not in found]
+    return np.stack([found[which] for which in range(len(spec.objects))], axis=1)
+
+
+def _carriers(spec: CheckedSpec, which: int) -> set[int]:
+    if which in spec.choices:
+        return {one.carrier for one in spec.choices[which].options if one.carrier is not None}
+    under = spec.supports.get(which)
+    return set() if under is None or under.carrier is None else {under.carrier}
+
+
+def _level(spec: CheckedSpec, which: int, rows: Array, found: dict[int, Array]) -> Array:
+    count = rows.shape[1]
+    known = spec.heights[which]
+    if known is not None:
+        return np.full(count, known)
+    choice = spec.choices.get(which)
+    options = (spec.supports[which],) if choice is None else choice.options
+    each = np.stack([one.height + (np.zeros(count) if one.carrier is None else found[one.carrier]) for one in options])
+    picked = np.zeros(count, dtype=np.intp) if choice is None else chosen(choice, rows)
+    return np.asarray(each[picked, np.arange(count)])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Taking one thing out of another: `placemat.left`, `block[3]`.
+
+
+LIST_MEMBERS = ("first", "last", "count")
+SURFACE_SIZES = ("length", "depth")  # of a surface, beside `width` and `height`, which regions have, too
+
+
+def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: Frame) -> Value:
+    """`base.name`. Raises SpecError."""
+    origin = lowering.origin(node, frame)
+    match base:
+        case AnyValue():
+            return AnyValue(origin=origin)
+        case RegionValue():
+            return _of_region(lowering, base, node, name, frame)
+        case ListValue(items) if name in LIST_MEMBERS:
+            if name == "count":
+                return NumberValue(lowering.builder.const(float(len(items))), BARE, origin=origin)
+            if not items:
+                raise lowering.error(EMPTY_LIST, node.base, frame, needs=f"it has no `.{name}`")
+            return items[0 if name == "first" else -1]
+        case ListValue():
+            raise lowering.error(NO_SUCH_PART, node, frame, what="a list", name=name, known=LIST_MEMBERS)
+        case SurfaceValue(carrier, surface):
+            sizes = sizes_of(lowering.shapes[carrier], surface)
+            sizes |= {"height": sizes["depth"]} if "depth" in sizes else {}  # as the third of box(...)
+            if name in sizes:
+                return NumberValue(lowering.builder.const(sizes[name]), LENGTH, origin=origin)
+            raise lowering.error(NO_SUCH_PART, node, frame, what="this surface", name=name, parts=tuple(sizes))
+        case ObjectValue(index):
+            written = lowering.builder.objects[index]
+            if lowering.shapes:
+                found = _surface(lowering, base, index, name, origin)
+                if found is not None:
+                    return found
+            if lowering.scope.inferred:
+                raise lowering.error(PART_OF_AN_OBJECT, node, frame, name=written, part=name, inferred=written)
+            known = [one.surface.name for one in surface_values(lowering, index, base)] if lowering.shapes else []
+            edge = name if name in SIDES[:4] else None
+            facts = {"meant": nearest(name, {one.partition("[")[0] for one in known}), "surfaces": known}
+            raise lowering.error(PART_OF_AN_OBJECT, node, frame, name=written, part=name, edge=edge, **facts)
+        case _:
+            raise lowering.error(NO_SUCH_PART, node, frame, what=base.kind, name=name)
+
+
+def _surface(lowering: Context, base: ObjectValue, index: int, name: str, origin: Span) -> Value | None:
+    """The surface of that name of an object, or the list of those that are numbered; None where it has none."""
+    if index >= FIRST:
+        raise Depends
+    named = [one for one in surface_values(lowering, index, base) if one.surface.name.partition("[")[0] == name]
+    if len(named) == 1 and named[0].surface.name == name:
+        return named[0].moved(origin)
+    return ListValue(tuple(named), origin=origin) if named else None
+
+
+def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: str, frame: Frame) -> Value:
+    area, origin = region.area, lowering.origin(node, frame)
+
+    def point(place: Point) -> PointValue:
+        return PointValue(*map(lowering.builder.const, place), origin=origin)
+
+    if name in SIDES:
+        return point(area.side(name))
+    if name in SIZES:
+        left, bottom, right, top = area.box
+        size = right - left if name == "width" else top - bottom
+        return NumberValue(lowering.builder.const(size), LENGTH, origin=origin)
+    if name == "corners" and area.corners:
+        return ListValue(tuple(map(point, area.corners)), origin=origin)
+    if name in CORNERS and area.kind in ("rect", "workspace"):
+        return point(area.corner(name))
+    if name in MEMBERS:
+        kind = "circle" if area.kind == "circle" else "polygon"
+        parts = (*SIDES, *SIZES)
+        raise lowering.error(NO_SUCH_PART, node, frame, what=f"a {kind}", name=name, parts=parts, region=region.name)
+    raise lowering.error(NO_SUCH_PART, node, frame, what=f"`{region.name}`", name=name, known=MEMBERS)
+
+
+def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, frame: Frame) -> Value:
+    """`base[place]`, counted from 1. Raises SpecError."""
+    origin = lowering.origin(node, frame)
+    if isinstance(base, AnyValue):
+        return AnyValue(origin=origin)
+    if isinstance(base, ObjectValue):
+        name = lowering.builder.objects[base.index]
+        raise lowering.error(NOT_AN_ARRAY, node, frame, name=name)
+    items = lowering.coerce.items(base, "what `[` counts in")
+    which = whole_number(lowering, place, node.index, frame, "an index")
+    drawn = lowering.scope.counts.get(node.base.id) if isinstance(node.base, ast.Name) else None
+    if drawn is not None and drawn.least < which <= drawn.most:
+        facts = {"name": drawn.name, "index": which, "least": drawn.least, "most": drawn.most}
+        raise lowering.error(MAY_BE_MISSING, node, frame, **facts)
+    if not 1 <= which <= len(items):
+        raise lowering.error(
+            INDEX_OUT_OF_RANGE, node.index, frame, index=which, count=len(items), last=len(items) or None
+        )
+    return items[which - 1]
+
+
+def whole_number(lowering: Context, number: NumberValue, node: ast.Expr, frame: Frame, what: str) -> int:
+    """A number that counts. Raises SpecError for one that depends on the scene, has a unit or is not whole."""
+    value = lowering.builder.value(number.node)
+    if value is None:
+        raise lowering.error(NOT_CONSTANT, node, frame, what=what)
+    if number.unit != BARE:
+        raise lowering.error(NOT_A_PLAIN_NUMBER, node, frame, what=what, found=number.unit.words)
+    if value != int(value):
+        raise lowering.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=value)
+    return int(value)

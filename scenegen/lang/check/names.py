@@ -1,0 +1,329 @@
+"""What can be said of names before any formula is expanded: does each exist, is each call well-formed, is nothing
+defined by itself. All mistakes are found in one go."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import Any
+
+from scenegen.errors import Diagnostic, Source, Span, quoted
+from scenegen.errors.language import (
+    BUILT_IN_NAME,
+    CIRCULAR_DEFINITION,
+    COORDINATE_WITH_DOT,
+    DEFAULT_BEFORE_REQUIRED,
+    DUPLICATE_ARGUMENT,
+    DUPLICATE_PARAMETER,
+    DUPLICATE_VARIABLE,
+    MISSING_ARGUMENTS,
+    NO_ARGUMENTS,
+    NOT_A_CONSTANT,
+    NOT_A_RELATION,
+    NOT_FINITE,
+    SHADOWED_VARIABLE,
+    SHAPE_IN_FORMULA,
+    TEXT_IN_FORMULA,
+    TOO_MANY_PARAMETERS,
+    UNKNOWN_CONSTANT,
+    UNKNOWN_NAME,
+    UNKNOWN_PARAMETER,
+    UNKNOWN_RELATION,
+    UNNAMED_AFTER_NAMED,
+    WRONG_NUMBER_OF_ARGUMENTS,
+)
+from scenegen.errors.time import TIME_MISSING
+from scenegen.lang.check.imports import Placed
+from scenegen.lang.check.scope import BUILT_IN, NO_NUMBERS, STEPS, Declared, Scope, Signature
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax import ast as traversal
+from scenegen.lang.syntax.foreign import PRIOR, RELATIONS, TABLES, THE_TABLE, of_relation, plain
+from scenegen.lang.syntax.parse import MOST_ERRORS
+from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.tokens import TEMPORAL
+from scenegen.pose import NAMES
+from scenegen.things.library import PLAIN
+
+BUILT = ("cabinet",)  # objects of the library that are made to order
+SHAPES = (*PLAIN, *BUILT, "category")  # what an object can be
+FILES = ("urdf", "mesh", "asset")  # those of them that a file says
+MAX_PARAMETERS = 100  # of a definition
+SHOWN = 8  # relations that a help line names, and arguments that it repeats
+LIST = ("items",)  # the parameters of a relation that takes one list
+AREAS = ("rect", "circle", "polygon")  # what a region can be
+
+
+def resolve(placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope) -> list[Diagnostic]:
+    """The problems of a spec's names, in the order of the text, and the first MOST_ERRORS of a file: nobody
+    reads more, and finding names like the unknown ones takes time."""
+    problems: list[Diagnostic] = []
+    counts = Counter[str]()
+    for one in placed:
+        room = MOST_ERRORS - counts[one.source.name]
+        found = list(islice(_statement(one, scope), max(0, room)))
+        counts[one.source.name] += len(found)
+        problems.extend(found)
+    if bare is not None:
+        problems.extend(islice(_expression(bare, set(), scope, scope.source, False), MOST_ERRORS))
+    return problems or list(_cycles(scope))
+
+
+def _statement(one: Placed, scope: Scope) -> Iterator[Diagnostic]:
+    statement, source = one.statement, one.source
+    if isinstance(statement, ast.Objects):
+        yield from _declarations(statement, scope, source)
+        return
+    if isinstance(statement, ast.Region):
+        yield from _area(statement.shape, scope, source)
+        for expr in (*statement.levels, *(() if statement.count is None else (statement.count,))):
+            yield from _expression(expr, set(), scope, source, True)
+        return
+    bound: set[str] = set()
+    if isinstance(statement, ast.Definition):
+        yield from _parameters(statement, source)
+        bound = {parameter.name.id for parameter in statement.parameters}
+    for expr in traversal.expressions(statement):
+        constant = isinstance(statement, ast.Constant | ast.Workspace | ast.Time)
+        # a default is written where the parameters are not yet known
+        visible = bound if isinstance(statement, ast.Definition) and expr is statement.body else set()
+        yield from _expression(expr, visible, scope, source, constant)
+
+
+def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    """Counts and poses are constants; of a shape only what stands in its parentheses is looked at here."""
+    for one in statement.declarations:
+        if one.count is not None:
+            yield from _expression(one.count, set(), scope, source, True)
+        if isinstance(one.shape, ast.Call) and one.shape.function.id != "category":  # which is read as it stands
+            file = one.shape.function.id in FILES
+            for argument in one.shape.arguments:
+                if not (file and isinstance(argument.value, ast.Name)):
+                    yield from _shape_argument(argument, scope, source)
+        if one.support is not None:
+            yield from _expression(one.support, set(), scope, source, False)
+        if one.pose is not None:
+            yield from _expression(one.pose, set(), scope, source, True)
+
+
+def _shape_argument(argument: ast.Argument, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    """Texts, colours, and shapes inside a shape, are the declaration's own business."""
+    if argument.name is not None and argument.name.id == "color":
+        return
+    if isinstance(argument.value, ast.Call) and argument.value.function.id in SHAPES:
+        for inner in argument.value.arguments:
+            yield from _shape_argument(inner, scope, source)
+    elif not isinstance(argument.value, ast.Text):
+        yield from _expression(argument.value, set(), scope, source, True)
+
+
+def _area(shape: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    if isinstance(shape, ast.Call):
+        for argument in shape.arguments:
+            yield from _expression(argument.value, set(), scope, source, True)
+
+
+def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnostic]:
+    seen: set[str] = set()
+    defaults = False
+    if len(definition.parameters) > MAX_PARAMETERS:
+        here = definition.parameters[MAX_PARAMETERS].name.span(source)
+        yield TOO_MANY_PARAMETERS(here, name=definition.name.id, limit=MAX_PARAMETERS)
+    for parameter in definition.parameters:
+        here = parameter.name.span(source)
+        if parameter.name.id in seen:
+            yield DUPLICATE_PARAMETER(here, name=parameter.name.id)
+        if defaults and parameter.default is None:
+            yield DEFAULT_BEFORE_REQUIRED(here, name=parameter.name.id)
+        seen.add(parameter.name.id)
+        defaults = defaults or parameter.default is not None
+
+
+def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, constant: bool) -> Iterator[Diagnostic]:
+    stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = [(root, frozenset(bound))]
+    while stack:
+        node, visible = stack.pop()
+        match node:
+            case ast.Member(base, member) if member.id in NAMES:
+                yield COORDINATE_WITH_DOT(node.span(source), axis=member.id, base=print_expr(base))
+                continue
+            case ast.Name() if node.id not in visible:
+                yield from _name(node, set(visible), scope, source, constant)
+            case ast.Text():
+                yield TEXT_IN_FORMULA(node.span(source))
+            case ast.Call():
+                yield from _call(node, scope, source)
+            case ast.Quantifier():
+                yield from _variables(node, visible, source)
+                names = frozenset(variable.id for variable in node.variables)
+                stack.append((node.body, visible | names))
+                stack.append((node.domain, visible))
+                continue
+            case _:
+                pass
+        stack.extend((child, visible) for child in reversed(traversal.children(node)))
+
+
+def _variables(node: ast.Quantifier, visible: frozenset[str], source: Source) -> Iterator[Diagnostic]:
+    seen: set[str] = set()
+    for variable in node.variables:
+        here = variable.span(source)
+        if variable.id in seen:
+            yield DUPLICATE_VARIABLE(here, name=variable.id)
+        elif variable.id in BUILT_IN:
+            yield BUILT_IN_NAME(here, name=variable.id, what="built in", use="be a variable")
+        elif variable.id in visible:
+            yield SHADOWED_VARIABLE(here, name=variable.id)
+        seen.add(variable.id)
+
+
+def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constant: bool) -> Iterator[Diagnostic]:
+    here = node.span(source)
+    if node.id in scope.constants or node.id in scope.regions or node.id in BUILT_IN:
+        return
+    if node.id.lower() in NO_NUMBERS and not scope.knows(node.id):
+        yield NOT_FINITE(here, name=node.id)
+    elif constant:
+        if node.id in scope.labels:
+            yield NOT_A_CONSTANT(here, name=node.id)
+        elif node.id not in scope.things:
+            drawn = PRIOR if RELATIONS.get(plain(node.id)) == PRIOR else None
+            near = [*scope.constants, *scope.regions, *scope.things]
+            yield UNKNOWN_CONSTANT(here, name=node.id, known=near, instead=drawn)
+    elif not scope.knows(node.id):
+        if node.id in scope.functions():
+            signature = scope.signature(node.id)
+            yield MISSING_ARGUMENTS(here, name=node.id, usage=signature.usage if signature else None)
+            return
+        known = {*scope.values(), *bound}
+        instead = THE_TABLE if plain(node.id) in TABLES else None
+        yield UNKNOWN_NAME(here, name=node.id, known=known, objects=tuple(scope.things), instead=instead)
+
+
+def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    name = node.function.id
+    signature = scope.signature(name)
+    here = node.function.span(source)
+    if signature is None:
+        if scope.knows(name):
+            yield NOT_A_RELATION(here, name=name)
+            return
+        if name in STEPS or name in TEMPORAL:
+            yield TIME_MISSING(here, word=name)
+            return
+        if name in SHAPES or name in AREAS:
+            kind, opening = ("an object", "object") if name in SHAPES else ("a region", "region")
+            yield SHAPE_IN_FORMULA(here, name=name, kind=kind, opening=opening, shape=print_expr(node))
+            return
+        relations = tuple(one for one in scope.definitions if not one.startswith("_"))
+        known = scope.functions()
+        instead = of_relation(name, [print_expr(one.value) for one in node.arguments])
+        if any(plain(one) == plain(name) for one in known):
+            instead = None  # `left_of`: the name alone is another
+        yield UNKNOWN_RELATION(here, name=name, known=known, relations=relations, instead=instead)
+        return
+    problem = bind(node, signature, source)
+    if isinstance(problem, Diagnostic):
+        yield problem
+
+
+def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.Expr] | Diagnostic:
+    """The arguments of a call by parameter name, without those left to their default; or what is wrong with them."""
+    given: dict[str, ast.Expr] = {}
+    count = len(node.arguments)
+    if signature.variadic:
+        if count < 1:
+            return NO_ARGUMENTS(node.span(source), name=signature.name, usage=signature.usage)
+        return {str(number): argument.value for number, argument in enumerate(node.arguments)}
+    if count > len(signature.parameters):
+        extra = node.arguments[len(signature.parameters)]
+        span = Span(source, extra.start, node.arguments[-1].end)
+        facts = _arity(signature, count)
+        if signature.parameters == LIST and all(one.name is None for one in node.arguments):
+            items = [print_expr(one.value) for one in node.arguments[:SHOWN]]
+            items += ["..."] * (count > SHOWN)
+            facts["usage"] = f"{signature.name}([{', '.join(items)}])"
+        return WRONG_NUMBER_OF_ARGUMENTS(span, **facts, label="too many")
+    known: frozenset[str] | None = None  # the parameters, once an argument has a name
+    for position, argument in enumerate(node.arguments):
+        if argument.name is None:
+            name = signature.parameters[position]
+            if known is not None:
+                return UNNAMED_AFTER_NAMED(argument.span(source), name=name)
+        else:
+            name = argument.name.id
+            known = frozenset(signature.parameters) if known is None else known
+            if name not in known:
+                here = argument.name.span(source)
+                parameters = signature.parameters
+                return UNKNOWN_PARAMETER(
+                    here, function=signature.name, name=name, known=parameters, usage=signature.usage
+                )
+            if name in given:
+                return DUPLICATE_ARGUMENT(argument.span(source), name=name, usage=signature.usage)
+        given[name] = argument.value
+    missing = [name for name in signature.parameters[: signature.needed] if name not in given]
+    if missing:
+        label = f"{quoted(missing)} missing"
+        return WRONG_NUMBER_OF_ARGUMENTS(node.span(source), **_arity(signature, count), label=label)
+    return given
+
+
+def _arity(signature: Signature, given: int) -> dict[str, Any]:
+    most = len(signature.parameters)
+    takes = str(most) if signature.needed == most else f"{signature.needed} to {most}"
+    plural = "argument" if takes == "1" else "arguments"
+    return {"name": signature.name, "takes": f"{takes} {plural}", "given": given, "usage": signature.usage}
+
+
+def _cycles(scope: Scope) -> Iterator[Diagnostic]:
+    """Constants, definitions and labels that are defined by themselves, one diagnostic per circle. The prelude has no
+    circles of its own, so of its definitions only those that the spec uses are looked at."""
+    groups = (scope.constants, scope.regions, scope.definitions, scope.replaced, scope.labels)
+    state: dict[Declared, int] = {}  # 1 under way, 2 done
+    for start in (declared for group in groups for declared in group.values()):
+        if start in state or start.source is scope.prelude:
+            continue
+        state[start] = 1
+        path = [start]
+        stack = [_references(start, scope)]
+        while stack:
+            step = next(stack[-1], None)
+            if step is None:
+                stack.pop()
+                state[path.pop()] = 2
+                continue
+            target, span = step
+            if state.get(target) == 1:
+                circle = [one.name.id for one in path[path.index(target) :]] + [target.name.id]
+                way = " -> ".join(circle) if len(circle) > 2 else None
+                yield CIRCULAR_DEFINITION(span, name=target.name.id, way=way)
+                state[target] = 2
+            elif target not in state:
+                state[target] = 1
+                path.append(target)
+                stack.append(_references(target, scope))
+
+
+def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Span]]:
+    bound = frozenset[str]()
+    if isinstance(declared.statement, ast.Definition):
+        bound = frozenset(parameter.name.id for parameter in declared.statement.parameters)
+    stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = [
+        (expr, bound) for expr in traversal.expressions(declared.statement)
+    ]
+    while stack:
+        node, visible = stack.pop()
+        target: Declared | None = None
+        if isinstance(node, ast.Call):
+            target = scope.definition(node.function.id, declared.source)
+        elif isinstance(node, ast.Name) and node.id not in visible:
+            target = scope.declared(node.id)
+        if target is not None:
+            place = node.function if isinstance(node, ast.Call) else node
+            yield target, place.span(declared.source)
+        if isinstance(node, ast.Quantifier):
+            stack.append((node.domain, visible))
+            stack.append((node.body, visible | {variable.id for variable in node.variables}))
+            continue
+        stack.extend((child, visible) for child in traversal.children(node))

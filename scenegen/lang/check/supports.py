@@ -1,0 +1,338 @@
+"""What the declarations say objects stand on: `object book on shelfunit.shelf[2]`.
+
+A support is a surface of another object, in that object's frame, or a region of the table. It gives the object its own
+box of centres and one requirement more, and makes its height a constant of the spec (docs/adr/0011-supports.md).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from scenegen.errors import Diagnostic, Span, SpecError
+from scenegen.errors.declarations import (
+    CHOICE_NOT_A_LIST,
+    EMPTY_CHOICE,
+    NESTED_CHOICE,
+    NO_FLAT_TOP,
+    NOT_ON_RIM,
+    NOT_ON_SURFACE,
+    STANDS_ON_ITSELF,
+    SUPPORT_COUNT,
+    SURFACE_OUTSIDE,
+    SURFACE_TOO_SMALL,
+    SURFACE_TWICE,
+    TOO_TALL_FOR_SURFACE,
+)
+from scenegen.geometry import MATH, PRIMITIVES
+from scenegen.geometry.footprint import POINT, Box
+from scenegen.geometry.units import BARE, LENGTH
+from scenegen.geometry.workspace import BOARD, Workspace
+from scenegen.lang.check.choices import area_of, choose, cut_off, grouped
+from scenegen.lang.check.context import Frame, run
+from scenegen.lang.check.declare import not_open
+from scenegen.lang.check.scope import Area, Thing
+from scenegen.lang.check.values import ListValue, ObjectValue, RegionValue, SurfaceValue, Value
+from scenegen.lang.formula.builder import FALSE, TRUE
+from scenegen.lang.spec import Choice, Pose, Support
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.foreign import one_list
+from scenegen.pose import FLAT, PLACE, X
+from scenegen.things import Shape
+from scenegen.things.surfaces import Surface, fits, reach_of, surfaces_of
+
+if TYPE_CHECKING:
+    from scenegen.lang.check.lower import Lowering
+
+ROUNDING = 1e-9  # metres: sizes and poses in a text are rounded
+SWITCH = (0.0, 1.0)  # the range of a choice's number
+
+Rectangle = tuple[tuple[float, float], tuple[float, float]]  # x, y
+
+
+Options = tuple[Support, ...]
+
+
+def supports(lowering: Lowering, thing: Thing, places: Sequence[int]) -> dict[int, Options]:
+    """What a declaration lets its objects stand on, by their places: one surface, or several of which each scene has
+    one. Raises SpecError."""
+    one = thing.declaration
+    if one is None or one.support is None:
+        return {}
+    here, frame = one.support.span(thing.source), Frame(thing.source)
+    if one.choice:
+        return _choices(lowering, one.support, places, here, frame)
+    if thing.is_array and isinstance(one.support, ast.List):
+        values: list[Value] = [run(lowering.lower(part, {}, frame)) for part in one.support.items]
+    else:
+        value = run(lowering.lower(one.support, {}, frame))
+        values = list(value.items) if isinstance(value, ListValue) and thing.is_array else [value] * len(places)
+    if len(values) != len(places):
+        raise SpecError(SUPPORT_COUNT(here, objects=len(places), surfaces=len(values)))
+    return {place: (_support(lowering, place, value, here),) for place, value in zip(places, values, strict=True)}
+
+
+def _choices(
+    lowering: Lowering, written: ast.Expr, places: Sequence[int], here: Span, frame: Frame
+) -> dict[int, Options]:
+    """The surfaces of `on any of [...]`, the same for each object."""
+    parts: list[tuple[Value, Span]]
+    if isinstance(written, ast.List):
+        parts = [(run(lowering.lower(part, {}, frame)), part.span(here.source)) for part in written.items]
+    else:
+        value = run(lowering.lower(written, {}, frame))
+        if not isinstance(value, ListValue):
+            raise SpecError(CHOICE_NOT_A_LIST(here, found=value.kind, written=here.text))
+        parts = [(item, here) for item in value.items]
+    if not parts:
+        raise SpecError(EMPTY_CHOICE(here))
+    found = {}
+    for value, span in parts:
+        if isinstance(value, ListValue):
+            surfaces = None if span.text.isidentifier() else one_list(here.text)
+            raise SpecError(NESTED_CHOICE(span, surfaces=surfaces))
+    for place in places:
+        options: list[Support] = []
+        for value, span in parts:
+            option = _support(lowering, place, value, span)
+            if any(option.name == other.name for other in options):
+                raise SpecError(SURFACE_TWICE(span, surface=option.name))
+            whole = cut_off(option, lowering.space)
+            if whole is None:
+                raise SpecError(SURFACE_OUTSIDE(span, name=lowering.builder.objects[place]))
+            if not area_of(lowering.shapes[place].footprint, whole) > 0.0:
+                name = lowering.builder.objects[place]
+                raise SpecError(SURFACE_TOO_SMALL(span, name=name, surface=option.name))
+            options.append(whole)
+        found[place] = tuple(options)
+    return found
+
+
+def choices(lowering: Lowering, found: Mapping[int, Options], things: Sequence[Thing]) -> dict[int, Choice]:
+    """The choices among the supports of several surfaces, whose switches come after the objects."""
+    chosen: dict[int, Choice] = {}
+    count = len(lowering.shapes)
+    for thing in things:
+        one = thing.declaration
+        if one is None or not one.choice:
+            continue
+        for place in lowering.scope.arrays.get(thing.name.id) or (lowering.scope.objects[thing.name.id],):
+            if len(found[place]) > 1:
+                upper, by_area = lowering.shapes[place].footprint, one.choice == "area"
+                chosen[place] = choose(upper, found[place], count + len(chosen), by_area=by_area)
+    return chosen
+
+
+def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Support:
+    name, shape = lowering.builder.objects[upper], lowering.shapes[upper]
+    match value:
+        case RegionValue(region, area):
+            under = Support(region, None, area.footprint, area.z, pose=(*area.center, 0.0), box=area.box)
+            _refuse_tall(name, shape.height, region, _free_over(lowering, region, area), here)
+            return under
+        case ObjectValue(carrier):
+            found = surfaces_of(lowering.shapes[carrier], shape)
+            if not found:
+                raise SpecError(NO_FLAT_TOP(here, name=lowering.builder.objects[carrier]))
+            surface = found[0]
+        case SurfaceValue(carrier, surface):
+            named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape)}
+            below = lowering.builder.objects[carrier]
+            if surface.name not in named and carrier != upper:
+                raise SpecError(SURFACE_TOO_SMALL(here, name=name, surface=f"{below}.{surface.name}", carrier=below))
+            if surface.name == "rim" and _holds(surfaces_of(lowering.shapes[carrier], shape)[0], shape):
+                raise SpecError(NOT_ON_RIM(here, name=name, surface=f"{below}.rim", carrier=below))
+            surface = named.get(surface.name, surface)
+        case _:
+            wanted = "an object, a surface or a region"
+            raise lowering.coerce.wrong(value.moved(here), wanted, f"what `{name}` stands on")
+    label = f"{lowering.builder.objects[carrier]}.{surface.name}"
+    if carrier == upper:
+        raise SpecError(STANDS_ON_ITSELF(here, name=name))
+    if not _holds(surface, shape):
+        on_rim = isinstance(value, ObjectValue) and found[-1].name == "rim"
+        rim = f"{lowering.builder.objects[carrier]}.rim" if on_rim else None
+        problem = SURFACE_TOO_SMALL(here, name=name, surface=label, carrier=rim)
+        raise SpecError(not_open(lowering, upper, carrier, surface, here) or problem)
+    _refuse_tall(name, shape.height, label, surface.clear, here)
+    return Support(label, carrier, surface.outline, surface.height, surface.walled, far=surface.far)
+
+
+def _holds(surface: Surface, shape: Shape) -> bool:
+    return not surface.walled or fits(shape.footprint, surface.outline)
+
+
+def _refuse_tall(name: str, height: float, surface: str, clear: float, here: Span) -> None:
+    if height > clear + ROUNDING:
+        sizes = {"height": 100.0 * height, "clear": 100.0 * clear}
+        raise SpecError(TOO_TALL_FOR_SURFACE(here, name=name, surface=surface, **sizes))
+
+
+def _free_over(lowering: Lowering, name: str, area: Area) -> float:
+    """The free height over a region: up to the lowest board that covers all of it."""
+    room = PRIMITIVES["room"].evaluate
+    above = [
+        other.z - min(BOARD, other.z) - area.z
+        for known, other in lowering.areas.items()
+        if known not in (name, "workspace")
+        and other.z > area.z
+        and room(MATH, area.footprint, other.footprint, *area.center, 0.0, *other.center, 0.0) >= -ROUNDING
+    ]
+    return min(above, default=math.inf)
+
+
+def heights(
+    count: int, found: Mapping[int, Options], names: Sequence[str], spans: Mapping[int, Span]
+) -> tuple[float | None, ...]:
+    """How high above the table the lowest point of each object is, None where that depends on a choice. Raises
+    SpecError where supports form a circle."""
+    refuse_circles(found, names, spans)
+    known: dict[int, float | None] = {}
+    for start in range(count):
+        path = [start]
+        while path:
+            one = path[-1]
+            options = found.get(one, ())
+            waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in known]
+            if waiting:
+                path.extend(waiting)
+                continue
+            path.pop()
+            levels = {_level(known, under) for under in options} or {0.0}
+            known[one] = levels.pop() if len(levels) == 1 else None
+    return tuple(known[which] for which in range(count))
+
+
+def _level(known: Mapping[int, float | None], under: Support) -> float | None:
+    below = 0.0 if under.carrier is None else known[under.carrier]
+    return None if below is None else below + under.height
+
+
+def refuse_circles(found: Mapping[int, Options], names: Sequence[str], spans: Mapping[int, Span]) -> None:
+    """Raises SpecError where an object could come to stand on itself."""
+    done = set[int]()
+    for start in found:
+        path: list[int] = []
+        stack = [(start, False)]
+        while stack:
+            which, left = stack.pop()
+            if left:
+                done.add(path.pop())
+                continue
+            if which in path:
+                circle = " -> ".join(names[one] for one in (*path[path.index(which) :], which))
+                raise SpecError(STANDS_ON_ITSELF(spans[which], name=names[which], circle=circle))
+            if which in done:
+                continue
+            path.append(which)
+            stack.append((which, True))
+            stack.extend((under.carrier, False) for under in found.get(which, ()) if under.carrier is not None)
+
+
+def spread(
+    space: Workspace, found: Mapping[int, Options], fixed: Mapping[int, Pose], switches: Sequence[int] = ()
+) -> Workspace:
+    """The workspace with a box of its own for each object that stands on something: the box of what carries it and as
+    far around it as the surface reaches, so that what carries stays uniform over its own box. Of several surfaces it is
+    one box around all. `switches` are those of choices."""
+    boxes: dict[int, Rectangle] = {}
+
+    def box(which: int) -> Rectangle:
+        path = [which]
+        while path:
+            one = path[-1]
+            options = found.get(one, ())
+            waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in boxes]
+            if waiting:
+                path.extend(waiting)
+                continue
+            path.pop()
+            if one in fixed:  # what it carries moves with it
+                boxes[one] = ((fixed[one][0],) * 2, (fixed[one][1],) * 2)
+            elif not options:
+                boxes[one] = (space.x, space.y)
+            else:
+                ends = [_box(under, space, boxes) for under in options]
+                x, y = ((min(end[axis][0] for end in ends), max(end[axis][1] for end in ends)) for axis in PLACE)
+                boxes[one] = x, y
+        return boxes[which]
+
+    own = tuple((which, *box(which)) for which in sorted(found) if which not in fixed)
+    return dataclasses.replace(space, own=(*own, *((which, SWITCH, SWITCH) for which in switches)))
+
+
+def _box(under: Support, space: Workspace, boxes: Mapping[int, Rectangle]) -> Rectangle:
+    """The box of the centres on a surface: x, y."""
+    if under.carrier is None:
+        left, bottom, right, top = under.box
+        return (max(left, space.x[0]), min(right, space.x[1])), (max(bottom, space.y[0]), min(top, space.y[1]))
+    (x0, x1), (y0, y1) = boxes[under.carrier]
+    far = reach_of(under.outline) if under.far is None else under.far
+    return (x0 - far, x1 + far), (y0 - far, y1 + far)
+
+
+def empty(space: Workspace, spans: Mapping[int, Span], names: Sequence[str]) -> list[Diagnostic]:
+    """A diagnostic for each object whose surface lies outside of the workspace."""
+    return [
+        SURFACE_OUTSIDE(spans[which], name=names[which])
+        for which, x, y in space.own
+        if not (x[0] < x[1] and y[0] < y[1])
+    ]
+
+
+def standing_on(lowering: Lowering, found: Mapping[int, Support], spans: Mapping[int, Span]) -> list[int]:
+    """The requirements that supports stand for: each object's centre in its surface's outline, or all of its footprint
+    where the surface has walls. Raises SpecError where both are held in place elsewhere."""
+    builder = lowering.builder
+    formulas = []
+    for which, under in sorted(found.items()):
+        if under.carrier is None and isinstance(under.outline, Box) and which not in lowering.coerce.fixed:
+            continue  # its box is the region
+        text = f"{builder.objects[which]} on {under.name}"
+        part = _on(lowering, which, under, text, spans[which])
+        if part == FALSE:
+            raise SpecError(NOT_ON_SURFACE(spans[which], name=builder.objects[which], surface=under.name))
+        if part != TRUE:
+            formulas.append(part)
+    for which, choice in sorted(lowering.choices.items()):
+        part = _on_one(lowering, which, choice, spans[which])
+        if part == FALSE:
+            names = " or ".join(one.name for one in choice.options)
+            raise SpecError(NOT_ON_SURFACE(spans[which], name=builder.objects[which], surface=names))
+        if part != TRUE:
+            formulas.append(part)
+    return formulas
+
+
+def _on(lowering: Lowering, which: int, under: Support, text: str, span: Span) -> int:
+    """An object's centre is on a surface, or all of it between the walls."""
+    builder, coerce = lowering.builder, lowering.coerce
+    zero = builder.const(0.0)
+    pose = (coerce.coordinate(which, axis) for axis in FLAT)
+    if under.carrier is not None:
+        below = tuple(coerce.coordinate(under.carrier, axis) for axis in FLAT)
+    else:
+        below = tuple(map(builder.const, under.pose))
+    primitive, shape = ("room", coerce.covers(which)) if under.walled else ("gap", POINT)
+    x, y, theta = pose
+    value = builder.apply(primitive, (x, y, theta if under.walled else zero, *below), (shape, under.outline))
+    sides = (zero, value) if under.walled else (value, zero)
+    if isinstance(amount := builder.value(value), float):
+        return FALSE if (-amount if under.walled else amount) > ROUNDING else TRUE
+    return builder.atom(*sides, text, LENGTH, (span,))
+
+
+def _on_one(lowering: Lowering, which: int, choice: Choice, span: Span) -> int:
+    """An object is on the surface that its switch says."""
+    builder, name = lowering.builder, lowering.builder.objects[which]
+    switch = builder.coord(choice.switch, X)
+    parts = []
+    for low, high, options in grouped(choice):
+        text = f"{name} on {' or '.join(one.name for one in options)}"
+        ends = [builder.atom(builder.const(low), switch, text, BARE, (span,))] if low > 0.0 else []
+        ends += [builder.atom(switch, builder.const(high), text, BARE, (span,))] if high < 1.0 else []
+        parts.append(builder.junction("min", [*ends, _on(lowering, which, options[0], text, span)], text))
+    names = ", ".join(one.name for one in choice.options)
+    return builder.junction("max", parts, f"{name} on any of [{names}]")

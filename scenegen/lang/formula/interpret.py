@@ -1,0 +1,243 @@
+"""The core formula, evaluated node by node over any array namespace.
+
+With plain floats this is the oracle that the tests hold every other reader against; with numpy it scores scene files
+without torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import reduce
+from typing import Any, Protocol, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.geometry import MATH, NUMPY, PRIMITIVES, Namespace
+from scenegen.geometry.namespace import turning
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node
+from scenegen.lang.formula.nearest import SEVERAL, Groups, find_groups, minimum
+from scenegen.pose import THETA, along
+
+# --------------------------------------------------------------------------------------------------------------------
+# The one loop over the tape of a core formula.
+#
+# A reader says what each kind of node is worth in its own terms: a number, an array, a tensor, an interval, a number
+# with the atom it came from. That is an Algebra. `fold` walks the tape and gives every node its value, children
+# first.
+
+
+Value = TypeVar("Value")
+
+
+class Algebra(Protocol[Value]):
+    """What nodes are worth. Each method gets the place of the node on the tape, the node, and the values of its
+    arguments, in order."""
+
+    def constant(self, index: int, node: Const) -> Value: ...
+    def coordinate(self, index: int, node: Coord) -> Value: ...
+    def apply(self, index: int, node: Apply, args: list[Value]) -> Value: ...
+    def junction(self, index: int, node: Junction, args: list[Value]) -> Value: ...
+
+    def atom(self, index: int, node: Atom, margin: Value) -> Value:
+        """An atom is worth its margin, for most readers."""
+        return margin
+
+
+def fold(
+    nodes: Sequence[Node],
+    algebra: Algebra[Value],
+    *,
+    before: Callable[[], None] | None = None,
+    dead: Sequence[Sequence[int]] | None = None,
+    free: Callable[[Value], None] | None = None,
+    values: list[Value] | None = None,
+) -> list[Value]:
+    """The value of every node. `before` is called before each node: what it raises breaks off.
+
+    With `dead` (see core.last_uses), values are dropped after their last use, and None is in their places; `free` is
+    called with each before. `values`, an empty list, is what values are put into: for an algebra that looks at others
+    than a node's arguments.
+    """
+    values = [] if values is None else values
+    # Looked up once: tapes have thousands of nodes, and a node of floats takes a microsecond.
+    apply, coordinate, junction = algebra.apply, algebra.coordinate, algebra.junction
+    add, dropped = values.append, cast(list[Any], values)
+    for index, node in enumerate(nodes):
+        if before is not None:
+            before()
+        if isinstance(node, Apply):
+            add(apply(index, node, [values[arg] for arg in node.args]))
+        elif isinstance(node, Coord):
+            add(coordinate(index, node))
+        elif isinstance(node, Atom):
+            add(algebra.atom(index, node, values[node.margin]))
+        elif isinstance(node, Junction):
+            add(junction(index, node, [values[arg] for arg in node.args]))
+        elif isinstance(node, Const):
+            add(algebra.constant(index, node))
+        else:
+            raise TypeError(f"a formula over time has no value in one scene: {type(node).__name__}")
+        if dead is not None:
+            for child in dead[index]:
+                if free is not None:
+                    free(values[child])
+                dropped[child] = None
+    return values
+
+
+class Numbers(Algebra[Any]):
+    """Nodes as numbers of a namespace: floats, arrays or tensors. `rows[row]` is a coordinate."""
+
+    def __init__(self, namespace: Namespace, rows: Sequence[Any]) -> None:
+        self.namespace, self.rows = namespace, rows
+
+    def constant(self, index: int, node: Const) -> Any:
+        return node.value
+
+    def coordinate(self, index: int, node: Coord) -> Any:
+        return self.rows[node.row]
+
+    def apply(self, index: int, node: Apply, args: list[Any]) -> Any:
+        return PRIMITIVES[node.primitive].evaluate(self.namespace, *node.shapes, *args)
+
+    def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
+        return reduce(self.namespace.minimum if node.kind == "min" else self.namespace.maximum, args)
+
+
+class Fewer(Numbers):
+    """Arrays of numpy, (B,), of the nodes that are needed, without the gaps that cannot be the least of many."""
+
+    def __init__(self, namespace: Namespace, rows: Sequence[Any], groups: Groups, values: list[Any]) -> None:
+        super().__init__(namespace, rows)
+        self.groups, self.values = groups, values
+
+    def apply(self, index: int, node: Apply, args: list[Any]) -> Any:
+        return None if index in self.groups.skipped else super().apply(index, node, args)
+
+    def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
+        if index in self.groups.skipped:
+            return None
+        group = self.groups.by_node.get(index)
+        if group is None:
+            return super().junction(index, node, args)
+        return minimum(group, self.rows, self.namespace.turn, self.values)
+
+
+def evaluate(
+    core: Core,
+    rows: Sequence[Any],
+    namespace: Namespace = MATH,
+    check: Callable[[], None] | None = None,
+    needed: Collection[int] | Groups | None = None,
+) -> list[Any]:
+    """The value of every node. `rows` holds 3N coordinates, floats or equally shaped arrays of the namespace.
+    `check` is called before every node: what it raises breaks off. With `needed`, other nodes than those may lack a
+    value, which is faster in many scenes; `find_groups` prepares it for many runs."""
+    many = namespace is NUMPY and np.ndim(rows[0]) == 1 and len(rows[0]) >= SEVERAL
+    if namespace is not MATH:
+        namespace = turning(namespace, rows[along(THETA)])
+    if needed is not None and many:
+        groups = needed if isinstance(needed, Groups) else find_groups(core, needed)
+        if groups.skipped:
+            values: list[Any] = []
+            return fold(core.nodes, Fewer(namespace, rows, groups, values), before=check, values=values)
+    return fold(core.nodes, Numbers(namespace, rows), before=check)
+
+
+def phi(core: Core, rows: Sequence[Any], namespace: Namespace = MATH) -> dict[str, Any]:
+    """The satisfaction value of each label (Definition 2 of the paper)."""
+    values = evaluate(core, rows, namespace, needed=core.labels.values())
+    return {name: values[index] for name, index in core.labels.items()}
+
+
+def deciding_atom(core: Core, label: str, values: Sequence[float]) -> int:
+    """The node of the atom whose margin is the label's phi, given the value of every node for one scene.
+
+    An atom whose margin is the same in every scene decides nothing: where it is phi, the atom is the one that decides
+    without it. There is such an atom only where all are the same.
+    """
+    found = _decider(core, core.labels[label], values)
+    if not is_constant(core, found):
+        return found
+    rest = without_constants(core, core.labels[label], values)
+    return _decider(core, core.labels[label], rest) if core.labels[label] in rest else found
+
+
+def _decider(core: Core, index: int, values: Sequence[float] | Mapping[int, float]) -> int:
+    while True:
+        node = core.nodes[index]
+        if not isinstance(node, Junction):
+            return index
+        args = [arg for arg in node.args if arg in values] if isinstance(values, Mapping) else node.args
+        # The first that decides: readers of the spec look there first, too.
+        index = next(arg for arg in args if values[arg] == values[index])
+
+
+def is_constant(core: Core, atom: int) -> bool:
+    """Whether an atom's margin is the same in every scene."""
+    node = core.nodes[atom]
+    return isinstance(node, Atom) and isinstance(core.nodes[node.margin], Const)
+
+
+def without_constants(core: Core, root: int, values: Sequence[Any]) -> dict[int, Any]:
+    """The values of the formulas up to `root`, floats or arrays, as they are without the atoms that are the same in
+    every scene. A formula of nothing else has none."""
+    found: dict[int, Any] = {}
+    for index, node in enumerate(core.nodes[: root + 1]):
+        if isinstance(node, Junction):
+            parts = [found[arg] for arg in node.args if arg in found]
+            if parts:
+                found[index] = reduce(np.minimum if node.kind == "min" else np.maximum, parts)
+        elif isinstance(node, Atom) and not is_constant(core, index):
+            found[index] = values[index]
+    return found
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Which atom decides phi, for many scenes at once.
+
+
+Index = npt.NDArray[np.intp]
+
+
+def deciding_atoms(core: Core, rows: npt.NDArray[np.float64], label: str) -> dict[int, int]:
+    """How often each atom decides phi of a label over B scenes stored as (3N, B): atom's node -> count, most first.
+
+    An atom decides where its margin is the label's phi: it alone would have to change for phi to change. Where that
+    margin is the same in every scene, the atom that decides without it counts, as `deciding_atom` has it.
+    """
+    root = core.labels[label]
+    values = [np.broadcast_to(value, rows.shape[1]) for value in evaluate(core, list(rows), NUMPY)]
+    found = _deciders(core, root, dict(enumerate(values)), np.arange(rows.shape[1]))
+    constant = [atom for atom in found if is_constant(core, atom)]
+    rest = without_constants(core, root, values) if constant else {}
+    if root in rest:
+        scenes = np.concatenate([found.pop(atom) for atom in constant])
+        for atom, more in _deciders(core, root, rest, scenes).items():
+            found[atom] = np.concatenate([found.get(atom, np.empty(0, dtype=np.intp)), more])
+    counts = {atom: len(scenes) for atom, scenes in found.items()}
+    return dict(sorted(counts.items(), key=lambda item: -item[1]))
+
+
+def _deciders(core: Core, root: int, values: Mapping[int, npt.NDArray[np.float64]], scenes: Index) -> dict[int, Index]:
+    """For each atom those of the scenes in which it decides the formula `root`."""
+    waiting = {root: scenes}
+    found: dict[int, Index] = {}
+    # Parents come after their children on the tape, so going downwards meets every node after all who point to it.
+    for index in range(root, -1, -1):
+        here = waiting.pop(index, None)
+        if here is None:
+            continue
+        node = core.nodes[index]
+        if not isinstance(node, Junction):
+            found[index] = here
+            continue
+        for arg in node.args:
+            if arg not in values:
+                continue
+            mine = values[arg][here] == values[index][here]
+            if mine.any():
+                waiting[arg] = np.concatenate([waiting.get(arg, np.empty(0, dtype=np.intp)), here[mine]])
+                here = here[~mine]
+    return found

@@ -1,0 +1,1 @@
+"""Text -> syntax tree, and back: parser, errors of syntax, canonical print and formatter."""

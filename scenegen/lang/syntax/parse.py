@@ -1,0 +1,470 @@
+"""Text -> syntax tree."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from dataclasses import replace
+from functools import cache
+from itertools import islice
+from typing import Any, NamedTuple
+
+from lark import Lark, Token
+from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+
+from scenegen.errors import Diagnostic, Source, Span, SpecError
+from scenegen.errors.language import (
+    BINARY_FILE,
+    CANNOT_PARSE,
+    EMPTY_SPEC,
+    HALF_CHARACTER,
+    NESTED_TOO_DEEPLY,
+    NOT_UTF8,
+    ODD_LINE_BREAK,
+    SPEC_TOO_LONG,
+    TOO_MANY_QUANTIFIERS,
+)
+from scenegen.errors.time import TOO_MANY_OVER_TIME
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax import ast as traversal
+from scenegen.lang.syntax import parser_tables as tables
+from scenegen.lang.syntax.tokens import TEMPORAL, blank, has_time, next_opening, scan
+
+# --------------------------------------------------------------------------------------------------------------------
+# From Lark's reductions to the syntax tree.
+#
+# Lark calls the method named like the rule as soon as the rule is recognised, with the finished parts as `items`:
+# tokens and nodes in the order of the text. So a tree as deep as you like is built without recursion. The builder
+# keeps no state: offsets are enough, the module adds the source.
+
+
+# margins know no strictness: `<` means `<=`, and the tree says so
+_COMPARE = {"≤": "<=", "≥": ">=", "≠": "!=", "<": "<=", ">": ">="}
+_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)[ \t]*([a-z]*(?:/s)?)$")
+
+
+class _Part(NamedTuple):
+    """A piece of a declaration on its way to it."""
+
+    kind: str
+    value: ast.Expr
+    start: int
+    end: int
+    choice: ast.Chosen = ""
+
+
+class _Levels(list[ast.Expr]):
+    """The heights of a region on their way to it."""
+
+    @property
+    def end(self) -> int:
+        return self[-1].end
+
+
+def _start(item: Any) -> int:
+    return int(item.start_pos or 0) if isinstance(item, Token) else int(item.start)
+
+
+def _end(item: Any) -> int:
+    return int(item.end_pos or 0) if isinstance(item, Token) else int(item.end)
+
+
+def _at(items: list[Any]) -> dict[str, int]:
+    return {"start": _start(items[0]), "end": _end(items[-1])}
+
+
+def _nodes(items: list[Any]) -> list[Any]:
+    return [item for item in items if not isinstance(item, Token)]
+
+
+def _name(token: Token) -> ast.Name:
+    return ast.Name(str(token), start=_start(token), end=_end(token))
+
+
+def _names(items: list[Any]) -> list[ast.Name]:
+    return [_name(item) for item in items if isinstance(item, Token) and item.type in ("NAME", "LABEL")]
+
+
+class Builder:
+    """One method per rule of the grammar."""
+
+    # ---- the file: statements come as a list, a bare formula as itself
+
+    def start(self, items: list[Any]) -> list[ast.Statement]:
+        return items
+
+    def bare(self, items: list[Any]) -> ast.Expr:
+        expr: ast.Expr = items[0]
+        return expr
+
+    # ---- statements
+
+    def workspace(self, items: list[Any]) -> ast.Workspace:
+        x, y = _nodes(items)
+        return ast.Workspace(x, y, **_at(items))
+
+    def interval(self, items: list[Any]) -> ast.Interval:
+        lowest, highest = _nodes(items)
+        return ast.Interval(lowest, highest, **_at(items))
+
+    def objects(self, items: list[Any]) -> ast.Objects:
+        return ast.Objects(tuple(_nodes(items)), **_at(items))
+
+    def decl(self, items: list[Any]) -> ast.Declaration:
+        parts = {part.kind: part.value for part in items if isinstance(part, _Part)}
+        (name,) = _names(items)
+        count, shape, pose, support = (parts.get(kind) for kind in ("count", "shape", "pose", "support"))
+        choice: ast.Chosen = next((part.choice for part in items if isinstance(part, _Part) and part.choice), "")
+        return ast.Declaration(name, count, shape, pose, support, choice, **_at(items))
+
+    def count(self, items: list[Any]) -> _Part:
+        return _Part("count", items[1], _start(items[0]), _end(items[-1]))
+
+    def shape(self, items: list[Any]) -> _Part:
+        return _Part("shape", items[1], _start(items[0]), _end(items[-1]))
+
+    def support(self, items: list[Any]) -> _Part:
+        words = {item.type for item in items if isinstance(item, Token)}
+        choice: ast.Chosen = "area" if "BY_AREA" in words else "equal" if "ANY" in words else ""
+        (surface,) = _nodes(items)
+        return _Part("support", surface, _start(items[0]), _end(items[-1]), choice)
+
+    def pose(self, items: list[Any]) -> _Part:
+        return _Part("pose", items[1], _start(items[0]), _end(items[-1]))
+
+    def region(self, items: list[Any]) -> ast.Region:
+        parts = [item for item in items if not isinstance(item, Token)]
+        counts = [part.value for part in parts if isinstance(part, _Part)]
+        levels = next((tuple(part) for part in parts if isinstance(part, _Levels)), ())
+        (shape,) = (part for part in parts if not isinstance(part, _Part | _Levels))
+        count = counts[0] if counts else None
+        return ast.Region(_name(items[1]), shape, count, levels, **_at(items))
+
+    def levels(self, items: list[Any]) -> _Levels:
+        return _Levels(_nodes(items))
+
+    def const(self, items: list[Any]) -> ast.Constant:
+        return ast.Constant(_name(items[1]), items[3], **_at(items))
+
+    def define(self, items: list[Any]) -> ast.Definition:
+        *parameters, body = _nodes(items)
+        return ast.Definition(_name(items[1]), tuple(parameters), body, **_at(items))
+
+    def param(self, items: list[Any]) -> ast.Parameter:
+        return ast.Parameter(_name(items[0]), items[2] if len(items) > 1 else None, **_at(items))
+
+    def require(self, items: list[Any]) -> ast.Require:
+        return ast.Require(items[1], **_at(items))
+
+    def import_(self, items: list[Any]) -> ast.Import:
+        return ast.Import(self.string(items[1:]), **_at(items))
+
+    def label(self, items: list[Any]) -> ast.Label:
+        return ast.Label(_name(items[0]), items[2], **_at(items))
+
+    def time_steps(self, items: list[Any]) -> ast.Time:
+        return ast.Time(items[1], _name(items[2]), None, **_at(items))
+
+    def time_span(self, items: list[Any]) -> ast.Time:
+        return ast.Time(items[3], None, items[1], **_at(items))
+
+    def moves(self, items: list[Any]) -> ast.Moves:
+        return ast.Moves(_name(items[1]), **_at(items))
+
+    # ---- formulas
+
+    def implies(self, items: list[Any]) -> ast.Implies:
+        return ast.Implies(items[0], items[2], **_at(items))
+
+    def disjunction(self, items: list[Any]) -> ast.Or:
+        return ast.Or(tuple(_nodes(items)), **_at(items))
+
+    def conjunction(self, items: list[Any]) -> ast.And:
+        return ast.And(tuple(_nodes(items)), **_at(items))
+
+    def negation(self, items: list[Any]) -> ast.Not:
+        return ast.Not(items[1], **_at(items))
+
+    def temporal(self, items: list[Any]) -> ast.Temporal:
+        operator: Any = str(items[0])
+        return ast.Temporal(operator, items[1] if len(items) > 2 else None, items[-1], **_at(items))
+
+    def until(self, items: list[Any]) -> ast.Until:
+        operator: Any = str(items[1])
+        return ast.Until(operator, items[2] if len(items) > 3 else None, items[0], items[-1], **_at(items))
+
+    def quantifier(self, items: list[Any]) -> ast.Quantifier:
+        domain, body = _nodes(items)
+        kind: Any = "forall" if items[0].type == "FORALL" else "exists"
+        return ast.Quantifier(kind, tuple(_names(items)), domain, body, **_at(items))
+
+    def range(self, items: list[Any]) -> ast.Range:
+        lowest, highest = _nodes(items)
+        return ast.Range(lowest, highest, **_at(items))
+
+    def compare(self, items: list[Any]) -> ast.Compare:
+        operators: Any = tuple(_COMPARE.get(str(token), str(token)) for token in items[1::2])
+        return ast.Compare(tuple(items[0::2]), operators, **_at(items))
+
+    # ---- numbers and places
+
+    def binary(self, items: list[Any]) -> ast.Binary:
+        left, operator, right = items
+        symbol: Any = str(operator)
+        return ast.Binary(symbol, left, right, **_at(items))
+
+    def negative(self, items: list[Any]) -> ast.Negative:
+        return ast.Negative(items[1], **_at(items))
+
+    def name(self, items: list[Any]) -> ast.Name:
+        return _name(items[0])
+
+    def member(self, items: list[Any]) -> ast.Member:
+        base = _name(items[0]) if isinstance(items[0], Token) else items[0]
+        return ast.Member(base, _name(items[2]), **_at(items))
+
+    def index(self, items: list[Any]) -> ast.Index:
+        return ast.Index(items[0], items[2], **_at(items))
+
+    def call(self, items: list[Any]) -> ast.Call:
+        return ast.Call(_name(items[0]), tuple(_nodes(items)), **_at(items))
+
+    def argument(self, items: list[Any]) -> ast.Argument:
+        name = _name(items[0]) if len(items) > 1 else None
+        return ast.Argument(name, items[-1], **_at(items))
+
+    def quantity(self, items: list[Any]) -> ast.Quantity:
+        found = _NUMBER.match(items[0])
+        if found is None:
+            raise AssertionError(f"the grammar let {items[0]!r} pass for a quantity")
+        return ast.Quantity(found[1], found[2], **_at(items))
+
+    def string(self, items: list[Any]) -> ast.Text:
+        return ast.Text(str(items[0])[1:-1], **_at(items[:1]))
+
+    def truth(self, items: list[Any]) -> ast.Truth:
+        return ast.Truth(items[0].type == "TRUE", **_at(items))
+
+    def list_(self, items: list[Any]) -> ast.List:
+        return ast.List(tuple(_nodes(items)), **_at(items))
+
+    def point(self, items: list[Any]) -> ast.Point:
+        return ast.Point(tuple(_nodes(items)), **_at(items))
+
+    def parenthesis(self, items: list[Any]) -> ast.Expr:
+        # Parentheses leave no node, but what stands in them now reaches from one to the other.
+        inner: ast.Expr = items[1]
+        return _moved(inner, _start(items[0]), _end(items[-1]))
+
+
+def _moved(node: ast.Expr, start: int, end: int) -> ast.Expr:
+    fields = {name: getattr(node, name) for name in type(node).__match_args__}
+    return type(node)(**fields, start=start, end=end)
+
+
+_ODD_BREAKS = re.compile("[\v\f\x1c-\x1e\x85\u2028\u2029]")
+
+_OVER_TIME = re.compile(rf"\b(?:{'|'.join(sorted(TEMPORAL))})\b")
+
+_SURROGATES = re.compile("[\ud800-\udfff]")  # halves of characters: text in memory can hold one alone, no file can
+
+MAX_CHARACTERS = 16_000_000
+MAX_NESTING = 20_000
+MAX_OVER_TIME = 20_000  # operators of time, written out
+MAX_QUANTIFIERS = 100  # inside each other: whatever walks a formula carries the variables along
+MOST_ERRORS = 20  # of one run; more than that usually come from one mistake
+
+_STATEMENT_RULES = frozenset(
+    "workspace objects region const define require import_ label time_steps time_span moves".split()
+)
+
+
+def parse(source: Source, timed: bool | None = None) -> ast.Module:
+    """The syntax tree of a spec's text. Raises SpecError with the first mistake of every statement that has one.
+
+    `timed` says whether the words of time are keywords; left out: where the text has a `time` statement."""
+    problem = _unreadable(source)
+    if problem is not None:
+        raise SpecError(problem)
+    timed = has_time(source.text) if timed is None else timed
+    many = _too_many_over_time(source) if timed else None
+    if many is not None:
+        raise SpecError(many)
+    tree, problems = _statement_by_statement(source, _parser(timed), timed)
+    if problems:
+        raise SpecError(*problems)
+    module = _module(source, tree)
+    deep = _too_deep(module)
+    if deep is not None:
+        raise SpecError(deep)
+    return module
+
+
+def parse_tolerant(source: Source) -> tuple[ast.Module | None, list[Diagnostic]]:
+    """What can be parsed, and what is wrong with the rest: for editors, which meet unfinished texts all the time.
+
+    The module holds the statements that parse, None stands for it where not one does; places are those of the whole
+    text. The diagnostics are those that `parse` raises. After MOST_ERRORS of them the rest of the text is left alone.
+    """
+    problem = _unreadable(source)
+    if problem is not None:
+        return None, [problem]
+    builder = _Keeping()
+    timed = has_time(source.text)
+    many = _too_many_over_time(source) if timed else None
+    if many is not None:
+        return None, [many]
+    tree, problems = _statement_by_statement(source, tables.parser(builder, timed), timed, builder.kept)
+    module = _module(source, tree) if not problems else ast.Module(source, tuple(builder.kept), None)
+    deep = _too_deep(module)
+    if deep is not None:
+        return None, [*problems, deep]
+    return (module if module.statements or module.bare is not None else None), problems
+
+
+def _unreadable(source: Source) -> Diagnostic | None:
+    """What keeps a text from being read at all."""
+    text = source.text
+    if len(text) > MAX_CHARACTERS:
+        return SPEC_TOO_LONG(file=source.name, characters=len(text), limit=MAX_CHARACTERS)
+    if "\0" in text:
+        return BINARY_FILE(file=source.name)
+    odd = _ODD_BREAKS.search(text)
+    if odd is not None:
+        # Some editors show a new line here, the comment rule of the grammar does not see one: better to ask.
+        here = Span(source, odd.start(), odd.end())
+        return ODD_LINE_BREAK(here, point=ord(odd[0]))
+    half = _SURROGATES.search(text)
+    if half is not None:
+        here = Span(source, half.start(), half.end())
+        return HALF_CHARACTER(here, point=ord(half[0]))
+    if not _has_content(text):
+        return EMPTY_SPEC(Span(source, len(text), len(text)), file=source.name)
+    return None
+
+
+def _module(source: Source, tree: Any) -> ast.Module:
+    return ast.Module(source, tuple(tree), None) if isinstance(tree, list) else ast.Module(source, (), tree)
+
+
+class _Keeping:
+    """A builder that keeps every finished statement: what stands before a mistake is not lost with it."""
+
+    def __init__(self) -> None:
+        self.kept: list[ast.Statement] = []
+        self._builder = Builder()
+
+    def __getattr__(self, rule: str) -> Any:
+        build = getattr(self._builder, rule)
+        if rule not in _STATEMENT_RULES:
+            return build
+
+        def keep(items: list[Any]) -> ast.Statement:
+            statement: ast.Statement = build(items)
+            self.kept.append(statement)
+            return statement
+
+        return keep
+
+
+def _statement_by_statement(
+    source: Source, parser: Lark, timed: bool, kept: list[ast.Statement] | None = None
+) -> tuple[Any, list[Diagnostic]]:
+    """The tree (of what follows the last mistake) and the first mistake of every statement, at most MOST_ERRORS.
+
+    After a mistake everything up to the next opening of a statement is blanked and the rest parsed on its own: the
+    parser's tables stay as they are. With `kept`, a statement that the mistake does not belong to is saved into it.
+    """
+    problems: list[Diagnostic] = []
+    text, begin = source.text, 0
+    while True:
+        try:
+            return parser.parse(text), problems
+        except (UnexpectedToken, UnexpectedCharacters) as error:
+            from scenegen.lang.syntax.syntax_errors import explain, stop  # five modules that correct specs do not need
+
+            problem, stopped = explain(Source(source.name, text), error, timed), stop(text, error)
+        except UnexpectedInput as error:  # Lark has no other kind today
+            return None, [*problems, CANNOT_PARSE(file=source.name, reason=str(error))]
+        problem = _here(problem, source)
+        if problem not in problems:
+            problems.append(problem)
+        if kept is not None and not text[:stopped].rpartition("\n")[2].strip():
+            # The mistake opens a line: what stands before it may be a statement in itself.
+            done = max(begin, kept[-1].end if kept else 0)
+            with contextlib.suppress(UnexpectedInput):
+                parser.parse(blank(text[:stopped], begin, done))
+        following = next_opening(source.text, begin, stopped)
+        if following is None or len(problems) == MOST_ERRORS:
+            return None, problems
+        text, begin = blank(text, begin, following), following
+
+
+def _here(problem: Diagnostic, source: Source) -> Diagnostic:
+    """A diagnostic about the blanked text, about the whole one."""
+    if problem.span is None:
+        return problem
+    return replace(problem, span=Span(source, problem.span.start, problem.span.end))
+
+
+@cache
+def _parser(timed: bool) -> Lark:
+    return tables.parser(Builder(), timed)
+
+
+def _has_content(text: str) -> bool:
+    return any(line.split("#", 1)[0].strip() for line in text.splitlines())
+
+
+def _too_deep(module: ast.Module) -> Diagnostic | None:
+    """No reader of the tree recurses, so depth is bounded by choice, not by Python's stack."""
+    roots = [expr for statement in module.statements for expr in traversal.expressions(statement)]
+    roots = roots if module.bare is None else [module.bare]
+    level: list[Any] = roots
+    quantifiers = 0
+    for _ in range(MAX_NESTING):
+        if not level:
+            return _too_many_quantifiers(module.source, roots) if quantifiers > MAX_QUANTIFIERS else None
+        quantifiers += sum(isinstance(node, ast.Quantifier) for node in level)
+        level = [child for node in level for child in traversal.children(node)]
+    if not level:
+        return None
+    return NESTED_TOO_DEEPLY(level[0].span(module.source), limit=MAX_NESTING)
+
+
+def _too_many_quantifiers(source: Source, roots: list[Any]) -> Diagnostic | None:
+    """The first quantifier that too many others are around."""
+    stack = [(root, 0) for root in reversed(roots)]
+    while stack:
+        node, around = stack.pop()
+        inside = around + isinstance(node, ast.Quantifier)
+        if inside > MAX_QUANTIFIERS:
+            return TOO_MANY_QUANTIFIERS(node.span(source), limit=MAX_QUANTIFIERS)
+        stack.extend((child, inside) for child in reversed(traversal.children(node)))
+    return None
+
+
+def _too_many_over_time(source: Source) -> Diagnostic | None:
+    """Told before the text is parsed, which would take many seconds."""
+    if sum(1 for _ in _OVER_TIME.finditer(source.text)) <= MAX_OVER_TIME:
+        return None
+    words = (token for token in scan(source.text, timed=True) if token.kind == "name" and token.text in TEMPORAL)
+    beyond = next(islice(words, MAX_OVER_TIME, None), None)
+    return None if beyond is None else TOO_MANY_OVER_TIME(Span(source, beyond.start, beyond.end), limit=MAX_OVER_TIME)
+
+
+def plain_breaks(text: str) -> str:
+    """Line breaks of Windows and of old Macs become plain ones: a comment must end where people see it end."""
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_source(name: str, data: bytes) -> Source:
+    """A spec file's bytes as text. Raises SpecError for binary data and for what is not UTF-8."""
+    if b"\0" in data[:8192] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise SpecError(BINARY_FILE(file=name))
+    try:
+        return Source(name, plain_breaks(data.decode("utf-8-sig")))
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        byte = data[error.start]
+        raise SpecError(NOT_UTF8(file=name, byte=byte, line=line)) from None

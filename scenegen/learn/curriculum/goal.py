@@ -1,0 +1,150 @@
+"""The goal of an episode: the spec's labels, and which of them have to be satisfied."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import error
+
+from scenegen.api.spec import Spec
+from scenegen.errors import Diagnostic, ScenegenError, quoted
+from scenegen.errors.requests import UNKNOWN_CHOICE, UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.geometry import MATH, NUMPY
+from scenegen.lang.check.families import members_of
+from scenegen.lang.formula.core import Core, Junction, gated
+from scenegen.lang.formula.interpret import phi
+from scenegen.lang.spec import CheckedSpec
+
+# --------------------------------------------------------------------------------------------------------------------
+# Bad requests as gymnasium's own errors, in one sentence. Their `diagnostic` has the code and the facts.
+
+
+def sentence(problem: Diagnostic, more: str = "") -> str:
+    """A problem in one line: what is wrong, why, what to do, and its code."""
+    text = "; ".join(part for part in (problem.title, problem.note, problem.help, more) if part)
+    return f"{text} [{problem.code}]"
+
+
+def refused(problem: Diagnostic, kind: type[error.Error] = error.Error, more: str = "") -> error.Error:
+    """A problem as an error of gymnasium, with `more` text at the end."""
+    made: Any = kind(sentence(problem, more))
+    made.diagnostic = problem
+    found: error.Error = made
+    return found
+
+
+@contextmanager
+def as_gymnasium(kind: type[error.Error] = error.Error) -> Iterator[None]:
+    """Turns scenegen's errors into errors of gymnasium."""
+    try:
+        yield
+    except ScenegenError as problem:
+        raise refused(problem.diagnostics[0], kind) from problem
+
+
+def count(name: str, value: object) -> int:
+    """A whole number from 1 up. Raises gymnasium.error.Error."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise refused(WRONG_VALUE(argument=name, value=repr(value), wanted="a whole number from 1 up"))
+    return int(value)
+
+
+def number(name: str, value: object, unit: str) -> float:
+    """A number, numpy's included. Raises gymnasium.error.Error."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise refused(WRONG_VALUE(argument=name, value=repr(value), wanted=f"a number of {unit}"))
+    return float(value)
+
+
+def one_of(name: str, value: object, known: Sequence[str]) -> None:
+    """Raises gymnasium.error.Error for a word that is not known."""
+    if value not in known:
+        raise refused(UNKNOWN_CHOICE(what=name, name=str(value), known=known, plural=f"values of `{name}`"))
+
+
+def names(name: str, value: object, kind: str) -> tuple[str, ...]:
+    """One name or several, each once. Raises gymnasium.error.Error for anything else."""
+    if isinstance(value, str):
+        return (value,)
+    if not isinstance(value, list | tuple | set | frozenset) or not all(isinstance(one, str) for one in value):
+        wanted = f"the name of {kind}, or a list of names"
+        raise refused(WRONG_VALUE(argument=name, value=repr(value), wanted=wanted))
+    return tuple(dict.fromkeys(sorted(value) if isinstance(value, set | frozenset) else value))
+
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """`spec` is the given spec; if several labels have to be satisfied, it has one more label, the last: their minimum.
+    `names` are its D labels, `goal` is the number of the label that is satisfied at the end of a successful episode,
+    `labels` counts the labels of the given spec, and `wanted` are those that have to be satisfied."""
+
+    spec: Spec
+    names: tuple[str, ...]
+    goal: int
+    labels: int
+    wanted: tuple[str, ...]
+
+
+def make_goal(spec: Spec, goal: str | Sequence[str] | None) -> Goal:
+    """`goal` names the labels to satisfy, all of them if it is None. Raises gymnasium.error.Error for unknown ones."""
+    wanted = spec.labels if goal is None else names("goal", goal, "a label")
+    for name in wanted:
+        if name not in spec.labels:
+            raise refused(UNKNOWN_LABEL(name=name, known=spec.labels))
+    if not wanted:
+        usage = f"a label, {quoted(spec.labels)}, or leave it out"
+        raise refused(WRONG_VALUE(argument="goal", value="empty", wanted=usage))
+    if len(wanted) == 1:
+        return Goal(spec, spec.labels, spec.labels.index(wanted[0]), len(spec.labels), wanted)
+    aimed = _aimed(spec.drawn, wanted)
+    members = tuple(_aimed(one, wanted) for one in spec.drawn.members)
+    labels = aimed.labels
+    return Goal(Spec(dataclasses.replace(aimed, members=members)), labels, len(labels) - 1, len(spec.labels), wanted)
+
+
+def _aimed(spec: CheckedSpec, wanted: Sequence[str]) -> CheckedSpec:
+    """The spec with one more label, the minimum of the wanted ones."""
+    core = spec.core
+    together = Junction("min", tuple(core.labels[name] for name in wanted))
+    labels = {**core.labels, " & ".join(wanted): len(core.nodes)}
+    return dataclasses.replace(spec, core=dataclasses.replace(core, nodes=(*core.nodes, together), labels=labels))
+
+
+class Scorer:
+    """phi of all D labels of a goal; the last of the R rows is the requirement's, if there is one.
+
+    One scene is scored by plain Python: some 6 microseconds for a small spec, where torch takes 100 and numpy 9.
+    """
+
+    def __init__(self, target: Goal) -> None:
+        self._members = members_of(target.spec.drawn)
+        self._cores: tuple[Core, ...] = tuple(gated(one.core) for one in self._members.specs)
+        self.requires = any(one.core.requirement is not None for one in self._members.specs)
+
+    def __call__(self, rows: Array) -> Array:
+        """(3N, B) -> (R, B). Rows of objects that are not there are NaN."""
+        if len(self._cores) == 1:
+            return self._score(self._cores[0], rows)
+        found = np.full((len(self._members.specs[0].labels) + self.requires, rows.shape[1]), np.inf)
+        for member, which in self._members.of(rows):
+            values = self._score(self._cores[member], rows[self._members.rows[member][:, None], which])
+            found[: len(values), which] = values  # a member that requires nothing leaves the last row infinite
+        return found
+
+    def _score(self, core: Core, rows: Array) -> Array:
+        count = rows.shape[1]
+        if count == 1:
+            values = phi(core, rows[:, 0].tolist(), MATH)
+            return np.array(list(values.values()))[:, None]
+        values = phi(core, list(rows), NUMPY)
+        return np.stack([np.broadcast_to(value, count) for value in values.values()])

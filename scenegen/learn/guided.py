@@ -1,0 +1,285 @@
+"""Scenes from any proposer, refined onto their targets and verified.
+
+A proposer, in practice a trained model, gets target values of phi and returns scenes, good or bad. They are moved onto
+the target, stirred by random moves within their range, and scored exactly; those in the range and the workspace are
+candidates. So the distribution within a cell is the proposer's after these moves: approximate, as the documentation
+says.
+
+torch is loaded when a plan draws (or is made, which draws a few scenes), not when it is read back in another process.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import RequestError
+from scenegen.learn.targets import Targets, make_targets
+from scenegen.processes.pool import one_thread
+from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
+from scenegen.sampling.problem import GUIDED, Budget, Problem
+from scenegen.sampling.proposer import Proposer
+from scenegen.sampling.report import shortfall, too_early
+from scenegen.search.effort import NEVER, Stop
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+SMALLEST, LARGEST = 256, 16_384  # candidates of a piece
+CHUNK = 4096  # candidates refined at a time
+FIRST, MORE = 8, 4  # candidates per cell in the plan's first round; factor from one round to the next
+PATIENCE = 2048  # candidates without success after which a cell counts as unreachable
+LOOKED_AT = 512  # minimum number of cells that the plan tries if fewer scenes than cells are requested
+SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
+REFINING = 60  # evaluations of phi per refined candidate, about
+BARREN = 64  # a run ends after so many pieces in a row without a new scene
+SLACK = 1e-9  # beyond this distance from the range, torch's phi suffices to reject a scene
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Guided(Plan):
+    """A proposer's scenes, refined. A piece has `counts` candidates for the cells `reachable`; `rate` is the share of
+    candidates in range. Making the plan took `candidates`, of which `moved` were refined. The facts of a piece are the
+    numbers of its candidates and of those that were refined. `stop` can interrupt a piece; it does not change the
+    result."""
+
+    proposer: Proposer
+    targets: Targets
+    reachable: tuple[int, ...]
+    counts: tuple[int, ...]
+    rate: float
+    candidates: int
+    moved: int
+    stop: Stop = NEVER
+
+    method: ClassVar[str] = "model"
+    patience: ClassVar[int] = BARREN
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("model", self.proposer.digest, self.reachable, self.counts)
+
+    @property
+    def reached(self) -> tuple[int, ...]:
+        return self.reachable
+
+    @property
+    def fact_count(self) -> int:
+        return 2
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return self.rate * sum(self.counts)
+
+    @property
+    def evaluations(self) -> float:
+        return REFINING * (self.candidates + SPARE * self.wanted / max(self.rate, 1e-9))
+
+    def draw(self, k: int) -> Piece:
+        rows, phi, moved = self._candidates(k)
+        return Piece(rows, phi, self.cells.find(phi), np.array([float(rows.shape[1]), float(moved)]))
+
+    def account(self, tally: Tally) -> Account:
+        """What the scene file says about the run."""
+        made, moved = tally.facts or (0.0, 0.0)
+        candidates = self.candidates + int(made)
+        info = {
+            "method": "model",
+            "model": self.proposer.name,
+            "seed": self.seed,
+            "raw": False,
+            "candidates": candidates,
+            "refined": self.moved + int(moved),
+            **self.proposer.info,
+        }
+        return Account(info, _tried(candidates, self.proposer))
+
+    def misses(self) -> tuple[Array, Array]:
+        rows, phi, _ = self._candidates(0)
+        out = np.flatnonzero(self.cells.find(phi) < 0)
+        return rows[:, out], phi[:, out]
+
+    def _candidates(self, k: int) -> tuple[Array, Array, int]:
+        seed = (self.seed, GUIDED, 1, k)
+        order = np.random.default_rng(np.random.SeedSequence(seed)).permutation(sum(self.counts))
+        cells = np.repeat(np.array(self.reached, dtype=np.intp), self.counts)[order]
+        return refined(self.problem, self.targets, self.proposer, cells, seed, self.stop)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawOutput(Plan):
+    """A proposer's own scenes, `size` in a piece, neither refined nor filtered, with targets spread like the request
+    (`--raw`)."""
+
+    proposer: Proposer
+    targets: Targets
+    size: int
+    stop: Stop = NEVER
+
+    method: ClassVar[str] = "model"
+    reached: ClassVar[tuple[int, ...]] = (0,)
+    verified: ClassVar[bool] = False
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("raw", self.proposer.digest, self.size)
+
+    @property
+    def fact_count(self) -> int:
+        return 0
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return self.size
+
+    @property
+    def evaluations(self) -> float:
+        return self.wanted
+
+    def draw(self, k: int) -> Piece:
+        self.stop.check()
+        seed = (self.seed, GUIDED, 2, k)
+        rng = np.random.default_rng(np.random.SeedSequence(seed))
+        possible = np.array(sorted(self.problem.possible), dtype=np.intp)
+        target = self.targets.draw(np.resize(rng.permutation(possible), self.size), rng)
+        with one_thread():
+            rows = proposed(self.proposer, target, seed).numpy()
+        with np.errstate(all="ignore"):
+            phi = self.problem.phi(rows)
+        return Piece(rows, phi, np.zeros(self.size, dtype=np.intp), np.empty(0))
+
+    def account(self, tally: Tally) -> Account:
+        """What the scene file says about the run."""
+        info = {
+            "method": "model",
+            "model": self.proposer.name,
+            "seed": self.seed,
+            "raw": True,
+            "candidates": self.wanted,
+        }
+        return Account({**info, **self.proposer.info}, _tried(tally.candidates, self.proposer))
+
+
+def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
+    """The plan of a problem by a proposer; with `raw`, of its raw output. Raises RequestError if none of its scenes is
+    in range, or if time is up before it is known which cells get scenes."""
+    targets = make_targets(problem, proposer.regions)
+    if problem.request.raw:
+        size = min(problem.request.n, LARGEST, problem.piece_size)
+        return RawOutput(problem, proposer, targets, size, budget)
+    seed, n, count = problem.request.seed, problem.request.n, problem.cells.count
+    order = sorted(problem.possible, key=lambda cell: (cell * GOLDEN) % 1.0)[: max(n, LOOKED_AT)]
+    tries, served = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
+    met = np.zeros(count, dtype=bool)
+    each, moved, number = max(FIRST, -(-SMALLEST // len(order))), 0, 0
+    rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
+    while waiting := [cell for cell in order if not met[cell] and tries[cell] < PATIENCE]:
+        for start in range(0, len(waiting), max(1, LARGEST // each)):
+            if budget.spent:
+                tried = _tried(int(tries.sum()), proposer)
+                if met.any():
+                    raise RequestError(too_early(problem, tried, len(waiting)))
+                raise RequestError(shortfall(problem, 0, tried, rows, phi))
+            some = np.array(waiting[start : start + max(1, LARGEST // each)], dtype=np.intp)
+            cells = np.repeat(some, np.minimum(each, PATIENCE - tries[some]))
+            rows, phi, shifted = refined(problem, targets, proposer, cells, (seed, GUIDED, 0, number))
+            found = problem.cells.find(phi)
+            tries += np.bincount(cells, minlength=count)
+            served += np.bincount(cells[found == cells], minlength=count)
+            met[found[found >= 0]] = True
+            rows, phi = rows[:, found < 0], phi[:, found < 0]
+            moved, number = moved + shifted, number + 1
+        each *= MORE
+    reached = tuple(map(int, np.flatnonzero(met)))
+    candidates = int(tries.sum())
+    if not reached:
+        raise RequestError(shortfall(problem, 0, _tried(candidates, proposer), rows, phi))
+    at = list(reached)
+    rate = (served[at] + 0.5) / (tries[at] + 1.0)
+    counts = _share_out(SPARE * max(1.0, n / len(at)) / rate, min(LARGEST, problem.piece_size))
+    usual = float((rate * counts).sum() / sum(counts))
+    return Guided(problem, proposer, targets, reached, counts, usual, candidates, moved, budget)
+
+
+def _share_out(need: Array, most: int) -> tuple[int, ...]:
+    """How many candidates of a piece go to each cell, given how many each needs in total."""
+    size = max(min(SMALLEST, most), need.sum() / math.ceil(need.sum() / most))
+    return tuple(math.ceil(size * one / need.sum()) for one in need)
+
+
+def _tried(candidates: int, proposer: Proposer) -> str:
+    return f"{candidates:,} candidates of the {proposer.name}"
+
+
+def proposed(proposer: Proposer, target: Array, seed: Sequence[int]) -> Tensor:
+    """Scenes (3N, B) float64 for targets (L, B)."""
+    import torch
+
+    state = np.random.SeedSequence([*seed, 1]).generate_state(1, np.uint64)
+    generator = torch.Generator().manual_seed(int(state[0] >> np.uint64(1)))
+    scenes: Tensor = proposer(torch.from_numpy(target), generator)
+    return scenes.to(torch.float64)
+
+
+def refined(
+    problem: Problem, targets: Targets, proposer: Proposer, cells: Index, seed: Sequence[int], stop: Stop = NEVER
+) -> tuple[Array, Array, int]:
+    """Proposed and refined scenes for B cells, (3N, B), with their exact phi (L, B), and how many of them refinement
+    moved. Scenes outside the workspace have phi NaN. Raises what `stop` raises."""
+    import torch
+
+    from scenegen.learn.refine import refine
+    from scenegen.learn.robustness import Robustness
+
+    robustness, workspace = Robustness(problem.core), problem.spec.workspace
+    still = np.flatnonzero(problem.lowest == problem.highest)
+    held = (torch.from_numpy(still), torch.from_numpy(problem.lowest[still])) if len(still) else None
+    rng = np.random.default_rng(np.random.SeedSequence([*seed, 2]))
+    limits = {cell: problem.cells.limits(cell) for cell in map(int, np.unique(cells))}
+    rows, phi = np.empty((len(problem.lowest), len(cells))), np.empty((len(problem.core.labels), len(cells)))
+    labels, box = len(problem.spec.labels), (problem.lowest, problem.highest)
+    moved = 0
+    with one_thread(), np.errstate(all="ignore"):
+        for start in range(0, len(cells), CHUNK):
+            stop.check()
+            part = slice(start, start + CHUNK)
+            target = targets.draw(cells[part], rng)
+            ends = (np.stack(side, axis=1) for side in zip(*[limits[int(cell)] for cell in cells[part]], strict=True))
+            low, high = map(torch.from_numpy, ends)
+            made = proposed(proposer, target, (*seed, start))
+            better = refine(robustness, workspace, made, torch.from_numpy(target), low, high, held)
+            moved += int((better != made).any(dim=0).sum())
+            state = np.random.SeedSequence([*seed, start, 3]).generate_state(1, np.uint64)
+            ends_of_labels = low[:labels], high[:labels]
+            better = proposer.stirred(better, ends_of_labels, box, int(state[0] >> np.uint64(1)))
+            rows[:, part] = better.numpy()
+            phi[:, part] = np.where(workspace.contains(rows[:, part]), score(problem, better), np.nan)
+    return rows, phi, moved
+
+
+def score(problem: Problem, rows: Tensor) -> Array:
+    """Exact phi of float64 rows, (3N, B) -> (L, B); most are expected to be far out of the range.
+
+    torch scores them all. numpy scores those near the range again, because its square root, unlike torch's, is rounded
+    correctly in batches of any size. So `scenegen eval` later computes the same bits.
+    """
+    import torch
+
+    from scenegen.learn.robustness import Robustness
+
+    with torch.no_grad():
+        phi = np.array(Robustness(problem.core).rows(rows, check=False).numpy())
+    low, high = problem.cells.low[:, None] - SLACK, problem.cells.high[:, None] + SLACK
+    near = np.flatnonzero(((phi >= low) & (phi <= high)).all(axis=0))
+    if len(near):
+        phi[:, near] = problem.phi(rows.numpy()[:, near])
+    return phi

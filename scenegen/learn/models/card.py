@@ -1,0 +1,153 @@
+"""The metadata of a model file, as pydantic models: what the model is, what it was trained on, and how."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+
+from scenegen.geometry.workspace import Workspace
+from scenegen.lang.spec import CheckedSpec
+from scenegen.learn.models.layout import Layout
+from scenegen.scenes.data import SpecRef, WorkspaceData
+
+FORMAT = "scenegen/model"
+
+Name = Annotated[str, Field(min_length=1, max_length=1000)]
+Setting = bool | int | FiniteFloat | str | None
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SpecData(SpecRef):
+    """The spec a model was trained on: as in scene files, and where it was read from."""
+
+    name: str
+
+
+class LabelData(_Strict):
+    """A label and the range of its phi in the training data, in metres and radians."""
+
+    name: Name
+    lowest: FiniteFloat
+    highest: FiniteFloat
+
+
+class LossData(_Strict):
+    """Mean losses of some epochs, evenly chosen, the last one among them (epochs count from 1)."""
+
+    epochs: list[int] = Field(max_length=1000)
+    means: dict[Name, list[FiniteFloat]]
+
+
+class DataData(_Strict):
+    """The scenes behind a model: how many trained it, how many were held out, and the checksum of them all."""
+
+    scenes: int = Field(ge=1)
+    held_out: int = Field(ge=1)
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+class ValidationData(_Strict):
+    """Of some epochs, the last and the kept one among them (epochs count from 1): the mean of |phi - wanted phi| of
+    each label at held-out labels, in metres and radians, and the energy score (scenegen.learn.training.validate)."""
+
+    epochs: list[int] = Field(max_length=1001)
+    errors: dict[Name, list[FiniteFloat]]
+    scores: list[FiniteFloat]
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if any(len(values) != len(self.epochs) for values in (self.scores, *self.errors.values())):
+            raise ValueError("not one figure for each epoch")
+        return self
+
+
+class QualityData(_Strict):
+    """Measured when training was done, at some wanted values of one label or two (scenegen.learn.evaluation.measure):
+    the mean of |phi - wanted phi|; coverage, and that of other exact scenes (`truth`); KS, sliced KS and energy
+    distance; the share of the scenes that meet what the spec requires."""
+
+    wanted: dict[Name, FiniteFloat]
+    error: FiniteFloat
+    coverage: FiniteFloat
+    truth: FiniteFloat
+    ks: FiniteFloat
+    sliced: FiniteFloat
+    energy: FiniteFloat
+    required: FiniteFloat
+
+
+class RangeData(_Strict):
+    """The scenes that `sample` returns for ranges of phi, low and high, None where there is no end, against exact ones:
+    coverage, and that of other exact scenes (`truth`); KS of the phi that is furthest off, and of the worst coordinate;
+    sliced KS and energy distance."""
+
+    wanted: dict[Name, tuple[FiniteFloat | None, FiniteFloat | None]]
+    phi: FiniteFloat
+    coverage: FiniteFloat
+    truth: FiniteFloat
+    ks: FiniteFloat
+    sliced: FiniteFloat
+    energy: FiniteFloat
+
+
+class ModelCard(_Strict):
+    """What a model file says about itself. `hyper` are the model's own settings, `training` the training's. Where
+    training was told to keep the best epoch, `kept_epoch` is the one whose weights these are; else it was the last.
+    `corrected`: the last step of a scene is the spec's (scenegen.learn.models.correction). `quality` is
+    empty until the model has been measured, and `ranges` is None; files of earlier versions have no `ranges`.
+
+    Files of version 0.1 name no recipe, no layout, no data and no validation: their networks are the published ones.
+    """
+
+    scenegen: str
+    model: Name
+    recipe: Name = "paper"
+    layout: Layout | None = None
+    hyper: dict[Name, Setting]
+    spec: SpecData
+    workspace: WorkspaceData
+    objects: list[Name] = Field(min_length=1, max_length=10_000)
+    labels: list[LabelData] = Field(min_length=1, max_length=10_000)
+    training: dict[Name, Setting | dict[Name, Setting]]
+    epochs_done: int = Field(ge=0)
+    losses: LossData
+    data: DataData | None = None
+    validation: ValidationData | None = None
+    kept_epoch: Annotated[int, Field(ge=1)] | None = None
+    corrected: bool = False
+    quality: list[QualityData] = Field(default=[], max_length=1000)
+    ranges: list[RangeData] | None = Field(default=None, max_length=1000)
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        labels = [label.name for label in self.labels]
+        if len(set(labels)) != len(labels) or len(set(self.objects)) != len(self.objects):
+            raise ValueError("a name occurs twice")
+        layout = self.layout
+        if layout is not None and (layout.objects < len(self.objects) or layout.labels != len(labels)):
+            raise ValueError("the layout is of another number of objects or labels")
+        if any(label.lowest > label.highest for label in self.labels):
+            raise ValueError("a label's range is reversed")
+        if not (self.workspace.x[0] < self.workspace.x[1] and self.workspace.y[0] < self.workspace.y[1]):
+            raise ValueError("the workspace is empty")
+        return self
+
+    @property
+    def sizes(self) -> Layout:
+        """The layout, also of a file that has none."""
+        return self.layout or Layout(objects=len(self.objects), labels=len(self.labels))
+
+    @property
+    def area(self) -> Workspace:
+        """The workspace, as everything else takes it."""
+        return Workspace(x=self.workspace.x, y=self.workspace.y)
+
+
+def spec_data(spec: CheckedSpec) -> SpecData:
+    # a file's name is bytes, and those that are no text are written as escapes
+    name = spec.name.encode(errors="backslashreplace").decode()
+    return SpecData(name=name, title=spec.title, source=spec.source, sha256=spec.sha256)

@@ -1,0 +1,58 @@
+"""The table of models. A new one is one file and one line here; the contract test picks it up."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from pydantic import ValidationError
+
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_CHOICE, UNKNOWN_SETTING, WRONG_SETTING, WRONG_VALUE
+
+if TYPE_CHECKING:
+    from scenegen.learn.models.base import Hyper, SceneModel
+
+# Text, not classes: `scenegen train --help` lists them without importing torch.
+MODELS: dict[str, str] = {
+    "gan": "scenegen.learn.models.gan:GAN",
+    "aae": "scenegen.learn.models.aae:AAE",
+    "energy": "scenegen.learn.models.energy:Energy",
+    "flow": "scenegen.learn.models.flow:Flow",
+}
+PUBLISHED: dict[str, str] = {
+    "gan": "scenegen.learn.models.published.gan:GAN",
+    "aae": "scenegen.learn.models.published.aae:AAE",
+}
+RECIPES: dict[str, dict[str, str]] = {"default": MODELS, "paper": PUBLISHED}
+
+
+def model_class(name: str, recipe: str = "default") -> type[SceneModel]:
+    """The class of a model by name. Raises RequestError, with the nearest name, for a model or recipe there is not."""
+    if recipe not in RECIPES:
+        raise RequestError(UNKNOWN_CHOICE(what="recipe", name=recipe, known=RECIPES))
+    table = RECIPES[recipe]
+    if name not in table:
+        named = {} if name not in MODELS else {"plural": f"models of the {recipe} recipe"}
+        raise RequestError(UNKNOWN_CHOICE(what="model", name=name, known=table, **named))
+    module, _, attribute = table[name].partition(":")
+    found: type[SceneModel] = getattr(importlib.import_module(module), attribute)
+    return found
+
+
+def parse_hyper(name: str, values: Mapping[str, float], recipe: str = "default") -> Hyper:
+    """The model's own settings, checked. Raises RequestError for an unknown setting or a value out of its range."""
+    settings = model_class(name, recipe).hyper_class
+    if not isinstance(values, Mapping):
+        wanted = 'settings by name: hyper={"width": 128}'
+        raise RequestError(WRONG_VALUE(argument="hyper", value=repr(values), wanted=wanted))
+    try:
+        return settings.model_validate(dict(values))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        of, known = f"model `{name}`", tuple(settings.model_fields)
+        if first["type"] == "extra_forbidden":
+            raise RequestError(UNKNOWN_SETTING(owner=of, name=place, known=known)) from error
+        raise RequestError(WRONG_SETTING(owner=of, name=place, reason=first["msg"].lower(), known=known)) from error

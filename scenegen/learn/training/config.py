@@ -1,0 +1,171 @@
+"""What a training run is asked to do."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from numbers import Integral, Real
+from os import PathLike
+from typing import Any
+
+from scenegen.errors import Diagnostic, RequestError, Source, Span
+from scenegen.errors.files import UNKNOWN_ENDING
+from scenegen.errors.learning import DATA_NAME, UNKNOWN_DEVICE
+from scenegen.errors.requests import (
+    CONFLICTING_ARGUMENTS,
+    MISSING_ARGUMENT,
+    OUT_OF_RANGE,
+    SETTING_SYNTAX,
+    SETTING_TWICE,
+    UNKNOWN_CHOICE,
+    WRONG_VALUE,
+)
+from scenegen.learn.models.registry import MODELS, RECIPES
+from scenegen.learn.training.datasets.registry import DATASETS, is_file
+from scenegen.learn.training.recipes import CONSTANT, DEFAULTS
+from scenegen.sampling.request import number
+from scenegen.scenes.formats.registry import FORMATS
+from scenegen.validation import as_path
+
+# option -> lowest and highest value; whole numbers where the bounds are
+BOUNDS: dict[str, tuple[float, float]] = {
+    "epochs": (1, 1_000_000),
+    "batch_size": (1, 1_000_000),
+    "lr": (1e-8, 1.0),
+    "seed": (0, 2**63 - 1),
+    "scenes": (1, 10_000_000),
+    "patience": (1, 1_000_000),
+}
+UNSET = ("scenes", "patience")  # options that may be None
+
+WARM = 200  # steps
+LEAST = 0.01  # of the rate, at the end
+
+
+@dataclass(frozen=True, slots=True)
+class TrainConfig:
+    """`make_config` fills in what a recipe has for the model.
+
+    `model` and `recipe` name an entry of RECIPES, `hyper` the model's own settings; `device` is `cpu`, `cuda` or
+    `cuda:1`. `data` is an entry of DATASETS, of which `scenes` are drawn to train on, or a scene file, of which the
+    first `scenes` are used (None: all). `phi` are ranges by label, as text (`0:0.2`), in which most of the scenes of
+    `balanced` are to lie. `patience` is after how many epochs without a smaller error of phi on held-out
+    labels training stops (None: never); the model file then holds the best epoch. Raises RequestError with one
+    diagnostic per value that is out of its range.
+    """
+
+    model: str
+    recipe: str
+    epochs: int
+    batch_size: int
+    lr: float
+    scenes: int | None
+    data: str
+    seed: int = 0
+    device: str = "cpu"
+    patience: int | None = None
+    hyper: Mapping[str, float] = field(default_factory=dict)
+    phi: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        found = [problem for name in BOUNDS if (problem := _check_number(name, getattr(self, name))) is not None]
+        if is_file(self.data):
+            found += _check_ending(self.data)
+        elif self.data not in DATASETS:
+            found.append(UNKNOWN_CHOICE(what="data set", name=self.data, known=DATASETS))
+        elif self.scenes is None:
+            question = f"how many of `{self.data}` are to be drawn?"
+            found.append(MISSING_ARGUMENT(argument="scenes", question=question))
+        if self.phi and self.data != "balanced":
+            found.append(CONFLICTING_ARGUMENTS(one="phi", other="data"))
+        if not re.fullmatch(r"cpu|cuda(:\d{1,3})?", str(self.device)):
+            found.append(UNKNOWN_DEVICE(name=str(self.device)))
+        if found:
+            raise RequestError(*found)
+
+    def rate(self, step: int, steps: int) -> float:
+        """The learning rate of step 0, 1, .. of all the steps that are planned."""
+        if self.recipe in CONSTANT:
+            return self.lr
+        warm = min(1.0, (step + 1) / WARM)
+        return self.lr * warm * (LEAST + (1.0 - LEAST) * 0.5 * (1.0 + math.cos(math.pi * min(1.0, step / steps))))
+
+    def differences(self, other: TrainConfig) -> list[tuple[str, object, object]]:
+        """(name, own value, the other's value) of everything but the epochs that differs."""
+        mine, theirs = asdict(self), asdict(other)
+        names = [entry.name for entry in fields(self) if entry.name != "epochs"]
+        return [(name, mine[name], theirs[name]) for name in names if mine[name] != theirs[name]]
+
+
+def make_config(model: str, recipe: str = "default", **options: Any) -> TrainConfig:
+    """The settings of a run: the recipe's for the model where an option is None or left out. Raises RequestError."""
+    if recipe not in RECIPES:
+        raise RequestError(UNKNOWN_CHOICE(what="recipe", name=recipe, known=RECIPES))
+    if model not in RECIPES[recipe]:
+        named = {} if model not in MODELS else {"plural": f"models of the {recipe} recipe"}
+        raise RequestError(UNKNOWN_CHOICE(what="model", name=model, known=RECIPES[recipe], **named))
+    known = [entry.name for entry in fields(TrainConfig)][2:]
+    for name in options:
+        if name not in known:
+            raise RequestError(UNKNOWN_CHOICE(what="option", name=name, known=known))
+    given: dict[str, Any] = {name: _plain(value) for name, value in options.items() if value is not None}
+    if isinstance(given.get("hyper"), Mapping):
+        given["hyper"] = {name: _plain(value) for name, value in given["hyper"].items()}
+    if not isinstance(given.get("data", ""), str):
+        wanted = f"one of {', '.join(DATASETS)}, or the path of a scene file"
+        raise RequestError(WRONG_VALUE(argument="data", value=repr(given["data"]), wanted=wanted))
+    if is_file(str(given.get("data", ""))):
+        given = {"scenes": None, **given}  # all of them, not as many as the recipe draws
+    return TrainConfig(model, recipe, **{**DEFAULTS[recipe, model], **given})
+
+
+def parse_settings(options: Sequence[str]) -> dict[str, float]:
+    """The model's own settings as typed, such as ["width=128"]. Raises RequestError with a caret."""
+    found: dict[str, float] = {}
+    for text in options:
+        name, equals, rest = text.partition("=")
+        value = number(rest)
+        here = Span(Source("hyper", text, argument=True), len(name) + 1 if equals else 0, len(text))
+        if value is None or not name.strip():
+            raise RequestError(SETTING_SYNTAX(here))
+        if name.strip() in found:
+            raise RequestError(SETTING_TWICE(here, name=name.strip()))
+        found[name.strip()] = int(value) if value.is_integer() else value
+    return found
+
+
+def _plain(value: object) -> object:
+    """Numbers of numpy as Python's, paths as text."""
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return int(value)
+    if isinstance(value, Real) and not isinstance(value, bool):
+        return float(value)
+    return str(value) if isinstance(value, PathLike) else value
+
+
+def _check_ending(data: str) -> list[Diagnostic]:
+    ending = as_path("data", data).suffix
+    if not data.isascii() and data != data.encode(errors="replace").decode():
+        return [DATA_NAME(value=ascii(data))]
+    return [] if ending.lower() in FORMATS else [UNKNOWN_ENDING(path=data, name=ending, known=FORMATS)]
+
+
+def _check_number(name: str, value: object) -> Diagnostic | None:
+    if value is None and name in UNSET:
+        return None
+    lowest, highest = BOUNDS[name]
+    whole = isinstance(lowest, int)
+    if isinstance(value, int | float) and (isinstance(value, int) or not whole) and not isinstance(value, bool):
+        fits = math.isfinite(value) and lowest <= value <= highest
+    else:
+        fits = False
+    if fits:
+        return None
+    kind = "a whole number" if whole else "a number"
+    span = f"{lowest:,} to {highest:,}" if whole else f"{lowest:g} to {highest:g}"
+    hint = {"seed": "the default is 0", "patience": "leave it out to train all epochs"}.get(
+        name, "leave it out, and the recipe's own value is taken"
+    )
+    return OUT_OF_RANGE(argument=name, value=repr(value), wanted=f"{kind} from {span}", hint=hint)

@@ -1,0 +1,205 @@
+"""The training loop, one for every model."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors.learning import NO_DEVICE, NO_TIME_FOR_AN_EPOCH
+from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TIME_IS_UP, TRAINING_INTERRUPTED
+from scenegen.lang.spec import CheckedSpec
+from scenegen.learn.models.checkpoint import load_model
+from scenegen.learn.models.registry import parse_hyper
+from scenegen.learn.models.trained import TrainedModel
+from scenegen.learn.training.config import TrainConfig
+from scenegen.learn.training.datasets.gathering import Gathering, Tell
+from scenegen.learn.training.datasets.registry import is_file
+from scenegen.learn.training.feed import make_feed
+from scenegen.learn.training.recipes import CONSTANT
+from scenegen.learn.training.session import Session, event_log
+from scenegen.learn.training.state import TrainingState, begun, gathered_path, load_state, state_path
+from scenegen.learn.training.validate import EpochReport
+from scenegen.processes.pool import one_thread
+from scenegen.processes.process import stop_signals
+from scenegen.scenes.files import check_writable
+
+# --------------------------------------------------------------------------------------------------------------------
+# What a training run that was stopped says.
+
+
+class Interrupted(KeyboardInterrupt):
+    """Training was stopped from outside; the state to go on from is saved beside the model file `path`."""
+
+    def __init__(self, epochs_done: int, epochs: int, path: Path) -> None:
+        super().__init__(TRAINING_INTERRUPTED(done=epochs_done, epochs=epochs, path=path))
+        self.epochs_done = epochs_done
+        self.epochs = epochs
+        self.path = path
+
+
+def train(
+    spec: CheckedSpec,
+    config: TrainConfig,
+    out: Path,
+    *,
+    resume: bool = False,
+    log_dir: Path | None = None,
+    on_epoch: Callable[[EpochReport], None] | None = None,
+    on_step: Callable[[int, int], None] | None = None,
+    on_note: Callable[[Diagnostic], None] | None = None,
+    on_gather: Tell | None = None,
+    timeout: float = math.inf,
+) -> TrainedModel:
+    """Train a model and write it to `out`, with the training state beside it in `out`.train.
+
+    `resume` goes on from that state; on one CPU the result is then bit-equal to that of a run without a break, wherever
+    the break was. With more epochs than planned at first that holds for recipes with a constant rate alone (`paper`):
+    a rate that falls over the plan follows the new plan from there on, and `on_note` says so. On Ctrl-C,
+    SIGTERM and SIGHUP the step under way is finished, the exact state (weights, moments, noise generator, place in the
+    epoch) is saved and Interrupted raised. Checkpoints are also written every few seconds, at the end of an epoch.
+
+    `on_step` is called after each step with how many are done and planned; `log_dir` gets TensorBoard event files.
+    Neither they nor validation change the model by a bit, but for `config.patience`. `on_gather` is called, while the
+    training scenes are gathered, with what is being done and how many of how many are there (0 of 0 where that is not
+    counted).
+
+    After `timeout` seconds the gathering is given up, with RequestError and nothing written; training stops as on
+    Ctrl-C, with the state saved, and what it has come to is the model. RequestError where that is not one epoch.
+
+    Raises OutputError where `out` cannot be written (before the work starts), RequestError for options that cannot be
+    and for training that diverges, DataError where the state to resume from is missing, damaged or another spec's.
+    """
+    inputs = [Path(config.data)] if is_file(config.data) else []
+    check_writable(out, *inputs)
+    check_writable(state_path(out), *inputs)
+    check_writable(gathered_path(out), *inputs)
+    _check_device(config.device)
+    parse_hyper(config.model, config.hyper, config.recipe)  # refuses bad settings before any work is done
+    gathering_only = resume and begun(out) and not state_path(out).exists()
+    saved = load_state(state_path(out), spec, config) if resume and not gathering_only else None
+    say = on_note or _silent
+    with contextlib.ExitStack() as open_things:
+        log = None if log_dir is None else open_things.enter_context(event_log(log_dir))
+        open_things.enter_context(one_thread())
+        with stop_signals() as stop:
+            gathering = Gathering(timeout, on_gather, say, stop)
+            gathering.keep_in(gathered_path(out), _run_of(spec, config), resume)
+            session = _begun(spec, config, gathering, saved)
+        if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
+            before = saved.config.epochs
+            say(NEW_RATE(epochs=config.epochs, before=before))
+        if session.done:
+            if session.epoch >= config.epochs:
+                say(ALREADY_DONE(epochs=session.epoch))
+            else:
+                say(_stopped_early(session))
+            if not _holds(out, spec, session.epoch):  # a crash came between the state and the model
+                session.save(out)
+        else:
+            listeners = [each for each in (on_epoch, log) if each is not None]
+            if not _run(session, out, listeners, on_step or _silent, gathering.until):
+                if not session.epoch:
+                    raise RequestError(NO_TIME_FOR_AN_EPOCH(seconds=timeout, path=out))
+                say(TIME_IS_UP(done=session.epoch, epochs=config.epochs, path=out))
+            elif session.epoch < config.epochs:
+                say(_stopped_early(session))
+        if session.done:
+            gathering.discard()
+    return load_model(out, spec)
+
+
+def _begun(spec: CheckedSpec, config: TrainConfig, gathering: Gathering, saved: TrainingState | None) -> Session:
+    """The training scenes, and what is learnt before the first step. An interrupt says how far that was."""
+    try:
+        feed = make_feed(spec, config, gathering)
+        gathering.begin("preparing the model")
+        return Session(spec, config, feed, saved, gathering.check)
+    except KeyboardInterrupt as error:
+        told = {"account": gathering.account, "kept": gathering.save() or None, "path": gathering.path}
+        raise KeyboardInterrupt(TRAINING_INTERRUPTED(**told)) from error
+
+
+def _run_of(spec: CheckedSpec, config: TrainConfig) -> str:
+    """All that the gathered scenes follow from."""
+    asked = sorted(config.phi.items())
+    return repr((spec.sha256, config.data, config.scenes, config.seed, asked, version("scenegen"), np.__version__))
+
+
+def _holds(out: Path, spec: CheckedSpec, epochs: int) -> bool:
+    """Whether a file is a model after so many epochs."""
+    try:
+        return load_model(out, spec).card.epochs_done == epochs
+    except DataError:
+        return False
+
+
+def _run(
+    session: Session,
+    out: Path,
+    on_epoch: list[Callable[[EpochReport], None]],
+    on_step: Callable[[int, int], None],
+    until: float,
+) -> bool:
+    """Train; returns whether that came to its end before the time `until`."""
+    epochs, steps = session.config.epochs, session.steps
+    with stop_signals() as stop:
+        while not session.done:
+            began = time.perf_counter()
+            rate = session.rate
+            for batch in session.batches():
+                if stop.asked is not None:
+                    session.save(out)
+                    raise Interrupted(session.epoch, epochs, out) from stop.asked
+                if time.monotonic() >= until:
+                    session.save(out)
+                    return False
+                rate = session.rate
+                session.update(batch)
+                on_step(session.epoch * steps + session.step, epochs * steps)
+            losses, found = session.end_epoch()
+            seconds = time.perf_counter() - began
+            done, kept = session.epoch, session.watch.kept if session.watch.best is not None else None
+            report = EpochReport(
+                done,
+                epochs,
+                losses,
+                seconds,
+                found,
+                done * steps,
+                rate,
+                session.feed.scenes,
+                done if kept is None else kept + 1,
+            )
+            for each in on_epoch:
+                each(report)
+            if not session.done and session.save_is_due():
+                session.save(out)
+        session.save(out)
+        if stop.asked is not None:
+            raise Interrupted(session.epoch, epochs, out) from stop.asked
+    return True
+
+
+def _stopped_early(session: Session) -> Diagnostic:
+    kept = session.watch.kept
+    assert kept is not None
+    best = float(session.watch.seen[kept][:-1].mean())
+    return STOPPED_EARLY(epochs=session.epoch, best=kept + 1, error=best)
+
+
+def _silent(*_: object) -> None:
+    """Whom it does not concern."""
+
+
+def _check_device(name: str) -> None:
+    device = torch.device(name)
+    if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
+        raise RequestError(NO_DEVICE(name=name))

@@ -1,0 +1,268 @@
+"""Where the pieces of a set are drawn and its shards written: the interface of all engines, and their table.
+
+An engine returns pieces in their order and carries out three more kinds of work on what it holds: choosing scenes of
+pieces, writing a shard, and fetching scenes. Which process or machine does what never changes a byte.
+"""
+
+from __future__ import annotations
+
+import importlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenegen.errors import Diagnostic, RequestError, ScenegenError
+from scenegen.errors.files import ADDRESS_WITHOUT_RAY, UNKNOWN_ENGINE
+from scenegen.errors.program import PROCESS_DIED
+from scenegen.processes.ahead import Reserve
+from scenegen.processes.pool import check_workers, one_thread, run_pieces
+from scenegen.processes.process import cores
+from scenegen.sampling.engine.blocks import Cells, Drawing
+from scenegen.sampling.plan import Index, Plan
+from scenegen.scenes.blocks import Array, Block, taken
+from scenegen.scenes.data import SceneFile
+from scenegen.scenes.sets import Shard, make_shard
+from scenegen.scenes.stores import Store
+
+Held = Any
+"""Scenes that an engine holds, here or elsewhere: only the engine looks into it."""
+
+ENGINES = {
+    "local": "scenegen.sampling.engine.local",
+    "ray": "scenegen.sampling.engine.ray",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """A piece without its candidates out of range: the cell of each candidate (m,), the piece's facts, and the
+    candidates, held by the engine."""
+
+    cell: Cells
+    facts: Array
+    scenes: Held
+
+
+@dataclass(frozen=True, slots=True)
+class Writing:
+    """The work of writing a shard from blocks of scenes: every scene is checked once more, then the file is written. It
+    is sent to other processes. Raises AssertionError for a scene that fails the check, OutputError."""
+
+    plan: Plan
+    store: Store
+    header: SceneFile
+    labels: tuple[str, ...]
+    stored: Callable[[Array], Array] | None = None  # makes of the core's rows what files hold
+
+    def __call__(self, number: int, pieces: int, blocks: Iterable[Block]) -> Shard:
+        return self.write(number, pieces, map(self.ready, blocks))
+
+    def write(self, number: int, pieces: int, blocks: Iterable[Block], *, beside: bool = False) -> Shard:
+        """A shard of blocks that are `ready`. `beside`: a part of the work is done by a thread of its own."""
+        return make_shard(self.store, number, self.header, self.labels, blocks, pieces=pieces, beside=beside)
+
+    def ready(self, block: Block) -> Block:
+        """A block as files hold it, checked."""
+        if self.plan.verified:
+            self.plan.check(block.rows, block.phi)
+        return block if self.stored is None else Block(self.stored(block.rows), block.phi)
+
+
+def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
+    """Scenes by the number of their part and their place in it, (2, m), as one block in that order."""
+    part, place = which.astype(np.intp)
+    first, numbers = parts_of(which)
+    blocks = [parts[first + number] for number in numbers.tolist()]
+    start = np.zeros(int(numbers.max(initial=0)) + 1, dtype=np.intp)
+    start[numbers] = np.cumsum([0, *(block.count for block in blocks[:-1])])
+    place += start[part - first]
+    return Block(taken([block.rows for block in blocks], place), taken([block.phi for block in blocks], place))
+
+
+def parts_of(which: Array) -> tuple[int, Index]:
+    """The numbers of the parts that scenes (2, m) are in: the least one, and all, counted from there, in order."""
+    part = which[0].astype(np.intp)
+    first = int(part.min(initial=0))
+    return first, np.flatnonzero(np.bincount(part - first))  # they are close together, so nothing has to be sorted
+
+
+class Engine(ABC):
+    """One run's engine: a context manager that ends its processes."""
+
+    def __enter__(self) -> Engine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def prepare(self, drawing: Drawing) -> None:  # noqa: B027 - most engines have nothing to do
+        """`pieces` will be asked for this from piece 0 on: it may begin."""
+
+    @abstractmethod
+    def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
+        """The pieces from number `first` on, in order, without end. Raises what drawing raises."""
+
+    @abstractmethod
+    def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
+        """Scenes of several parts as one: see `chosen`."""
+
+    def pick(self, which: Array, parts: Mapping[int, Held]) -> Held:
+        """The same for `write` alone: they may stay where they are until then."""
+        return self.choose(which, parts)
+
+    def pack(self, writing: Writing, number: int, block: Held) -> Held:
+        """One more block of shard `number`, which may be packed already. Returns what `write` needs of it."""
+        return block
+
+    @abstractmethod
+    def fetch(self, scenes: Held) -> Block:
+        """Scenes that the engine holds, in this process."""
+
+    @abstractmethod
+    def hold(self, scenes: Block) -> Held:
+        """Scenes of this process, for the engine to hold."""
+
+    @abstractmethod
+    def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
+        """Begin to write shard `number`; `blocks` are what `pack` has returned. Waits if too many are being
+        written."""
+
+    @abstractmethod
+    def written(self, *, wait: bool) -> Iterator[Shard]:
+        """The shards that are complete, in order, each once; with `wait`, all that were begun. Raises what writing the
+        next one raises, each time."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all processes of this engine, whatever they do."""
+
+
+def map_each(
+    name: str, job: Callable[[Any], Any], items: Iterable[Any], workers: int | None, address: str | None = None
+) -> Generator[Any, None, None]:
+    """job(item) of every item, in their order, by an engine. Raises what the job raises, and what `open_engine`
+    does."""
+    module = importlib.import_module(ENGINES[check_engine(name, address)])
+    results: Generator[Any, None, None] = module.map_each(job, items, workers, address)
+    return results
+
+
+def check_engine(name: str, address: str | None = None) -> str:
+    """The name. Raises RequestError for one that is not in the table, and an address that the engine has no use for."""
+    if name not in ENGINES:
+        raise RequestError(UNKNOWN_ENGINE(name=name, known=ENGINES))
+    if address is not None and name != "ray":
+        raise RequestError(ADDRESS_WITHOUT_RAY())
+    return name
+
+
+def open_engine(
+    name: str, workers: int | None, plan: Plan, address: str | None = None, reserve: Reserve | None = None
+) -> Engine:
+    """An engine by its name. `workers` is the number of processes, None for as many as serve; local ones are taken from
+    the reserve. Raises RequestError for an unknown name, a package that is not installed, and a cluster that cannot be
+    reached."""
+    module = importlib.import_module(ENGINES[check_engine(name, address)])
+    engine: Engine = module.start(workers, plan, address, reserve)
+    return engine
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Many independent jobs, each with a name: a job that fails is reported and does not stop the others.
+#
+# The one mechanism for whatever is many jobs: trainings, files to draw or to settle, experiments, shards of a data
+# set. Jobs run on this machine's processes or on a cluster; results come in the order of the jobs, and each job works
+# on one thread, so that neither the engine nor the number of workers changes a byte.
+
+
+Named = tuple[str, Any]
+"""A job's name and its item."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A job that is over: its value, or why it failed."""
+
+    name: str
+    value: Any = None
+    errors: tuple[Diagnostic, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """A job whose errors are results. Bugs are raised as they are."""
+
+    job: Callable[[Any], Any]
+
+    def __call__(self, named: Named) -> Ended:
+        name, item = named
+        try:
+            with one_thread():
+                return Ended(name, self.job(item))
+        except ScenegenError as error:
+            return Ended(name, errors=tuple(error.diagnostics))
+
+
+def here(job: Callable[[Any], Any], items: Iterable[Named]) -> Generator[Ended, None, None]:
+    """Every job in this process, one after the other: for jobs that use all processes themselves."""
+    for name, item in items:
+        try:
+            ended = Ended(name, job(item))
+        except ScenegenError as error:
+            ended = Ended(name, errors=tuple(error.diagnostics))
+        yield ended
+
+
+def each(
+    job: Callable[[Any], Any],
+    items: Sequence[Named],
+    engine: str = "local",
+    workers: int | None = None,
+    address: str | None = None,
+) -> Generator[Ended, None, None]:
+    """job(item) of every named item, in their order, by an engine; `job`, items and results must be picklable.
+
+    `workers` is the number of processes, by default one per core; a job that ends its process twice has failed like any
+    other. Raises RequestError for an unknown engine, a package that is not installed, a cluster that cannot be reached
+    and a wrong number of workers; ScenegenError where processes cannot start or the cluster fails.
+    """
+    lost: dict[int, Ended] = {}  # whose process died, by place
+    place = 0
+    while place < len(items):
+        rest = [index for index in range(place, len(items)) if index not in lost]
+        try:
+            with closing(_results(Attempt(job), [items[index] for index in rest], engine, workers, address)) as results:
+                for index, ended in zip(rest, results, strict=True):
+                    yield from (lost[before] for before in range(place, index))
+                    place = index + 1
+                    yield ended
+        except ScenegenError as error:
+            which = _lost(error)
+            if which is None:
+                raise
+            index = rest[which]
+            lost[index] = Ended(items[index][0], errors=tuple(error.diagnostics))
+            continue
+        yield from (lost[index] for index in range(place, len(items)))
+        return
+
+
+def _results(
+    job: Attempt, items: list[Named], engine: str, workers: int | None, address: str | None
+) -> Generator[Ended, None, None]:
+    if engine == "local" and address is None:  # needs no pyarrow
+        count = check_workers(workers) if workers is not None else cores()
+        return run_pieces(job, items, max(1, min(count, len(items))))
+
+    return map_each(engine, job, items, workers, address)
+
+
+def _lost(error: ScenegenError) -> int | None:
+    """The number of the item at which processes died, None for another error."""
+    first = error.diagnostics[0]
+    which = first.facts.get("item")
+    return which if first.code == PROCESS_DIED.code and isinstance(which, int) else None

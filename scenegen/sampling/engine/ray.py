@@ -1,0 +1,250 @@
+"""The engine of a Ray cluster: pieces and shards are tasks, scenes stay in the cluster's object store.
+
+A task that is lost with its worker or its node is run again by Ray, and gives the same scenes. The driver sees the
+cells of candidates only; scenes pass through it when they wait for more than one shard, which keeps the history that
+Ray would have to repeat after a loss short. At most `AHEAD` tasks for each core and `SHARDS` shards are under way, so
+memory is flat.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+import sys
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from scenegen.errors import RequestError, ScenegenError
+from scenegen.errors.files import CLUSTER_FAILED, CLUSTER_NOT_FOUND
+from scenegen.errors.requests import NOT_INSTALLED
+from scenegen.processes.ahead import Reserve
+from scenegen.processes.process import SAFE_PATH
+from scenegen.processes.worker import VARIABLES
+from scenegen.sampling.engine import ray_tasks
+from scenegen.sampling.engine.blocks import Drawing
+from scenegen.sampling.engine.engines import Drawn, Engine, Held, Writing, parts_of
+from scenegen.sampling.plan import Plan
+from scenegen.scenes.blocks import Array, Block
+from scenegen.scenes.sets import Shard
+from scenegen.search.effort import StoppedError
+
+AHEAD = 3  # tasks for each core that draw pieces, or wait for their turn
+TASK, TOGETHER = 0.15, 8  # seconds that a task should take, and at most so many pieces: each task costs some ms
+SHARDS = 2  # shards that are written at a time
+SPARE = 1.5  # candidates for each scene up to which pieces stay whole until their scenes are written
+NICENESS = "RAY_worker_niceness"  # 15 where it is not set
+RETRIES = -1  # a task whose process or node dies is repeated, however often that happens; errors of a task are not
+
+
+@dataclass(frozen=True, slots=True)
+class _Stored:
+    """Scenes in the object store."""
+
+    reference: Any
+
+
+@dataclass(frozen=True, slots=True)
+class _Picked:
+    """Scenes that are still in their parts, `which` (2, m) of them as in `chosen`."""
+
+    which: Array
+    parts: Mapping[int, Any]
+
+
+class Cluster(Engine):
+    """Holds scenes as references to Ray's object store."""
+
+    def __init__(self, ray: Any, workers: int | None, leave: Callable[[], None]) -> None:
+        self._ray = ray
+        self._leave = leave
+        cores = max(1, int(ray.cluster_resources().get("CPU", 1)))
+        self._ahead = AHEAD * min(workers or cores, cores)
+        options = {"num_cpus": 1, "max_retries": RETRIES, "retry_exceptions": False}
+        self._draw = ray.remote(**options)(ray_tasks.draw)
+        self._choose = ray.remote(**options)(ray_tasks.choose)
+        self._write = ray.remote(**options)(ray_tasks.write)
+        self._writing: deque[Any] = deque()
+        self._tell: Callable[[str], None] = lambda line: None
+        self._jobs: dict[int, tuple[object, Any]] = {}  # what was sent once, by identity
+        self._candidates = self._picked = 0  # of this run, so far
+
+    def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
+        job = self._sent(drawing)
+        waiting: deque[tuple[Any, Any]] = deque()
+        k, together = first, 1
+        try:
+            while True:
+                while len(waiting) < self._ahead * together:
+                    made = self._draw.options(num_returns=2 * together).remote(job, k, together)
+                    waiting.extend(zip(made[::2], made[1::2], strict=True))
+                    k += together
+                counts, scenes = waiting.popleft()
+                found = self._get(counts, "a piece")
+                if isinstance(found, StoppedError):
+                    raise found
+                cell, facts, seconds = found
+                together = max(1, min(TOGETHER, round(TASK / max(seconds, 1e-3))))
+                self._candidates += len(cell)
+                yield Drawn(cell, facts.copy(), _Stored(scenes))
+        finally:
+            for counts, _ in waiting:
+                self._ray.cancel(counts, force=False)
+
+    def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
+        mine = _parts(which, parts)
+        return _Stored(self._choose.remote(which, list(mine), *mine.values()))
+
+    def pick(self, which: Array, parts: Mapping[int, Held]) -> Held:
+        """The task that writes them chooses them, which saves storing them twice; unless few candidates become scenes:
+        pieces would take much memory until then."""
+        self._picked += which.shape[1]
+        if self._candidates > SPARE * self._picked:
+            return self.choose(which, parts)
+        return _Picked(which, _parts(which, parts))
+
+    def fetch(self, scenes: Held) -> Block:
+        block: Block = self._get(scenes.reference, "scenes")
+        return block
+
+    def hold(self, scenes: Block) -> Held:
+        return _Stored(self._ray.put(scenes))
+
+    def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
+        if len(self._writing) >= SHARDS:
+            self._ray.wait([self._writing[0]])
+        if writing.store.tell is not None:  # listeners stay here
+            self._tell = writing.store.tell
+        picks = [block.which if isinstance(block, _Picked) else None for block in blocks]
+        parts = dict(itertools.chain(*(block.parts.items() for block in blocks if isinstance(block, _Picked))))
+        whole = [block.reference for block in blocks if isinstance(block, _Stored)]
+        self._writing.append(
+            self._write.remote(self._sent(writing), number, pieces, picks, list(parts), *parts.values(), *whole)
+        )
+
+    def written(self, *, wait: bool) -> Iterator[Shard]:
+        while self._writing and (wait or self._ray.wait([self._writing[0]], timeout=0)[0]):
+            shard, said = self._get(self._writing[0], "a shard")
+            self._writing.popleft()
+            for line in said:
+                self._tell(line)
+            yield shard
+
+    def close(self) -> None:
+        self._jobs.clear()
+        self._writing.clear()
+        self._leave()
+
+    def _sent(self, job: object) -> Any:
+        if id(job) not in self._jobs:
+            sent = replace(job, store=job.store.told_to(None)) if isinstance(job, Writing) else job
+            self._jobs[id(job)] = job, self._ray.put(ray_tasks.packed(sent))
+        return self._jobs[id(job)][1]
+
+    def _get(self, reference: Any, what: str) -> Any:
+        return result_of(self._ray, reference, what)
+
+
+def _parts(which: Array, parts: Mapping[int, Held]) -> dict[int, Any]:
+    """References to the parts that these scenes are in, by number."""
+    first, numbers = parts_of(which)
+    return {number: parts[number].reference for number in (first + numbers).tolist()}
+
+
+def result_of(ray: Any, reference: Any, what: str) -> Any:
+    """A task's result. Raises what the task raised, and ScenegenError for what Ray cannot repeat."""
+    from ray.exceptions import RayError, RayTaskError
+
+    try:
+        return ray.get(reference)
+    except RayTaskError as error:
+        cause = error.cause
+        raise (cause if isinstance(cause, Exception) else error) from None
+    except RayError as error:
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        raise ScenegenError(CLUSTER_FAILED(what=what, reason=said)) from error
+
+
+@contextlib.contextmanager
+def joined_cluster(workers: int | None, address: str | None) -> Iterator[Any]:
+    """The cluster at `address`, that of the environment (RAY_ADDRESS), or one on this machine until the end of the
+    block. A cluster that this process has joined already is used as it is. Raises RequestError."""
+    ray = _ray()
+    if ray.is_initialized():
+        yield ray
+        return
+    _join(ray, workers, address)
+    try:
+        yield ray
+    finally:
+        ray.shutdown()
+
+
+def map_each(
+    job: Callable[[Any], Any], items: Iterable[Any], workers: int | None, address: str | None
+) -> Generator[Any, None, None]:
+    """job(item) of every item, in their order; each is a task."""
+    with joined_cluster(workers, address) as ray:
+        data = ray.put(ray_tasks.packed(job))
+        task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(ray_tasks.apply)
+        ahead = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+        waiting: deque[Any] = deque()
+        left = iter(items)
+        while True:
+            waiting.extend(task.remote(data, item) for item in itertools.islice(left, ahead - len(waiting)))
+            if not waiting:
+                return
+            yield result_of(ray, waiting.popleft(), "a shard")
+
+
+def start(workers: int | None, plan: Plan, address: str | None, reserve: Reserve | None) -> Engine:
+    """An engine of the cluster: see `joined_cluster`. Raises RequestError."""
+    stack = contextlib.ExitStack()
+    return Cluster(stack.enter_context(joined_cluster(workers, address)), workers, stack.close)
+
+
+def _ray() -> Any:
+    try:
+        import ray
+    except ModuleNotFoundError as error:
+        command = 'pip install "scenegen[ray]"'
+        raise RequestError(NOT_INSTALLED(package="ray", purpose="for <engine=ray>", command=command)) from error
+    return ray
+
+
+def _join(ray: Any, workers: int | None, address: str | None) -> None:
+    given = address or os.environ.get("RAY_ADDRESS")
+    own: contextlib.AbstractContextManager[None] = _for_children() if given is None else contextlib.nullcontext()
+    try:
+        with own:
+            ray.init(
+                address=given or "local",  # None would join any cluster that runs on this machine
+                num_cpus=workers if given is None else None, log_to_driver=False, configure_logging=False,
+                include_dashboard=None if given else False,
+            )  # fmt: skip
+    except (ConnectionError, OSError, ValueError, RuntimeError) as error:
+        said = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
+        raise RequestError(CLUSTER_NOT_FOUND(address=given, reason=said)) from error
+
+
+@contextlib.contextmanager
+def _for_children() -> Iterator[None]:
+    """The environment that Ray's processes on this machine inherit. Workers import what this process imports (other
+    machines have scenegen installed): a `runtime_env` would say the same, but Ray does not use the workers that it has
+    started for one, and asks another process to prepare it. And workers are as nice as those of the local engine, and
+    keep as much memory: by itself, Ray lets all other work on the machine go first."""
+    path = os.pathsep.join(entry for entry in sys.path if entry)
+    usual = {NICENESS: "0", SAFE_PATH: "1", **VARIABLES}
+    given = {"PYTHONPATH": path, **{name: os.environ.get(name, value) for name, value in usual.items()}}
+    before = {name: os.environ.get(name) for name in given}
+    os.environ.update(given)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,111 @@
+"""How rare each value of phi is among motions: as for scenes (scenegen/sampling/rarity.py), with chains of motions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.lang.spec import CheckedSpec
+from scenegen.sampling.motions.problem import GATES, MotionProblem, cost
+from scenegen.sampling.motions.schedule import Chains
+from scenegen.sampling.motions.scores import make_problem
+from scenegen.sampling.rarity import (
+    COUNTED,
+    ISLANDS,
+    KEPT,
+    ROUNDS,
+    OutOfReach,
+    Rarity,
+    Reach,
+    climb,
+    margins,
+    next_level,
+    restrict,
+)
+from scenegen.sampling.report import Estimate, ratio
+from scenegen.sampling.request import SampleRequest
+from scenegen.search.effort import NEVER, Stop
+
+Array = npt.NDArray[np.float64]
+
+STREAM = 12  # random stream of these runs, apart from those of the samplers
+MOST, FEWEST = 4096, 256  # chains of a run
+DEPTH = 18  # levels that the effort of a run must cover
+WORK = 2_000_000_000  # node visits, times moments, of the runs together, and of meeting the requirement
+CAREFUL, SETTLE = 2, 4  # rounds of moves on a level of the requirement, and once it is met
+
+
+def measure(
+    spec: CheckedSpec, labels: Sequence[str], seed: int = 0, check: Callable[[], None] | None = None, stop: Stop = NEVER
+) -> Rarity | OutOfReach:
+    """P(phi >= t) and P(phi <= t) of each of the labels of a spec over time, among the motions that meet its
+    requirement and stay within the limits. The same arguments give the same numbers. `check` is called between
+    levels. Where `stop` raises StoppedError, runs end with what they have. Raises what `make_problem` raises, and
+    StoppedError where it is not known yet what meets the requirement."""
+    problem, _ = make_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
+    check = check or _go_on
+    with np.errstate(all="ignore"):
+        moves = 10 + problem.steps + len(problem.names)
+        work = WORK // cost(spec)
+        count = int(COUNTED * work) // (2 * len(labels) * ROUNDS * moves * DEPTH)
+        count = problem.at_once(min(max(count, FEWEST), MOST), 4 * ISLANDS) // ISLANDS * ISLANDS
+        base, weights, best = _require(problem, count, moves, seed, work, check, stop)
+        if not weights.any():
+            return OutOfReach(best, base.evaluations)
+        reaches, spent = dict[str, Reach](), base.evaluations
+        for label in labels:
+            row, tails = problem.labels.index(label), []
+            for sign in (1, -1):
+                chains = base.copy()
+                tail, made = climb(
+                    chains, partial(chains.run, moves), weights, sign, work // (2 * len(labels)), check, row, stop
+                )
+                tails.append(tail)
+                spent += made
+            reaches[label] = Reach(tails[0], tails[1], spent)
+    return Rarity(reaches, _required(weights, problem.log_excess), spent)
+
+
+def _go_on() -> None:
+    """The default for `check`: never stops."""
+
+
+def _required(weights: Array, excess: float) -> Estimate | None:
+    if (weights == 1.0).all():
+        return None
+    found = ratio(weights, np.ones(ISLANDS))
+    return None if found is None else replace(found, log10=found.log10 + excess / math.log(10.0))
+
+
+def _require(
+    problem: MotionProblem, count: int, moves: int, seed: int, work: int, check: Callable[[], None], stop: Stop
+) -> tuple[Chains, Array, float]:
+    """Chains that meet the limits, then the requirement, with the weights of their islands (0 if they do not), and the
+    largest margin."""
+    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM])))
+    chains, weights, best = Chains.start(problem, count, rng, stop), np.ones(ISLANDS), np.inf
+    for row in reversed(range(len(problem.labels), len(problem.labels) + len(GATES))):
+        met = bool((margins(chains, 1, row) >= 0.0).all())
+        while not met and chains.evaluations < work:
+            check()
+            level = next_level(margins(chains, 1, row), chains.region.low[row], KEPT)
+            if level is None:
+                break
+            met = level >= 0.0
+            weights = weights * restrict(chains, min(level, 0.0), 1, row)
+            for _ in range(CAREFUL):
+                chains.run(moves)
+        best = float(margins(chains, 1, row).max())
+        if not met:
+            return chains, np.zeros(ISLANDS), best
+        low = chains.region.low.copy()
+        low[row] = 0.0
+        chains.narrow(type(chains.region)(low, chains.region.high))
+    for _ in range(SETTLE):
+        chains.run(moves)
+    return chains, weights, best

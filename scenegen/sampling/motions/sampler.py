@@ -1,0 +1,309 @@
+"""Plans for motions: splitting for rare ranges, plain rejection for others. They run like plans for scenes.
+
+A motion is a column of a block: the poses at all moments, then the mover of each step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from scenegen.errors import RequestError
+from scenegen.errors.requests import NO_TIME_TO_TELL
+from scenegen.processes.pool import run_pieces
+from scenegen.sampling.engine.stream import run_blocks
+from scenegen.sampling.motions.problem import Array, Index, MotionProblem, Variables, draw, poses_of, within_a_turn
+from scenegen.sampling.motions.schedule import STREAM, Schedule, Watch, begin, generator, go_on, make_schedule
+from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
+from scenegen.sampling.problem import Budget
+from scenegen.sampling.report import of_hits
+from scenegen.sampling.splitting.sampler import probability
+from scenegen.search.effort import NEVER, Stop, StoppedError
+
+BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
+LEAST = 8  # the same, of very large motions
+PILOT = 64  # steps of the pilot at most, which decides between rejection and splitting
+ENOUGH = 4  # hits of the rarest cell that tell how rare it is
+FACTS, OF_A_STATISTIC = 7, 3  # of a piece of splitting
+MOST = 4_000_000  # motions up to which rejection is cheaper than the levels of splitting
+
+
+def columns(problem: MotionProblem, variables: Variables, poses: Array) -> Array:
+    """Motions as columns: ((steps + 1) * 3 N + steps, P). The mover is an object's index, -1 where all move."""
+    if problem.moves == "one" and len(problem.movable):
+        mover = problem.movable[variables.mover]
+    else:
+        mover = np.full_like(variables.mover, -1)
+    rows = poses.reshape(math.prod(poses.shape[:-1]), variables.count)
+    return np.concatenate([rows, mover.astype(np.float64)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _MotionPlan(Plan):
+    problem: MotionProblem  # type: ignore[assignment]  # runs need its request and cells alone
+    cells_reached: tuple[int, ...]
+
+    @property
+    def reached(self) -> tuple[int, ...]:
+        return self.cells_reached
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionRejection(_MotionPlan):
+    """Draws of the base distribution, of which those in range are kept: independent and exact. The fact of a
+    piece is how many are in range."""
+
+    share: float
+    stop: Stop = NEVER
+
+    method: ClassVar[str] = "rejection"
+    patience: ClassVar[int | None] = None  # the pilot has hit every cell; time alone ends a run
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("motion rejection", self.cells_reached)
+
+    @property
+    def evaluations(self) -> float:
+        return self.wanted / self.share
+
+    @property
+    def batch(self) -> int:
+        """Motions drawn for a piece."""
+        return self.problem.at_once(BATCH, LEAST)
+
+    @property
+    def fact_count(self) -> int:
+        return 1
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return self.batch * self.share
+
+    def draw(self, k: int) -> Piece:
+        self.stop.check()
+        made = draw(self.problem, self.batch, generator(self.seed, k))
+        poses = within_a_turn(poses_of(self.problem, made))
+        scores = self.problem.scores(poses, self.stop)
+        cell = self.cells.find(scores)
+        good = np.flatnonzero(cell >= 0)
+        rows = columns(self.problem, made.take(good), poses[..., good])
+        return Piece(rows, scores[:, good], cell[good], np.array([float(len(good))]))
+
+    def account(self, tally: Tally) -> Account:
+        hits, drawn = sum(tally.facts), tally.pieces * self.batch
+        info = {"method": self.method, "seed": self.seed, "candidates": drawn, "pieces": tally.pieces}
+        info |= of_hits(hits, drawn, self.problem.log_excess)
+        return Account(info, f"{drawn:,} motions")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionSplitting(_MotionPlan):
+    """Populations that follow a schedule: exact in the limit of long chains. The facts are the estimate of the
+    probability, its square, 1 if the population survived, its logarithm and the square of that (0 if it did not),
+    evaluations, the share of moves taken, then the means of the statistics, their squares and their variances."""
+
+    schedule: Schedule
+    stop: Stop = NEVER
+
+    method: ClassVar[str] = "splitting"
+    patience: ClassVar[int | None] = 8
+    fewest: ClassVar[int] = 4
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("motion splitting", replace(self.schedule, begun={}))
+
+    @property
+    def evaluations(self) -> float:
+        plan = self.schedule
+        moves = sum(stage.moves for stage in plan.stages)
+        return float(plan.evaluations + max(self.fewest, -(-self.wanted // plan.chains)) * plan.chains * moves)
+
+    @property
+    def fact_count(self) -> int:
+        with np.errstate(all="ignore"):
+            return FACTS + OF_A_STATISTIC * len(begin(self.problem, 2, 0).chains.statistics())
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return self.schedule.chains
+
+    def draw(self, k: int) -> Piece:
+        plan, problem = self.schedule, self.problem
+        stored = plan.begun.get(k)
+        begun = begin(problem, plan.chains, k, self.stop) if stored is None else go_on(stored, self.stop)
+        for stage in plan.stages[begun.stages :]:
+            begun.follow(stage)
+        chains, share = begun.chains, begun.probability
+        if not share:
+            facts = np.array([0.0] * 5 + [float(chains.evaluations)])
+            return Piece(np.empty((problem.rows, 0)), np.empty((len(chains.scores), 0)), np.empty(0, np.intp), facts)
+        watched = chains.statistics()
+        mean, variance = watched.mean(axis=1), watched.var(axis=1)
+        log = math.log(share)
+        facts = np.array(
+            [share, share**2, 1.0, log, log**2, chains.evaluations, begun.taken, *mean, *mean**2, *variance]
+        )
+        made = chains.now.take(chains.rng.permutation(chains.count))
+        poses = within_a_turn(poses_of(problem, made))
+        scores = problem.scores(poses)
+        cell = self.cells.find(scores)
+        good = np.flatnonzero(cell >= 0)  # all but rounding: a step as long as its bound may be found longer
+        rows = columns(problem, made.take(good), poses[..., good])
+        return Piece(rows, scores[:, good], cell[good], facts)
+
+    def account(self, tally: Tally) -> Account:
+        plan = self.schedule
+        empty = (0.0,) * FACTS
+        total, square, alive, *logs, made, taken = (*tally.facts, *empty)[:FACTS]
+        watched = tally.facts[FACTS:]
+        evaluations = plan.evaluations + int(made)
+        info: dict[str, object] = {
+            "method": self.method,
+            "seed": self.seed,
+            "candidates": evaluations,
+            "levels": plan.levels,
+            "pieces": tally.pieces,
+            "chains": plan.chains,
+            "settling": plan.settling,
+            "acceptance": round(taken / max(1.0, alive), 4),
+            "correlation": round(plan.left, 4),
+            "effective_share": effective_share(alive, plan.chains, np.array(watched).reshape(3, -1)),
+        }
+        of_logs = (logs[0], logs[1]) if alive == tally.pieces else None
+        info |= probability(tally.pieces, total, square, of_logs, self.problem.log_excess)
+        return Account(info, f"{evaluations:,} evaluations of splitting, {plan.levels} levels")
+
+
+def effective_share(pieces: float, chains: int, watched: Array) -> float | None:
+    """How many independent motions one motion is worth, from the scatter of the means of independent pieces: what it
+    would be for independent motions over what it is, averaged over statistics; None for fewer than two pieces."""
+    if pieces < 2.0 or not watched.shape[1]:
+        return None
+    mean, square, variance = watched / pieces
+    between = np.maximum(square - mean**2, 0.0) * pieces / (pieces - 1.0)
+    varies = variance > 1e-12
+    if not varies.any():
+        return 1.0
+    return round(min(1.0, float(1.0 / (chains * between[varies] / variance[varies]).mean())), 4)
+
+
+@dataclass(frozen=True, slots=True)
+class _Pilot:
+    """Step k of the pilot: how many of `batch` draws hit each cell. Raises what `stop` raises."""
+
+    problem: MotionProblem
+    batch: int
+    stop: Stop
+
+    def __call__(self, k: int) -> Index:
+        problem, cells = self.problem, self.problem.cells
+        self.stop.check()
+        rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, STREAM, 0, k]))
+        with np.errstate(all="ignore"):
+            cell = cells.find(problem.scores(poses_of(problem, draw(problem, self.batch, rng)), self.stop))
+        return np.bincount(cell[cell >= 0], minlength=cells.count)
+
+
+def pilot(problem: MotionProblem, budget: Budget) -> tuple[Index, int]:
+    """How many draws of the base distribution hit each cell, and how many draws there were. Raises StoppedError."""
+    drawn, batch = 0, problem.at_once(BATCH, LEAST)
+    counts = np.zeros(problem.cells.count, dtype=np.intp)
+    steps = run_pieces(_Pilot(problem, batch, budget), range(PILOT), problem.request.workers or 1, budget.reserve)
+    with closing(steps):
+        for hits in steps:
+            counts += hits
+            drawn += batch
+            if counts.min() >= ENOUGH:
+                break
+    return counts, drawn
+
+
+def make_plan(
+    problem: MotionProblem, budget: Budget, method: str = "auto", watch: Watch | None = None
+) -> MotionRejection | MotionSplitting | None:
+    """Rejection where a pilot hits every cell of the range often, or `method` says so; else splitting; None if that
+    does not reach the range. Raises StoppedError when time is up."""
+    if method in ("auto", "rejection"):
+        counts, drawn = pilot(problem, budget)
+        cost = problem.request.n / problem.cells.count * drawn / max(1, counts.min())
+        if (counts.min() >= ENOUGH and cost <= MOST) or (method == "rejection" and counts.any()):
+            reached = tuple(map(int, np.flatnonzero(counts)))
+            return MotionRejection(problem, reached, counts.sum() / drawn, budget)
+        if method == "rejection":
+            return None
+    schedule = make_schedule(problem, budget, watch)
+    return None if schedule is None else MotionSplitting(problem, schedule.cells, schedule, budget)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# From a problem to motions: in this process or several, with the same result.
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """Motions: `poses` (n, T + 1, N, 3) in metres and radians, `movers` (n, T), an object's index or -1 where all
+    move, and `phi` (n, L). `info` says how they were drawn; `complete` is False if time, or the search, ended with
+    fewer than the request's n."""
+
+    poses: Array
+    movers: Index
+    phi: Array
+    info: Mapping[str, object]
+    complete: bool
+
+    @property
+    def count(self) -> int:
+        return len(self.poses)
+
+
+def sample(
+    problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto", watch: Watch | None = None
+) -> Sampled:
+    """The request's motions. `method` is "auto", "rejection" or "splitting". Motions do not depend on the request's
+    `workers`. If the range is not reached there are none. `watch` is shown motions until they are there: at first any.
+    Raises RequestError if time is up before the plan is made, AssertionError for a motion that fails the check."""
+    budget = Budget(problem.request.timeout) if budget is None else budget
+    labels, cells, workers = len(problem.labels), problem.cells, problem.request.workers or 1
+    with np.errstate(all="ignore"):
+        if watch is not None:
+            poses = within_a_turn(
+                poses_of(problem, draw(problem, problem.request.n, generator(problem.request.seed, -1)))
+            )
+            watch(np.ascontiguousarray(poses.transpose(3, 2, 0, 1)), 0)
+        try:
+            plan = make_plan(problem, budget, method, watch)
+        except StoppedError:
+            raise RequestError(
+                NO_TIME_TO_TELL(
+                    tried="levels of motions", undecided=cells.count, cells=cells.count if cells.count > 1 else None
+                )
+            ) from None
+        columns, info = [np.empty((problem.rows, 0))], dict[str, object]()
+        if plan is not None:
+            run = run_blocks(plan, labels, workers=workers, reserve=budget.reserve, spent=lambda: budget.spent)
+            while True:
+                try:
+                    columns.append(next(run).rows)
+                except StopIteration as end:
+                    info = dict(plan.account(end.value).info)
+                    break
+            info["cells"] = {"asked": cells.count, "reached": len(plan.reached)}
+        rows = np.concatenate(columns, axis=1)
+        poses, movers = _split(problem, rows)
+        scores = problem.scores(poses)
+    assert (cells.find(scores) >= 0).all(), "a motion is out of range"
+    motions = np.ascontiguousarray(poses.transpose(3, 2, 0, 1))
+    return Sampled(motions, movers, scores[:labels].T, info, len(motions) >= problem.request.n)
+
+
+def _split(problem: MotionProblem, rows: Array) -> tuple[Array, Index]:
+    poses, movers = rows[: len(rows) - problem.steps], rows[len(rows) - problem.steps :]
+    shape = (len(problem.names), 3, problem.steps + 1, rows.shape[1])
+    return poses.reshape(shape), movers.T.astype(np.intp)

@@ -1,0 +1,409 @@
+"""The levels of a request for motions, found by one descent (adaptive multilevel splitting, Cerou and Guyader 2007)."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from scenegen.processes.ahead import Ahead
+from scenegen.sampling.motions.moves import changes
+from scenegen.sampling.motions.problem import (
+    GATES,
+    Array,
+    Flags,
+    Index,
+    MotionProblem,
+    Variables,
+    draw,
+    poses_of,
+    within_a_turn,
+)
+from scenegen.sampling.motions.relocate import Meter, statistics
+from scenegen.sampling.plan import Pieces
+from scenegen.sampling.problem import Budget
+from scenegen.sampling.splitting.chains import Region, which_cell
+from scenegen.search.effort import NEVER, Stop
+
+# --------------------------------------------------------------------------------------------------------------------
+# A population of motions that is narrowed to a region level by level and moves within it.
+
+
+def _refill(gain: Array, islands: int, rng: np.random.Generator) -> Index:
+    """As many chains as there are, in proportion to `gain`; islands without any refill from all."""
+    each = gain.reshape(islands, -1)
+    if islands == 1 or not each.sum(axis=1).all():
+        return systematic(gain, rng)
+    size = each.shape[1]
+    return np.concatenate([number * size + systematic(share, rng) for number, share in enumerate(each)])
+
+
+def systematic(share: Array, rng: np.random.Generator) -> Index:
+    """As many indices as shares, in proportion to them, in order: systematic resampling (Kitagawa 1996)."""
+    place = np.cumsum(share)
+    points = (np.arange(len(share)) + rng.random()) * (place[-1] / len(share))
+    index: Index = np.minimum(np.searchsorted(place, points, side="right"), len(share) - 1).astype(np.intp)
+    return index
+
+
+@dataclass(slots=True)
+class Chains:
+    """P chains: their variables, scores (L + 2, P), the region in which they are, and their weights there (P,).
+    `evaluations` counts motions scored."""
+
+    problem: MotionProblem
+    rng: np.random.Generator
+    now: Variables
+    scores: Array
+    region: Region
+    weight: Array
+    stop: Stop = NEVER
+    evaluations: int = 0
+
+    @classmethod
+    def start(cls, problem: MotionProblem, count: int, rng: np.random.Generator, stop: Stop = NEVER) -> Chains:
+        """Chains at the base distribution, allowed everywhere."""
+        now = draw(problem, count, rng)
+        anywhere = np.full(len(problem.cells.low), -np.inf)
+        _, scores = problem.judge(poses_of(problem, now), anywhere, -anywhere, stop)
+        return cls(problem, rng, now, scores, Region(anywhere, -anywhere), np.ones(count), stop, count)
+
+    @property
+    def count(self) -> int:
+        return int(self.scores.shape[1])
+
+    @property
+    def phi(self) -> list[Array]:
+        """The scores, a row each."""
+        return list(self.scores)
+
+    def copy(self) -> Chains:
+        """Chains that go on from the same motions."""
+        return replace(self, now=self.now.take(np.arange(self.count)), scores=self.scores.copy(), evaluations=0)
+
+    def narrow(self, region: Region, islands: int = 1) -> float:
+        """Restrict the chains to a region: survivors are resampled to the old number in proportion to the change of
+        their weight; islands, blocks of equally many chains, each from their own. Returns the share that survived (0:
+        none did, and the chains are unchanged)."""
+        alive = region.holds(list(self.scores))
+        gain = np.where(alive, self._weigh(region, self.scores) / self.weight, 0.0)
+        if not gain.sum() > 0.0:
+            return 0.0
+        index = _refill(gain, islands, self.rng)
+        self.now, self.scores, self.region = self.now.take(index), self.scores[:, index], region
+        self.weight = self._weigh(region, self.scores)
+        return float(alive.mean())
+
+    def run(self, moves: int, mixture: Array | None = None, meter: Meter | None = None) -> float:
+        """That many changes of every chain, each taken if it stays in the region (Metropolis, with the cells' weights
+        where there are any). `mixture` is how often each is made; without it all are equally often. A meter measures
+        them. Returns the share taken. Raises what `stop` raises."""
+        kinds, taken = changes(self.problem), 0
+        if not kinds:
+            return 0.0
+        often = np.cumsum(np.full(len(kinds), 1.0 / len(kinds)) if mixture is None else mixture)
+        if meter is not None:
+            meter.begin(self.statistics())
+        for _ in range(moves):
+            self.stop.check()
+            kind = min(int(np.searchsorted(often, self.rng.random(), side="right")), len(kinds) - 1)
+            new, good = kinds[kind](self.problem, self.now, self.rng)
+            taken += self._accept(kind, new, good, meter)
+        return taken / max(1, moves * self.count)
+
+    def statistics(self) -> Array:
+        """What is watched of the motions, (S, P)."""
+        return statistics(self.problem, self.now, poses_of(self.problem, self.now), self.scores)
+
+    def _accept(self, kind: int, new: Variables, good: Flags, meter: Meter | None) -> int:
+        some = np.flatnonzero(good)
+        self.evaluations += len(some)
+        if not len(some):
+            return 0
+        part = new if len(some) == self.count else new.take(some)
+        poses = poses_of(self.problem, part)
+        held, scores = self.problem.judge(poses, self.region.low, self.region.high, self.stop)
+        weight = self._weigh(self.region, scores)
+        held &= self.rng.random(len(some)) * self.weight[some] < weight
+        kept = some[held]
+        if meter is not None:
+            watched = statistics(self.problem, part.take(held), poses[..., held], scores[:, held])
+            meter.add(kind, self.count, len(some), kept, watched)
+        taken = np.zeros(self.count, dtype=bool)
+        taken[kept] = True
+        self.now.put(new, taken)
+        self.scores[:, kept] = scores[:, held]
+        self.weight[kept] = weight[held]
+        return len(kept)
+
+    def _weigh(self, region: Region, scores: Array) -> Array:
+        if region.weights is None:
+            return np.ones(scores.shape[1])
+        return region.weigh(list(scores), self.problem.cells)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The stages that the plan of motions finds, and a piece that goes through them one by one.
+
+
+STREAM = 11  # random numbers of motions, separate from those of scenes
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Restrict the chains to a region (None: to none in addition), then make `moves` moves; `mixture` is how often
+    each change is made, (K,). `counts` says whether the share that survives is a factor of the probability."""
+
+    region: Region | None
+    mixture: Array
+    moves: int
+    counts: bool = False
+
+
+def generator(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers of piece k; the plan's are those of piece -1, and the pilot has its own."""
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, piece + 2])))
+
+
+@dataclass(slots=True)
+class Begun:
+    """A piece after its first `stages` stages. `probability` is its estimate of that of their regions: 0 if no chain
+    survived; `taken` is how many moves each chain took in the last stage, on average."""
+
+    chains: Chains
+    stages: int = 0
+    probability: float = 1.0
+    taken: float = 0.0
+
+    def follow(self, stage: Stage) -> None:
+        """One more stage. Raises what the chains' `stop` raises."""
+        self.stages += 1
+        if stage.region is not None and self.probability:
+            share = self.chains.narrow(stage.region)
+            if stage.counts or not share:
+                self.probability *= share
+        if self.probability:
+            self.taken = self.chains.run(stage.moves, stage.mixture)
+
+
+def begin(problem: MotionProblem, chains: int, number: int, stop: Stop = NEVER) -> Begun:
+    """Piece `number`, of so many chains, before its first stage."""
+    return Begun(Chains.start(problem, chains, generator(problem.request.seed, number), stop))
+
+
+def go_on(stored: bytes, stop: Stop = NEVER) -> Begun:
+    """A piece that was begun before, perhaps in another process."""
+    begun: Begun = pickle.loads(stored)  # noqa: S301 - from our own process
+    begun.chains.stop = stop  # the time that is left is another one now
+    return begun
+
+
+KEPT = 0.4
+FEWEST, PIECES = 64, 4
+AT_LEAST = 16  # chains, of motions so large that more would not fit
+LEVELS, STALL = 400, 20
+LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
+LONGEST = 32  # rounds of moves until then, at most
+LUCK = 2.5
+ROUNDS = 24  # of weights that even out the cells
+
+
+Watch = Callable[[Array, int], None]
+"""Is shown motions (n, T + 1, N, 3) while there are none of the request yet: those nearest to its range, the nearest
+first, and how many of them lie in it. They are in range, but not distributed like those that the request gets."""
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """The first `levels` stages are factors of the probability. The moves of those without a region make the motions
+    independent; `left` is the correlation that remains. `cells` get motions. `begun` are the first pieces as far as
+    they were drawn while the plan was made: see `stages`."""
+
+    stages: tuple[Stage, ...]
+    levels: int
+    left: float
+    cells: tuple[int, ...]
+    chains: int
+    evaluations: int
+    begun: Mapping[int, bytes] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def settling(self) -> int:
+        """Moves that make the motions independent."""
+        return sum(stage.moves for stage in self.stages if stage.region is None)
+
+
+def make_schedule(problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> Schedule | None:
+    """The schedule of a problem; None if its range is not reached. With several workers, pieces are begun meanwhile.
+    `watch` is shown the motions of each level. Raises StoppedError when time is up."""
+    planner = _Planner(problem, budget, watch)
+    if (problem.request.workers or 1) < 2:
+        return planner.plan()
+    with planner.pieces() as ahead:
+        found = planner.plan(ahead)
+        return None if found is None else replace(found, begun=ahead.states())
+
+
+class _Planner:
+    """One descent of one ensemble of chains, which records its stages."""
+
+    def __init__(self, problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> None:
+        wanted = max(FEWEST, 4 * problem.cells.count, -(-problem.request.n // PIECES))
+        self._piece = problem.at_once(min(wanted, 4096), AT_LEAST)
+        self._moves = 10 + problem.steps + len(problem.names)
+        many = problem.at_once(max(512, self._piece), AT_LEAST)
+        self._chains = Chains.start(problem, many, generator(problem.request.seed, -1), budget)
+        kinds = len(changes(problem))
+        self._meter, self._mixture = Meter(kinds), np.full(kinds, 1.0 / max(1, kinds))
+        self._stages: list[Stage] = []
+        self._budget = budget
+        self._ahead: Ahead[Stage] | None = None
+        self._watch = watch
+
+    def pieces(self) -> Ahead[Stage]:
+        """Pieces that begin in another process."""
+        problem, budget = self._chains.problem, self._budget
+        job = Pieces[Stage](partial(begin, problem, self._piece, stop=budget))
+        return Ahead(job, PIECES, budget.reserve)
+
+    def plan(self, ahead: Ahead[Stage] | None = None) -> Schedule | None:
+        """The schedule; `ahead` gets each stage."""
+        self._ahead = ahead
+        chains, problem = self._chains, self._chains.problem
+        low, high = np.full(len(chains.scores), -np.inf), np.full(len(chains.scores), np.inf)
+        held = low.copy()
+        for gate in reversed(range(len(problem.labels), len(problem.labels) + len(GATES))):
+            low = held.copy()
+            low[gate] = 0.0
+            if not self._descend(low, high, held):
+                return None
+            held = low
+        if not self._descend(problem.cells.low, problem.cells.high, held, last=True):
+            return None
+        levels = len(self._stages)
+        reached: tuple[int, ...] = (0,)
+        if problem.cells.count > 1:
+            reached = self._even_out()
+        left = self._settle()
+        return Schedule(
+            tuple(self._stages), levels, left, reached, self._piece, chains.evaluations,
+        )  # fmt: skip
+
+    def _narrow(self, region: Region, *, counts: bool) -> None:
+        self._chains.narrow(region)
+        self._add(Stage(region, self._mixture, self._moves, counts))
+
+    def _add(self, stage: Stage) -> None:
+        self._stages.append(stage)
+        if self._ahead is not None:
+            self._ahead.add(stage)
+
+    def _move(self, moves: int, tune: bool = True) -> None:
+        """Moves by the mixture so far, which then follows from what was measured."""
+        self._chains.run(moves, self._mixture, self._meter if tune else None)
+        if tune and len(self._mixture):
+            self._mixture = self._meter.mixture()
+
+    def _descend(self, low: Array, high: Array, held: Array, *, last: bool = False) -> bool:
+        """Restrict the chains to scores from `low` to `high`, level by level; `held` are lower ends that always
+        hold. In the `last` descent, what is within is in the request's range."""
+        chains = self._chains
+        scale, history = _scales(chains.scores, low, high), list[float]()
+        while len(history) < LEVELS:
+            distance = _distance(chains.scores, low, high, scale)
+            if self._watch is not None:
+                self._show(distance, last)
+            level = float(np.quantile(distance, KEPT, method="lower"))
+            if not np.isfinite(level):
+                level = float(distance[np.isfinite(distance)].max(initial=-1.0))
+            if level < 0.0:
+                return False
+            if history and level >= history[-1]:  # most share one value
+                below = distance[distance < level]
+                level = float(below.max()) if len(below) >= 16 else level
+            history.append(level)
+            if len(history) > STALL and level > 0.99 * history[-1 - STALL]:
+                return False
+            slack = level * (1.0 + 1e-9) * scale
+            self._narrow(Region(np.maximum(low - slack, held) if level else low.copy(), high + slack), counts=True)
+            self._move(self._moves)
+            if level == 0.0:
+                return True
+        return False
+
+    def _show(self, distance: Array, last: bool) -> None:
+        """Show the nearest motions; chains that began as copies of one and have not moved since count once."""
+        assert self._watch is not None
+        problem, n = self._chains.problem, self._chains.problem.request.n
+        nearest = np.argsort(distance, kind="stable")[: 4 * n]
+        poses = within_a_turn(poses_of(problem, self._chains.now.take(nearest)))
+        motions = np.ascontiguousarray(poses.transpose(3, 2, 0, 1))
+        _, first = np.unique(motions.reshape(len(motions), -1), axis=0, return_index=True)
+        first = np.sort(first)[:n]
+        self._watch(motions[first], int((distance[nearest[first]] == 0.0).sum()) if last else 0)
+
+    def _even_out(self) -> tuple[int, ...]:
+        """Weights under which the chains visit all cells about equally often (Berg and Neuhaus 1992). Returns the cells
+        that were visited; the others are closed."""
+        chains, cells, base = self._chains, self._chains.problem.cells, self._chains.region
+        log_weight, visited = np.zeros(cells.count), np.zeros(cells.count, dtype=bool)
+        for done in range(ROUNDS):
+            counts = np.zeros(cells.count)
+            for _ in range(4):
+                self._move(self._moves // 2, tune=False)
+                counts += np.bincount(which_cell(list(chains.scores), cells), minlength=cells.count)
+            visited |= counts > 0
+            if done >= 6 and counts[visited].min() >= 0.4 * counts[visited].mean():
+                break
+            change = np.log(np.maximum(counts, 0.5) / counts[visited].mean())
+            log_weight -= np.clip(change, -3.0, 3.0)
+            self._narrow(replace(base, weights=_weights(log_weight)), counts=False)
+        self._narrow(replace(base, weights=np.where(visited, _weights(log_weight), 0.0)), counts=False)
+        return tuple(map(int, np.flatnonzero(visited)))
+
+    def _settle(self) -> float:
+        """Moves until motions are independent of where their chains were, and as stages twice as many for the pieces:
+        they can follow at once. Returns the largest correlation then."""
+        chains = self._chains
+        before, left = chains.statistics(), 1.0
+        noise = LUCK / np.sqrt(chains.count)  # the largest of some hundred correlations of independent motions
+        spread = before.std(axis=1) > 1e-12
+        rounds = 0
+        while left > LEFT and rounds < LONGEST:
+            rounds += 1
+            self._move(self._moves)
+            self._add(Stage(None, self._mixture, 2 * self._moves))
+            after = chains.statistics()
+            kept = spread & (after.std(axis=1) > 1e-12)
+            pairs = zip(before[kept], after[kept], strict=True)
+            found = [float(np.corrcoef(one, two)[0, 1]) for one, two in pairs]
+            left = max(found, default=0.0) - noise
+        return float(max(left, 0.0))
+
+
+def _scales(scores: Array, low: Array, high: Array) -> Array:
+    """The typical distance of each score from its range, which makes metres and radians comparable."""
+    out = np.ones(len(scores))
+    for row, values in enumerate(scores):
+        off = np.maximum(low[row] - values, values - high[row])
+        off = off[np.isfinite(off) & (off > 0.0)]
+        if len(off):
+            out[row] = np.median(off)
+    return out
+
+
+def _distance(scores: Array, low: Array, high: Array, scale: Array) -> Array:
+    """How far (P,) motions are from the range, 0 within; infinite if a score is NaN."""
+    with np.errstate(invalid="ignore"):
+        below = np.where(np.isneginf(low)[:, None], -np.inf, low[:, None] - scores)
+        above = np.where(np.isposinf(high)[:, None], -np.inf, scores - high[:, None])
+    worst = (np.maximum(below, above) / scale[:, None]).max(axis=0)
+    return np.where(np.isnan(scores).any(axis=0), np.inf, np.maximum(worst, 0.0))
+
+
+def _weights(log_weight: Array) -> Array:
+    out: Array = np.exp(np.clip(log_weight - log_weight.max(), -600.0, 0.0))
+    return out

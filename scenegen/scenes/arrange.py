@@ -1,0 +1,130 @@
+"""Scenes of a file as a spec has them: its objects in its order, in its workspace, as it requires. Plain numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import DataError, quoted
+from scenegen.errors.declarations import NUMBERS_IN_FILE
+from scenegen.errors.files import HELD_ELSEWHERE, NO_SURFACE_GIVEN, OTHER_SPEC, REQUIREMENT_NOT_MET, SCENE_OUTSIDE
+from scenegen.geometry import NUMPY
+from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.interpret import phi as score
+from scenegen.lang.spec import CheckedSpec
+from scenegen.pose import PLACE, THETA, TWO_PI, X, along, row_count, row_of, rows_of, span_of
+from scenegen.scenes.data import SceneFile
+
+Array = npt.NDArray[np.float64]
+
+HELD = 1e-9  # metres and radians by which an object that is held in place may be off in a file
+OUTSIDE = 1e-6  # metres by which a centre may lie outside of the workspace: files of other programs round
+UNMET = 1e-6  # by which a requirement may be missed, for the same reason
+
+
+def order_of(spec: CheckedSpec, objects: Sequence[str]) -> list[int]:
+    """Where each object of the spec stands among `objects`. Raises DataError unless they are the same."""
+    if set(objects) != set(spec.objects):
+        missing = sorted(set(spec.objects) - set(objects))
+        extra = sorted(set(objects) - set(spec.objects))
+        parts = [f"the scenes lack {quoted(missing)}"] if missing else []
+        parts += [f"the spec does not know {quoted(extra)}"] if extra else []
+        names = {"wanted": tuple(spec.objects), "found": tuple(objects)}
+        raise DataError(OTHER_SPEC(reason="; ".join(parts), **names))
+    place = {name: index for index, name in enumerate(objects)}
+    return [place[name] for name in spec.objects]
+
+
+def refuse_numbers(header: SceneFile, what: str) -> None:
+    """Raises DataError for scenes that differ in how many things there are."""
+    for one in header.counts[:1]:
+        raise DataError(
+            NUMBERS_IN_FILE(what=what, name=one.name, most=one.most, asset=one.assets[0] if one.assets else None)
+        )
+
+
+def arranged(rows: Array, order: Sequence[int]) -> Array:
+    """(3N, m) storage with its objects in another order."""
+    if list(order) == sorted(order):
+        return rows
+    return rows[[row for place in order for row in rows_of(place)]]
+
+
+def as_core(spec: CheckedSpec, header: SceneFile, rows: Array, order: Sequence[int]) -> Array:
+    """The rows of a block of a file as the core has them: objects in another order, then switches. Raises DataError."""
+    refuse_numbers(header, "training")
+    count = row_count(len(header.objects))
+    return with_switches(spec, header, arranged(rows[:count], order), rows[count:].T)
+
+
+def with_switches(spec: CheckedSpec, header: SceneFile, rows: Array, on: Array | None) -> Array:
+    """Rows (3N, n) and below them those of the switches of the spec's choices; `on` (n, M) says on which of its
+    surfaces each of the header's choosers stands, counted from 1. Raises DataError where that is not said of
+    an object, or it stands on a surface that the spec does not have."""
+    if not spec.choices:
+        return rows
+    found = np.zeros((row_count(len(spec.core.objects)), rows.shape[1]))
+    found[: len(rows)] = rows
+    choosers = {one.name: number for number, one in enumerate(header.choosers)}
+    for which, choice in spec.choices.items():
+        name = spec.objects[which]
+        if on is None or name not in choosers:
+            raise DataError(NO_SURFACE_GIVEN(name=name))
+        support = header.choosers[choosers[name]].support
+        assert support is not None
+        middles = dict(zip((one.name for one in choice.options), choice.middles, strict=True))
+        values = np.array([middles.get(one.on, np.nan) for one in support.any])
+        numbers = values[on[:, choosers[name]].astype(np.intp) - 1]
+        if np.isnan(numbers).any():
+            raise DataError(NO_SURFACE_GIVEN(name=name))
+        found[row_of(choice.switch, X)] = numbers
+    return found
+
+
+def check_held(spec: CheckedSpec, rows: Array, before: int = 0) -> None:
+    """Raises DataError where an object that the spec holds in place stands elsewhere in `rows` (3N, m), the spec's
+    objects in order; `before` scenes of the file came before these."""
+    found = held_elsewhere(spec, rows)
+    if found is not None:
+        which, scene = found
+        raise DataError(HELD_ELSEWHERE(**held(spec, which), scene=before + scene + 1))
+
+
+def held_elsewhere(
+    spec: CheckedSpec, rows: Array, metres: float = HELD, radians: float = HELD
+) -> tuple[int, int] | None:
+    """The first object that the spec holds in place and that stands elsewhere in `rows` (3N, m), and in which column;
+    None if all are in their places. Headings are compared on the circle."""
+    for index, pose in spec.fixed.items():
+        off = rows[span_of(index, len(pose))] - np.array(pose)[:, None]
+        off[THETA] = np.remainder(off[THETA] + np.pi, TWO_PI) - np.pi
+        moved = (np.abs(off) > np.array([metres, metres, radians])[:, None]).any(axis=0)
+        if moved.any():
+            return index, int(moved.argmax())
+    return None
+
+
+def held(spec: CheckedSpec, which: int) -> dict[str, str]:
+    """The facts of an object that the spec holds, for HELD_ELSEWHERE."""
+    return {"name": spec.objects[which], "pose": ", ".join(f"{number:g}" for number in spec.fixed[which])}
+
+
+def check_scenes(spec: CheckedSpec, rows: Array, before: int = 0) -> None:
+    """Raises DataError for a scene that the base distribution of the spec does not have: with an object that is held
+    elsewhere, a centre outside of the workspace, or something required that is not met."""
+    check_held(spec, rows, before)
+    low, high = spec.box()
+    for axis in PLACE:
+        part = along(axis)
+        over = np.maximum(low[part, None] - rows[part], rows[part] - high[part, None])
+        if over.size and over.max() > OUTSIDE:
+            index, scene = np.unravel_index(int(over.argmax()), over.shape)
+            raise DataError(SCENE_OUTSIDE(name=spec.objects[int(index)], scene=before + int(scene) + 1))
+    if spec.core.requirement is None:
+        return
+    margin = np.broadcast_to(score(gated(spec.core), list(rows), NUMPY)[REQUIRE], rows.shape[1])
+    if (margin < -UNMET).any():
+        first = before + int((margin < -UNMET).argmax())
+        raise DataError(REQUIREMENT_NOT_MET(scene=first + 1))

@@ -1,0 +1,166 @@
+"""Scenes as blocks of arrays, the input and output of all file formats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import DataError, OutputError
+from scenegen.errors.files import COLUMN_TWICE, TOO_MANY_TO_READ
+from scenegen.pose import EVERY, NAMES, X, along, row_count
+from scenegen.scenes.data import SceneFile
+
+Array = npt.NDArray[np.float64]
+
+BLOCK = 65_536  # scenes of a block, and of a row group of a Parquet file
+MOST = 1 << 26  # coordinates and values of phi that are read into memory at once: 537 MB
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """m scenes: `rows` (3N, m) in the order of the file's objects, metres and radians; `phi` (L, m) in label order."""
+
+    rows: Array
+    phi: Array
+
+    @property
+    def count(self) -> int:
+        return int(self.rows.shape[1])
+
+    def part(self, start: int, stop: int) -> Block:
+        """The scenes from `start` up to, not including, `stop`."""
+        return Block(self.rows[:, start:stop], self.phi[:, start:stop])
+
+    def take(self, which: npt.NDArray[np.intp]) -> Block:
+        """The scenes of these numbers, each row in one piece of memory, which `rows[:, which]` does not give."""
+        return Block(taken([self.rows], which), taken([self.phi], which))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """An open scene file. `header` has no scenes in it; `blocks` gives them, once, and closes the file at its end.
+    `count` is their number, if the file has it before they are read; `name` is the file's name in errors."""
+
+    header: SceneFile
+    labels: tuple[str, ...]
+    blocks: Iterator[Block]
+    count: int | None = None
+    name: str = "this file"
+
+    def whole(self, start: int = 0, stop: int | None = None) -> Block:
+        """All scenes at once, or those from `start` up to, not including, `stop`. Raises DataError if they are too many
+        for memory; before they are read, if the file has their number."""
+        coordinates = self.header.coordinates
+        most = MOST // (coordinates + len(self.labels))
+        known = self.count if stop is None else stop if self.count is None else min(stop, self.count)
+        if known is not None and known - start > most:
+            raise self._too_many(f"{known - start:,}", most)
+        found: list[Block] = []
+        done = held = 0
+        for block in self.blocks:
+            part = block.part(max(0, start - done), block.count if stop is None else max(0, stop - done))
+            done += block.count
+            held += part.count
+            if held > most:
+                raise self._too_many(f"more than {most:,}", most)
+            found.append(part)
+            if stop is not None and done >= stop:
+                break
+        return joined(found, coordinates, len(self.labels))
+
+    def _too_many(self, count: str, most: int) -> DataError:
+        objects = len(self.header.objects)
+        return DataError(TOO_MANY_TO_READ(file=self.name, count=count, objects=objects, most=most))
+
+
+def taken(arrays: Sequence[Array], which: npt.NDArray[np.intp]) -> Array:
+    """Columns of arrays that stand side by side. Row by row, which is three times as fast as all rows at once: a row
+    stays in the cache. The numbers must be valid."""
+    found = np.empty((len(arrays[0]), len(which)))
+    for row in range(len(found)):
+        line = arrays[0][row] if len(arrays) == 1 else np.concatenate([array[row] for array in arrays])
+        np.take(line, which, out=found[row], mode="clip")  # "raise" would need a copy of the result
+    return found
+
+
+def joined(blocks: Sequence[Block], coordinates: int, labels: int) -> Block:
+    """Several blocks as one; (coordinates, 0) and (labels, 0) if there are none."""
+    rows = np.concatenate([np.empty((coordinates, 0)), *(block.rows for block in blocks)], axis=1)
+    phi = np.concatenate([np.empty((labels, 0)), *(block.phi for block in blocks)], axis=1)
+    return Block(rows, phi)
+
+
+def regrouped(blocks: Iterable[Block], size: int = BLOCK) -> Iterator[Block]:
+    """The same scenes in blocks of exactly `size`, except the last one; at most `size` scenes are held in memory."""
+    waiting: list[Block] = []
+    count = 0
+    for block in blocks:
+        start = 0
+        while count + block.count - start >= size:
+            stop = start + size - count
+            waiting.append(block.part(start, stop))
+            yield _one(waiting)
+            waiting, count, start = [], 0, stop
+        if start < block.count:
+            waiting.append(block.part(start, block.count))
+            count += block.count - start
+    if waiting:
+        yield _one(waiting)
+
+
+def _one(blocks: list[Block]) -> Block:
+    return blocks[0] if len(blocks) == 1 else joined(blocks, len(blocks[0].rows), len(blocks[0].phi))
+
+
+def check_numbers(header: SceneFile, block: Block) -> None:
+    """Files never contain infinities or NaN, and samplers never return them, but for the rows of objects that are not
+    there. Raises ValueError: a bug, not a user's mistake."""
+    if not (np.isfinite(block.phi).all() and (header.counts or np.isfinite(block.rows).all())):
+        raise ValueError("a scene with a number that is not finite was to be written")
+    if header.counts:
+        counts_in(header, block.rows)
+
+
+def counts_in(header: SceneFile, rows: Array) -> npt.NDArray[np.intp]:
+    """(C, m): how many things there are in scenes, rows (3N + ..., m), NaN in those of objects that are not there.
+    Raises ValueError where other rows are not finite, or are of objects that should not be there."""
+    # With it comes pydantic, 0.1 s of every worker's start; workers that draw know no headers.
+    from scenegen.scenes.numbers import numbers_in, present
+
+    names = [one.name for one in header.objects]
+    finite = np.isfinite(rows)
+    found = numbers_in(names, header.counts, finite[: row_count(len(names))][along(X)].T)
+    there = present(names, header.counts, found).T
+    choosers = [names.index(one.name) for one in header.choosers]
+    wanted = np.concatenate([np.repeat(there, len(EVERY), axis=0), there[choosers]])
+    if (finite != wanted).any() or np.isinf(rows).any():
+        raise ValueError(f"scene {int(np.flatnonzero((finite != wanted).any(axis=0))[0]) + 1}")
+    return found
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Scenes as a table, one a row: the names of the columns, in Parquet files and data frames alike.
+
+
+PHI = "phi."
+COUNT = "count."
+RARITY = "log10p."  # after phi, in data sets: how rare each scene's phi is
+
+
+def columns(header: SceneFile, labels: Sequence[str]) -> list[str]:
+    """The names of the columns, in their order: the 3N coordinates `mug.x`, ..., then `mug.on` of each object that
+    stands on one of several surfaces (its number in the header, counted from 1), then `count.block` of each array whose
+    number of elements is drawn, then phi of each label.
+
+    Raises OutputError if an object `phi` and a label `x` would share one.
+    """
+    places = [f"{one.name}.{axis}" for one in header.objects for axis in NAMES]
+    more = [*(f"{one.name}.on" for one in header.choosers), *(f"{COUNT}{one.name}" for one in header.counts)]
+    names = [*places, *more, *(f"{PHI}{label}" for label in labels)]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise OutputError(COLUMN_TWICE(name=twice))
+    return names

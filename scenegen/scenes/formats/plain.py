@@ -1,0 +1,228 @@
+"""Tables of numbers that other programs wrote: CSV, JSON Lines and Parquet without a header of ours.
+
+Only columns that are asked for are looked at: what else a file holds may be text, or nothing at all.
+"""
+
+from __future__ import annotations
+
+import csv
+import functools
+import io
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import DataError, Diagnostic
+from scenegen.errors.diagnostic import Kind
+from scenegen.errors.files import DOUBTFUL_POSE, TABLE_CELL, TABLE_COLUMN, TABLE_ROW
+from scenegen.geometry.workspace import Workspace
+from scenegen.needs import need
+from scenegen.pose import NAMES, THETA, TWO_PI, X
+from scenegen.scenes.files import read_bytes
+
+Array = npt.NDArray[np.float64]
+
+ENDINGS = (".csv", ".jsonl", ".parquet")
+MAX_BYTES = 1 << 30
+PEEK = 1 << 16  # bytes within which a file of scenegen says that it is one
+OURS = re.compile(rb'"format"\s*:\s*"scenegen/')
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Rows `start` to `stop` of a file; `names` are those of its columns, `cells` gives those of one, all rows of it:
+    numbers, or things that may be some. A part of a file has the `number` that the file gives it. `wrong` is what is
+    said of a file that is no such table."""
+
+    file: str
+    wrong: Kind
+    names: tuple[str, ...]
+    cells: Callable[[str], Any]
+    start: int
+    stop: int
+    number: int | None = None
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    def column(self, name: str, *, holes: bool = False) -> Array:
+        """The numbers of a column. Raises DataError where it is not there, or holds anything else; with `holes`, empty
+        cells, null and NaN are NaN."""
+        if name not in self.names:
+            raise DataError(TABLE_COLUMN(file=self.file, name=name, known=sorted(filter(None, self.names))))
+        if self.names.count(name) > 1:
+            raise DataError(self.wrong(file=self.file, reason=f"two columns have the name `{name}`"))
+        cells = self.cells(name)[self.start : self.stop]
+        found = cells if isinstance(cells, np.ndarray) else np.array([_number(cell) for cell in cells])
+        for place in np.flatnonzero(~np.isfinite(found)):
+            row, cell = self.start + int(place) + 1, cells[place]
+            if holes and (cell is None or str(cell).strip().lower() in ("", "nan")):
+                continue
+            shown = cell if isinstance(cell, str) else str(cell) if isinstance(cell, float) else json.dumps(cell)
+            point = re.fullmatch(r"\s*([+-]?\d+),(\d+)\s*", shown)
+            facts = {"value": shown[:40], "point": None if point is None else ".".join(point.groups())}
+            raise DataError(TABLE_CELL(file=self.file, row=row, name=name, **facts))
+        return np.asarray(found, dtype=np.float64)
+
+    def part(self, start: int, stop: int, number: int) -> Table:
+        """Some rows, counted from those of this table."""
+        return replace(self, start=self.start + start, stop=self.start + stop, number=number)
+
+
+def read_table(path: Path, what: str, wrong: Kind) -> Table:
+    """The table in a file with one of `ENDINGS`; `what` is the file's role. Raises DataError, and RequestError where a
+    library is missing."""
+    ending = path.suffix.lower()
+    data = read_bytes(path, what, limit=MAX_BYTES)
+    if ending == ".parquet":
+        return _parquet(path, data, wrong)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise DataError(wrong(file=path, reason="it is not a text in UTF-8")) from None
+    names, cells, count = _csv(path, text, wrong) if ending == ".csv" else _json_lines(path, text, wrong)
+    if not count:
+        raise DataError(wrong(file=path, reason="it has no rows"))
+    return Table(str(path), wrong, names, functools.cache(cells), 0, count)
+
+
+def _csv(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[[str], Any], int]:
+    heading = next((line for line in text.splitlines() if line.strip()), "")
+    between = next((one for one in ",;\t" if one in heading), ",")
+    odd = re.search(r"\S( |\|| \| )\S", heading)
+    if between not in heading and odd:
+        reason = f"its columns are separated by `{odd[1]}`; it takes `,`, `;` and tabs"
+        raise DataError(wrong(file=path, reason=reason))
+    try:
+        lines = [line for line in csv.reader(io.StringIO(text), strict=True, delimiter=between) if line]
+    except csv.Error as error:
+        raise DataError(wrong(file=path, reason=str(error))) from None
+    names = [name.strip() for name in lines.pop(0)] if lines else []
+    while names and not names[-1]:  # a comma at the end of every line
+        names.pop()
+    for number, line in enumerate(lines, 1):
+        if len(line) < len(names) or any(cell.strip() for cell in line[len(names) :]):
+            raise DataError(TABLE_ROW(file=path, row=number, given=len(line), wanted=len(names)))
+
+    def cells(name: str) -> list[str]:
+        place = names.index(name)
+        return [line[place] for line in lines]
+
+    return tuple(names), cells, len(lines)
+
+
+def _json_lines(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[[str], Any], int]:
+    rows: list[dict[str, Any]] = []
+    for number, line in enumerate((line for line in text.splitlines() if line.strip()), 1):
+        try:
+            said: Any = json.loads(line)
+        except (ValueError, RecursionError):
+            raise DataError(wrong(file=path, reason=f"row {number} is not JSON")) from None
+        if not isinstance(said, dict):
+            raise DataError(wrong(file=path, reason=f"row {number} is not an object with columns"))
+        rows.append(said)
+    names = dict.fromkeys(name for row in rows for name in row)
+    return tuple(names), lambda name: [row.get(name) for row in rows], len(rows)
+
+
+def is_plain(path: Path) -> bool:
+    """Whether a file can hold no more than poses: without a header that says of what; False where it cannot be read."""
+    ending = path.suffix.lower()
+    try:
+        if ending == ".parquet":
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+
+            try:
+                return b"scenegen" not in (pq.read_metadata(path).metadata or {})
+            except (pa.ArrowException, OSError, ValueError):
+                return False
+        if ending in (".json", ".jsonl"):
+            with path.open("rb") as file:
+                return OURS.search(file.read(PEEK)) is None
+    except (OSError, ModuleNotFoundError):
+        return False
+    return ending == ".csv"
+
+
+def doubts(file: str, columns: Iterable[tuple[str, Array]], table: Workspace, first: int = 1) -> list[Diagnostic]:
+    """Warnings for columns of poses, such as mug.theta, that by their numbers are not in radians, or not on the table:
+    at most one of each. `first` is the row of their first number."""
+    found: dict[bool, Diagnostic] = {}
+    for name, values in columns:
+        axis = name.rpartition(".")[2]
+        turns = axis == NAMES[THETA]
+        if turns:
+            low, high = -TWO_PI, TWO_PI
+            doubt, remedy = "more than a turn", "headings are in radians: numpy.radians(90) is 1.5708"
+        else:
+            every = [(table.x, table.y), *(one[1:] for one in table.own)]
+            ends = [one[axis != NAMES[X]] for one in every]
+            low, high = min(one[0] for one in ends), max(one[1] for one in ends)
+            doubt = f"outside of the workspace, which ends at {low:g} and {high:g}"
+            remedy = "places are in metres, in the frame of the spec's workspace"
+        slack = 1e-9 * (high - low)
+        odd = np.flatnonzero((values < low - slack) | (values > high + slack))
+        if turns not in found and len(odd):
+            row, value = first + int(odd[0]), float(values[odd[0]])
+            facts = {"row": row, "value": value, "doubt": doubt, "remedy": remedy}
+            found[turns] = DOUBTFUL_POSE(file=file, name=name, **facts)
+    return list(found.values())
+
+
+def _number(cell: Any) -> float:
+    """NaN for what is none."""
+    try:
+        return math.nan if isinstance(cell, bool) or cell is None else float(cell)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def _parquet(path: Path, data: bytes, wrong: Kind) -> Table:
+    need("pyarrow", "for .parquet files")
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from scenegen.scenes.formats.parquet import check_rows, is_number, open_parquet, refused
+
+    def damaged(said: str) -> Diagnostic:
+        return wrong(file=path, reason=said)
+
+    with refused(damaged):
+        parquet = open_parquet(path, io.BytesIO(data))
+        check_rows(path, parquet, 1)
+        schema = parquet.schema_arrow
+    if not parquet.metadata.num_rows:
+        raise DataError(wrong(file=path, reason="it has no rows"))
+
+    read: list[str] = []  # columns, which are kept
+
+    def cells(name: str) -> Any:
+        kind = schema.field(name).type
+        text = bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+        if not (text or is_number(kind)):
+            raise DataError(TABLE_CELL(file=path, row=1, name=name, value=str(kind)))
+        read.append(name)
+        check_rows(path, parquet, len(read))
+        with refused(damaged):
+            if not text:
+                return parquet.read(columns=[name], use_threads=False).column(0).to_numpy()
+            # a long text that stands in every row is in memory once
+            texts = pq.ParquetFile(io.BytesIO(data), read_dictionary=[name], page_checksum_verification=True)
+            column = texts.read(columns=[name], use_threads=False).column(0)
+            return [cell for chunk in column.chunks for cell in _texts(chunk)]
+
+    return Table(str(path), wrong, tuple(schema.names), functools.cache(cells), 0, parquet.metadata.num_rows)
+
+
+def _texts(chunk: Any) -> Iterator[str | None]:
+    """The texts of a column that is stored as numbers of a list of texts."""
+    known = chunk.dictionary.to_pylist()
+    return (None if number is None else known[number] for number in chunk.indices.to_pylist())

@@ -1,0 +1,376 @@
+"""Contraction: narrower boxes that hold the same solutions.
+
+This is HC4 (Benhamou et al. 1999, "Revising hull and box consistency") on a tape whose nodes keep what they know.
+Forward, every node's interval is met with the bounds of its children; backward, every child's with what its parent's
+leaves it. Intervals on inner nodes are kept from sweep to sweep, so that what one atom says of a difference of two
+coordinates reaches every other atom over the same objects.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.geometry import PRIMITIVES, Interval
+from scenegen.geometry import interval as iv
+from scenegen.geometry.backward import maximum as back_maximum
+from scenegen.geometry.backward import minimum as back_minimum
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node
+from scenegen.lang.formula.interpret import Algebra, fold
+from scenegen.lang.spec import CheckedSpec
+from scenegen.search.effort import Effort, bounding
+from scenegen.search.tape import Batches, Contracted, Tape, make_batches
+
+# --------------------------------------------------------------------------------------------------------------------
+# What is wanted of a formula, pushed down to its parts, and split into alternatives that exclude one another.
+#
+# A conjunction lies at or above l if all its parts do; it lies at or below u if *some* part does, and the first one
+# that does names an alternative. The alternatives of a node are disjoint and leave nothing out, so scenes drawn for
+# each, in proportion to their volumes, are scenes drawn for the whole. Disjunctions are the mirror image.
+
+
+Ends = tuple[float, float]
+EVERYTHING: Ends = (-math.inf, math.inf)
+
+
+def both(a: Ends, b: Ends) -> Ends:
+    return max(a[0], b[0]), min(a[1], b[1])
+
+
+def push_down(core: Core, wanted: Mapping[int, Ends]) -> dict[int, Ends]:
+    """The same demand with every end that all parts of a junction must meet handed to the parts.
+
+    What stays on a junction is what one of its parts must meet: an upper end of a conjunction, a lower end of a
+    disjunction. Nodes without a demand are left out.
+    """
+    out = dict(wanted)
+    for index in sorted(out, reverse=True):
+        _push(core, out, index)
+    return {index: out[index] for index in sorted(out) if out[index] != EVERYTHING}
+
+
+def _push(core: Core, out: dict[int, Ends], top: int) -> None:
+    """Hand the ends at `top` down as far as they go."""
+    stack = [top]
+    while stack:
+        index = stack.pop()
+        node = core.nodes[index]
+        if not isinstance(node, Junction):
+            continue
+        low, high = out[index]
+        if node.kind == "min":
+            passed, kept = (low, math.inf), (-math.inf, high)
+        else:
+            passed, kept = (-math.inf, high), (low, math.inf)
+        out[index] = kept
+        if passed == EVERYTHING:
+            continue
+        for arg in node.args:
+            before = out.get(arg, EVERYTHING)
+            after = both(before, passed)
+            if after != before:
+                out[arg] = after
+                stack.append(arg)
+
+
+def alternatives(
+    core: Core, wanted: Mapping[int, Ends], index: int
+) -> Iterator[tuple[dict[int, Ends], dict[int, Ends]]]:
+    """The demand split at junction `index`, which must hold one: one entry per part that can be the first to meet it.
+
+    Each entry is the whole demand of that alternative, pushed down, and what sets it apart: ends of formula nodes that
+    hold for its scenes and for no other alternative's. Strict ends are the next number of float64, so that they say
+    exactly what they mean about computed values.
+    """
+    node = core.nodes[index]
+    assert isinstance(node, Junction)
+    low, high = wanted[index]
+    below = node.kind == "min"
+    meets: Ends = (-math.inf, high) if below else (low, math.inf)
+    fails: Ends = (
+        (float(np.nextafter(high, math.inf)), math.inf) if below else (-math.inf, float(np.nextafter(low, -math.inf)))
+    )
+    rest = {key: ends for key, ends in wanted.items() if key != index}
+    for position, arg in enumerate(node.args):
+        apart = dict.fromkeys(node.args[:position], fails)
+        # A part that occurs twice cannot be the first to meet the demand at its second place.
+        if arg in apart:
+            continue
+        apart[arg] = meets
+        demand = dict(rest)
+        for key, ends in apart.items():
+            demand[key] = both(demand.get(key, EVERYTHING), ends)
+        if all(low <= high for low, high in demand.values()):
+            yield push_down(core, demand), apart
+
+
+Array = npt.NDArray[np.float64]
+
+ROUNDS = 4
+LEAST = 0.02  # a sweep that takes less than this share off every box is the last
+KEPT = 4  # contracted boxes of a tape that are kept
+SLACK = 1e-9  # wanted ends are loosened by this, relative to the size of the numbers, for the tape rounds differently
+
+
+def start(
+    tape: Tape, wanted: Sequence[Mapping[int, Ends]], lowest: Array, highest: Array, *, slack: float = SLACK
+) -> tuple[Array, Array]:
+    """Intervals of all nodes, (T, K), for K boxes lowest..highest, (3N, K), each with its own wanted formula nodes.
+    Contraction proves nothing with less `slack` than SLACK."""
+    lo, hi = np.full((len(tape.nodes), len(wanted)), -np.inf), np.full((len(tape.nodes), len(wanted)), np.inf)
+    for row, node in tape.rows.items():
+        lo[node], hi[node] = lowest[row], highest[row]
+    scale = size_of(lowest, highest)
+    for node in tape.loops:
+        lo[node], hi[node] = -scale * SLACK, scale * SLACK
+    for column, ends in enumerate(wanted):
+        impose(tape, ends, lo[:, column], hi[:, column], scale, slack)
+    return lo, hi
+
+
+def size_of(lowest: Array, highest: Array) -> float:
+    """The size of the numbers that coordinates in a box are, at least 1."""
+    return max(1.0, float(np.abs(lowest).max(initial=0.0)), float(np.abs(highest).max(initial=0.0)))
+
+
+def impose(tape: Tape, wanted: Mapping[int, Ends], lo: Array, hi: Array, size: float, slack: float = SLACK) -> None:
+    """Narrow the intervals of one box, (T,) each, in place, to what is wanted of formula nodes."""
+    for node, (low, high) in wanted.items():
+        at = tape.where[node]
+        lo[at] = max(lo[at], low - slack * (size + abs(low)))
+        hi[at] = min(hi[at], high + slack * (size + abs(high)))
+
+
+def contract(
+    nodes: Sequence[Node],
+    lo: Array,
+    hi: Array,
+    rounds: int = ROUNDS,
+    *,
+    batches: Batches | None = None,
+    effort: Effort | None = None,
+) -> npt.NDArray[np.bool_]:
+    """Narrow the intervals of T nodes over K boxes, (T, K) each, in place; returns which may hold a solution, (K,).
+
+    No solution is lost: a scene that lies in a box and whose nodes lie in the intervals given lies in those left. With
+    `batches`, those of `nodes`, many nodes are revised at a time: faster on large tapes, and narrower or wider by a
+    little, for nodes of one batch do not see what the others have narrowed. Raises what `effort` raises.
+    """
+    effort = Effort() if effort is None else effort
+    alive = np.ones(lo.shape[1], dtype=bool)
+    leaves = [index for index, node in enumerate(nodes) if _is_leaf(nodes, node)]
+    with np.errstate(all="ignore"):
+        before = hi[leaves] - lo[leaves]
+        for _ in range(rounds):
+            if batches is None:
+                fold(nodes, _Forward(lo, hi, effort))
+            else:
+                batches.meet_up(lo, hi, effort)
+            alive &= (lo <= hi).all(axis=0)
+            if not alive.any():
+                break
+            if batches is None:
+                _down(nodes, lo, hi, effort)
+            else:
+                batches.meet_down(lo, hi, effort)
+            alive &= (lo <= hi).all(axis=0)
+            after = hi[leaves] - lo[leaves]
+            if not alive.any() or not (after < (1.0 - LEAST) * before)[:, alive].any():
+                break
+            before = after
+    return alive
+
+
+def contract_box(
+    tape: Tape, lowest: Array, highest: Array, demand: Mapping[int, Ends], effort: Effort, rounds: int = ROUNDS
+) -> Contracted:
+    """One box lowest..highest, (3N,), with a demand, contracted. Raises what `effort` raises.
+
+    The check of a request, pruning, and the look at rejection without it all begin with the same box. The tape keeps
+    the latest ones, and the same work is counted for one that is at hand.
+    """
+    key = lowest.tobytes(), highest.tobytes(), tuple(sorted(demand.items())), rounds
+    known = tape.contracted.get(key)
+    if known is not None and effort.allows(known.work):
+        effort.spend(known.work)
+        return known
+    used = effort.used
+    lo, hi = start(tape, [demand], lowest[:, None], highest[:, None])
+    alive = bool(contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)[0])
+    made = tape.contracted[key] = Contracted(lo[:, 0], hi[:, 0], alive, effort.used - used)
+    if len(tape.contracted) > KEPT:
+        del tape.contracted[next(iter(tape.contracted))]
+    return made
+
+
+def forward(
+    nodes: Sequence[Node],
+    lo: Array,
+    hi: Array,
+    given: Sequence[int],
+    *,
+    batches: Batches | None = None,
+    effort: Effort | None = None,
+) -> tuple[Array, Array]:
+    """Bounds of all nodes, (T, K), from the intervals of the `given` ones alone (and of all coordinates): the same
+    with and without `batches`. Raises what `effort` raises."""
+    effort = Effort() if effort is None else effort
+    out_lo, out_hi = lo.copy(), hi.copy()
+    known = np.zeros(len(nodes), dtype=bool)
+    known[list(given)] = True
+    if batches is not None:
+        with np.errstate(all="ignore"):
+            batches.bounds(out_lo, out_hi, effort, known)
+        return out_lo, out_hi
+    with np.errstate(all="ignore"):
+        fold(nodes, _Forward(out_lo, out_hi, effort, known))
+    return out_lo, out_hi
+
+
+class _Forward(Algebra[Interval]):
+    """Nodes as the rows of lo and hi, (T, K), which are met with, or where not `known` (T,) replaced by, the bounds of
+    their children, in place. Without `known`, all are met."""
+
+    def __init__(self, lo: Array, hi: Array, effort: Effort, known: npt.NDArray[np.bool_] | None = None) -> None:
+        self._lo, self._hi, self._effort, self._known = lo, hi, effort, known
+
+    def constant(self, index: int, node: Const) -> Interval:
+        return self._put(index, iv.point(node.value))
+
+    def coordinate(self, index: int, node: Coord) -> Interval:
+        return Interval(self._lo[index], self._hi[index])
+
+    def apply(self, index: int, node: Apply, args: list[Interval]) -> Interval:
+        self._effort.spend(bounding(node, self._lo.shape[1]))
+        return self._put(index, PRIMITIVES[node.primitive].interval(*node.shapes, *args))
+
+    def junction(self, index: int, node: Junction, args: list[Interval]) -> Interval:
+        self._effort.spend(bounding(node, self._lo.shape[1]))
+        # All rows at a time: conjunctions have hundreds of parts.
+        columns = self._lo[list(node.args)], self._hi[list(node.args)]
+        if node.kind == "min":
+            return self._put(index, Interval(columns[0].min(axis=0), columns[1].min(axis=0)))
+        return self._put(index, Interval(columns[0].max(axis=0), columns[1].max(axis=0)))
+
+    def _put(self, index: int, value: Interval) -> Interval:
+        mine = Interval(self._lo[index], self._hi[index])
+        if self._known is None:
+            np.fmax(mine.lo, value.lo, out=mine.lo)
+            np.fmin(mine.hi, value.hi, out=mine.hi)
+        elif self._known[index]:  # in this order, which tells where one is 0.0 and the other -0.0
+            np.fmax(value.lo, mine.lo, out=mine.lo)
+            np.fmin(value.hi, mine.hi, out=mine.hi)
+        else:
+            mine.lo[...], mine.hi[...] = value
+        return mine
+
+
+def _down(nodes: Sequence[Node], lo: Array, hi: Array, effort: Effort) -> None:
+    """Meet every child's interval with what its parents leave, from the last node on: not a fold, for it goes from
+    parents to children."""
+    for index in range(len(nodes) - 1, -1, -1):
+        node = nodes[index]
+        if isinstance(node, Apply | Junction):
+            effort.spend(bounding(node, lo.shape[1]))
+            _revise(node, Interval(lo[index], hi[index]), lo, hi)
+
+
+def _is_leaf(nodes: Sequence[Node], node: Node) -> bool:
+    """Coordinates, and differences of two of them: whose intervals are worth narrowing."""
+    if isinstance(node, Apply):
+        return node.primitive == "sub" and all(isinstance(nodes[arg], Coord) for arg in node.args)
+    return isinstance(node, Coord)
+
+
+def _revise(node: Apply | Junction, result: Interval, lo: Array, hi: Array) -> None:
+    parts = tuple(Interval(lo[arg], hi[arg]) for arg in node.args)
+    if isinstance(node, Junction):
+        narrower = (back_minimum if node.kind == "min" else back_maximum)(result, *parts)
+    else:
+        rule = PRIMITIVES[node.primitive].backward
+        if rule is None:
+            return
+        narrower = rule(*node.shapes, result, *parts)
+    for arg, part in zip(node.args, narrower, strict=True):
+        np.fmax(lo[arg], part.lo, out=lo[arg])
+        np.fmin(hi[arg], part.hi, out=hi[arg])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Interval bounds of phi over boxes of poses.
+
+
+def node_bounds(core: Core, lowest: Array, highest: Array, effort: Effort | None = None) -> list[Interval]:
+    """Bounds of every node over boxes of poses.
+
+    `lowest` and `highest` are (3N,) for one box or (3N, K) for K of them, in metres and radians. Each node gets arrays
+    of shape () or (K,). The value of a node at any scene in a box lies within, rounding in float64 included; the bounds
+    are exact where no coordinate occurs twice, and may be wide where one does. Raises what `effort` raises.
+    """
+    effort = Effort() if effort is None else effort
+    lowest, highest = np.asarray(lowest, dtype=np.float64), np.asarray(highest, dtype=np.float64)
+    batches = make_batches(core.nodes)
+    if batches is not None:
+        return _in_batches(core, batches, lowest, highest, effort)
+    return fold(core.nodes, _Bounds(lowest, highest, effort))
+
+
+class _Bounds(Algebra[Interval]):
+    """Nodes as intervals over the boxes lowest..highest."""
+
+    def __init__(self, lowest: Array, highest: Array, effort: Effort) -> None:
+        self._lowest, self._highest, self._effort = lowest, highest, effort
+        self._boxes = math.prod(lowest.shape[1:])
+
+    def constant(self, index: int, node: Const) -> Interval:
+        return iv.point(node.value)
+
+    def coordinate(self, index: int, node: Coord) -> Interval:
+        return Interval(self._lowest[node.row], self._highest[node.row])
+
+    def apply(self, index: int, node: Apply, args: list[Interval]) -> Interval:
+        self._effort.spend(bounding(node, self._boxes))
+        return PRIMITIVES[node.primitive].interval(*node.shapes, *args)
+
+    def atom(self, index: int, node: Atom, margin: Interval) -> Interval:
+        self._effort.spend(bounding(node, self._boxes))
+        return margin
+
+    def junction(self, index: int, node: Junction, args: list[Interval]) -> Interval:
+        self._effort.spend(bounding(node, self._boxes))
+        return (iv.minimum if node.kind == "min" else iv.maximum)(*args)
+
+
+def _in_batches(core: Core, batches: Batches, lowest: Array, highest: Array, effort: Effort) -> list[Interval]:
+    """The same numbers, those of many nodes at a time."""
+    shape = np.shape(lowest)[1:]
+    columns = lowest.reshape(len(lowest), -1).shape[1]
+    lo, hi = (np.empty((len(core.nodes), columns)) for _ in range(2))
+    rows = [node.row for node in core.nodes if isinstance(node, Coord)]
+    lo[batches.coords] = lowest.reshape(-1, columns)[rows]
+    hi[batches.coords] = highest.reshape(-1, columns)[rows]
+    batches.bounds(lo, hi, effort)
+    return [Interval(low.reshape(shape), high.reshape(shape)) for low, high in zip(lo, hi, strict=True)]
+
+
+def label_bounds(core: Core, lowest: Array, highest: Array, effort: Effort | None = None) -> tuple[Array, Array]:
+    """Lowest and highest phi of each label over boxes of poses: two arrays of shape (L,) or (L, K)."""
+    values = node_bounds(core, lowest, highest, effort)
+    shape = np.shape(lowest)[1:]
+    ends = [values[index] for index in core.labels.values()]
+    return _stack([end.lo for end in ends], shape), _stack([end.hi for end in ends], shape)
+
+
+def spec_bounds(spec: CheckedSpec) -> dict[str, tuple[float, float]]:
+    """What phi of each label can be at most, anywhere in the workspace; the requirement is not looked at."""
+    core = spec.core
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite bounds are an answer, not an accident
+        lo, hi = label_bounds(core, *spec.box())
+    return {name: (float(low), float(high)) for name, low, high in zip(core.labels, lo, hi, strict=True)}
+
+
+def _stack(ends: Sequence[Array], shape: tuple[int, ...]) -> Array:
+    return np.stack([np.broadcast_to(end, shape) for end in ends])

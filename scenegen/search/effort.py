@@ -1,0 +1,134 @@
+"""What bounds and planning may take: until someone says stop, and at most so much work, which is counted.
+
+A unit of work is about what bounding a sum over one box takes; calls of numpy and of Python are counted in the same
+units. Counts do not depend on the machine: what gives up for having counted too much does so everywhere.
+
+What is counted of one kind takes another time than what is counted of another. Where methods are compared, counts
+become seconds of CPU by the constants below, which `python benchmarks/units.py` measures. They are those of one
+machine, so that the same request gets the same method on all.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from scenegen.geometry.footprint import Circle
+from scenegen.lang.formula.core import Apply, Node, children
+
+BOUNDED = 8.6e-9  # seconds of a unit of bounds and planning
+SCORED, CALLED, DRAWN = 4.2e-9, 2e-8, 1.2e-8  # of one of scoring candidates, of calls, and of drawing a coordinate
+STEPPED, GROWN = 4e-4, 1.7e-9  # of a step of growth over all its scenes, and of a unit of scoring one of them
+MOVED = 6.3e-9  # of a unit of scoring a scene that a chain moves to
+CALL = 1000  # of an interval rule, for each of its arguments, however few boxes there are
+CORNERED = 10  # times as much as a sum: what a footprint with corners takes
+QUARTER = 0.25  # of the work that is allowed
+PYTHON = 200  # a few lines of Python for one node, set or tuple
+
+
+class StoppedError(Exception):
+    """Time was up before there was a result. `how_far` says in words what there was by then; "" if nothing is known. It
+    travels with the error, so it reaches the user from a worker process, too."""
+
+    def __init__(self, how_far: str = "") -> None:
+        super().__init__(how_far)
+        self.how_far = how_far
+
+
+class Stop(Protocol):
+    """Tells work that takes long, whenever it checks, that time is up."""
+
+    def check(self) -> None:
+        """Raises StoppedError where time is up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Never:
+    """Time is never up."""
+
+    def check(self) -> None:
+        pass
+
+
+NEVER = Never()
+
+
+class TooMuchError(Exception):
+    """More work was counted than was allowed."""
+
+
+@dataclass(slots=True)
+class Effort:
+    """Counts work. `stop` is called whenever some is added; `most` is how much is allowed. `on_quarter` is called once,
+    when more than a quarter of that is used; `further` once, when all of it is: it returns how much is allowed then."""
+
+    stop: Callable[[], bool] = lambda: False
+    most: float = math.inf
+    used: float = 0.0
+    on_quarter: Callable[[], object] | None = None
+    further: Callable[[], float] | None = None
+
+    def spend(self, units: float) -> None:
+        """Count work that is about to be done. Raises TooMuchError beyond `most`, StoppedError where `stop` says so."""
+        self.used += units
+        if self.used > self.most and self.further is not None:
+            ask, self.further = self.further, None
+            self.most = max(self.most, ask())
+        if self.used > self.most:
+            raise TooMuchError
+        if self.on_quarter is not None and self.used > QUARTER * self.most:
+            call, self.on_quarter = self.on_quarter, None
+            call()
+        self.check()
+
+    def allows(self, units: float) -> bool:
+        """Whether so much more is within what is allowed now."""
+        return self.used + units <= self.most
+
+    def check(self) -> None:
+        """Raises StoppedError where `stop` says so."""
+        if self.stop():
+            raise StoppedError
+
+
+def asking(stop: Stop) -> Effort:
+    """Work that raises what `stop` raises."""
+
+    def over() -> bool:
+        stop.check()
+        return False
+
+    return Effort(over)
+
+
+def until(deadline: float) -> Effort:
+    """Work that is stopped after `deadline`, by the monotonic clock."""
+    return Effort(lambda: time.monotonic() > deadline)
+
+
+def bounding(node: Node, boxes: int) -> int:
+    """The work of one call of a node's rule, forward or backward, for so many boxes."""
+    return len(children(node)) * (CALL + boxes * (CORNERED if _cornered(node) else 1))
+
+
+def scoring(nodes: Iterable[Node], scenes: int) -> float:
+    """The work of computing nodes of so many scenes."""
+    each, calls = per_scene(nodes)
+    return calls + scenes * each
+
+
+def per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
+    """The work of computing nodes: of each scene, and of the calls, however many scenes there are."""
+    plain = cornered = 0
+    for node in nodes:
+        count = len(children(node))
+        plain += count
+        cornered += count * _cornered(node)
+    return 0.1 * plain + 1.4 * cornered, plain * CALL / 8
+
+
+def _cornered(node: Node) -> bool:
+    return isinstance(node, Apply) and any(not isinstance(shape, Circle) for shape in node.shapes)

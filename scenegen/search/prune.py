@@ -1,0 +1,404 @@
+"""Branch and prune: a disjoint cover of the scenes that meet a demand, each part with a way to draw from it.
+
+The demand is split into alternatives (see contract.py), boxes are contracted, and what is left of each alternative
+gets a proposal. A short pilot draw from each shows where volume is wasted; the worst is split or covered more finely,
+until half of what is drawn is expected to be kept, or until nothing helps any more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.geometry import NUMPY
+from scenegen.lang.formula.core import Core, Junction
+from scenegen.lang.formula.interpret import evaluate
+from scenegen.search.contract import ROUNDS, Ends, alternatives, contract, contract_box, push_down, start
+from scenegen.search.effort import PYTHON, Effort, scoring
+from scenegen.search.grid import Grids, Open, open_nodes
+from scenegen.search.proposal import Proposal, propose
+from scenegen.search.surfaces import Stand
+from scenegen.search.tape import Tape, make_tape, weight
+
+Array = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+PARTS = 256  # alternatives of a cover at most
+PILOT = 1024  # scenes drawn from a part to see what is wasted
+LIVE = 1 << 20  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
+GOOD = 0.5  # share of the drawn scenes that are kept from which on a cover is good enough
+SPENT = 1.5e7  # work of a cover, a quarter of a second, from which on a worse one may be good enough
+FAILS = 0.25  # an open junction that fails this often is worth a split
+LOOSE = (0.7, 0.97)  # demands that these shares of the scenes meet by themselves are left out of the grids, in turn
+COARSE, FINE = 128, 2048  # boxes of a grid, first and when it is worth more
+LARGE = 20_000  # nodes of a tape from which on one sweep must do
+
+
+Apart = tuple[tuple[int, float, float], ...]
+"""Formula nodes (of the core) and the ends that tell the scenes of an alternative from the others'."""
+
+Entry = tuple[Mapping[int, Ends], Apart]
+"""An alternative before anything is known of it: its demand, and what sets it apart."""
+
+
+@dataclass(slots=True)
+class Part:
+    """One alternative."""
+
+    apart: Apart
+    demand: Mapping[int, Ends]
+    lo: Array
+    hi: Array
+    pending: Sequence[Open] = ()
+    proposal: Proposal | None = None
+    acceptance: float = 0.0
+    fails: Mapping[int, float] = field(default_factory=dict)
+    final: bool = False
+
+    def owns(self, values: Sequence[Array], span: slice) -> Bool | None:
+        """Which of the scenes whose node values are given belong to this part, (B,) or () where that is the same for
+        all; None for all."""
+        mine: Bool | None = None
+        for node, low, high in self.apart:
+            value = values[node]
+            value = value[span] if np.ndim(value) else value  # an alternative may be the same for all scenes
+            held = (value >= low) & (value <= high)
+            mine = held if mine is None else mine & held
+        return mine
+
+
+@dataclass(frozen=True, slots=True)
+class Cover:
+    """Disjoint parts that hold every scene meeting a demand; none: it is proved that there is no such scene.
+
+    `log_share` is the natural logarithm of their volume over the volume of the whole box, `weights` their shares of it.
+    """
+
+    parts: tuple[Part, ...]
+    weights: Array
+    log_share: float
+
+    @property
+    def expected(self) -> float:
+        """The share of drawn scenes that the pilots kept."""
+        return float(sum(weight * part.acceptance for weight, part in zip(self.weights, self.parts, strict=True)))
+
+    def draw(self, out: Array, rng: np.random.Generator) -> tuple[Bool, list[slice]]:
+        """Fill `out` (3N, m) with scenes uniform over the proposals; returns which lie in their box, and where the
+        scenes of each part are."""
+        counts = rng.multinomial(out.shape[1], self.weights)
+        usable = np.ones(out.shape[1], dtype=bool)
+        spans = []
+        begin = 0
+        for part, count in zip(self.parts, map(int, counts), strict=True):
+            span = slice(begin, begin + count)
+            spans.append(span)
+            begin += count
+            if count and part.proposal is not None:
+                inside = part.proposal.draw(out[:, span], rng)
+                if inside is not None:
+                    usable[span] = inside
+        return usable, spans
+
+
+def prune(
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    wanted: Mapping[int, Ends],
+    seed: Sequence[int] = (0,),
+    tape: Tape | None = None,
+    effort: Effort | None = None,
+    enough: float = math.inf,
+    least: float | None = None,
+    stands: Collection[Stand] = (),
+) -> Cover:
+    """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
+
+    `enough` is the work that its scenes would take if all that is drawn were kept. A cover from which they take less
+    work than it has taken itself, where that is `least` (by default SPENT) or more, is good enough, too; with 0 any
+    cover of so much work. `stands` are drawn on their surfaces; that they are on them must be part of what is wanted.
+
+    Deterministic: `seed` starts the pilots' random numbers, which decide about effort, never about what is covered.
+    Raises what `effort` raises: half a cover is none.
+    """
+    effort = Effort() if effort is None else effort
+    tape = make_tape(core, lowest, highest, effort) if tape is None else tape
+    rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
+    search = _Search(core, tape, lowest, highest, wanted, rng, effort, stands)
+    begun, least = effort.used, SPENT if least is None else least
+    parts = search.open_up([(push_down(core, wanted), ())])
+    while parts:
+        weights = _weights(parts)
+        expected = sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True))
+        if expected >= GOOD or (effort.used - begun >= least and enough <= expected * (effort.used - begun)):
+            break
+        waste = [
+            weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)
+        ]
+        worst = int(np.argmax(waste))
+        if waste[worst] <= 0.01:
+            break
+        part = parts.pop(worst)
+        parts[worst:worst] = search.improve(part, PARTS - len(parts))
+    return _whole(parts, lowest, highest)
+
+
+def box_cover(
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    wanted: Mapping[int, Ends],
+    seed: Sequence[int],
+    tape: Tape,
+    effort: Effort,
+    stands: Collection[Stand] = (),
+) -> Cover:
+    """A cover as `prune` makes it, of one part: the box that contraction leaves, neither split nor coupled."""
+    rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
+    search = _Search(core, tape, lowest, highest, wanted, rng, effort, stands)
+    parts = search.open_up([(push_down(core, wanted), ())], couple=False)
+    return _whole(parts, lowest, highest)
+
+
+def _whole(parts: Sequence[Part], lowest: Array, highest: Array) -> Cover:
+    log_base = float(np.log((highest - lowest)[highest > lowest]).sum())
+    if not parts:
+        return Cover((), np.empty(0), -math.inf)
+    logs = np.array([part.proposal.log_volume for part in parts if part.proposal is not None])
+    top = float(logs.max())
+    return Cover(tuple(parts), _weights(parts), top + math.log(np.exp(logs - top).sum()) - log_base)
+
+
+def _weights(parts: Sequence[Part]) -> Array:
+    logs = np.array([part.proposal.log_volume for part in parts if part.proposal is not None])
+    volumes: Array = np.exp(logs - logs.max())
+    volumes /= volumes.sum()
+    return volumes
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    core: Core
+    tape: Tape
+    lowest: Array
+    highest: Array
+    wanted: Mapping[int, Ends]
+    rng: np.random.Generator
+    effort: Effort
+    stands: Collection[Stand] = ()
+    grids: Grids = field(default_factory=Grids)
+
+    def open_up(self, entries: Sequence[Entry], *, couple: bool = True) -> list[Part]:
+        """Parts for demands, contracted together; those proved empty are left out."""
+        if not entries:
+            return []
+        found = []
+        for (demand, apart), lo, hi in self._contracted(entries):
+            part = Part(apart, demand, lo, hi)
+            part.pending = open_nodes(self.tape, demand, part.lo, part.hi, self.effort)
+            if self._equip(part, COARSE, couple):
+                found.append(part)
+        return found
+
+    def _contracted(self, entries: Sequence[Entry]) -> list[tuple[Entry, Array, Array]]:
+        """Those that are not proved empty, and what is left of the intervals of all nodes, (T,)."""
+        rounds = 1 if len(self.tape.nodes) > LARGE else ROUNDS
+        if len(entries) == 1:
+            box = contract_box(self.tape, self.lowest, self.highest, entries[0][0], self.effort, rounds)
+            return [(entries[0], box.lo.copy(), box.hi.copy())] if box.alive else []
+        columns = (len(self.lowest), len(entries))
+        boxes = (np.broadcast_to(ends[:, None], columns) for ends in (self.lowest, self.highest))
+        low, high = start(self.tape, [demand for demand, _ in entries], *boxes)
+        kept = contract(self.tape.nodes, low, high, rounds, batches=self.tape.batches, effort=self.effort)
+        return [(entries[at], low[:, at].copy(), high[:, at].copy()) for at in map(int, np.flatnonzero(kept))]
+
+    def improve(self, part: Part, room: int) -> list[Part]:
+        """What to put in the place of a part that wastes too much."""
+        failing = [
+            (share, node)
+            for node, share in part.fails.items()
+            if share >= FAILS and len(_args(self.core, node)) <= room and node in part.demand
+        ]
+        if failing:
+            _, node = max(failing)
+            split = []
+            for demand, apart in alternatives(self.core, part.demand, node):
+                self.effort.spend(PYTHON * (1 + len(demand)))
+                split.append((demand, (*part.apart, *((key, *ends) for key, ends in apart.items()))))
+            return self.open_up(split)
+        part.final = True
+        if part.proposal is not None and part.proposal.grids:
+            return [part] if self._equip(part, FINE) else []
+        return [part]
+
+    def _equip(self, part: Part, budget: int, couple: bool = True) -> bool:
+        """Give a part the proposal with the least volume; unless `couple`, the box that is left of it. False where a
+        cover proves the part empty."""
+        atoms = [one for one in part.pending if not isinstance(self.core.nodes[one.core], Junction)]
+        best = self._proposal(part, (), False, 1)
+        if best is None:
+            return False
+        met = self._pilot(part, best)
+        coupling: set[int] = set()
+        # A demand that fails often may be tied to others that do not: these come in the second time.
+        for loose in LOOSE if couple else ():
+            more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
+            if part.acceptance >= GOOD:
+                break
+            if not more:
+                continue
+            coupling |= more
+            tied = any(node in self.tape.differences for one in atoms if one.core in coupling for node in one.support)
+            before = best
+            for relative in (True, False) if tied else (False,):
+                proposal = self._proposal(part, coupling, relative, budget)
+                if proposal is None:
+                    return False
+                if proposal.log_volume < best.log_volume - 0.01:
+                    best = proposal
+            if best is not before:
+                met = self._pilot(part, best)
+        return True
+
+    def _proposal(self, part: Part, coupling: Collection[int], relative: bool, budget: int) -> Proposal | None:
+        return propose(
+            self.tape,
+            self.lowest,
+            self.highest,
+            part.lo,
+            part.hi,
+            part.pending,
+            coupling,
+            relative,
+            budget,
+            self.effort,
+            self.grids,
+            self.stands,
+        )
+
+    def _pilot(self, part: Part, proposal: Proposal) -> dict[int, float]:
+        """Draw a few scenes and note which share is kept; returns the share that meets each open demand."""
+        count = max(64, min(PILOT, LIVE // len(self.core.nodes)))
+        self.effort.spend(scoring(self.core.nodes, count))
+        rows = np.empty((len(self.lowest), count))
+        inside = proposal.draw(rows, self.rng)
+        values = [np.broadcast_to(value, count) for value in evaluate(self.core, list(rows), NUMPY, self.effort.check)]
+        usable = np.ones(count, dtype=bool) if inside is None else inside
+        kept = usable.copy()
+        for node, (low, high) in self.wanted.items():
+            kept &= (values[node] >= low) & (values[node] <= high)
+        mine = part.owns(values, slice(None))
+        part.proposal = proposal
+        part.acceptance = float((kept if mine is None else kept & mine).mean())
+        met = {}
+        total = max(1, int(usable.sum()))
+        for one in part.pending:
+            value = values[one.core]
+            met[one.core] = int((usable & (value >= one.low) & (value <= one.high)).sum()) / total
+        part.fails = {
+            one.core: 1.0 - met[one.core] for one in part.pending if isinstance(self.core.nodes[one.core], Junction)
+        }
+        return met
+
+
+def _args(core: Core, index: int) -> tuple[int, ...]:
+    node = core.nodes[index]
+    return node.args if isinstance(node, Junction) else ()
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A short deterministic search for a scene that meets a demand: what bounds cannot prove, a witness can.
+
+
+SCENES = 1024  # of one round of the search
+KEPT = 32
+SEARCHED = 40
+FIRST = 128  # scenes that are looked at before anything else
+WORK = 30_000  # tape nodes that contraction may visit; the search may visit as many, SEARCHES times
+SEARCHES = 15
+SHRINK = 0.85  # of the step from round to round
+LARGEST = 20_000  # nodes from which on there is no search
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Whether a demand can be met: "yes" with a `witness` (3N,), "no" as bounds prove, or "unknown". `best` is the
+    least margin of the best scene that was looked at, and `nearest` (3N,) is that scene. `short`: the effort allowed
+    ended the search before its last round."""
+
+    verdict: Literal["yes", "no", "unknown"]
+    witness: Array | None = None
+    best: float = -np.inf
+    nearest: Array | None = None
+    short: bool = False
+
+
+def find(
+    core: Core,
+    lowest: Array,
+    highest: Array,
+    wanted: Mapping[int, Ends],
+    *,
+    work: int = WORK,
+    effort: Effort | None = None,
+) -> Reach:
+    """Whether all wanted formula nodes can lie within their ends at once, in the box lowest..highest (3N,).
+
+    A few uniform scenes first; then contraction; then uniform scenes of the contracted box, the best of which are moved
+    by ever smaller steps. The random numbers are always the same. `work` bounds the effort, in visits of nodes.
+    Raises what `effort` raises.
+    """
+    effort = Effort() if effort is None else effort
+    rng = np.random.default_rng(0)
+    easy, margins = _best(
+        core, wanted, effort, lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), FIRST))
+    )
+    if margins[0] >= 0.0:
+        return Reach("yes", easy[:, 0], float(margins[0]), easy[:, 0])
+    if weight(core.nodes) > 2 * work or len(core.nodes) > LARGEST:
+        return Reach("unknown", None, float(margins[0]), easy[:, 0], True)
+    tape = make_tape(core, lowest, highest, effort)
+    lo, hi = start(tape, [push_down(core, wanted)], lowest[:, None], highest[:, None])
+    rounds = max(1, min(4, work // weight(tape.nodes)))
+    if not contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)[0]:
+        return Reach("no", None, float(margins[0]), easy[:, 0])
+    low, high = lowest.copy(), highest.copy()
+    for row, at in tape.rows.items():
+        low[row], high[row] = max(low[row], lo[at, 0]), min(high[row], hi[at, 0])
+    free = np.flatnonzero(high > low)
+    count = max(KEPT, min(SCENES, LIVE // len(core.nodes)))
+    rows = low[:, None] + (high - low)[:, None] * rng.random((len(low), count))
+    best, margins = _best(core, wanted, effort, rows)
+    step = 0.3
+    rounds = SEARCHES * work // weight(core.nodes)
+    for _ in range(min(SEARCHED, rounds)):
+        if margins[0] >= 0.0 or not len(free):
+            break
+        step *= SHRINK
+        rows = np.repeat(best, max(1, count // best.shape[1]), axis=1)
+        moved = rng.random((len(free), rows.shape[1])) < np.maximum(2.0 / len(free), 0.3)
+        rows[free] += np.where(moved, step * (high - low)[free, None] * rng.standard_normal(moved.shape), 0.0)
+        np.clip(rows, low[:, None], high[:, None], out=rows)
+        best, margins = _best(core, wanted, effort, np.concatenate([best, rows], axis=1))
+    found = best[:, 0]
+    if margins[0] >= 0.0:
+        return Reach("yes", found, float(margins[0]), found)
+    return Reach("unknown", None, float(margins[0]), found, rounds < SEARCHED)
+
+
+def _best(core: Core, wanted: Mapping[int, Ends], effort: Effort, rows: Array) -> tuple[Array, Array]:
+    """The scenes with the largest least margin, best first, and their margins."""
+    effort.spend(scoring(core.nodes, rows.shape[1]))
+    values = evaluate(core, list(rows), NUMPY, effort.check)
+    margin = np.full(rows.shape[1], np.inf)
+    for node, (low, high) in wanted.items():
+        np.minimum(margin, np.minimum(values[node] - low, high - values[node]), out=margin)
+    margin = np.where(np.isnan(margin), -np.inf, margin)
+    order = np.argsort(-margin, kind="stable")[:KEPT]
+    return rows[:, order], margin[order]

@@ -1,0 +1,216 @@
+"""Figures of motions: an animation, a strip of moments, phi over time."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from scenegen.api.outline import chosen_label
+from scenegen.api.scenes import SceneSet
+from scenegen.errors import RequestError, quoted
+from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.time import NO_SUCH_MOTION, WHICH_MOTION
+from scenegen.geometry import NUMPY
+from scenegen.lang.check.families import combinations
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi as evaluate
+from scenegen.lang.spec import CheckedSpec
+from scenegen.needs import need
+from scenegen.pose import as_rows
+from scenegen.scenes.files import check_writable, whole_files, write_whole
+from scenegen.scenes.formats.motions.table import MotionArrays, scenes_header
+from scenegen.show.figures.plot import ticks
+from scenegen.show.figures.sheet import INK, PAPER, QUIET
+from scenegen.show.figures.strip import HELD, STEP, animation, pages, strip, video
+from scenegen.show.scenes import Look
+from scenegen.validation import as_path
+
+Array = npt.NDArray[np.float64]
+
+KINDS = ("gif", "mp4", "strip", "phi")
+MOVING = (".gif", ".mp4")  # endings of files with one motion
+SHOWN = 6  # moments of a strip
+
+
+def figures(
+    motions: MotionArrays,
+    out: str | Path,
+    *kinds: str,
+    view: str = "perspective",
+    size: tuple[int, int] | None = None,
+    distinct: bool = False,
+    label: str | None = None,
+    workers: int | None = None,
+) -> tuple[Path, ...]:
+    """See `MotionSet.figures`."""
+    folder = as_path("out", out)
+    for kind in kinds:
+        if kind not in KINDS:
+            raise RequestError(UNKNOWN_CHOICE(what="figure", name=kind, known=KINDS))
+    if not kinds:
+        wanted = f"something to draw, after the folder; there are {quoted(KINDS)}"
+        raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
+    look = _look(motions, kinds, view, size, distinct, workers)
+    spec = check_text(motions.header.spec.source, "the spec of these motions")
+    chosen = chosen_label(spec.labels, label)
+    made: dict[str, bytes] = {}
+    for number in range(len(motions.poses)):
+        name = f"motion_{number + 1:0{max(4, len(str(len(motions.poses))))}d}"
+        made |= {f"{name}{end}": data for end, data in _one(motions, number, spec, chosen, kinds, look).items()}
+    with whole_files(folder) as put:
+        for name, data in made.items():
+            put(name, data)
+    return tuple(folder / name for name in made)
+
+
+def animate(
+    motions: MotionArrays,
+    path: str | Path,
+    motion: int | None = None,
+    *,
+    view: str = "perspective",
+    size: tuple[int, int] | None = None,
+    distinct: bool = False,
+    label: str | None = None,
+    workers: int | None = None,
+) -> Path:
+    """See `MotionSet.animate`; `motion` counts from 1."""
+    path = as_path("path", path)
+    ending = path.suffix.lower()
+    if ending not in MOVING:
+        raise RequestError(UNKNOWN_CHOICE(what="ending", name=path.suffix, known=MOVING))
+    count = len(motions.poses)
+    if motion is None and count > 1:
+        raise RequestError(WHICH_MOTION(path=path.name, count=count))
+    number = 1 if motion is None else motion
+    if not 1 <= number <= count:
+        raise RequestError(NO_SUCH_MOTION(number=number, file="the set", first=1, last=count))
+    kinds = (ending[1:],)
+    look = _look(motions, kinds, view, size, distinct, workers)
+    check_writable(path)
+    spec = check_text(motions.header.spec.source, "the spec of these motions")
+    write_whole(path, _one(motions, number - 1, spec, chosen_label(spec.labels, label), kinds, look)[ending])
+    return path
+
+
+def _look(
+    motions: MotionArrays,
+    kinds: tuple[str, ...],
+    view: str,
+    size: tuple[int, int] | None,
+    distinct: bool,
+    workers: int | None,
+) -> Look:
+    """How pictures are drawn. Raises RequestError for what cannot be, before anything is drawn."""
+    from scenegen.show.render.files import check_request, usual_size
+
+    size = usual_size(scenes_header(motions.header)) if size is None else size
+    check_request((view,), size, workers)
+    if "mp4" in kinds:
+        need("av", "for MP4 files")
+    if not len(motions.poses):
+        raise RequestError(NO_SCENES())
+    return Look(view, size, distinct, workers, None)
+
+
+def _one(
+    motions: MotionArrays, number: int, spec: CheckedSpec, label: str, kinds: tuple[str, ...], look: Look
+) -> dict[str, bytes]:
+    from PIL import Image
+
+    if spec.counts:
+        counts = motions.counts(number)
+        spec = next(
+            one for numbers, one in zip(combinations(spec.counts), spec.members, strict=True) if numbers == counts
+        )
+        motions, number = motions.alone(number), 0
+    signals = over_time(spec, motions.poses[number])
+    values = np.nan_to_num(signals[label], posinf=0.0, neginf=0.0).tolist()
+    times = np.arange(len(motions.poses[number])) * motions.header.time.dt
+    made: dict[str, bytes] = {}
+    if "phi" in kinds:
+        made["_phi.png"] = phi_chart(times.tolist(), {name: row.tolist() for name, row in signals.items()})
+    if set(kinds) <= {"phi"}:
+        return made
+    drawn = list(look.pictures(SceneSet(motions.poses[number], {}, scenes_header(motions.header)).file()))
+    if "gif" in kinds:
+        made[".gif"] = animation(drawn, values, label)
+    if "mp4" in kinds:
+        made[".mp4"] = video(pages(drawn, values, label), STEP, HELD)
+    if "strip" in kinds:
+        picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, SHOWN)})
+        small = round(look.size[0] * 0.5), round(look.size[1] * 0.5)
+        shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
+        shown_at = [f"t = {times[place]:g} s" for place in picked]
+        title = motions.header.spec.title.rstrip(".")
+        made["_strip.png"] = strip(shown, [values[place] for place in picked], label, title, times=shown_at)
+    return made
+
+
+def over_time(spec: CheckedSpec, poses: Array) -> dict[str, Array]:
+    """phi of each label of one motion (T + 1, N, 3) at every moment: from there on for formulas over time, which may be
+    infinite where they look beyond the last."""
+    if spec.timed is not None:
+        from scenegen.sampling.motions.scores import TraceScores
+
+        rows = TraceScores(spec.timed).signals(np.ascontiguousarray(poses.transpose(1, 2, 0))[..., None])
+        return dict(zip(spec.labels, rows[..., 0], strict=True))
+    values = evaluate(spec.core, list(as_rows(poses)), NUMPY)
+    return {name: np.array(np.broadcast_to(values[name], len(poses))) for name in spec.labels}
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# phi over time as a chart (the paper's Fig. 3): a line for each label, and the line of 0.
+
+
+WIDTH, HEIGHT = 880, 360  # pixels
+LEFT, RIGHT, TOP, BOTTOM = 76, 24, 44, 52
+COLORS = ((24, 94, 168), (196, 84, 32), (36, 120, 88), (140, 60, 140), (120, 110, 30), (90, 90, 90))
+TEXT = 16
+SPARSE = 32  # moments up to which each gets a dot
+
+
+def phi_chart(times: Sequence[float], phi: Mapping[str, Sequence[float]]) -> bytes:
+    """phi by label at every moment, as a PNG file; values that are infinite are left out."""
+    finite = [value for values in phi.values() for value in values if math.isfinite(value)]
+    low, high = min([0.0, *finite]), max([0.0, *finite])
+    pad = 0.06 * (high - low or 1.0)
+    low, high = low - pad, high + pad
+    last = times[-1] or 1.0
+    page = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
+    draw, font = ImageDraw.Draw(page), ImageFont.load_default(size=TEXT)
+
+    def at(t: float, value: float) -> tuple[float, float]:
+        x = LEFT + (WIDTH - LEFT - RIGHT) * t / last
+        return x, TOP + (HEIGHT - TOP - BOTTOM) * (high - value) / (high - low)
+
+    for value in ticks(low, high):
+        (x0, y), (x1, _) = at(0.0, value), at(last, value)
+        draw.line((x0, y, x1, y), fill=QUIET if value == 0.0 else (224, 224, 222), width=2 if value == 0.0 else 1)
+        draw.text((LEFT - 10, y), f"{value:g}", INK, font, anchor="rm")
+    for value in ticks(0.0, last):
+        x, y = at(value, low)
+        draw.line((x, y, x, y + 5), fill=QUIET)
+        draw.text((x, y + 10), f"{value:g}", INK, font, anchor="ma")
+    draw.text((WIDTH - RIGHT, HEIGHT - 8), "t in seconds", QUIET, font, anchor="rs")
+    place = float(LEFT)
+    for number, (name, values) in enumerate(phi.items()):
+        color = COLORS[number % len(COLORS)]
+        points = [at(t, value) for t, value in zip(times, values, strict=True) if math.isfinite(value)]
+        if len(points) > 1:
+            draw.line(points, fill=color, width=3, joint="curve")
+        for x, y in points if len(points) <= SPARSE else ():
+            draw.ellipse((x - 3, y - 3, x + 3, y + 3), fill=color)
+        draw.rectangle((place, 18, place + 18, 22), fill=color)
+        text = f"phi of {name}"
+        draw.text((place + 26, 20), text, INK, font, anchor="lm")
+        place += 26 + draw.textlength(text, font) + 28
+    out = io.BytesIO()
+    page.save(out, format="PNG", compress_level=7)
+    return out.getvalue()

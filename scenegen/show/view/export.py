@@ -1,0 +1,227 @@
+"""A page without a server: one file with a spec, some of its scenes and what they are worth."""
+
+from __future__ import annotations
+
+import html as markup
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api.motions import sample_motions
+from scenegen.api.rarity import SpecRarity, rarity
+from scenegen.api.sample import sample
+from scenegen.api.scenes import SceneSet
+from scenegen.api.spec import Spec, parse
+from scenegen.errors import RequestError
+from scenegen.errors.files import WRONG_ENDING
+from scenegen.errors.program import PAGE_TOO_LARGE
+from scenegen.lang.checker import check_file
+from scenegen.scenes.data import SceneFile
+from scenegen.scenes.files import check_writable, write_whole
+from scenegen.scenes.motions import MotionFile
+from scenegen.show.view.jobs.describe import describe, mesh_key, numbers_data, stage_of_spec
+from scenegen.show.view.jobs.evaluate import reasons, scene_set, told
+from scenegen.show.view.jobs.meshes import packed_mesh
+from scenegen.show.view.jobs.range import rarity_data
+from scenegen.show.view.jobs.source import wanted_counts, with_numbers
+from scenegen.show.view.opened import Opened
+from scenegen.show.view.worker import finite
+
+# --------------------------------------------------------------------------------------------------------------------
+# The page as one HTML document: with links to its files where a server has them, or with everything in it.
+
+
+STATIC = Path(__file__).resolve().parent / "static"
+
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{title}</title>
+{head}
+</head>
+<body>
+<div id="app"></div>
+<noscript>This page needs JavaScript.</noscript>
+<script type="application/json" id="data">{data}</script>
+{script}
+</body>
+</html>
+"""
+
+
+def html(data: dict[str, Any]) -> str:
+    """The page as a server sends it; `data` is what it shows first."""
+    head = '<link rel="stylesheet" href="/static/page.css">\n<link rel="icon" href="/static/icon.svg">'
+    return _filled(data, head, '<script type="module" src="/static/page.js"></script>')
+
+
+def alone(data: dict[str, Any]) -> str:
+    """The page as one file that needs no server."""
+    css = (STATIC / "page.css").read_text(encoding="utf-8")
+    js = (STATIC / "page.js").read_text(encoding="utf-8")
+    policy = (
+        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+        "connect-src data: blob:; base-uri 'none'; form-action 'none'"
+    )
+    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{css}</style>'
+    safe = js.replace("</script", "<\\/script").replace("<!--", "<\\!--")
+    return _filled(data, head, f'<script type="module">{safe}</script>')
+
+
+def _filled(data: dict[str, Any], head: str, script: str) -> str:
+    from scenegen.show.view.worker import dumps
+
+    text = dumps(data).decode().replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    title = markup.escape(f"{data.get('name') or 'scenegen'} · scenegen view")
+    page = _PAGE.replace("{title}", title).replace("{head}", head).replace("{script}", script)
+    return page.replace("{data}", text)
+
+
+Array = npt.NDArray[np.float64]
+
+SATISFIED = 0.4  # of the scenes: satisfy every label; the others are spread over what phi can be
+MOST_BYTES = 25_000_000
+
+
+def export_page(opened: Opened, out: Path, n: int, seed: int, command: str = "") -> int:
+    """Write the page of what was opened into the file `out`; returns its size in bytes.
+
+    Of a spec, `n` scenes are sampled: some that satisfy all labels, the others evenly over the phi that can be reached.
+    Of a scene file, its own scenes are shown. Where the spec draws numbers of things, all have the same: in a file the
+    most that its scenes have. `command` is what made the page. Raises RequestError, OutputError.
+    """
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise RequestError(WRONG_ENDING(path=out, ending=".html", better="page.html"))
+    check_writable(out)
+    root = opened.folder.root
+    path = root / (opened.path or f"{opened.name}.spec")
+    family = parse(opened.text, opened.name) if opened.scenes else Spec(check_file(path, opened.text.encode(), root))
+    spec, numbers = with_numbers(family, wanted_counts(opened.request))
+    rare = rarity(spec)
+    some = _motions if spec.over_time is not None else _scenes
+    shown, reports, header = some(opened, spec, rare, n, seed)
+    described = {**describe(spec), "numbers": numbers_data(family, numbers)}
+    data = opened.data() | {
+        "folder": "",
+        "path": None,
+        "sha": None,
+        "model": None,
+        "scenes": shown,
+        "parts": [],
+        "request": {},
+        "alone": {
+            "spec": described,
+            "meshes": {mesh_key(one): packed_mesh(one.shape, tuple(one.color)) for one in stage_of_spec(spec).things},
+            "rarity": [rarity_data(one) for one in rare.labels],
+            "reports": reports,
+            "file": header.model_dump(mode="json", exclude={"scenes", "motions"}),
+            "command": command,
+        },
+    }
+    page = alone(finite(data)).encode()
+    if len(page) > MOST_BYTES:
+        raise RequestError(PAGE_TOO_LARGE(size=len(page) / 1e6))
+    write_whole(out, page)
+    return len(page)
+
+
+def _sampled(spec: Spec, rare: SpecRarity, n: int, seed: int) -> SceneSet:
+    """Scenes that satisfy all labels, where there are any, and scenes spread flat over the phi of the first label."""
+    solved = max(1, round(SATISFIED * n))
+    parts: list[SceneSet] = []
+    try:
+        wanted = dict.fromkeys(spec.labels, (0.0, None))
+        parts.append(sample(spec, wanted, solved, seed=seed, workers=1, keep_partial=True))
+    except RequestError:  # nobody satisfies it: all scenes are spread
+        solved = 0
+    rest = n - sum(map(len, parts))
+    if rest > 0:
+        first = rare.labels[0]
+        low, high = first.reached
+        ends = (low + 0.02 * (high - low), high - 0.02 * (high - low))
+        phi = {first.label: ends} if low < high else {}
+        parts.append(sample(spec, phi, rest, seed=seed, workers=1, keep_partial=True))
+    poses = np.concatenate([one.poses for one in parts])
+    on = np.concatenate([one.on for one in parts if one.on is not None]) if spec.checked.choices else None
+    return scene_set(spec, poses, {"method": "exact", "seed": seed}, on)
+
+
+def _scenes(
+    opened: Opened, spec: Spec, rare: SpecRarity, n: int, seed: int
+) -> tuple[dict[str, Any], list[dict[str, Any]], SceneFile]:
+    """The scenes of the page, why each has its phi, and the head of a file of them."""
+    if opened.scenes is not None:
+        scenes = scene_set(spec, opened.scenes["poses"], opened.scenes["sampler"], opened.scenes["on"])
+    else:
+        scenes = _sampled(spec, rare, n, seed)
+    shown = {
+        **told(spec, scenes, False),
+        "poses": scenes.poses.tolist(),
+        "sampler": scenes.header.sampler,
+        "warnings": [],
+        "notes": [],
+        "took": 0.0,
+    }
+    return shown, [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))], scenes.header
+
+
+def _motions(
+    opened: Opened, spec: Spec, rare: SpecRarity, n: int, seed: int
+) -> tuple[dict[str, Any], list[dict[str, Any]], MotionFile]:
+    """The same of a spec over time. Raises RequestError for more than the page shows."""
+    from scenegen.show.view.jobs import motions, trees
+
+    if opened.scenes is not None:
+        poses = motions.motions_of(spec, opened.scenes["motions"])
+        sampler = opened.scenes["sampler"]
+    else:
+        trees.check_size(spec, 1)
+        poses = _drawn(spec, rare, min(n, trees.most_of(spec)), seed)
+        sampler = {"method": "exact", "seed": seed}
+    shown = {
+        **motions.told(spec, poses),
+        "motions": poses.tolist(),
+        "sampler": sampler,
+        "warnings": [],
+        "notes": [],
+        "took": 0.0,
+    }
+    header = motions.motion_set(spec, poses, sampler, {"phi": {}, "n": len(poses)}).header
+    return shown, [_shortened(motions.reasons(spec, one, everything=False)) for one in poses], header
+
+
+def _drawn(spec: Spec, rare: SpecRarity, n: int, seed: int) -> Array:
+    """Motions as `_sampled` has scenes: (n, T + 1, N, 3)."""
+    solved, parts = max(1, round(SATISFIED * n)), list[Array]()
+    try:
+        wanted = dict.fromkeys(spec.labels, (0.0, None))
+        parts.append(sample_motions(spec, wanted, solved, seed=seed, workers=1, keep_partial=True).poses)
+    except RequestError:  # nothing satisfies it: all motions are spread
+        pass
+    rest = n - sum(map(len, parts))
+    if rest > 0:
+        first = rare.labels[0]
+        phi = {first.label: first.reached} if first.reached[0] < first.reached[1] else {}
+        parts.append(sample_motions(spec, phi, rest, seed=seed, workers=1, keep_partial=True).poses)
+    return np.concatenate(parts)
+
+
+def _shortened(found: dict[str, Any]) -> dict[str, Any]:
+    """Every number over time to six digits."""
+    decides = {name: one and {**one, "signal": _six(one["signal"])} for name, one in found["decides"].items()}
+    signals = {name: _six(row) for name, row in found["signals"].items()}
+    return {**_rounded(found), "signals": signals, "decides": decides}
+
+
+def _six(values: list[float]) -> list[float]:
+    return [float(f"{one:.6g}") for one in values]
+
+
+def _rounded(found: dict[str, Any]) -> dict[str, Any]:
+    """Values to six digits: they colour a tree, and there are many."""
+    return {**found, "values": _six(found["values"])}

@@ -1,0 +1,100 @@
+"""The program that worker processes are forked from: it has loaded what they need, so that a new one costs some
+milliseconds and ending one that is no longer of use costs nothing.
+
+The server talks to it over a stream of fixed-size orders: fork a worker number k, whose socket comes with the order, or
+end number k. It lives as long as the server: when the stream ends, it ends all its workers and itself. It starts no
+thread, so that forking is safe.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import select
+import signal
+import socket
+import struct
+import sys
+
+from scenegen.show.view.limits import MEMORY
+
+ORDER = struct.Struct("!cQ")
+FORK, END = b"f", b"e"
+PAUSE = 1.0  # seconds after which it looks for workers that have ended
+
+_WARM = "object mug, plate\nrequire noOverlap()\ntask: leftOf(mug, plate)\n"
+
+
+def main() -> None:
+    """Serve the orders that come in over standard input, a Unix socket."""
+    control = socket.socket(fileno=os.dup(0))
+    null = os.open(os.devnull, os.O_RDWR)
+    os.dup2(null, 0)
+    os.dup2(2, 1)
+    warm()
+    with contextlib.suppress(BrokenPipeError):  # the server has ended: so do we
+        control.sendall(b"r")  # ready
+    workers: dict[int, int] = {}  # number -> process
+    while True:
+        ready, _, _ = select.select([control], [], [], PAUSE)
+        reap(workers)
+        if not ready:
+            continue
+        data, fds, _, _ = socket.recv_fds(control, ORDER.size, 1)
+        while data and len(data) < ORDER.size:
+            more = control.recv(ORDER.size - len(data))
+            data = data + more if more else b""
+        if not data:
+            break
+        kind, number = ORDER.unpack(data)
+        if kind == FORK:
+            sys.stdout.flush()
+            with contextlib.suppress(OSError):  # no more processes: the server sees its socket closed
+                process = os.fork()
+                if process == 0:
+                    live(control, fds[0])
+                workers[number] = process
+            os.close(fds[0])
+        elif number in workers:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(workers[number], signal.SIGKILL)
+    for process in workers.values():
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
+
+
+def warm() -> None:
+    """Load what jobs need and fill the caches that all of them share."""
+    from scenegen.api.sample import glimpse, sample
+    from scenegen.api.spec import parse
+    from scenegen.show.view.jobs import load_all
+
+    load_all()
+    for method in ("auto", "growth"):
+        sample(parse(_WARM), n=1, method=method, workers=1)
+    glimpse(parse(_WARM), n=1)
+
+
+def reap(workers: dict[int, int]) -> None:
+    """Forget the workers that have ended."""
+    for number, process in list(workers.items()):
+        with contextlib.suppress(ChildProcessError):
+            if os.waitpid(process, os.WNOHANG)[0] == 0:
+                continue
+        del workers[number]
+
+
+def live(control: socket.socket, fd: int) -> None:
+    """The life of a worker, in a process of its own; it never returns."""
+    status = 1
+    try:
+        control.close()
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        from scenegen.show.view.worker import work
+
+        work(socket.socket(fileno=fd))
+        status = 0
+    finally:
+        os._exit(status)

@@ -1,0 +1,58 @@
+"""What worker processes do for the page: name -> "module:function", one job per file.
+
+A job takes the message of the page and yields its answers, plain data that JSON holds. It raises ScenegenError for what
+the user can mend.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+Job = Callable[[dict[str, Any]], Iterator[Any]]
+
+TABLE: dict[str, str] = {
+    "check": "scenegen.show.view.jobs.check:check",
+    "assist": "scenegen.show.view.jobs.assist:assist",
+    "evaluate": "scenegen.show.view.jobs.evaluate:evaluate",
+    "sample": "scenegen.show.view.jobs.sample:sample",
+    "first": "scenegen.show.view.jobs.sample:first",
+    "spread": "scenegen.show.view.jobs.sample:spread",
+    "range": "scenegen.show.view.jobs.range:range_",
+    "download": "scenegen.show.view.jobs.download:download",
+}
+
+
+OF_MOTIONS = (
+    "scenegen.show.view.jobs.motions",
+    "scenegen.sampling.motions.rarity",
+    "scenegen.sampling.motions.sampler",
+)
+"""What jobs import only for specs over time."""
+
+
+class _Jobs(Mapping[str, Job]):
+    """The table with its entries loaded when they are first used."""
+
+    def __getitem__(self, name: str) -> Job:
+        module, _, function = TABLE[name].partition(":")
+        job: Job = getattr(importlib.import_module(module), function)
+        return job
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(TABLE)
+
+    def __len__(self) -> int:
+        return len(TABLE)
+
+
+JOBS: Mapping[str, Job] = _Jobs()
+
+
+def load_all() -> None:
+    """Import what the jobs need, so that no process has to do it again."""
+    for name in TABLE:
+        JOBS[name]
+    for module in OF_MOTIONS:
+        importlib.import_module(module)

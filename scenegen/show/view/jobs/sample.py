@@ -1,0 +1,222 @@
+"""Scenes of a request, exactly those that `scenegen sample` makes of it."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.api import sample as sampling
+from scenegen.api.sample import glimpse, partial
+from scenegen.api.scenes import SceneSet
+from scenegen.api.spec import Spec
+from scenegen.errors import RequestError
+from scenegen.errors.declarations import NEVER_SATISFIED
+from scenegen.errors.program import ANOTHER_SPEC, NO_MESSAGE, TOO_MANY_SHOWN
+from scenegen.errors.time import TOO_FEW_MOTIONS
+from scenegen.show.view.jobs.evaluate import told
+from scenegen.show.view.jobs.source import SLIGHTLY, calmly, give_way, spec_of
+from scenegen.show.view.limits import most_scenes
+
+if TYPE_CHECKING:
+    from scenegen.api.motions import MotionSet
+    from scenegen.learn.model import Model
+
+MANY = 4  # objects from which on a page asks for a first look, which goes before the scenes themselves
+FIRST = 4  # scenes of the first look
+SPREAD = 32  # and of those over all of a range, at most
+TIMEOUT = 20.0  # seconds that sampling may take, unless the request says otherwise
+PATIENCE = 45.0  # of motions: those at a rare phi take longer
+LONGEST = 55.0
+TOUCH = 1e-9  # phi, in metres or radians, up to which a formula is met by nothing but rounding
+BEAT = 0.4  # seconds between two looks at motions that are being found
+QUICK = 5.0  # seconds that the first look may take
+
+
+def sample(message: dict[str, Any]) -> Iterator[Any]:
+    """Verified scenes: poses (n, N, 3), phi by label, and how they were made."""
+    spec = spec_of(message)
+    wanted = request_of(message, spec)
+    if spec.over_time is not None:
+        yield from _motions(spec, wanted, message)
+        return
+    named = message.get("model") if wanted["method"] == "model" else None
+    source = _model_of(str(named), spec) if named else None
+    notes: list[str] = []
+    began = time.perf_counter()
+    seconds = min(float(message.get("timeout") or TIMEOUT), LONGEST)
+
+    def draw() -> SceneSet:
+        how: dict[str, Any] = {"timeout": seconds, "keep_partial": True, "workers": 1, "on_note": notes.append}
+        return sampling.sample(source or spec, **wanted, **how)
+
+    found = draw() if len(spec.objects) < MANY else calmly(draw, SLIGHTLY)  # the page asks for a first look, too
+    data = scenes_data(spec, found)
+    data["warnings"] += [
+        {"code": NEVER_SATISFIED.code, "title": f"`{name}` is satisfied only at its border: phi is 0 in all scenes"}
+        for name, values in found.phi.items()
+        if _touches(wanted["phi"].get(name), values)
+    ]
+    yield {**data, "notes": notes, "took": time.perf_counter() - began}
+
+
+def _touches(ends: tuple[float | None, float | None] | None, phi: npt.NDArray[np.float64]) -> bool:
+    """Whether scenes that may have any phi from 0 up have no more than rounding makes."""
+    return ends is not None and ends[0] == 0.0 and (ends[1] is None or ends[1] > TOUCH) and bool(phi.max() < TOUCH)
+
+
+def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Motions (n, T + 1, N, 3), phi by label, and how they were made. With `watch`, a `look` now and then until they
+    are there: those that come nearest, of which the first `hits` are in the range; `left` seconds remain at most."""
+    from scenegen.show.view.jobs import motions
+
+    began = time.perf_counter()
+    seconds = min(float(message.get("timeout") or PATIENCE), LONGEST)
+    news: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
+    in_range = np.empty((0,))  # motions
+    last = -BEAT  # when something was shown
+
+    def watch(nearest: npt.NDArray[np.float64], hits: int) -> None:
+        nonlocal in_range, last
+        now = time.perf_counter() - began
+        if len(in_range) == wanted["n"] or now - last < BEAT:
+            return
+        in_range, last = nearest[:hits], now
+        look = {**motions.told(spec, nearest), "motions": nearest.tolist(), "sampler": {}, "warnings": [], "notes": []}
+        news.put({"look": {**look, "took": 0.0}, "hits": hits, "left": max(0.0, seconds - now)})
+
+    def draw() -> MotionSet:
+        try:
+            return motions.drawn(spec, wanted, seconds, watch if message.get("watch") else None)
+        finally:
+            news.put(None)
+
+    with ThreadPoolExecutor(1) as pool:  # so that what it finds is sent while it works
+        under_way = pool.submit(draw)
+        while (some := news.get()) is not None:
+            yield some
+        try:
+            data = motions_data(spec, under_way.result())
+        except RequestError:
+            if not len(in_range):
+                raise
+            few = partial(TOO_FEW_MOTIONS(found=len(in_range), wanted=wanted["n"], reason="time is up"))
+            warnings = [{"code": few.code, "title": f"{few.title}; these are the first that were found, in no order"}]
+            data = {**motions.told(spec, in_range), "motions": in_range.tolist(), "sampler": {}, "warnings": warnings}
+    yield {**data, "notes": [], "took": time.perf_counter() - began}
+
+
+def motions_data(spec: Spec, found: MotionSet) -> dict[str, Any]:
+    """Motions as the page takes them."""
+    from scenegen.show.view.jobs.motions import told as told_of_motions
+
+    return {
+        **told_of_motions(spec, found.poses),
+        "motions": found.poses.tolist(),
+        "sampler": found.header.sampler,
+        "warnings": [{"code": one.code, "title": one.title} for one in found.warnings],
+    }
+
+
+def first(message: dict[str, Any]) -> Iterator[Any]:
+    """A few scenes in the range of a request, soon: something to look at until the scenes themselves are there. None
+    where it fails. The page may ask before it knows what the text means: with `others`, the range of all labels that
+    the request does not name, its labels are those of the text."""
+    wanted = message.get("request") or {}
+    if "others" in wanted:
+        spec = spec_of(message)
+        message = {**message, "request": fitted(wanted, spec)}
+    yield _glimpse(message, FIRST)
+
+
+def fitted(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
+    """A request made before its text was read: of the spec's labels, and with no object held that the spec lacks."""
+    try:
+        phi = {name: wanted["phi"].get(name, wanted["others"]) for name in spec.labels}
+        fix = {name: pose for name, pose in wanted.get("fix", {}).items() if name in spec.objects}
+        n = min(int(wanted.get("n", 16)), most_scenes(len(spec.objects)))
+    except (TypeError, KeyError, AttributeError, ValueError, OverflowError):
+        raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
+    return {**wanted, "phi": phi, "fix": fix, "n": n}
+
+
+def spread(message: dict[str, Any]) -> Iterator[Any]:
+    """Some scenes over all of a range, soon, so that the page has some to show wherever a handle is moved. None where
+    it fails."""
+    give_way()
+    yield _glimpse(message, SPREAD)
+
+
+def _glimpse(message: dict[str, Any], most: int) -> dict[str, Any] | None:
+    spec = spec_of(message)
+    if spec.over_time is not None:
+        return None
+    wanted = request_of(message, spec)
+    n = min(most, wanted["n"])
+    try:
+        found = glimpse(spec, wanted["phi"], n, seed=wanted["seed"], fix=wanted["fix"], timeout=QUICK)
+    except RequestError:
+        return None
+    return {**scenes_data(spec, found), "notes": [], "took": 0.0} if len(found) else None
+
+
+def request_of(message: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
+    """The arguments of `scenegen.sample`. Raises RequestError for what is no request."""
+    wanted = message.get("request") or {}
+    try:
+        n, seed = int(wanted.get("n", 16)), int(wanted.get("seed", 0))
+        phi = {str(name): (_end(ends[0]), _end(ends[1])) for name, ends in dict(wanted.get("phi") or {}).items()}
+        fix = {str(name): tuple(float(one) for one in pose) for name, pose in dict(wanted.get("fix") or {}).items()}
+    except (TypeError, ValueError, LookupError, AttributeError, OverflowError):
+        raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
+    if spec.over_time is not None:
+        from scenegen.show.view.jobs.trees import check_size
+
+        check_size(spec, n)
+    most = most_scenes(len(spec.objects))
+    if not 1 <= n <= most:
+        raise RequestError(TOO_MANY_SHOWN(most=most, count=n, what="scenes"))
+    return {
+        "phi": {name: ends for name, ends in phi.items() if ends != (None, None)},
+        "n": n,
+        "seed": seed,
+        "method": str(wanted.get("method", "auto")),
+        "spread": str(wanted.get("spread", "flat")),
+        "fix": fix or None,
+    }
+
+
+def _end(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
+def scenes_data(spec: Spec, found: SceneSet) -> dict[str, Any]:
+    """Scenes as the page takes them."""
+    return {
+        **told(spec, found, False),
+        "poses": found.poses.tolist(),
+        "sampler": found.header.sampler,
+        "warnings": [{"code": one.code, "title": one.title} for one in found.warnings],
+    }
+
+
+def _model_of(path: str, spec: Spec) -> Model:
+    """The model of a spec; in a folder of models, that of its numbers of things. Raises RequestError where it is of
+    another spec."""
+    each = {one.spec.declared.sha256: one for _, one in _model(path).each}
+    if spec.checked.sha256 not in each:
+        raise RequestError(ANOTHER_SPEC())
+    return each[spec.checked.sha256]
+
+
+@lru_cache(maxsize=1)
+def _model(path: str) -> Model:
+    from scenegen.learn.model import load_model
+
+    return load_model(path)

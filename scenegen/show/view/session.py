@@ -1,0 +1,231 @@
+"""The conversation with one page over its WebSocket.
+
+The page sends `{"id": 7, "job": "sample", ...}` and hears `{"id": 7, "part": ...}` any number of times, then `done`,
+`refused` (what the user can mend), `failed`, or `ended` (a newer job of that kind took its place). `{"stop": "sample"}`
+ends the job of that kind.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections import defaultdict
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from scenegen.show.view.folder import Folder, Refused
+from scenegen.show.view.limits import MAX_SCENES, MAX_TEXT, MAX_WAITING, SECONDS
+from scenegen.show.view.workers import Crowded, Gone, Worker, Workers
+
+# --------------------------------------------------------------------------------------------------------------------
+# The work of one page, in lanes: each lane has one worker process and does one job at a time, and a newer job of a
+# lane ends the older one. What a person waits for is so never held up by what nobody waits for any more.
+
+
+GRACE = 0.03  # seconds that an older job still gets: cheaper than a new process, where it is about to end
+
+
+class Lane:
+    """`seconds` is the time that a job may take, which depends on its kind."""
+
+    def __init__(self, workers: Workers) -> None:
+        self._workers = workers
+        self._worker: Worker | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._turn = asyncio.Lock()
+        self._newest = 0
+
+    async def run(self, message: dict[str, Any], say: Callable[[str, bytes], None]) -> None:
+        """Do a job, in the place of the one under way; `say` takes each answer. Raises Gone where it took too long or
+        its process died, and asyncio.CancelledError where a newer one took its place."""
+        self._newest += 1
+        mine = self._newest
+        if self._task is not None and not self._task.done():
+            await asyncio.wait([self._task], timeout=GRACE)
+            if mine == self._newest and self._task is not None and not self._task.done():
+                self._task.cancel()
+        async with self._turn:
+            if mine != self._newest:
+                raise asyncio.CancelledError
+            self._task = asyncio.ensure_future(self._do(message, say))
+            try:
+                await self._task
+            finally:
+                self._task = None
+
+    async def _do(self, message: dict[str, Any], say: Callable[[str, bytes], None]) -> None:
+        seconds = SECONDS[message["job"]]
+        finished = False
+        try:
+            async with asyncio.timeout(seconds):
+                if self._worker is None or self._worker.ended:
+                    self._worker = await self._workers.worker()
+                answers: AsyncIterator[tuple[str, bytes]] = self._worker.do(message)
+                async for kind, value in answers:
+                    say(kind, value)
+            finished = True
+        except TimeoutError:
+            raise Gone(
+                f"this takes more than {seconds:g} s, which is as long as it may take: make the spec smaller"
+            ) from None
+        finally:
+            if not finished:
+                self.close()
+
+    def close(self) -> None:
+        """End the worker; the lane can be used again."""
+        if self._worker is not None:
+            self._worker.end()
+            self._worker = None
+
+    def stop(self) -> None:
+        """End the job under way, if there is one."""
+        self._newest += 1
+        if self._task is not None:
+            self._task.cancel()  # its worker ends with it; one that has nothing to do stays
+
+
+Name = Literal["check", "assist", "evaluate", "sample", "first", "spread", "range"]
+
+
+class Message(BaseModel):
+    """What a page may send; which fields count depends on the job."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    id: int = Field(ge=0, le=1 << 53)
+    job: Name
+    text: str = ""
+    path: str | None = None
+    feature: str = Field("", max_length=20)
+    line: int = Field(0, ge=0, le=10_000_000)
+    character: int = Field(0, ge=0, le=10_000_000)
+    poses: list[Any] = Field(default=[], max_length=MAX_SCENES)
+    on: list[Any] | None = Field(None, max_length=MAX_SCENES)
+    why: bool = False
+    watch: bool = False
+    have: list[str] | None = Field(None, max_length=2000)
+    request: dict[str, Any] = Field(default={}, max_length=20)
+    counts: dict[str, int] = Field(default={}, max_length=64)
+    timeout: float | None = Field(None, gt=0, le=60)
+
+
+class Stop(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    stop: Name
+
+
+class Session:
+    """One page, as long as its WebSocket is open."""
+
+    def __init__(self, socket: WebSocket, workers: Workers, folder: Folder, model: Path | None) -> None:
+        self._socket, self._folder, self._model = socket, folder, model
+        self._lanes: dict[str, Lane] = defaultdict(lambda: Lane(workers))
+        self._tasks = set[asyncio.Task[None]]()
+        self._out: asyncio.Queue[str] = asyncio.Queue(maxsize=4 * MAX_WAITING)
+        self._left = False
+
+    async def converse(self) -> None:
+        """Serve the page until it goes; then free all that works for it."""
+        sender = asyncio.ensure_future(self._send())
+        try:
+            while True:
+                event = await self._socket.receive()
+                if event["type"] == "websocket.disconnect":
+                    return
+                text = event.get("text")
+                if text is None:
+                    self._say('{"error":"send text, not bytes"}')
+                    continue
+                self._hear(text)
+        except (WebSocketDisconnect, RuntimeError):  # dropped in the midst of a message
+            return
+        finally:
+            sender.cancel()
+            for task in list(self._tasks):
+                task.cancel()
+            for lane in self._lanes.values():
+                lane.close()
+
+    def _hear(self, text: str) -> None:
+        try:
+            data = json.loads(text)
+            if isinstance(data, dict) and "stop" in data:
+                self._lanes[Stop.model_validate(data).stop].stop()
+                return
+            message = Message.model_validate(data)
+        except (ValueError, RecursionError, ValidationError):
+            number = _number(text)
+            self._say(f'{{"id":{number},"failed":"this message is not one that the server knows"}}')
+            return
+        problem = self._problem(message)
+        if problem:
+            self._say(f'{{"id":{message.id},"failed":{json.dumps(problem)}}}')
+            return
+        task = asyncio.ensure_future(self._do(message))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def _problem(self, message: Message) -> str:
+        if len(self._tasks) >= MAX_WAITING:
+            return "too many messages wait for their turn"
+        if len(message.text.encode("utf-8", "replace")) > MAX_TEXT:
+            return f"a spec on the page has at most {MAX_TEXT // 1024} kB"
+        try:
+            if message.path is not None:
+                self._folder.inside(message.path)
+        except Refused as reason:
+            return str(reason)
+        return ""
+
+    async def _do(self, message: Message) -> None:
+        head = f'{{"id":{message.id},"'
+
+        def say(kind: str, value: bytes) -> None:
+            self._say(f'{head}{kind}":{value.decode()}}}')
+
+        job = {
+            **message.model_dump(exclude={"id"}),
+            "root": str(self._folder.root),
+            "model": None if self._model is None else str(self._model),
+        }
+        try:
+            await self._lanes[message.job].run(job, say)
+        except asyncio.CancelledError:
+            self._say(f'{head}ended":null}}')
+            raise
+        except Crowded as reason:
+            self._say(f'{head}failed":{json.dumps(str(reason))}}}')
+        except Gone as how:
+            self._say(f'{head}failed":{json.dumps(str(how))}}}')
+
+    def _say(self, text: str) -> None:
+        try:
+            self._out.put_nowait(text)
+        except asyncio.QueueFull:  # a page that does not read what it is sent: it opens another socket when it does
+            if not self._left:
+                self._left = True
+                asyncio.ensure_future(self._leave())  # noqa: RUF006 - ends with the socket
+
+    async def _leave(self) -> None:
+        with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+            await self._socket.close(1013, "the page does not read what it is sent")
+
+    async def _send(self) -> None:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                await self._socket.send_text(await self._out.get())
+
+
+def _number(text: str) -> int:
+    """The id of a message that is wrong otherwise, as far as it can be told."""
+    with contextlib.suppress(ValueError, RecursionError, AttributeError, TypeError):
+        found = json.loads(text).get("id")
+        return found if isinstance(found, int) and not isinstance(found, bool) and 0 <= found < 1 << 53 else -1
+    return -1

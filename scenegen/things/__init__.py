@@ -1,0 +1,34 @@
+"""What objects look like: footprints, heights, colours and meshes of the things that stand on tables."""
+
+from scenegen.geometry import Box, Circle
+from scenegen.things.library import (
+    ASSETS,
+    PLAIN,
+    UNKNOWN,
+    Asset,
+    Shape,
+    asset_of,
+    colors_of,
+    has_picture,
+    meant_by,
+    parts_of,
+    shape_of,
+    stem,
+)
+
+__all__ = [
+    "ASSETS",
+    "PLAIN",
+    "UNKNOWN",
+    "Asset",
+    "Box",
+    "Circle",
+    "Shape",
+    "asset_of",
+    "colors_of",
+    "has_picture",
+    "meant_by",
+    "parts_of",
+    "shape_of",
+    "stem",
+]

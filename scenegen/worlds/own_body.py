@@ -1,0 +1,327 @@
+"""What simulators need to know of an object from a file of one's own: convex pieces, mass and friction."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.metadata
+import io
+import os
+import pickle
+import queue
+import tempfile
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from scenegen.needs import need
+from scenegen.processes.process import GONE, Message, Process
+from scenegen.processes.worker import DONE
+from scenegen.things.colored_mesh import Budget, Surface
+from scenegen.things.drawn import mesh_surfaces, robot_surfaces
+from scenegen.things.mesh import Floats, Indices, Mesh, box, disc, joined, revolve
+from scenegen.things.meshfile import LEAST_MASS, MOST_FRICTION, MOST_MASS, MeshError, beside
+from scenegen.things.urdf import (
+    Element,
+    ElementsError,
+    UrdfError,
+    elements,
+    links_of,
+    numbers_of,
+    origin_of,
+    sizes_of,
+    solid_of,
+)
+from scenegen.worlds.cutting import cut
+
+# --------------------------------------------------------------------------------------------------------------------
+# Convex pieces of a mesh, by CoACD (Wei et al. 2022, https://colin97.github.io/CoACD/): what it collides with.
+#
+# CoACD runs in a process of its own: what it makes of a damaged mesh, crashes and endless searches included, ends
+# there. The seed is fixed, so the same mesh gives the same pieces. They are kept for the next time, by the mesh's
+# content.
+
+
+# Fewer nodes and iterations of its search than the default: a closed bowl takes 7 s, an open box 23 s instead of 100 s.
+OPTIONS = {"threshold": 0.05, "max_convex_hull": 64, "mcts_nodes": 10, "mcts_iterations": 40, "seed": 0}
+MOST_TRIANGLES = 300_000  # of a mesh that is cut
+SECONDS = 300.0  # that cutting one mesh may take
+SMALL = 3_000  # triangles up to which it is seen whether a mesh is convex
+FLAT = 1e-6  # relative: how far a convex mesh may be from that, and which share of the box a piece must fill
+LEAST_PIECE = 1e-6  # of the box round a mesh: what is less is left out
+
+
+def convex_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
+    """Convex closed meshes that together fill a mesh, of any number of parts, closed or not; none leaves the box round
+    it. A convex mesh is its own piece.
+
+    Raises MeshError where it has no volume or cannot be cut, RequestError where CoACD is needed and not installed.
+    """
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    # Files have a vertex for each texture and normal that meets in a point.
+    points, same = np.unique(mesh.vertices[used], axis=0, return_inverse=True)
+    faces = same.ravel()[faces.reshape(-1, 3)]
+    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
+    whole = Mesh(points, faces)
+    if not len(faces) or not (np.ptp(points, axis=0) > 0.0).all():
+        raise MeshError("it has no volume")
+    if len(faces) <= SMALL and whole.closed:
+        if whole.volume < 0.0:
+            whole = Mesh(points, faces[:, ::-1].copy())
+        if _is_convex(whole):
+            return (whole,)
+    if len(faces) > MOST_TRIANGLES:
+        raise MeshError(f"it has more than {MOST_TRIANGLES:,} triangles to be cut into convex pieces: simplify it")
+    found = _pieces(whole.vertices.tobytes(), whole.faces.astype("<i8").tobytes())
+    least, most = points.min(axis=0), points.max(axis=0)
+    pieces = []
+    for vertices, corners in found:
+        piece = Mesh(np.clip(vertices, least, most), corners)  # CoACD's own rounding, and its remeshing, reach outside
+        if abs(piece.volume) > LEAST_PIECE * float(np.prod(most - least)):
+            pieces.append(piece if piece.volume > 0.0 else Mesh(piece.vertices, corners[:, ::-1].copy()))
+    if not pieces:
+        raise MeshError("it has no volume")
+    return tuple(pieces)
+
+
+def _is_convex(mesh: Mesh) -> bool:
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    across = np.cross(b - a, c - a)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    beyond = mesh.vertices @ across.T - (across * a).sum(axis=1)
+    return mesh.volume > 0.0 and bool(beyond.max() <= FLAT * np.ptp(mesh.vertices, axis=0).max())
+
+
+@lru_cache(maxsize=64)
+def _pieces(vertices: bytes, faces: bytes) -> tuple[tuple[Floats, Indices], ...]:
+    need("coacd", "to cut meshes into convex pieces")
+    name = hashlib.sha256(repr((_version(), OPTIONS, len(vertices))).encode() + vertices + faces).hexdigest()
+    path = _folder() / f"{name}.npz"
+    kept = _kept(path)
+    if kept is None:
+        kept = _cut(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype="<i8").reshape(-1, 3))
+        _keep(path, kept)
+    return kept
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("coacd")
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def _cut(vertices: Floats, faces: Indices) -> tuple[tuple[Floats, Indices], ...]:
+    answers: queue.SimpleQueue[Message] = queue.SimpleQueue()
+    cutter = Process("CoACD")
+    try:
+        cutter.take_up(pickle.dumps(cut, protocol=5), answers, (0, (vertices, faces, OPTIONS)))
+        made = answers.get(timeout=SECONDS)
+        if made.ready and made.status == DONE:
+            made = answers.get(timeout=SECONDS)
+    except queue.Empty:
+        raise MeshError(f"cutting it into convex pieces takes more than {SECONDS:.0f} s: simplify it") from None
+    finally:
+        said = cutter.end()
+    if made.status != DONE:
+        said = said if made.status == GONE else str(made.value)
+        why = "".join(one for one in said if one.isprintable())[:120]
+        raise MeshError(f"CoACD cannot cut it into convex pieces{': ' * bool(why)}{why}")
+    found: tuple[tuple[Floats, Indices], ...] = tuple(made.value)
+    if not found or not all(np.isfinite(one).all() for one, _ in found):
+        raise MeshError("CoACD cannot cut it into convex pieces")
+    return found
+
+
+def _folder() -> Path:
+    """Where pieces are kept between runs."""
+    root = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(root).expanduser() / "scenegen" / "convex"
+
+
+def _kept(path: Path) -> tuple[tuple[Floats, Indices], ...] | None:
+    """What an earlier run found; None where it did not, or the file is damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            points, faces, counts = (held[name] for name in ("vertices", "faces", "counts"))
+            ends = np.cumsum(counts, axis=0)[:-1].T
+            found = tuple(zip(np.split(points, ends[0]), np.split(faces, ends[1]), strict=True))
+    except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError, zipfile.BadZipFile):
+        return None
+    fits = all(
+        v.dtype == np.float64 and f.dtype == np.int64 and v.shape[1:] == f.shape[1:] == (3,) and f.size
+        and f.min() >= 0 and f.max() < len(v) and np.isfinite(v).all()
+        for v, f in found
+    )  # fmt: skip
+    return found if fits else None
+
+
+def _keep(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
+    """Where it cannot be written, the next run cuts again."""
+    data = io.BytesIO()
+    counts = np.array([(len(vertices), len(faces)) for vertices, faces in pieces])
+    points, faces = (np.concatenate(both) for both in zip(*pieces, strict=True))
+    np.savez_compressed(data, vertices=points, faces=faces, counts=counts)
+    with contextlib.suppress(OSError, RuntimeError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            try:
+                file.write(data.getvalue())
+                file.close()
+                Path(file.name).replace(path)
+            except BaseException:
+                Path(file.name).unlink(missing_ok=True)
+                raise
+
+
+SIDES, RINGS = 24, 8  # of round shapes
+MOST_PIECES = 1_000
+
+Read = Callable[[str], bytes]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnBody:
+    """Convex closed meshes in metres, z upwards, in the file's own frame; kilograms and the coefficient of sliding
+    friction, where the file says them. `skins` are drawn, in the same frame: none where they were not asked for."""
+
+    pieces: tuple[Mesh, ...]
+    mass: float | None = None
+    friction: float | None = None
+    skins: tuple[Surface, ...] = ()
+
+    def moved(self, offset: Floats) -> OwnBody:
+        """By an offset (3,) in metres."""
+        pieces = tuple(one.moved(*offset.tolist()) for one in self.pieces)
+        skins = tuple(replace(one, vertices=one.vertices + offset) for one in self.skins)
+        return replace(self, pieces=pieces, skins=skins)
+
+    def turned(self, matrix: Floats) -> OwnBody:
+        """Turned and scaled by a matrix (3, 3) that does not mirror; the mass stays."""
+        pieces = tuple(Mesh(one.vertices @ matrix.T, one.faces) for one in self.pieces)
+        skins = tuple(replace(one, vertices=one.vertices @ matrix.T) for one in self.skins)
+        return replace(self, pieces=pieces, skins=skins)
+
+
+def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None, *, painted: bool = False) -> OwnBody:
+    """The body of a .glb, .gltf, .obj or .stl file: convex pieces; no mass or friction, which such files do not have.
+    `matrix` (3, 3) turns and scales it, without mirroring, to metres; without it, the file is in metres.
+    `read` as in `drawn.mesh_surfaces`; `skins` and colours of .obj files are only read if `painted`. Raises MeshError,
+    and RequestError as `convex_pieces`."""
+    place = np.eye(3) if matrix is None else matrix
+    found = mesh_surfaces(name, data, read, Budget(), painted=painted)
+    mesh = joined([Mesh(one.vertices, one.faces) for one in found])
+    pieces = convex_pieces(mesh if matrix is None else Mesh(mesh.vertices @ place.T, mesh.faces))
+    skins = tuple(replace(one, vertices=one.vertices @ place.T) for one in found) if painted else ()
+    return OwnBody(pieces, skins=skins)
+
+
+def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
+    """The body of a URDF file in the frame of its root link, all joints at zero: its collision shapes, and the visual
+    ones of links that have none; boxes, cylinders and spheres as they are, meshes in convex pieces.
+
+    The mass is the sum of the links' <inertial> masses, none where that is 0. The friction is the largest of those that
+    <contact><lateral_friction> and <gazebo><mu1> say. `skins` are the visual shapes, if
+    `painted`. `read` gives the bytes of a file by its name in this one.
+    Raises UrdfError, with line and element, and RequestError as `convex_pieces`.
+    """
+    try:
+        robot = elements(data)
+        links = links_of(robot)
+        reader = _Reader(read)
+        pieces = [
+            Mesh(piece.vertices @ place.turn.T + place.at, piece.faces)
+            for link, pose in links
+            for shape in link.all("collision") or link.all("visual")
+            for place in (pose.then(origin_of(shape)),)
+            for piece in reader.pieces(solid_of(shape))
+        ]
+        bare = [link for link, _ in links]
+        skins = robot_surfaces(data, read) if painted else ()
+        return OwnBody(tuple(pieces), _mass(bare), _friction(robot, bare), skins)
+    except ElementsError as error:
+        raise UrdfError(str(error)) from None
+
+
+@dataclass(slots=True)
+class _Reader:
+    read: Read
+    budget: Budget = field(default_factory=Budget)
+    meshes: dict[tuple[str, tuple[float, ...]], tuple[Mesh, ...]] = field(default_factory=dict)
+    count: int = 0
+
+    def pieces(self, solid: Element) -> tuple[Mesh, ...]:
+        """Of a shape, in its own frame. Raises UrdfError, ElementsError."""
+        try:
+            found = self._pieces(solid)
+        except MeshError as error:
+            raise UrdfError(f"{solid.place}: {error}") from None
+        self.count += len(found)
+        if self.count > MOST_PIECES:
+            raise UrdfError(f"{solid.place}: it has more than {MOST_PIECES:,} convex pieces")
+        return found
+
+    def _pieces(self, solid: Element) -> tuple[Mesh, ...]:
+        match solid.tag:
+            case "box":
+                x, y, z = sizes_of(solid, "size", 3)
+                return (box(x, y, z).moved(z=-z / 2.0),)
+            case "cylinder":
+                (radius,), (length,) = sizes_of(solid, "radius", 1), sizes_of(solid, "length", 1)
+                return (disc(radius, -length / 2.0, length / 2.0, SIDES),)
+            case "sphere":
+                (radius,) = sizes_of(solid, "radius", 1)
+                turns = np.linspace(-np.pi / 2.0, np.pi / 2.0, RINGS + 1)[1:-1]
+                arc = [(radius * float(np.cos(turn)), radius * float(np.sin(turn))) for turn in turns]
+                return (revolve([(0.0, -radius), *arc, (0.0, radius)], SIDES),)
+            case _:
+                name, scale = solid.get("filename"), tuple(numbers_of(solid, "scale", 3, "1 1 1"))
+                if (name, scale) not in self.meshes:
+                    self.meshes[name, scale] = self._mesh(name, np.array(scale))
+                return self.meshes[name, scale]
+
+    def _mesh(self, name: str, scale: Floats) -> tuple[Mesh, ...]:
+        data = self.read(name)
+        self.budget.add_file(data)
+        try:
+            mesh = _solid_mesh(name, data, lambda other: self.read(beside(name, other)), self.budget)
+            flipped = float(np.prod(scale)) < 0.0
+            return convex_pieces(Mesh(mesh.vertices * scale, mesh.faces[:, ::-1].copy() if flipped else mesh.faces))
+        except MeshError as error:
+            raise MeshError(f"mesh {name[:60]}: {error}") from None
+
+
+def _solid_mesh(name: str, data: bytes, read: Read, budget: Budget) -> Mesh:
+    return joined([Mesh(one.vertices, one.faces) for one in mesh_surfaces(name, data, read, budget, painted=False)])
+
+
+def _mass(links: list[Element]) -> float | None:
+    total = 0.0
+    for link in links:
+        for inertial in link.all("inertial")[:1]:
+            (mass,) = sizes_of(inertial.one("mass"), "value", 1)
+            total += mass
+    if total and not LEAST_MASS <= total <= MOST_MASS:
+        raise UrdfError(f"its mass of {total:g} kg is beyond {LEAST_MASS:g} to {MOST_MASS:g} kg")
+    return total or None
+
+
+def _friction(robot: Element, links: list[Element]) -> float | None:
+    said = [
+        sizes_of(one, "value", 1)[0]
+        for link in links
+        for contact in link.all("contact")
+        for one in contact.all("lateral_friction")
+    ]
+    for gazebo in robot.all("gazebo"):
+        for one in gazebo.all("mu1"):
+            # Both <mu1>0.8</mu1> and <mu1 value="0.8"/> are written.
+            given = one if "value" in one.attributes else Element(one.tag, {"value": one.text.strip()}, one.line)
+            said += sizes_of(given, "value", 1)
+    if any(one > MOST_FRICTION for one in said):
+        raise UrdfError(f"its friction of {max(said):g} is beyond {MOST_FRICTION:g}")
+    return max(said) if said else None

@@ -1,0 +1,436 @@
+"""Scenes as planning problems: which goal, which facts, and the texts of the files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import permutations
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import DataError, Diagnostic, RequestError, Source
+from scenegen.errors.requests import OUT_OF_PLACE, UNKNOWN_CHOICE
+from scenegen.errors.worlds import (
+    FACTS_WITHOUT_PLACE,
+    GOAL_ON_THE_EDGE,
+    GOAL_TOO_LONG,
+    LABELS_OVER_TIME,
+    NO_GOAL_OVER_TIME,
+    NOT_ITS_SCENES,
+    PARTS_WITHOUT_RELATION,
+    TOO_MANY_FACTS,
+)
+from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.parse import parse
+from scenegen.worlds.pddl.compile import Reading, carried, filled, resting
+from scenegen.worlds.pddl.goal import Goal, Meaning, Relation
+from scenegen.worlds.pddl.ground import (
+    MOST_FACTS,
+    MOST_PARTS,
+    Fact,
+    Formula,
+    Grounded,
+    Joined,
+    Literal,
+    asked_for,
+    facts_of,
+    text,
+    value,
+)
+from scenegen.worlds.pddl.problem import Atom, Group, Node
+from scenegen.worlds.pddl.write import REQUIREMENTS, Names, Vocabulary, clean, domain_text, fits, problem_text
+
+Rows = npt.NDArray[np.float64]
+
+DOMAIN = "scenes"
+GOAL = "goal"  # the label that is one by its name
+
+
+@dataclass(slots=True)
+class Problems:
+    """Problems of one spec; `words` may be those of several, which differ in how many things there are. Comments are
+    by the number of the scene. `edge` counts the scenes in which the goal as planners read it is not the sign of phi: a
+    margin is exactly 0 there."""
+
+    grounded: Grounded
+    labels: tuple[str, ...]
+    words: Vocabulary
+    whole_goal: bool = False
+    edge: int = field(default=0, init=False)
+
+    @property
+    def domain(self) -> str:
+        """The text of the domain."""
+        return domain_text(self.words, DOMAIN)
+
+    @property
+    def goal(self) -> Formula:
+        """What the labels ask for."""
+        formulas = tuple(self.grounded.goals[label] for label in self.labels)
+        return formulas[0] if len(formulas) == 1 else Joined("and", formulas)
+
+    def of_scenes(self, rows: Rows, comments: Mapping[int, str]) -> Iterator[str]:
+        """The problem of each scene of `rows` (3N, n): its facts, and what the labels ask for. Raises RequestError for
+        scenes of a spec over time."""
+        if not self.labels:
+            raise RequestError(NO_GOAL_OVER_TIME())
+        goal, numbers = self.goal, list(comments.items())
+        for here, truths in self.grounded.truths(rows):
+            wanted = np.all([truths[self.grounded.labels[label]] for label in self.labels], axis=0)
+            self.edge += int((value(goal, truths) != wanted).sum())
+            for offset, said in enumerate(numbers[here]):
+                yield self._text(truths[:, offset], goal, *said)
+
+    def of_pairs(self, starts: Rows, ends: Rows, comments: Mapping[int, str]) -> Iterator[str]:
+        """The problem of each start (3N, n): its facts, and those facts of its goal scene in `ends` that the labels ask
+        for; all of them with `whole_goal`, and in a spec over time."""
+        numbers = list(comments.items())
+        for (here, truths), (_, reached) in zip(self.grounded.truths(starts), self.grounded.truths(ends), strict=True):
+            for offset, said in enumerate(numbers[here]):
+                then = reached[:, offset : offset + 1]
+                if self.whole_goal or not self.labels:
+                    goal: Formula = Joined("and", tuple(Literal(int(one)) for one in np.flatnonzero(then[:, 0])))
+                else:
+                    goal = asked_for(self.goal, then)
+                yield self._text(truths[:, offset], goal, *said)
+
+    def _text(self, truths: npt.NDArray[np.bool_], goal: Formula, number: int, comment: str) -> str:
+        grounded = self.grounded
+        return problem_text(
+            self.words,
+            grounded.facts,
+            truths,
+            goal,
+            name=f"scene-{number}",
+            domain=DOMAIN,
+            comments=(comment,),
+            missing=self.words.objects - frozenset(grounded.spec.objects),
+        )
+
+
+def goal_labels(grounded: Grounded, wanted: Sequence[str] | None) -> tuple[str, ...]:
+    """The labels that are the goal: those asked for, else `goal`, else all. Raises RequestError for one that is not
+    there."""
+    if wanted and grounded.spec.timed is not None:
+        rule = "is for specs without time"
+        raise RequestError(OUT_OF_PLACE(option="a label as the goal", rule=rule, remedy="leave it out"))
+    known = tuple(grounded.goals)
+    for name in wanted or ():
+        if name not in known:
+            raise RequestError(UNKNOWN_CHOICE(what="label", name=name, known=known))
+    return tuple(dict.fromkeys(wanted)) if wanted else (GOAL,) if GOAL in known else known
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Scenes of an imported problem, in its own words: its predicates, its names, its goal.
+
+
+BDDL_ONLY = ("forn", "forpairs", "fornpairs")
+Call = tuple[str, tuple[str, ...]]
+
+
+def candidates(reading: Reading, wanted: Sequence[str] | None = None) -> list[tuple[Fact, str]]:
+    """Every fact that could hold, with its formula: those that the problem mentions, and all others of its predicates
+    over its things, and the places that it mentions. `wanted` names predicates; those of the goal are there besides.
+    Raises RequestError."""
+    problem, setting = reading.problem, reading.setting
+    spelled: dict[str, str] = {}
+    asked_of: dict[tuple[str, int], set[str]] = {}  # what the problem has in a place of a predicate
+    arities: dict[str, set[int]] = {}
+    for name, names in reading.formulas:
+        spelled.setdefault(name.lower(), name)
+        arities.setdefault(name.lower(), set()).add(len(names))
+        for place, one in enumerate(names):
+            asked_of.setdefault((name.lower(), place), set()).add(one)
+    for name, count in problem.domain.predicates.items():
+        found = reading.known(name)
+        if found is not None and (found.formula or found.holds):
+            spelled.setdefault(name, name)
+            arities.setdefault(name, set()).add(count)
+    if wanted is not None:
+        for name in wanted:
+            if name.lower() not in spelled:
+                raise RequestError(UNKNOWN_CHOICE(what="predicate", name=name, known=tuple(spelled.values())))
+        asked = {name.lower() for name in wanted} | {head.lower() for head, _ in _atoms_of(reading)}
+        spelled = {key: name for key, name in spelled.items() if key in asked}
+    things = tuple(setting.shapes)
+    places = tuple(dict.fromkeys(one for _, names in reading.formulas for one in names[1:] if one not in things))
+    places = tuple(dict.fromkeys((*places, *setting.grounds)))
+    made: dict[Fact, str] = {}
+    for (name, names), formula in reading.formulas.items():
+        if name.lower() in spelled:
+            made.setdefault(Fact(spelled[name.lower()], names), formula)
+    for key, name in spelled.items():
+        found = reading.known(name)
+        for count in sorted(arities[key]) if found is not None else ():
+            assert found is not None
+            if len(things) ** min(count, 3) > MOST_FACTS:
+                raise RequestError(TOO_MANY_FACTS(count=len(things) ** count, limit=MOST_FACTS))
+            for names in _choices(things, places, count):
+                if any(names[place] not in asked_of.get((key, place), ()) for place in _unread(found, count)):
+                    continue
+                formula = _formula(reading, found, names)
+                if formula:
+                    made.setdefault(Fact(name, names), formula)
+    return list(made.items())
+
+
+def _choices(things: Sequence[str], places: Sequence[str], count: int) -> Iterator[tuple[str, ...]]:
+    if 1 <= count <= 3:
+        yield from permutations(things, count)
+    if count == 2:
+        yield from ((thing, place) for thing in things for place in places)
+
+
+def _unread(found: Relation, count: int) -> list[int]:
+    """Places of a predicate that its formula does not read, as the floor of `onfloor`."""
+    return [] if found.holds else [place for place in range(count) if f"${place + 1}" not in found.formula]
+
+
+def _formula(reading: Reading, found: Relation, names: tuple[str, ...]) -> str:
+    """What a fact means; empty where it cannot hold."""
+    setting = reading.setting
+    node = reading.problem.goal
+    assert node is not None
+    refs = [setting.resolve(name, node) for name in names]
+    if not found.holds:
+        return filled(found.formula, [one.argument for one in refs])
+    if len(refs) != 2:
+        return ""
+    if refs[1].kind != "thing":
+        return resting(refs[0].argument, refs[1])
+    owner = refs[1].owner
+    off = setting.off(names[0], owner, inside=found.holds == "in") if owner != names[0] else None
+    return "" if off is None else carried(found, refs[0].argument, refs[1].argument, off)
+
+
+def refuse_other(reading: Reading, objects: Sequence[str], regions: Sequence[str], file: str) -> None:
+    """Raises DataError where scenes lack a thing or a region of the problem."""
+    setting = reading.setting
+    for name in (*setting.shapes, *(one for one, made in setting.furniture.items() if made.body is not None)):
+        if setting.ids[name] not in objects:
+            raise DataError(NOT_ITS_SCENES(file=file, name=setting.ids[name]))
+    for name in setting.used:
+        if name not in regions:
+            raise DataError(NOT_ITS_SCENES(file=file, name=name))
+
+
+def _atoms_of(reading: Reading) -> list[Call]:
+    """The facts that the goal mentions, once its quantifiers are written out."""
+    return _goal(reading)[1]
+
+
+def _goal(reading: Reading, lost: dict[str, None] | None = None) -> tuple[Formula, list[Call]]:
+    """The goal over facts by number, and the facts; `lost` gets what is no fact, or too long to be written out."""
+    atoms: dict[Call, int] = {}
+
+    def atom(node: Group, names: Sequence[str], wanted: bool) -> Meaning:
+        number = atoms.setdefault((node.items[0].span.text, tuple(names)), len(atoms))
+        return Meaning(f"a{number}")
+
+    def lose(node: Node, why: str) -> Meaning:
+        if lost is not None:
+            lost[_one_line(node)] = None
+        return Meaning(None, whole=False)
+
+    assert reading.problem.goal is not None
+    said = Goal(reading.problem, atom, lose).read(reading.problem.goal, {}).text or "true"
+    tree = parse(Source("<goal>", said)).bare
+    assert tree is not None
+    return _read(tree, holds=True), list(atoms)
+
+
+def _read(node: ast.Expr, *, holds: bool) -> Formula:
+    match node:
+        case ast.Name(name):
+            return Literal(int(name[1:]), holds)
+        case ast.Truth(truth):
+            return Joined("and" if truth == holds else "or", ())
+        case ast.Not(inner):
+            return _read(inner, holds=not holds)
+        case ast.And(parts) | ast.Or(parts):
+            same = isinstance(node, ast.And) == holds
+            return Joined("and" if same else "or", tuple(_read(one, holds=holds) for one in parts))
+    raise AssertionError("a goal is made of facts, `!`, `&` and `|`")
+
+
+class Originals:
+    """Problems with the facts of scenes in place of those of the original. One that other planners read keeps its
+    text, but for `:init`, and needs no domain but its own; one of LIBERO or BEHAVIOR is written out."""
+
+    def __init__(self, grounded: Grounded, reading: Reading) -> None:
+        self.grounded, self.reading = grounded, reading
+        problem = reading.problem
+        names = [*problem.things, *(kind for one in problem.things.values() for kind in one.kinds)]
+        self.plain = not (problem.regions or problem.fixtures or _bddl(problem.goal)) and all(map(fits, names))
+        geometric = {(one.predicate.lower(), one.arguments) for one in grounded.facts}
+        self.kept = [one for one in problem.init if not _replaced(one, geometric)]
+        self._lost: dict[str, None] = {}
+        self._goal, self._goal_facts = _goal(reading, self._lost)
+        self._words = _Words(self) if not self.plain else None
+
+    @property
+    def undecided(self) -> tuple[str, ...]:
+        """Parts of the goal without geometry."""
+        known = {(one.predicate.lower(), one.arguments) for one in self.grounded.facts}
+        facts = [one for one in self._goal_facts if (one[0].lower(), one[1]) not in known]
+        return (*(f"({' '.join((name, *names))})" for name, names in facts), *self._lost)
+
+    @property
+    def domain(self) -> str | None:
+        """The text of a domain for what is written out; None where the problem has its own."""
+        return None if self._words is None else self._words.domain()
+
+    def texts(self, rows: npt.NDArray[np.float64], comments: Sequence[str]) -> Iterator[str]:
+        """The problem of each scene of `rows` (3N, n)."""
+        geometric = [number for number, fact in enumerate(self.grounded.facts) if not fact.said]
+        for here, truths in self.grounded.truths(rows):
+            for offset, number in enumerate(range(here.start, here.stop)):
+                facts = [self.grounded.facts[one] for one in geometric if truths[one, offset]]
+                made = self._as_it_is if self._words is None else self._words.problem
+                yield f"; {clean(comments[number])}\n{made(facts, number + 1)}"
+
+    def _as_it_is(self, facts: Sequence[Fact], number: int) -> str:
+        problem = self.reading.problem
+        whole = problem.goal.span.source.text if problem.goal is not None else ""
+        init = [_one_line(node) for node in self.kept]
+        init += [f"({' '.join((one.predicate, *one.arguments))})" for one in facts]
+        section = "\n".join(["  (:init", *(f"    {one}" for one in init), "  )"])
+        lines = [f"(define (problem {problem.name or 'scene'}-{number})"]
+        done = False
+        for one in problem.sections:
+            if one.head == "problem":
+                continue
+            if one.head != ":init":
+                lines.append("  " + whole[one.span.start : one.span.end])
+            elif not done:
+                done = True
+                lines.append(section)
+        if not done:
+            lines.append(section)
+        return "\n".join([*lines, ")", ""])
+
+
+class _Words:
+    """A problem of LIBERO or BEHAVIOR written out: names without dots, regions as objects, the goal without numbers of
+    things."""
+
+    def __init__(self, owner: Originals) -> None:
+        self.owner = owner
+        problem = owner.reading.problem
+        names = Names()
+        kept = [_call(one) for one in owner.kept]
+        self.kept = [one for one in kept if one is not None]
+        calls = [*((one.predicate, one.arguments) for one in owner.grounded.facts if not one.said), *self.kept]
+        calls += owner._goal_facts
+        more = dict.fromkeys(one for _, arguments in calls for one in arguments if one not in problem.things)
+        self.things = {one: names.give(one) for one in (*problem.things, *more)}
+        self.arities = dict.fromkeys((name.lower(), len(arguments)) for name, arguments in calls)
+        spelled = {name.lower(): name for name, _ in reversed(calls)}
+        self.predicates = {key: names.give(spelled[key[0]]) for key in self.arities}
+        kinds = dict.fromkeys(kind.lower() for one in problem.things.values() for kind in one.kinds)
+        self.types = {kind: "object" if kind == "object" else names.give(kind, "-type") for kind in kinds}
+        self.region = names.give("region", "-type") if more else ""
+
+    def fact(self, name: str, arguments: Sequence[str]) -> str:
+        return (
+            f"({' '.join((self.predicates[name.lower(), len(arguments)], *(self.things[one] for one in arguments)))})"
+        )
+
+    def domain(self) -> str:
+        types = [one for one in (*self.types.values(), self.region) if one and one != "object"]
+        slots = {key: "".join(f" ?{letter} - object" for letter in "abcdefghi"[: key[1]]) for key in self.predicates}
+        lines = ["(define (domain scenes)", f"  (:requirements {REQUIREMENTS})"]
+        lines += [f"  (:types {' '.join(types)} - object)"] if types else []
+        lines += ["  (:predicates", *(f"    ({name}{slots[key]})" for key, name in self.predicates.items()), "  ))", ""]
+        return "\n".join(lines)
+
+    def problem(self, facts: Sequence[Fact], number: int) -> str:
+        """The problem of a scene."""
+        owner = self.owner
+        things = owner.reading.problem.things
+        kinds = {
+            name: replace(one, kinds=tuple(self.types[kind.lower()] for kind in one.kinds)).kind
+            for name, one in things.items()
+        }
+        goal = text(owner._goal, lambda at: self.fact(*owner._goal_facts[at]))
+        lines = [f"(define (problem scene-{number})", "  (:domain scenes)", "  (:objects"]
+        lines += [f"    {made} - {kinds.get(one, self.region)}" for one, made in self.things.items()]
+        lines += ["  )", "  (:init", *(f"    {self.fact(*one)}" for one in self.kept)]
+        lines += [f"    {self.fact(one.predicate, one.arguments)}" for one in facts]
+        return "\n".join([*lines, "  )", f"  (:goal {goal}))", ""])
+
+
+def _call(node: Node) -> Call | None:
+    """A fact without geometry as a call; None for functions, negations and what has numbers."""
+    if not isinstance(node, Group) or node.head in ("", "=", "not", "and", "at") or len(node.rest) > 9:
+        return None
+    names = tuple(one.text for one in node.rest if isinstance(one, Atom))
+    return (node.items[0].span.text, names) if len(names) == len(node.rest) else None
+
+
+def _replaced(node: Node, geometric: set[Call]) -> bool:
+    """Whether an initial fact is one that scenes decide, or that such a fact does not hold."""
+    if isinstance(node, Group) and node.head == "not" and len(node.rest) == 1:
+        return _replaced(node.rest[0], geometric)
+    found = _call(node)
+    return found is not None and (found[0].lower(), found[1]) in geometric
+
+
+def _bddl(node: Node | None) -> bool:
+    stack: list[Node] = [] if node is None else [node]
+    while stack:
+        one = stack.pop()
+        if isinstance(one, Group):
+            if one.head in BDDL_ONLY:
+                return True
+            stack += one.items
+        elif one.text.startswith("?") and not fits(one.text[1:]):
+            return True
+    return False
+
+
+def _one_line(node: Node) -> str:
+    return " ".join(re.sub(r";[^\n]*", " ", node.span.text).split())
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What of a goal PDDL has no words for, and where planners read it otherwise: told, once files are written.
+
+
+MOST_SAID = 3  # parts that are named; the domain has all
+
+
+def unsaid(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
+    """Notes on problems that share a domain."""
+    found: list[Diagnostic] = []
+    timed = problems[0].grounded.spec.timed
+    if timed is not None and timed.labels:
+        found.append(LABELS_OVER_TIME(labels=tuple(timed.labels)))
+    parts: dict[str, str] = {}
+    long: dict[str, None] = {}
+    for one in () if problems[0].whole_goal else problems:
+        for label in one.labels:
+            goal = one.grounded.goals[label]
+            if isinstance(goal, Literal) and goal.fact == one.grounded.labels[label]:
+                long[label] = None
+                continue
+            for fact in (one.grounded.facts[number] for number in facts_of(goal)):
+                if fact.said:
+                    parts[fact.predicate] = fact.said
+    if long:
+        found.append(GOAL_TOO_LONG(labels=tuple(long), limit=MOST_PARTS))
+    if parts:
+        said = ", ".join(f"{name} is `{text}`" for name, text in list(parts.items())[:MOST_SAID])
+        more = f" and {len(parts) - MOST_SAID:,} more" if len(parts) > MOST_SAID else ""
+        found.append(PARTS_WITHOUT_RELATION(parts=said + more))
+    count = sum(one.edge for one in problems)
+    return (*found, GOAL_ON_THE_EDGE(count=count)) if count else tuple(found)
+
+
+def undecided(originals: Originals, file: str) -> tuple[Diagnostic, ...]:
+    """Notes on scenes in the words of a problem."""
+    names = originals.undecided
+    return (FACTS_WITHOUT_PLACE(facts=names, file=file),) if names else ()

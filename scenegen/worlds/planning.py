@@ -1,0 +1,123 @@
+"""Planning problems as specs, and scenes as planning problems."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from scenegen.api.motions import MotionSet, read_motions
+from scenegen.api.reading import read_scenes
+from scenegen.api.scene_arrays import rows_of
+from scenegen.api.scenes import SceneSet, check_count
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_PLACE
+from scenegen.lang.checker import check_text
+from scenegen.scenes.formats.motions.table import is_motions
+from scenegen.validation import as_path
+from scenegen.worlds.export.simulators import check_out
+from scenegen.worlds.files import OF_SCENES, Exported, Own, numbers, of_scenes, write
+from scenegen.worlds.pddl.compile import Imported, Reading, compile_problem
+from scenegen.worlds.pddl.export import Originals, Problems, candidates, goal_labels, refuse_other, undecided, unsaid
+from scenegen.worlds.pddl.goal import Map, read_map
+from scenegen.worlds.pddl.ground import ground
+from scenegen.worlds.pddl.problem import Domain, domain_of, problem_of, read
+from scenegen.worlds.pddl.write import vocabulary
+
+__all__ = ["Exported", "Imported", "export_problems", "import_problem"]
+
+
+def import_problem(problem: str | Path, domain: str | Path | None = None, table: str | Path | None = None) -> Imported:
+    """The spec that a PDDL or BDDL problem is: its text, and what of the problem has no geometry.
+
+    `domain` is the PDDL file of types, constants and predicates, `table` a TOML file that maps kinds of objects to
+    shapes and predicates to relations (docs/pddl.md). Raises DataError for files that cannot be read, and for problems
+    without places.
+    """
+    known = Domain() if domain is None else domain_of(*read(Path(domain), "a PDDL domain"))
+    mapped = Map() if table is None else read_map(Path(table))
+    return compile_problem(problem_of(*read(Path(problem), "a PDDL problem"), known), mapped)
+
+
+def export_problems(
+    scenes: SceneSet | MotionSet,
+    out: str | Path,
+    *,
+    facts: Sequence[str] | None = None,
+    goal: Sequence[str] | None = None,
+    whole_goal: bool = False,
+    table: str | Path | None = None,
+    problem: str | Path | None = None,
+    domain: str | Path | None = None,
+) -> Exported:
+    """Write scenes as PDDL problems: what holds in each is its `:init`. A folder `out` gets scene_0001.pddl, ... and
+    domain.pddl, a file that ends in .pddl the one scene, and NAME_domain.pddl beside it.
+
+    `facts` names the relations, by default all of one or two things (docs/pddl.md); what the goal mentions is there
+    besides. `goal` names the labels that are the goal: by default `goal`, else all. Of motions and pairs the first
+    moment is the start; the goal is what the labels ask for, as it is at the last moment, with `whole_goal` all that
+    holds there. `table` is the map of `import_problem`: its predicates take the place of relations.
+
+    With the `problem` that the spec was imported from, and its `domain`, facts and goal are in its own words, and
+    `facts` names its predicates; of motions the first moment counts alone. A domain is written only for problems of
+    LIBERO and BEHAVIOR, which others do not read. Raises RequestError, DataError, OutputError.
+    """
+    out = as_path("out", out)
+    check_out(out, "pddl")
+    own = None if table is None else dict(read_map(Path(table)).predicates) or None
+    if problem is not None:
+        for option, value in (("goal", goal is not None), ("whole_goal", whole_goal)):
+            if value:
+                rule = "chooses a goal, and the problem has its own"
+                raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
+        starts = scenes.scenes(0) if isinstance(scenes, MotionSet) else scenes
+        return _in_its_words(starts, out, import_problem(problem, domain, table).reading, str(problem), facts)
+    if isinstance(scenes, MotionSet):
+        return _of_motions(scenes, out, facts, own, goal, whole_goal)
+    if whole_goal:
+        rule = "is for motions and pairs, and these are scenes"
+        raise RequestError(OUT_OF_PLACE(option="whole_goal", rule=rule, remedy="leave it out"))
+    return of_scenes(scenes, out, facts, own, goal)
+
+
+def _in_its_words(scenes: SceneSet, out: Path, reading: Reading, file: str, facts: Sequence[str] | None) -> Exported:
+    check_count(scenes)
+    source = scenes.header.spec.source
+    checked = check_text(source, OF_SCENES)
+    refuse_other(reading, checked.objects, [one.name for one in checked.regions], file)
+    rows = rows_of(checked, scenes)
+    originals = Originals(ground(source, OF_SCENES, explicit=candidates(reading, facts)), reading)
+    texts = originals.texts(rows, [f"Scene {number}" for number in numbers(len(scenes))])
+    made = write(out, enumerate(texts, start=1), originals.domain, len(scenes))
+    return replace(made, warnings=undecided(originals, file))
+
+
+def _of_motions(
+    motions: MotionSet, out: Path, facts: Sequence[str] | None, own: Own, goal: Sequence[str] | None, whole_goal: bool
+) -> Exported:
+    starts, ends = motions.scenes(0), motions.scenes(-1)
+    check_count(starts)
+    source = motions.header.spec.source
+    named: dict[tuple[str, int], str] = {}
+    parts = [
+        (ground(source, OF_SCENES, facts, own, counts=counts, parts=named), counts, which)
+        for counts, which in starts.parts()
+    ]
+    words = vocabulary([grounded for grounded, _, _ in parts])
+    made = [Problems(grounded, goal_labels(grounded, goal), words, whole_goal) for grounded, _, _ in parts]
+    said = "its first moment, and its last one as the goal."
+
+    def texts() -> Iterator[tuple[int, str]]:
+        for problems, (grounded, counts, which) in zip(made, parts, strict=True):
+            some = (one.only(counts, which) if counts else one for one in (starts, ends))
+            first, last = (rows_of(grounded.spec, one) for one in some)
+            comments = {place + 1: f"Motion {place + 1}: {said}" for place in which.tolist()}
+            yield from zip(comments, problems.of_pairs(first, last, comments), strict=True)
+
+    files = write(out, texts(), made[0].domain, len(motions))
+    return replace(files, warnings=unsaid(made))
+
+
+def read_for_planning(path: Path) -> SceneSet | MotionSet:
+    """The scenes of a file, or its motions. Raises DataError, RequestError."""
+    return read_motions(path) if is_motions(path) else read_scenes(path)

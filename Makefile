@@ -110,7 +110,7 @@ page-pictures: $(STAMP) ## the pictures of the page of `scenegen view`; needs Ch
 	OMP_NUM_THREADS=1 $(BIN)/python docs/make_page_pictures.py
 
 tables: $(STAMP) ## rebuild the parser tables after a change of grammar/spec.lark
-	$(BIN)/python -m scenegen.lang.syntax.parser_tables
+	$(BIN)/python -m scenegen.lang.syntax.parse
 
 bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted
 	$(BIN)/python benchmarks/training.py

@@ -21,7 +21,7 @@ import numpy as np
 
 from scenegen.lang.checker import check_text
 from scenegen.sampling import rarity_grown
-from scenegen.sampling.rarity import OutOfReach, measure
+from scenegen.sampling.rarity import RequirementUnmet, measure
 from scenegen.sampling.report import Estimate
 
 Law = Callable[[float], float]
@@ -106,7 +106,7 @@ def estimates(case: Case, seed: int) -> list[tuple[float, Estimate | None]]:
         found = rarity_grown.measure_vast(spec, spec.labels, seed, up_only=True)
     else:
         split = measure(spec.core, *spec.box(), spec.labels, seed)
-        assert not isinstance(split, OutOfReach)
+        assert not isinstance(split, RequirementUnmet)
         found = split
     pairs = [(law(t), found.reaches[label].up(t)) for label, law in case.laws.items() for t in case.places[label]]
     return pairs if case.required is None else [*pairs, (case.required, found.requirement)]

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from scenegen.errors import Source
 from scenegen.lang.checker import check_text
-from scenegen.lang.syntax import parser_tables as tables
+from scenegen.lang.syntax import parse as tables
 from scenegen.lang.syntax.parse import Builder, parse
 from scenegen.lang.syntax.pieces import print_module
 from scenegen.learn.robustness import Robustness

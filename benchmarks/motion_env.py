@@ -18,7 +18,7 @@ import numpy as np
 
 import scenegen
 from scenegen.curriculum import MotionTable
-from scenegen.sampling.motions.monitor import Watch
+from scenegen.sampling.motions.monitor import BatchMonitor
 
 SPECS = Path(__file__).resolve().parents[1] / "examples" / "motions"
 NAME = "scenegen.curriculum:scenegen/Motion-v0"
@@ -39,7 +39,7 @@ def single(spec: scenegen.Spec, motions: Any, seconds: float) -> tuple[float, fl
     assert spec.over_time is not None
     calls, began = 0, time.process_time()
     while time.process_time() - began < seconds / 2:
-        watch = Watch(spec.over_time, *spec.declared.box(), True, 1)
+        watch = BatchMonitor(spec.over_time, *spec.declared.box(), True, 1)
         for moment in np.ascontiguousarray(motions.poses[calls % 16]):
             watch.add(moment[None])
             calls += 1

@@ -33,8 +33,7 @@ from scenegen.learn.models.codec import Codec
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.datasets.uniform import uniform
 from scenegen.learn.training.feed import make_feed
-from scenegen.learn.training.loop import train
-from scenegen.learn.training.session import Session
+from scenegen.learn.training.loop import TrainingSession, train
 from scenegen.resources import shipped_specs
 
 BATCH, STEPS = 32, 625
@@ -143,7 +142,7 @@ def energy_step(name: str, steps: int = 50) -> tuple[float, float]:
     """Milliseconds of a step of the energy model on a shipped spec, and of its arithmetic."""
     spec = shipped(name)
     config = make_config("energy", data="uniform", scenes=2 * steps * 512)
-    session = Session(spec, config, make_feed(spec, config), None)
+    session = TrainingSession(spec, config, make_feed(spec, config), None)
     took = []
     for index, batch in enumerate(session.batches()):
         began = time.process_time()

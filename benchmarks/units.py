@@ -35,7 +35,7 @@ from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.sampler import make_plan, work_of
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.chain_state import Tape, frame_of
+from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.levels import CHAINS, Tuner, generator
 from scenegen.search.effort import per_scene
@@ -51,7 +51,7 @@ def measures(text: str) -> Iterator[tuple[str, float, list[float]]]:
     spec = check_text(text)
     problem = make_problem(spec, SampleRequest({label: Range(0.0) for label in spec.labels}, n=1000))
     each, _ = per_scene(problem.core.nodes)
-    state = Chains.start(frame_of(problem), Tape(frame_of(problem)), problem.cells, CHAINS, generator(0, -1))
+    state = Chains.start(frame_of(problem), ChainTape(frame_of(problem)), problem.cells, CHAINS, generator(0, -1))
     begun, before = time.process_time(), state.evaluations
     with np.errstate(all="ignore"):
         while time.process_time() - begun < LEAST:

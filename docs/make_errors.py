@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scenegen.errors.catalog import GROUPS, Entry, catalog
+from scenegen.errors.catalog import GROUPS, CatalogEntry, catalog
 
 PAGE = Path(__file__).resolve().parent / "errors.md"
 INTRODUCTION = """# Errors and warnings
@@ -40,7 +40,7 @@ def page() -> str:
     return "\n".join(out).rstrip() + "\n"
 
 
-def _section(entry: Entry) -> str:
+def _section(entry: CatalogEntry) -> str:
     severity = "" if entry.kind.severity == "error" else f" ({entry.kind.severity})"
     out = [f"### {entry.kind.code}\n", f"{entry.means}{severity}\n"]
     if entry.facts:

@@ -17,9 +17,9 @@ from scenegen.geometry.units import ANGLE, LENGTH
 from scenegen.lang.check.scope import signature_of
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
-from scenegen.lang.relations import Entry, defaults, groups
+from scenegen.lang.relations import RelationEntry, defaults, groups
 from scenegen.lang.syntax.pieces import print_expr
-from scenegen.show.figures.dimensions import Guide, Thing, View, dimensions, short
+from scenegen.show.figures.dimensions import FigureObject, FigureScene, Guide, dimensions, short
 from scenegen.show.figures.topview import topview
 
 DOCS = Path(__file__).resolve().parent
@@ -52,7 +52,7 @@ def load_scenes() -> ModuleType:
     return module
 
 
-def unit(entry: Entry, scenes: Any) -> str:
+def unit(entry: RelationEntry, scenes: Any) -> str:
     """What phi is measured in."""
     core = scenes[0].spec().core
     units = {node.unit for node in core.nodes if isinstance(node, Atom)}
@@ -60,23 +60,23 @@ def unit(entry: Entry, scenes: Any) -> str:
     return " and ".join(names)
 
 
-def view(entry: Entry, scene: Any) -> View:
+def view(entry: RelationEntry, scene: Any) -> FigureScene:
     """A golden scene with what its deciding atom measures."""
     spec = scene.spec()
     values = evaluate(spec.core, scene.rows)
     marks = dimensions(spec.core, deciding_atom(spec.core, "task", values), scene.rows)
     if any(one.name.id == "through" for one in entry.definition.parameters):
         marks.insert(0, Guide((0.5, 0.0), (0.5, 1.0)))  # the mirror of the default
-    zones = [Thing(one.name, one.footprint, one.pose, zone=True) for one in spec.regions]
+    zones = [FigureObject(one.name, one.footprint, one.pose, zone=True) for one in spec.regions]
     things = [
-        Thing(name, shape.footprint, pose)
+        FigureObject(name, shape.footprint, pose)
         for name, shape, pose in zip(spec.objects, spec.shapes, scene.poses, strict=True)
     ]
     phi = short(scene.phi)
     if scene.task.endswith(" >= 0"):  # a number or a point, not a formula
-        return View([*zones, *things], marks=marks, caption=[f"{scene.task.removesuffix(' >= 0')} = {phi}"])
+        return FigureScene([*zones, *things], marks=marks, caption=[f"{scene.task.removesuffix(' >= 0')} = {phi}"])
     caption = [scene.task, f"phi = {phi}"]
-    return View([*zones, *things], marks=marks, caption=caption, good=scene.phi >= 0.0)
+    return FigureScene([*zones, *things], marks=marks, caption=caption, good=scene.phi >= 0.0)
 
 
 def files() -> dict[Path, str]:
@@ -100,7 +100,7 @@ def files() -> dict[Path, str]:
     return written
 
 
-def page_entry(entry: Entry, words: str, golden: Any) -> list[str]:
+def page_entry(entry: RelationEntry, words: str, golden: Any) -> list[str]:
     standard = ", ".join(f"`{name}` = {value}" for name, value in defaults(entry.definition).items())
     formula = golden[1].phi < 0.0
     shown = "a scene that satisfies it and one that violates it" if formula else "two scenes with its value"

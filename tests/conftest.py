@@ -128,14 +128,14 @@ def make_exp1() -> Callable[..., CheckedSpec]:
 @pytest.fixture
 def begun_early(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plans wait until some steps of their pieces are done ahead: else a busy machine may not have begun."""
-    from scenegen.processes.ahead import Ahead
+    from scenegen.processes.ahead import Lookahead
 
-    states = Ahead.states
+    states = Lookahead.states
 
-    def late(self: Ahead[Any]) -> dict[int, Any]:
+    def late(self: Lookahead[Any]) -> dict[int, Any]:
         end = time.monotonic() + 60.0
         while min(self._done) < 1 and time.monotonic() < end:
             time.sleep(0.01)
         return states(self)
 
-    monkeypatch.setattr(Ahead, "states", late)
+    monkeypatch.setattr(Lookahead, "states", late)

@@ -18,8 +18,8 @@ from experiments.unseen.specs import TWELVE, spec_text
 from scenegen.api.request import check_request, plan_of
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import RequestError
+from scenegen.learn.evaluation.card import level
 from scenegen.learn.evaluation.fidelity import fidelity
-from scenegen.learn.evaluation.measure import level
 from scenegen.learn.model import Model
 from scenegen.learn.models.layout import depends_on
 from scenegen.learn.training.config import make_config

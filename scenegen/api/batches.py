@@ -19,7 +19,7 @@ STREAM = 11  # the stream of random numbers of readers; sampling/engine/blocks.p
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class RowGroup:
     """A row group: the number of its shard, its place in it, the number of its first scene in the set, its size."""
 
     shard: int
@@ -28,21 +28,21 @@ class Group:
     count: int
 
 
-class Groups(Protocol):
+class RowGroupStore(Protocol):
     """A stored set, as far as batches need it."""
 
     def __len__(self) -> int: ...
-    def groups(self) -> list[Group]: ...
-    def read_group(self, group: Group) -> Block: ...
+    def groups(self) -> list[RowGroup]: ...
+    def read_group(self, group: RowGroup) -> Block: ...
     def poses(self, block: Block) -> Array: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Batches:
+class SceneBatches:
     """Iterates over (poses (m, N, 3), phi (m, L)) in float64, m = `batch` but for the last. `reader` of `readers` gets
     its part of the scenes, `epoch` chooses the order."""
 
-    stored: Groups
+    stored: RowGroupStore
     batch: int
     shuffle: bool
     seed: int
@@ -56,7 +56,7 @@ class Batches:
         start, stop = self._range()
         return -(-(stop - start) // self.batch)
 
-    def of(self, reader: int, readers: int, epoch: int) -> Batches:
+    def of(self, reader: int, readers: int, epoch: int) -> SceneBatches:
         """The batches of one reader of several in an epoch."""
         return replace(self, reader=reader, readers=readers, epoch=epoch)
 
@@ -98,7 +98,9 @@ class Batches:
             yield block
 
 
-def parts(groups: list[Group], order: npt.NDArray[np.intp], start: int, stop: int) -> Iterator[tuple[Group, slice]]:
+def parts(
+    groups: list[RowGroup], order: npt.NDArray[np.intp], start: int, stop: int
+) -> Iterator[tuple[RowGroup, slice]]:
     """Of the scenes of all groups in this order, those from `start` up to `stop`: a slice of each group."""
     ends = np.cumsum([groups[index].count for index in order])
     first = bisect.bisect_right(ends, start)

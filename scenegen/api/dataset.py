@@ -19,14 +19,14 @@ from scenegen.api.sets import quoted, size_category
 from scenegen.api.spec import Spec, load, parse
 from scenegen.errors import RequestError
 from scenegen.errors.files import FINISHED_SET, NO_PART
-from scenegen.sampling.engine.engines import Ended, each, here
+from scenegen.sampling.engine.engines import JobResult, each, here
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.lease import held
 from scenegen.scenes.locations import inside
 from scenegen.scenes.open_store import open_store
-from scenegen.scenes.sets import Made, Manifest, Rareness
+from scenegen.scenes.sets import Manifest, Rareness, ShardRequest
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ DIGITS = 4  # of the ends of parts
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PhiStratum:
     """A range of phi of one label; the others are free."""
 
     label: str
@@ -62,7 +62,7 @@ class Part:
 class SpecPlan:
     """The parts of a spec's scenes, which get equal shares; `missing` names those that there are not."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[PhiStratum, ...]
     missing: tuple[str, ...]
     rarity: dict[str, Rareness]
 
@@ -71,7 +71,7 @@ def plan_spec(spec: Spec, seed: int) -> SpecPlan:
     """For each label the scenes with phi >= 0 and those with phi <= 0, as far as `scenegen range` finds any. Raises
     what `rarity` raises."""
     found = rarity(spec, seed=seed)
-    parts: list[Part] = []
+    parts: list[PhiStratum] = []
     missing: list[str] = []
     for one in found.labels:
         for side, name in ((_satisfied(one), "phi > 0"), (_violated(one), "phi < 0")):
@@ -101,7 +101,7 @@ def _tails(one: LabelRarity) -> tuple[Any, Any]:
     return falling, rising
 
 
-def _satisfied(one: LabelRarity) -> Part | None:
+def _satisfied(one: LabelRarity) -> PhiStratum | None:
     low, high = max(0.0, one.reached[0]), SATISFIED * one.reached[1]
     if not one.reached[1] > 0.0 or not low < high:
         return None
@@ -112,11 +112,11 @@ def _satisfied(one: LabelRarity) -> Part | None:
         beyond = [phi for phi, value in zip(places, above, strict=True) if value < least and phi > low]
         high = min([high, *beyond[:1]])
         if one.curve[-1].above is not None and not beyond:  # many scenes have the highest phi, as where a body rests
-            return Part(one.label, _rounded(low), one.reached[1])
-    return Part(one.label, _rounded(low), _rounded(high))
+            return PhiStratum(one.label, _rounded(low), one.reached[1])
+    return PhiStratum(one.label, _rounded(low), _rounded(high))
 
 
-def _violated(one: LabelRarity) -> Part | None:
+def _violated(one: LabelRarity) -> PhiStratum | None:
     low, high = one.reached[0], min(0.0, one.reached[1])
     if not low < high:
         return None
@@ -124,17 +124,17 @@ def _violated(one: LabelRarity) -> Part | None:
     below = _tails(one)[1]
     within = [phi for phi, value in zip(places, below, strict=True) if value >= FARTHEST and phi < high]
     low = max([low, *within[:1]])
-    return Part(one.label, _rounded(low), _rounded(high))
+    return PhiStratum(one.label, _rounded(low), _rounded(high))
 
 
 def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}") + 0.0
 
 
-def requests(spec: Spec, parts: Sequence[Part], n: int, size: int, seed: int) -> list[Made]:
+def requests(spec: Spec, parts: Sequence[PhiStratum], n: int, size: int, seed: int) -> list[ShardRequest]:
     """The requests of the shards, at most `size` scenes each: n scenes, as many of each part as of the others. Each
     has a seed of its own, which follows from `seed`, the spec and the shard's number alone."""
-    found: list[Made] = []
+    found: list[ShardRequest] = []
     for which, part in enumerate(parts):
         count = _share(n, which, len(parts))
         files = -(-count // size)
@@ -142,7 +142,7 @@ def requests(spec: Spec, parts: Sequence[Part], n: int, size: int, seed: int) ->
             words = np.random.SeedSequence([seed, STREAM, int(spec.checked.sha256[:12], 16), len(found)])
             drawn = int(words.generate_state(1, np.uint64)[0]) >> 11  # any program reads 53 bits exactly
             of = {part.label: (part.low, part.high)}
-            found.append(Made(phi=of, n=_share(count, number, files), seed=drawn))
+            found.append(ShardRequest(phi=of, n=_share(count, number, files), seed=drawn))
     return found
 
 
@@ -164,19 +164,21 @@ def plan_from(manifest: Manifest) -> SpecPlan:
     """The plan that a manifest was begun with."""
     parts: list[Mapping[str, Any]] = manifest.request["parts"]
     return SpecPlan(
-        tuple(Part(part["label"], *part["phi"]) for part in parts),
+        tuple(PhiStratum(part["label"], *part["phi"]) for part in parts),
         tuple(manifest.missing or ()),
         manifest.rarity or {},
     )
 
 
 TIMEOUT = 600.0  # seconds of a shard
-Told = Callable[[str, Ended, int, int], None]  # what is done; a job of it that is over, and how many of how many are
+Told = Callable[
+    [str, JobResult, int, int], None
+]  # what is done; a job of it that is over, and how many of how many are
 MEASURING, DRAWING = "measuring", "drawing shards"
 
 
 @dataclass(frozen=True, slots=True)
-class Draw:
+class ShardDrawJob:
     """The job of one shard: draw its scenes and pack them. Raises what `sample` raises."""
 
     timeout: float
@@ -221,12 +223,12 @@ class ShardJob:
     source: str
     store: Store
     number: int
-    made: Made
+    made: ShardRequest
     rarity: dict[str, Rareness] | None
 
 
 @dataclass(frozen=True, slots=True)
-class _Planning:
+class _PlanJob:
     """The job of one spec: its text, and the plan that its set was begun with, if it was."""
 
     seed: int
@@ -240,7 +242,7 @@ class _Planning:
 
 
 @dataclass(slots=True)
-class _Growing:
+class _PartialSet:
     """A set of one spec, as its shards come in."""
 
     name: str
@@ -306,13 +308,13 @@ def make_dataset(
             loaded[ended.name] = ended.value
     plans: dict[str, SpecPlan] = {}
     named = [(name, (spec.checked.source, known[name])) for name, spec in loaded.items()]
-    for count, ended in enumerate(each(_Planning(seed), named, engine, workers, address), 1):
+    for count, ended in enumerate(each(_PlanJob(seed), named, engine, workers, address), 1):
         told(MEASURING, ended, count, len(named))
         if not ended.errors:
             plans[ended.name] = ended.value
-    growing: dict[str, _Growing] = {}
+    growing: dict[str, _PartialSet] = {}
     jobs: list[tuple[str, ShardJob]] = []
-    places: dict[str, _Growing] = {}
+    places: dict[str, _PartialSet] = {}
     with ExitStack() as stack:
         for (name, _), share in zip(listed, shares(as_int("n", n), len(listed)), strict=True):
             if name not in plans or not share:
@@ -322,7 +324,7 @@ def make_dataset(
             wanted = [one for one in wanted if one.n]
             stack.enter_context(held(store))
             manifest = sets.begin(store, _manifest(spec, plan, share, seed, size, license), resume=resume)
-            one = growing[name] = _Growing(name, store, manifest, len(wanted))
+            one = growing[name] = _PartialSet(name, store, manifest, len(wanted))
             there = {shard.file for shard in manifest.shards}
             for number, made in enumerate(wanted):
                 if sets.shard_name(number) not in there:
@@ -330,7 +332,7 @@ def make_dataset(
                     job = f"{name} {sets.shard_name(number)} ({wish})"
                     places[job] = one
                     jobs.append((job, ShardJob(spec.checked.source, store, number, made, plan.rarity)))
-        for count, ended in enumerate(each(Draw(timeout), jobs, engine, workers, address), 1):
+        for count, ended in enumerate(each(ShardDrawJob(timeout), jobs, engine, workers, address), 1):
             if not ended.errors:
                 places[ended.name].add(ended.value)
             told(DRAWING, ended, count, len(jobs))
@@ -390,7 +392,7 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
         raise RequestError(NO_SEED(location=stored.location))
     checked_spec(stored)
     job = ShardJob(stored.header.spec.source, stored.store, number, shard.made, stored.manifest.rarity)
-    again, parts = Draw(timeout).packed(job)
+    again, parts = ShardDrawJob(timeout).packed(job)
     if again.sha256 != shard.sha256:
         facts = {"scenegen": stored.manifest.request.get("scenegen"), "numpy": stored.manifest.request.get("numpy")}
         raise DataError(REMADE_DIFFERS(file=shard.file, location=stored.location, **facts))

@@ -43,7 +43,7 @@ _BARE = re.compile(r"[,=<>≤≥]\s*(\d+(?:\.\d+)?)\s*\)?$")  # a number without
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
+class UnsatisfiedLabel:
     """A label that no scene seems to satisfy, or REQUIRE: a requirement that none seems to meet.
 
     `proved` says that bounds prove it. `problem` is a warning that names the smallest set of conjuncts that clash; None
@@ -60,7 +60,7 @@ def infeasible(spec: CheckedSpec) -> list[Diagnostic]:
     return [doubt.problem for doubt in doubts(spec) if doubt.problem is not None]
 
 
-def doubts(spec: CheckedSpec) -> list[Doubt]:
+def doubts(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
     """The labels that no scene was found to satisfy, and the requirement, where none was found to meet it.
 
     Scenes are looked for first: most labels are done with that. What is left is searched for clashes, for about half a
@@ -98,7 +98,7 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
             if (crowded := _too_full(spec, REQUIRE)) is not None:
                 return [crowded]  # without it nothing else matters
             missing.insert(0, (REQUIRE, None, one, reach))
-    found: list[Doubt] = []
+    found: list[UnsatisfiedLabel] = []
     for name, most, one, reach in missing:
         result = None
         if not reach.short or weight(one.nodes) <= 2 * work:
@@ -108,7 +108,7 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
         if result is None or not result.proved:
             crowded = _too_full(spec, name)
             if crowded is not None or result is None:
-                found.append(crowded or Doubt(name, False, None))
+                found.append(crowded or UnsatisfiedLabel(name, False, None))
                 continue
         unit: dict[str, str] = {}
         if len(result.nodes) == 1 and isinstance(alone := one.nodes[result.nodes[0]], Atom) and alone.spans:
@@ -120,10 +120,10 @@ def doubts(spec: CheckedSpec) -> list[Doubt]:
         else:
             kind = CANNOT_BE_SATISFIED if result.proved else HARDLY_SATISFIED
             problem = explain(one, result, kind, name=name, most=most, **unit)
-        found.append(Doubt(name, result.proved, problem))
+        found.append(UnsatisfiedLabel(name, result.proved, problem))
         if name == REQUIRE:
             break  # without it nothing else matters
-    return found + [Doubt(name, False, None) for name in left_out]
+    return found + [UnsatisfiedLabel(name, False, None) for name in left_out]
 
 
 def idle(spec: CheckedSpec) -> list[Diagnostic]:
@@ -202,7 +202,7 @@ def _unit(atom: Atom, here: Span, spec: CheckedSpec) -> dict[str, str]:
     return {"number": bare[1], "unit": "metres", "small": small, "large": "m"} if small else {}
 
 
-def _too_full(spec: CheckedSpec, label: str) -> Doubt | None:
+def _too_full(spec: CheckedSpec, label: str) -> UnsatisfiedLabel | None:
     """The proof, from areas alone, that the table cannot hold what must keep apart; None where there is none, or where
     it would take long to find."""
     if len(spec.core.nodes) > SMALL:
@@ -226,12 +226,12 @@ def _too_full(spec: CheckedSpec, label: str) -> Doubt | None:
         for index in sorted(_atoms(problem.core, problem.core.labels[label]))
         if isinstance(one := nodes[index], Atom)
     )
-    return Doubt(label, True, replace(TABLE_TOO_FULL(here, **proof), severity="warning"))
+    return UnsatisfiedLabel(label, True, replace(TABLE_TOO_FULL(here, **proof), severity="warning"))
 
 
-def _of_members(spec: CheckedSpec) -> list[Doubt]:
+def _of_members(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
     """What is doubtful with some number of things; it is proved only where it is proved of every number."""
-    found: dict[str, list[tuple[str, Doubt]]] = {}
+    found: dict[str, list[tuple[str, UnsatisfiedLabel]]] = {}
     for numbers, member in zip(combinations(spec.counts), spec.members, strict=True):
         for one in doubts(member):
             found.setdefault(one.label, []).append((written(numbers), one))
@@ -239,23 +239,27 @@ def _of_members(spec: CheckedSpec) -> list[Doubt]:
     for label, each in found.items():
         with_problem = [(name, one) for name, one in each if one.problem is not None]
         if not with_problem:
-            told.append(Doubt(label, False, None))
+            told.append(UnsatisfiedLabel(label, False, None))
             continue
         problem = with_problem[0][1].problem
         assert problem is not None
         everywhere = len(each) == len(spec.members) and all(one.proved for _, one in each)
         names = ", ".join(name for name, _ in with_problem)
-        told.append(Doubt(label, everywhere, problem.but(counted="any number" if everywhere else names)))
+        told.append(UnsatisfiedLabel(label, everywhere, problem.but(counted="any number" if everywhere else names)))
     return told
 
 
-def _over_time(spec: CheckedSpec) -> list[Doubt]:
+def _over_time(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
     from scenegen.sampling.motions.bounds import phi_bounds
     from scenegen.search.effort import Effort
 
     assert spec.timed is not None
     most = {name: high for name, (_, high) in phi_bounds(spec.timed, *spec.box(), Effort()).items()}
-    return [Doubt(name, True, CANNOT_BE_SATISFIED(name=name, most=high)) for name, high in most.items() if high < 0.0]
+    return [
+        UnsatisfiedLabel(name, True, CANNOT_BE_SATISFIED(name=name, most=high))
+        for name, high in most.items()
+        if high < 0.0
+    ]
 
 
 def _not_at_once(core: Core, box: tuple[Array, Array]) -> list[str]:

@@ -14,9 +14,9 @@ from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import HELD_ELSEWHERE, TABLE_UNUSED
 from scenegen.errors.requests import UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.errors.time import MOTION_HAS_ENDED, NOT_OVER_TIME, TRAJECTORY_START
-from scenegen.lang.formula.timed import Scored, Timed, score
+from scenegen.lang.formula.timed import Timed, TimedValues, score
 from scenegen.pose import SIZE, as_rows
-from scenegen.sampling.motions.monitor import HIGH, LOW, Watch
+from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
 from scenegen.scenes.arrange import held, held_elsewhere
 from scenegen.scenes.formats.trajectories import motion, read_tables
 from scenegen.validation import as_path
@@ -68,7 +68,7 @@ class Monitor:
         if spec.over_time is None:
             raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
         self._spec, self._timed, self._reach = spec, spec.over_time, bool(reach)
-        self._watch: Watch | None = None
+        self._watch: BatchMonitor | None = None
         self._batch: tuple[int, ...] = ()
 
     def add(self, poses: Mapping[str, tuple[float, ...]] | npt.ArrayLike) -> Outlook:
@@ -82,7 +82,7 @@ class Monitor:
         if self._watch is None:
             self._batch = array.shape[:-2]
             count = self._batch[0] if self._batch else 1
-            self._watch = Watch(self._timed, *self._spec.declared.box(), self._reach, count)
+            self._watch = BatchMonitor(self._timed, *self._spec.declared.box(), self._reach, count)
         phi, required = self._watch.add(array.reshape(-1, *array.shape[-2:]))
         moment = self._watch.seen - 1
         low, high = ({name: self._out(value[end]) for name, value in phi.items()} for end in (LOW, HIGH))
@@ -182,7 +182,7 @@ def read_trajectories(
     return found, notes + ([TRAJECTORY_START(file=path, start=max(starts))] if any(starts) else [])
 
 
-def score_trajectory(spec: Spec, poses: npt.NDArray[np.float64]) -> Scored:
+def score_trajectory(spec: Spec, poses: npt.NDArray[np.float64]) -> TimedValues:
     """phi of one motion, (T + 1, N, 3), at every moment, and what decides it; in numpy, float64."""
     return score(_timed(spec), poses)
 

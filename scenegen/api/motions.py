@@ -28,7 +28,7 @@ from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
-    from scenegen.processes.ahead import Reserve
+    from scenegen.processes.ahead import IdleWorkers
     from scenegen.sampling.motions.schedule import Watch
 
 Array = npt.NDArray[np.float64]
@@ -183,7 +183,7 @@ def sample_motions(
 
 
 def draw_motions(
-    spec: Spec, request: SampleRequest, *, reserve: Reserve | None = None, watch: Watch | None = None
+    spec: Spec, request: SampleRequest, *, reserve: IdleWorkers | None = None, watch: Watch | None = None
 ) -> MotionSet:
     """The motions of a request, by the processes of `reserve` if there is one; `watch` is shown what comes near it
     meanwhile. Raises what `sample_motions` raises."""

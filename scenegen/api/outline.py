@@ -33,7 +33,7 @@ class Line:
     decides: bool = False
 
 
-class Checked(Protocol):
+class SpecHolder(Protocol):
     """Anything that holds a checked spec: scenegen.Spec, which shows itself as an outline, does."""
 
     @property
@@ -43,7 +43,7 @@ class Checked(Protocol):
 class Outline:
     """The formulas of a spec, line by line. `labels` are its labels, and `require` where it requires something."""
 
-    def __init__(self, spec: Checked) -> None:
+    def __init__(self, spec: SpecHolder) -> None:
         self._core: Core = gated(spec.checked.core)
         self._bounds: Sequence[Interval] = node_bounds(self._core, *spec.checked.box())
         self._choices = {one.switch: (which, one) for which, one in spec.checked.choices.items()}
@@ -134,7 +134,7 @@ _ELEMENT = re.compile(r"(\w+)\[(\d+)\]")
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class OutlinePart:
     """Sub-formulas that share a line: their nodes in the core, each once, how many there are in each formula that they
     are part of ("" for one), and the line, at depth 0."""
 
@@ -143,7 +143,7 @@ class Part:
     line: Line
 
 
-class Folded:
+class FormulaTree:
     """The formulas of a spec as a tree of parts. `fold=False` keeps every sub-formula apart."""
 
     def __init__(self, outline: Outline, *, fold: bool = True) -> None:
@@ -151,10 +151,10 @@ class Folded:
         self._objects = set(outline.core.objects)
         self._alike = _alike(outline.core, self._objects) if fold else None
 
-    def root(self, label: str) -> Part:
+    def root(self, label: str) -> OutlinePart:
         return self._part((self._core.labels[label],), "")
 
-    def children(self, part: Part) -> list[Part]:
+    def children(self, part: OutlinePart) -> list[OutlinePart]:
         """What a part is made of, in the order of the spec; of an atom nothing."""
         parents = [node.args for index in part.nodes if isinstance(node := self._core.nodes[index], Junction)]
         if self._alike is None or not parents:
@@ -174,13 +174,13 @@ class Folded:
         order = {arg: place for place, arg in reversed(list(enumerate(arg for args in parents for arg in args)))}
         return [one for _, one in sorted(found, key=lambda pair: order[pair[0]])]
 
-    def _part(self, indices: tuple[int, ...], count: str) -> Part:
+    def _part(self, indices: tuple[int, ...], count: str) -> OutlinePart:
         lines = [self._outline.line(index, margin=len(indices) <= MOST_FOLDED) for index in indices]
         text, margin = lines[0].text, lines[0].margin
         if len(lines) > 1:
             text, margin = _common([(line.text, line.margin) for line in lines], self._objects)
         low, high = min(line.low for line in lines), max(line.high for line in lines)
-        return Part(indices, count, Line(0, text, margin, lines[0].unit, low, high))
+        return OutlinePart(indices, count, Line(0, text, margin, lines[0].unit, low, high))
 
 
 def _times(counts: Sequence[int]) -> str:

@@ -53,7 +53,7 @@ def pairs(
     Raises RequestError where there is no start or no goal, and where fewer than n pairs were found.
     """
     from scenegen.processes.pool import check_workers
-    from scenegen.sampling.motions.pairs import Pairs, Starts, draw_numbered, draw_pairs
+    from scenegen.sampling.motions.pairs import Pairs, PairStarts, draw_numbered, draw_pairs
     from scenegen.sampling.problem import Budget, make_problem
 
     check_spec(spec)
@@ -71,7 +71,7 @@ def pairs(
     def drawn_of(checked: CheckedSpec, wanted: SampleRequest) -> Pairs:
         targets = make_problem(checked, wanted, budget)
         first = make_problem(checked, replace(wanted, phi=begins), budget)
-        return draw_pairs(targets, Starts(first, targets if start is None else None), moved, budget)
+        return draw_pairs(targets, PairStarts(first, targets if start is None else None), moved, budget)
 
     sampler: dict[str, object] = {"kind": "pairs", "seed": seed, "moved": moved}
     warnings: tuple[Diagnostic, ...] = ()

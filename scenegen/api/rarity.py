@@ -27,8 +27,8 @@ from scenegen.errors.requests import (
 from scenegen.errors.time import NO_MOTION_MEETS, NO_MOTION_SATISFIES
 from scenegen.lang.check.families import written
 from scenegen.sampling.problem import Budget
-from scenegen.sampling.rarity import WORK, OutOfReach, Rarity, Reach, measure, mixed
-from scenegen.sampling.rarity_grown import measure_vast, vast
+from scenegen.sampling.rarity import WORK, PhiDistribution, Rarity, RequirementUnmet, measure, mixed
+from scenegen.sampling.rarity_grown import measure_vast, needs_growth
 from scenegen.sampling.report import Estimate
 from scenegen.sampling.request import MAX_SEED
 from scenegen.search.effort import Effort, StoppedError
@@ -59,7 +59,7 @@ class _Until:
 
 
 @dataclass(frozen=True, slots=True)
-class Level:
+class RarityLevel:
     """A value of phi, and how rare it is to be at it or above, and at it or below; None where too few scenes tell."""
 
     phi: float
@@ -90,8 +90,8 @@ class LabelRarity:
     label: str
     bounds: Ends
     reached: Ends
-    levels: tuple[Level, ...] = field(repr=False)
-    curve: tuple[Level, ...] = field(repr=False)
+    levels: tuple[RarityLevel, ...] = field(repr=False)
+    curve: tuple[RarityLevel, ...] = field(repr=False)
     bands: tuple[Band, ...] = field(repr=False)
     whole: tuple[bool, bool] = field(repr=False)
 
@@ -179,7 +179,7 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) ->
     lowest, highest = spec.declared.box()
     refuse_choices(spec, "a motion")
     found = measure(spec.declared, labels, seed, stop=_Until(budget))
-    if isinstance(found, OutOfReach):
+    if isinstance(found, RequirementUnmet):
         misses = -found.best if math.isfinite(found.best) else None
         raise RequestError(NO_MOTION_MEETS(evaluations=found.evaluations, misses=misses))
     bounds = phi_bounds(timed, lowest, highest, Effort(lambda: budget.overdrawn))
@@ -197,14 +197,14 @@ def _measure(
     the requirement."""
     checked = spec.checked
     lowest, highest = checked.box()
-    if vast(checked, labels):
+    if needs_growth(checked, labels):
         try:
             return measure_vast(checked, labels, seed, deadline=budget.ends)
         except RequestError as error:
             raise _clash(spec, budget) or error from None
     found = measure(checked.core, lowest, highest, labels, seed, work=work, stop=_Until(budget))
     excess = checked.workspace.log_excess(lowest, highest, len(checked.objects))
-    if isinstance(found, OutOfReach):
+    if isinstance(found, RequirementUnmet):
         try:
             return measure_vast(checked, labels, seed, deadline=budget.ends)
         except RequestError:
@@ -235,7 +235,7 @@ def _clash(spec: Spec, budget: Budget) -> RequestError | None:
     return None
 
 
-def _out_of_reach(found: OutOfReach) -> RequestError:
+def _out_of_reach(found: RequirementUnmet) -> RequestError:
     """No scene meets what the spec requires, as far as splitting and growth can tell."""
     misses = -found.best if math.isfinite(found.best) else None
     return RequestError(REQUIREMENT_NOT_FOUND(evaluations=found.evaluations, misses=misses))
@@ -247,7 +247,7 @@ def _clashes(spec: Spec, labels: set[str]) -> list[Diagnostic]:
     return [clashes.get(name) or NEVER_SATISFIED(name=name) for name in spec.labels if name in labels]
 
 
-def _report(label: str, bounds: Ends, reach: Reach) -> LabelRarity:
+def _report(label: str, bounds: Ends, reach: PhiDistribution) -> LabelRarity:
     low, high = reach.down.end, reach.up.end
     curve = [_level(phi, reach) for phi in _places(reach)] if low < high else []
     levels = [_level(phi, reach) for phi in spread(low, high)]
@@ -255,15 +255,15 @@ def _report(label: str, bounds: Ends, reach: Reach) -> LabelRarity:
     return LabelRarity(label, bounds, (low, high), tuple(levels), tuple(curve), tuple(_bands(reach)), whole)
 
 
-def _places(reach: Reach) -> list[float]:
+def _places(reach: PhiDistribution) -> list[float]:
     """Where a curve has points: evenly over what was reached, and where each run had its levels."""
     even = np.linspace(reach.down.end, reach.up.end, CURVE)
     places = np.unique(np.concatenate([even, reach.up.levels[1:], -reach.down.levels[1:]]))
     return [float(phi) for phi in places]
 
 
-def _level(phi: float, reach: Reach) -> Level:
-    return Level(phi, reach.up(phi), reach.down(phi))
+def _level(phi: float, reach: PhiDistribution) -> RarityLevel:
+    return RarityLevel(phi, reach.up(phi), reach.down(phi))
 
 
 def spread(low: float, high: float) -> list[float]:
@@ -282,7 +282,7 @@ def rounded(values: Sequence[float], width: float) -> list[float]:
     return list(dict.fromkeys(round(value, digits) + 0.0 for value in values))
 
 
-def _bands(reach: Reach) -> list[Band]:
+def _bands(reach: PhiDistribution) -> list[Band]:
     """Hard, medium and easy parts of what occurs, by how many scenes lie there; and what is satisfied, where that is
     not what occurs anyway. The easiest part is only called easy where its scenes satisfy the label."""
     low, high = reach.down.end, reach.up.end
@@ -309,7 +309,7 @@ def _bands(reach: Reach) -> list[Band]:
     return bands
 
 
-def _between(reach: Reach, low: float, high: float) -> float:
+def _between(reach: PhiDistribution, low: float, high: float) -> float:
     """P(low <= phi <= high), from the tail that is the smaller one."""
 
     up = _share(reach.up(low)), _share(reach.up(high))

@@ -29,7 +29,7 @@ from scenegen.geometry.attitude import upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import NAMES, X, Y, as_rows
-from scenegen.scenes.blocks import Reading, counts_in
+from scenegen.scenes.blocks import SceneFileReading, counts_in
 from scenegen.scenes.data import ObjectData, Pose, RequestData, SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats import registry as table
@@ -47,7 +47,7 @@ WANTED = 'poses by name, {"mug": (x, y, theta), ...}, columns mug.x, mug.y, mug.
 
 
 @dataclass(frozen=True, slots=True)
-class _Given:
+class _GivenScenes:
     """`count` scenes in a place called `name`: `axis` gives a coordinate of an object, (count,), `on` on what it
     stands, by name or number; None for what is not said. `unused` is what no object needs."""
 
@@ -91,7 +91,7 @@ def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, sp
     return scene_set(reading.header, reading.labels, reading.whole(start, stop))
 
 
-def open_scenes(path: Path, spec: AnySpec | None = None) -> Reading | SceneSet:
+def open_scenes(path: Path, spec: AnySpec | None = None) -> SceneFileReading | SceneSet:
     """A scene file, open; or the scenes of one that holds poses alone, of `spec`. Raises what `read_scenes` raises."""
     if spec is None:
         if is_settled(path):
@@ -108,13 +108,13 @@ def _says_itself(path: str | Path) -> RequestError:
     return RequestError(OUT_OF_PLACE(option="spec", rule=rule, remedy="leave it out"))
 
 
-def reading_of(path: Path, spec: AnySpec | None = None) -> Reading:
+def reading_of(path: Path, spec: AnySpec | None = None) -> SceneFileReading:
     """The same, open: for what goes through scenes block by block."""
     found = open_scenes(path, spec)
     if not isinstance(found, SceneSet):
         return found
     found.refuse_rest(path)
-    return Reading(found.header, tuple(found.phi), found.blocks(), len(found), str(path))
+    return SceneFileReading(found.header, tuple(found.phi), found.blocks(), len(found), str(path))
 
 
 def own_scenes(spec: CheckedSpec, poses: object, on: object = None) -> SceneSet:
@@ -127,7 +127,7 @@ def read_own(spec: CheckedSpec, path: Path) -> SceneSet:
     return _scenes(spec, _file(spec, path))
 
 
-def _file(drawn: CheckedSpec, path: Path, *, partly: bool = False) -> _Given:
+def _file(drawn: CheckedSpec, path: Path, *, partly: bool = False) -> _GivenScenes:
     """What a file of poses alone says; `partly`, of some of its objects, and perhaps of others. Raises DataError."""
     if path.suffix.lower() == ".json":
         raw, _ = parse(read_bytes(path, "a scenes file", limit=MOST_BYTES, remedy=REMEDY), str(path))
@@ -200,7 +200,7 @@ def part_of_scenes(spec: CheckedSpec, path: Path, names: Sequence[str]) -> Array
     return poses
 
 
-def _scenes(spec: CheckedSpec, given: _Given) -> SceneSet:
+def _scenes(spec: CheckedSpec, given: _GivenScenes) -> SceneSet:
     if not given.count:
         raise RequestError(NO_SCENES())
     header = make_header(spec, {"method": "poses from elsewhere"}, RequestData(phi={}, n=given.count))
@@ -243,12 +243,12 @@ def _scenes(spec: CheckedSpec, given: _Given) -> SceneSet:
     return SceneSet(poses, evaluate(spec, bare), header, notes, on=on, trusted=True)
 
 
-def _known(spec: CheckedSpec, given: _Given) -> list[str]:
+def _known(spec: CheckedSpec, given: _GivenScenes) -> list[str]:
     """What is said of the spec's objects."""
     return [f"{name}.{axis}" for name in spec.objects for axis in NAMES if given.axis(name, axis) is not None]
 
 
-def _surfaces(header: SceneFile, given: _Given) -> Array | None:
+def _surfaces(header: SceneFile, given: _GivenScenes) -> Array | None:
     """(n, M): on which of its surfaces each chooser stands, counted from 1. Raises DataError."""
     if not header.choosers:
         return None
@@ -279,7 +279,7 @@ def _surface(chooser: ObjectData, said: Any, number: int) -> float:
     return place
 
 
-def _given(spec: CheckedSpec, poses: Any, on: Any) -> _Given:
+def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
     """What an argument says. Raises RequestError for what says no poses."""
     if hasattr(poses, "columns") and not isinstance(poses, Mapping):  # a data frame, of pandas or polars
         poses = {str(name): poses[name] for name in poses.columns}
@@ -290,7 +290,7 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _Given:
             if len(sizes) != 1 or any(one.ndim != 1 for one in columns.values()):
                 raise _refused(spec, poses)
             more = {str(name): list(values) for name, values in poses.items() if str(name).endswith(f".{ON}")}
-            return _Given("`poses`", sizes.pop(), _axes(columns), _on(more) if on is None else _numbers(spec, on))
+            return _GivenScenes("`poses`", sizes.pop(), _axes(columns), _on(more) if on is None else _numbers(spec, on))
         _refuse_unknown(spec, poses)
         each = {name: _array(_tuple(value)) for name, value in poses.items()}
         each = {name: one[None] if one.ndim == 1 else one for name, one in each.items()}
@@ -299,7 +299,7 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _Given:
             raise _refused(spec, poses)
         columns = {f"{name}.{axis}": one[:, k] for name, one in each.items() for k, axis in enumerate(NAMES)}
         said = {f"{name}.{ON}": [value.on] for name, value in poses.items() if hasattr(value, ON)}
-        return _Given("`poses`", sizes.pop(), _axes(columns), _on(said) if on is None else _numbers(spec, on))
+        return _GivenScenes("`poses`", sizes.pop(), _axes(columns), _on(said) if on is None else _numbers(spec, on))
     if isinstance(poses, Sequence) and not isinstance(poses, str) and poses and isinstance(poses[0], Mapping):
         return _listed(spec, list(poses), "`poses`")
     array = _array(poses)
@@ -310,10 +310,10 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _Given:
     columns = {
         f"{name}.{axis}": array[:, index, k] for index, name in enumerate(spec.objects) for k, axis in enumerate(NAMES)
     }
-    return _Given("`poses`", len(array), _axes(columns), _numbers(spec, on))
+    return _GivenScenes("`poses`", len(array), _axes(columns), _numbers(spec, on))
 
 
-def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = False) -> _Given:
+def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = False) -> _GivenScenes:
     """A list of scenes, each with poses by name: {"x": .., "y": .., "theta": ..} or [x, y, theta]. `partly`: objects of
     other specs may be among them."""
     columns = {f"{one}.{axis}": np.full(len(scenes), math.nan) for one in spec.objects for axis in NAMES}
@@ -345,10 +345,10 @@ def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = F
             held = columns[f"{spec.objects[index]}.{axis}"]
             held[np.isnan(held)] = value
     known = {column: values for column, values in columns.items() if not np.isnan(values).all()}
-    return _Given(name, len(scenes), _axes(known), _on(on))
+    return _GivenScenes(name, len(scenes), _axes(known), _on(on))
 
 
-def _tabled(spec: CheckedSpec, table: Table) -> _Given:
+def _tabled(spec: CheckedSpec, table: Table) -> _GivenScenes:
     """A table with the columns mug.x, mug.y, mug.theta of each object."""
 
     def axis(name: str, axis: str) -> Array | None:
@@ -360,7 +360,7 @@ def _tabled(spec: CheckedSpec, table: Table) -> _Given:
         return list(table.cells(column)) if column in table.names else None
 
     unused = [name for name in table.names if name and not _is_place(spec, name) and not name.endswith(f".{ON}")]
-    return _Given(table.file, len(table), axis, on, tuple(unused))
+    return _GivenScenes(table.file, len(table), axis, on, tuple(unused))
 
 
 def _is_place(spec: CheckedSpec, column: str) -> bool:

@@ -21,7 +21,7 @@ from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, Sa
 from scenegen.scenes.data import SceneFile
 
 if TYPE_CHECKING:
-    from scenegen.processes.ahead import Reserve
+    from scenegen.processes.ahead import IdleWorkers
 
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB
@@ -83,7 +83,7 @@ def draw_scenes(
     *,
     progress: Progress | None = None,
     on_note: Note | None = None,
-    reserve: Reserve | None = None,
+    reserve: IdleWorkers | None = None,
 ) -> SceneSet:
     """The scenes of a request, in memory, by the processes of `reserve` if there is one. Raises what `sample`
     raises."""
@@ -128,7 +128,7 @@ def partial(shortfall: Diagnostic) -> Diagnostic:
 
 
 @dataclass(frozen=True, slots=True)
-class Met:
+class PhiSummary:
     """phi of one label over the scenes of a file."""
 
     lowest: float
@@ -143,7 +143,7 @@ class Written:
     path: Path | str
     count: int
     header: SceneFile
-    phi: Mapping[str, Met]
+    phi: Mapping[str, PhiSummary]
     warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
 
     def __len__(self) -> int:

@@ -232,7 +232,7 @@ def _shape_data(shape: Shape) -> ShapeData:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class SpecScenes:
     """The scenes of a set that one ordinary spec is of: `which` they are, and their `rows` in the order of its core."""
 
     spec: CheckedSpec
@@ -240,14 +240,14 @@ class Part:
     rows: Array
 
 
-def parts_of(spec: CheckedSpec, scenes: SceneArrays) -> Iterator[Part]:
+def parts_of(spec: CheckedSpec, scenes: SceneArrays) -> Iterator[SpecScenes]:
     """The scenes by the ordinary spec that they are of: the spec, or members of it where it draws how many things there
     are. Raises DataError as `rows_of` does."""
     for numbers, which in scenes.parts():
         some = scenes.only(numbers, which) if numbers else scenes
         found = (one for one in spec.members if set(one.objects) == set(some.objects))
         mine = next(found, spec)
-        yield Part(mine, which, rows_of(mine, some))
+        yield SpecScenes(mine, which, rows_of(mine, some))
 
 
 def rows_of(spec: CheckedSpec, scenes: SceneArrays) -> Array:

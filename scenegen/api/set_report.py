@@ -70,7 +70,7 @@ class SetReport:
 
 
 @dataclass(slots=True)
-class _Found:
+class _ShardFindings:
     """What one shard adds."""
 
     health: ShardHealth
@@ -81,7 +81,7 @@ class _Found:
 
 
 @dataclass(frozen=True, slots=True)
-class _Look:
+class _ShardCheckJob:
     """The job: one shard. With `spec` its checksum is checked, too, and every scene is scored again."""
 
     store: Store
@@ -92,19 +92,19 @@ class _Look:
     sizes: dict[str, int]
     spec: CheckedSpec | None
 
-    def __call__(self, shard: Shard) -> _Found:
+    def __call__(self, shard: Shard) -> _ShardFindings:
         try:
             return self._look(shard)
         except DataError as error:
-            return _Found(ShardHealth(shard.file, shard.scenes, _fault(error)))
+            return _ShardFindings(ShardHealth(shard.file, shard.scenes, _fault(error)))
 
-    def _look(self, shard: Shard) -> _Found:
+    def _look(self, shard: Shard) -> _ShardFindings:
         fault = ""
         if self.sizes.get(shard.file) != shard.bytes:
-            return _Found(ShardHealth(shard.file, shard.scenes, "it is missing, or has another size"))
+            return _ShardFindings(ShardHealth(shard.file, shard.scenes, "it is missing, or has another size"))
         if self.spec is not None:
             check_bytes(self.store, shard)
-        found = _Found(ShardHealth(shard.file, shard.scenes, fault))
+        found = _ShardFindings(ShardHealth(shard.file, shard.scenes, fault))
         hashes = []
         done = 0
         for block in read_shard(self.store, self.header, tuple(self.bounds), shard).blocks:
@@ -153,7 +153,7 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
     sizes = stored.files()
     spec = checked_spec(stored) if verify else None
     table = stored.header.workspace
-    look = _Look(
+    look = _ShardCheckJob(
         stored.store,
         stored.header,
         stored.objects,

@@ -9,7 +9,7 @@ from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 from scenegen.api.request import Note, check_request, plan_of, request_data
-from scenegen.api.sample import Met, Written
+from scenegen.api.sample import PhiSummary, Written
 from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
@@ -18,7 +18,7 @@ from scenegen.scenes.open_store import open_store
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
-    from scenegen.processes.ahead import Reserve
+    from scenegen.processes.ahead import IdleWorkers
     from scenegen.sampling.plan import Plan, Tally
     from scenegen.scenes.sets import Manifest
     from scenegen.scenes.stores import Store
@@ -35,7 +35,7 @@ def write_set(
     resume: bool = False,
     progress: Progress | None = None,
     on_note: Note | None = None,
-    reserve: Reserve | None = None,
+    reserve: IdleWorkers | None = None,
 ) -> Written:
     """The scenes of a request as a set of shards. The bytes depend on the request and `shard_size` alone, neither on
     the engine nor on the number of workers.
@@ -47,7 +47,7 @@ def write_set(
     store = open_store(location, on_note)
     request = check_request(source, request)
     from scenegen.sampling.engine.blocks import Drawing
-    from scenegen.sampling.engine.engines import Writing, check_engine, open_engine
+    from scenegen.sampling.engine.engines import ShardWriter, check_engine, open_engine
     from scenegen.sampling.engine.run import open_budget, request_of
     from scenegen.sampling.engine.sets import write_set as write
     from scenegen.sampling.report import fell_short, summed_up
@@ -75,7 +75,7 @@ def write_set(
                 chosen.prepare(Drawing(plan, len(labels)))
             header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
             stored = functools.partial(stored_rows, plan.problem.spec) if spec.choices else None
-            writing = Writing(plan, store, header, labels, stored)
+            writing = ShardWriter(plan, store, header, labels, stored)
             facts = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method}
             manifest = sets.Manifest(
                 request={**request_of(plan.problem, {"scenegen": __version__}), **facts},
@@ -100,7 +100,7 @@ def write_set(
                         raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
                     warnings = (*warnings, partial(shortfall))
             write_card(store, manifest)
-    phi = {label: Met(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
+    phi = {label: PhiSummary(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
     full = make_header(plan.problem.spec, manifest.sampler, request_data(plan.problem.request))
     return Written(store.location, manifest.scenes, full, phi, warnings)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.batches import Batches, Group
+from scenegen.api.batches import RowGroup, SceneBatches
 from scenegen.api.scenes import SceneSet, scene_set
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
@@ -93,25 +93,25 @@ class StoredSet:
 
         return SceneStream(self.batches(batch, shuffle=shuffle, seed=seed, even=even), rank, ranks, dtype)
 
-    def batches(self, batch: int = 4096, *, shuffle: bool = True, seed: int = 0, even: bool = False) -> Batches:
+    def batches(self, batch: int = 4096, *, shuffle: bool = True, seed: int = 0, even: bool = False) -> SceneBatches:
         """The same as numpy arrays, without torch: `for poses, phi in stored.batches()`. Raises RequestError."""
 
         if as_int("batch", batch) < 1:
             raise RequestError(OUT_OF_RANGE(argument="batch", value=batch, wanted="1 or more"))
-        return Batches(self, batch, shuffle, as_int("seed", seed), even)
+        return SceneBatches(self, batch, shuffle, as_int("seed", seed), even)
 
-    def groups(self) -> list[Group]:
+    def groups(self) -> list[RowGroup]:
         """The row groups of all shards, in order: those that scenegen writes have 65,536 scenes."""
         from scenegen.scenes.sets import group_sizes
 
         found, first = [], 0
         for number, shard in enumerate(self.shards):
             for index, count in enumerate(group_sizes(shard.scenes)):
-                found.append(Group(number, index, first, count))
+                found.append(RowGroup(number, index, first, count))
                 first += count
         return found
 
-    def read_group(self, group: Group) -> Block:
+    def read_group(self, group: RowGroup) -> Block:
         """The scenes of a row group. Raises DataError, also where the shard is not the one of the manifest."""
         from scenegen.scenes.sets import read_shard_group
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, request_data
-from scenegen.api.sample import Met, Written, partial
+from scenegen.api.sample import PhiSummary, Written, partial
 from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
@@ -25,7 +25,7 @@ from scenegen.scenes.locations import as_location, names_set
 from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
-    from scenegen.processes.ahead import Reserve
+    from scenegen.processes.ahead import IdleWorkers
 
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
@@ -85,7 +85,7 @@ def write_scenes(
     shard_size: int | None = None,
     progress: Progress | None = None,
     on_note: Note | None = None,
-    reserve: Reserve | None = None,
+    reserve: IdleWorkers | None = None,
 ) -> Written:
     """The scenes of a request, in a file or a set, by the processes of `reserve` if there is one. Raises what
     `sample_to` raises."""
@@ -112,7 +112,7 @@ def write_scenes(
     with open_budget(request, reserve=reserve) as budget:
         plan = plan_of(source, request, budget, on_note)
         spec, data = plan.problem.spec, request_data(plan.problem.request)
-        seen = _Seen()
+        seen = _PhiStatistics()
         headers: list[SceneFile] = []
 
         def header(info: Mapping[str, object]) -> SceneFile:
@@ -151,12 +151,12 @@ def _check_json(n: int, spec: Spec) -> None:
         raise RequestError(TOO_MANY_FOR_JSON(n=n, most=most))
 
 
-def met(scenes: SceneSet) -> dict[str, Met]:
+def met(scenes: SceneSet) -> dict[str, PhiSummary]:
     """What phi is in a set of at least one scene."""
-    return {label: Met(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
+    return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
 
 
-class _Seen:
+class _PhiStatistics:
     """What phi is in the blocks that it is shown."""
 
     def __init__(self) -> None:
@@ -177,6 +177,6 @@ class _Seen:
             self._most = list(map(max, self._most, most))
         self.count += block.count
 
-    def phi(self, labels: tuple[str, ...]) -> dict[str, Met]:
+    def phi(self, labels: tuple[str, ...]) -> dict[str, PhiSummary]:
         each = zip(labels, self._least, self._sum, self._most, strict=True)
-        return {label: Met(least, total / self.count, most) for label, least, total, most in each}
+        return {label: PhiSummary(least, total / self.count, most) for label, least, total, most in each}

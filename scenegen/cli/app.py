@@ -21,7 +21,7 @@ from typing import Any
 import typer
 
 from scenegen.cli.options import Quiet, Verbose, all_whole, option_called
-from scenegen.cli.output import Voice, complain, flag, print_message, voice
+from scenegen.cli.output import Verbosity, complain, flag, print_message, voice
 from scenegen.cli.streams import give_up, prepare, reader_left
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE_OUTPUT
@@ -100,13 +100,13 @@ def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
     def run_command(*args: Any, quiet: bool, verbose: bool, **options: Any) -> Any:
         if quiet and verbose:
             raise RequestError(CONFLICTING_ARGUMENTS(one="quiet", other="verbose"))
-        before = voice.set(Voice(quiet, verbose))
+        before = voice.set(Verbosity(quiet, verbose))
         try:
             return command(*args, **options)
         except KeyboardInterrupt as error:
             raise _Interrupted(*error.args) from error
         except BrokenPipeError as error:
-            raise _NobodyReads from error
+            raise _OutputClosed from error
         finally:
             voice.reset(before)
 
@@ -150,7 +150,7 @@ class _Interrupted(Exception):  # noqa: N818 - no error
     """Carries Ctrl-C through typer, which would drop its message."""
 
 
-class _NobodyReads(Exception):  # noqa: N818 - no error
+class _OutputClosed(Exception):  # noqa: N818 - no error
     """Carries a broken pipe through typer, which would exit with status 1."""
 
 
@@ -182,7 +182,7 @@ def run(words: list[str]) -> int:
         with contextlib.suppress(OSError):  # the terminal is gone
             print_message(said.text("title", flag) if isinstance(said, Diagnostic) else str(said))
         return exit_status(error)
-    except (_NobodyReads, BrokenPipeError):
+    except (_OutputClosed, BrokenPipeError):
         # `scenegen check x.spec | head -1`: the reader of the data needs no more. This is not a failure (nor is it for
         # ripgrep); with `set -o pipefail`, 1 (or 141, the status after SIGPIPE) would make it one. If the reader of the
         # *messages* has gone, the run ended before its work was done, and fails.

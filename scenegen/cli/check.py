@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.api.outline import Folded, Line, Outline, Part
+from scenegen.api.outline import FormulaTree, Line, Outline, OutlinePart
 from scenegen.api.spec import Spec
 from scenegen.cli.options import Counts, Root, SpecFiles, named, parse_counts
 from scenegen.cli.output import tree
@@ -25,7 +25,7 @@ from scenegen.lang.syntax.pieces import print_statement
 from scenegen.things import Circle, Shape
 
 if TYPE_CHECKING:
-    from scenegen.api.feasibility import Doubt
+    from scenegen.api.feasibility import UnsatisfiedLabel
     from scenegen.errors import Diagnostic
     from scenegen.lang.formula.timed import Horizon
 
@@ -105,7 +105,7 @@ def check(
     return int(failed)
 
 
-def _problems(found: list[Doubt], allowed: bool) -> list[Diagnostic]:
+def _problems(found: list[UnsatisfiedLabel], allowed: bool) -> list[Diagnostic]:
     """Proved findings are errors, unless they are allowed."""
     return [
         replace(one.problem.but(meant=MEANT), severity="error") if one.proved and not allowed else one.problem
@@ -114,7 +114,7 @@ def _problems(found: list[Doubt], allowed: bool) -> list[Diagnostic]:
     ]
 
 
-def _print(path: Path, spec: Spec, found: list[Doubt], ok: bool, depth: int | None, full: bool) -> None:
+def _print(path: Path, spec: Spec, found: list[UnsatisfiedLabel], ok: bool, depth: int | None, full: bool) -> None:
     import shutil
     import sys
 
@@ -183,12 +183,12 @@ MOST = 100_000  # lines of `--full`: a formula whose definitions use each other 
 
 
 @dataclass(slots=True)
-class _Shown:
+class _ShownPart:
     """A part on the page: the parts shown below it, and how many are left out."""
 
-    part: Part
+    part: OutlinePart
     depth: int
-    below: list[_Shown] = field(default_factory=list)
+    below: list[_ShownPart] = field(default_factory=list)
     hidden: int = 0
 
 
@@ -211,8 +211,8 @@ def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool,
             yield f"  ... and {len(labels) - left + 1:,} labels more"
         yield "\n  Only a page of it: --depth 1 shows the formulas of all labels, --full everything."
         return
-    folded = Folded(outline, fold=not full)
-    roots = [_Shown(folded.root(name), 0) for name in labels]
+    folded = FormulaTree(outline, fold=not full)
+    roots = [_ShownPart(folded.root(name), 0) for name in labels]
     whole = _unfold(folded, roots, left - HEAD * len(roots), depth)
     for name, root in zip(labels, roots, strict=True):
         yield ""
@@ -332,7 +332,7 @@ def _title(outline: Outline, label: str, remark: str, bounds: tuple[float, float
     return f"  {label}: {what} in [{low:.4g}, {high:.4g}]" + (f"; {remark}" if remark else "")
 
 
-def _unfold(folded: Folded, roots: list[_Shown], left: int, depth: int | None) -> bool:
+def _unfold(folded: FormulaTree, roots: list[_ShownPart], left: int, depth: int | None) -> bool:
     """Show what is below the roots, level by level, in `left` lines, down to a depth; returns whether that is all."""
     waiting = deque(roots)
     whole = True
@@ -351,14 +351,14 @@ def _unfold(folded: Folded, roots: list[_Shown], left: int, depth: int | None) -
         if count < len(parts):
             whole = False
             one.hidden = len(parts) - max(0, count)
-        one.below = [_Shown(part, one.depth + 1) for part in parts[: max(0, count)]]
+        one.below = [_ShownPart(part, one.depth + 1) for part in parts[: max(0, count)]]
         left -= len(one.below) + (0 < count < len(parts))
         waiting.extend(one.below)
     return whole
 
 
-def _lines(root: _Shown) -> Iterator[Line]:
-    stack: list[_Shown | Line] = [root]
+def _lines(root: _ShownPart) -> Iterator[Line]:
+    stack: list[_ShownPart | Line] = [root]
     while stack:
         one = stack.pop()
         if isinstance(one, Line):

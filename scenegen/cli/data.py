@@ -119,11 +119,11 @@ def data(
         assert out is not None
         _edit(action, [open_set(place) for place in places], out, phi or [], share or [], seed)
         return 0
-    return _report(places, Looking(verify, timeout, engine, address, workers), json=json)
+    return _report(places, ReportOptions(verify, timeout, engine, address, workers), json=json)
 
 
 @dataclass(frozen=True, slots=True)
-class Looking:
+class ReportOptions:
     """How sets are looked at."""
 
     verify: bool
@@ -133,7 +133,7 @@ class Looking:
     workers: int | None
 
 
-def _report(places: list[str], how: Looking, *, json: bool) -> int:
+def _report(places: list[str], how: ReportOptions, *, json: bool) -> int:
     """Report every set of the places, and return the exit status."""
     from scenegen.api.stored import sets_in
     from scenegen.cli.many import exit_status
@@ -173,7 +173,7 @@ def _report(places: list[str], how: Looking, *, json: bool) -> int:
     return exit_status(failed, len(found)) if len(found) > 1 else int(bool(failed))
 
 
-def _look(location: str, how: Looking) -> tuple[StoredSet, SetReport]:
+def _look(location: str, how: ReportOptions) -> tuple[StoredSet, SetReport]:
     from scenegen.api.set_report import set_report
     from scenegen.api.stored import open_set
     from scenegen.sampling.engine.engines import map_each

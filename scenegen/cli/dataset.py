@@ -11,7 +11,7 @@ from scenegen.cli.many import Address, Engine, exit_status, folder_for, names_of
 from scenegen.cli.options import Root, all_found, seconds, spec_names, whole
 
 if TYPE_CHECKING:
-    from scenegen.sampling.engine.engines import Ended
+    from scenegen.sampling.engine.engines import JobResult
 
 
 def dataset(
@@ -78,7 +78,7 @@ def dataset(
     with progress_bar() as bar:
         task = bar.add_task("measuring", total=len(named))
 
-        def told(what: str, ended: Ended, count: int, total: int) -> None:
+        def told(what: str, ended: JobResult, count: int, total: int) -> None:
             nonlocal jobs, done
             jobs += 1
             done += what == DRAWING and not ended.errors

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from scenegen.api.outline import Line, Outline
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
-    from scenegen.lang.formula.timed import Scored
+    from scenegen.lang.formula.timed import TimedValues
 
 
 REQUIRED = "require"  # lang.core.REQUIRE, which is loaded only when the command runs
@@ -284,7 +284,7 @@ def evaluate_trajectories(spec: Spec, path: Path, options: TrajectoryOptions, *,
     return 0
 
 
-def _rows(scored: Scored, dt: float) -> dict[str, dict[str, Any]]:
+def _rows(scored: TimedValues, dt: float) -> dict[str, dict[str, Any]]:
     from scenegen.lang.formula.core import REQUIRE
 
     phi: dict[str | None, float] = dict(scored.phi.items())
@@ -298,7 +298,7 @@ def _rows(scored: Scored, dt: float) -> dict[str, dict[str, Any]]:
     return rows
 
 
-def _over_time(scored: Scored) -> dict[str, list[float | None]]:
+def _over_time(scored: TimedValues) -> dict[str, list[float | None]]:
     from scenegen.lang.formula.core import REQUIRE
 
     found = dict(scored.signals)
@@ -321,7 +321,7 @@ def _check_figure(figure: Path, path: Path) -> None:
     check_writable(figure, path)
 
 
-def _draw(figure: Path, scored: Scored, spec: Spec) -> None:
+def _draw(figure: Path, scored: TimedValues, spec: Spec) -> None:
     from scenegen.cli.output import print_error
     from scenegen.scenes.files import write_whole
     from scenegen.show.motions import phi_chart

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from scenegen.errors.catalog import Entry
+    from scenegen.errors.catalog import CatalogEntry
 
 
 def _codes(incomplete: str) -> list[str]:
@@ -72,7 +72,7 @@ def explain(
         raise RequestError(UNKNOWN_CODE(name=code, known=[*entries, *PAGES]))
 
 
-def lines(entry: Entry) -> list[str]:
+def lines(entry: CatalogEntry) -> list[str]:
     """What is printed about one code."""
     out = [f"{entry.kind.severity}[{entry.kind.code}]", "", entry.means]
     if entry.facts:

@@ -125,7 +125,7 @@ def export(
         check_looks(out, PLANNERS, looks, "--looks")
 
         read = _chosen(scenes, spec, mirrored)
-        export_problems(scenes, out, facts, goal, whole_goal, Original(problem, domain, table), read)
+        export_problems(scenes, out, facts, goal, whole_goal, OriginalProblem(problem, domain, table), read)
         return
     given = {"--facts": facts, "--goal": goal, "--whole-goal": whole_goal, "--map": table, "--problem": problem}
     given["--domain"] = domain
@@ -165,7 +165,7 @@ def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) 
 
 
 @dataclass(frozen=True, slots=True)
-class Original:
+class OriginalProblem:
     """The problem that a spec was imported from, its domain, and a map."""
 
     problem: Path | None
@@ -179,7 +179,7 @@ def export_problems(
     facts: str | None,
     goal: Sequence[str] | None,
     whole_goal: bool,
-    original: Original,
+    original: OriginalProblem,
     read: SceneSet | None,
 ) -> None:
     """Write the scenes or pairs of a file as planning problems, and say where they are; `read` are its scenes, if they

@@ -15,7 +15,7 @@ from scenegen.scenes.locations import is_url, names_set
 
 if TYPE_CHECKING:
     from scenegen.errors import Diagnostic
-    from scenegen.sampling.engine.engines import Ended
+    from scenegen.sampling.engine.engines import JobResult
 
 Engine = Annotated[
     str,
@@ -37,7 +37,7 @@ Address = Annotated[
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class JobMessages:
     """What a job says when it is over: lines for people, and warnings and notes."""
 
     lines: tuple[str, ...] = ()
@@ -74,7 +74,7 @@ def refuse_engine(engine: str, address: str | None) -> None:
 
 
 def shared_work(
-    job: Callable[[Any], Said],
+    job: Callable[[Any], JobMessages],
     items: Sequence[tuple[str, Any]],
     engine: str,
     workers: int | None,
@@ -90,11 +90,11 @@ def shared_work(
     with progress_bar() as bar:
         task = bar.add_task(unit, total=len(items))
 
-        def told(ended: Ended) -> None:
+        def told(ended: JobResult) -> None:
             nonlocal done
             done += 1
             bar.update(task, completed=done, description=f"{unit}: {done} of {len(items)}")
-            if isinstance(ended.value, Said):
+            if isinstance(ended.value, JobMessages):
                 for line in ended.value.lines:
                     print_error(f"{ended.name}: {line}")
                 for diagnostic in ended.value.diagnostics:
@@ -106,7 +106,7 @@ def shared_work(
             raise KeyboardInterrupt(f"interrupted: {done} of {len(items)} are done") from error
 
 
-def finished(results: Iterable[Ended], count: int, told: Callable[[Ended], None] = lambda ended: None) -> int:
+def finished(results: Iterable[JobResult], count: int, told: Callable[[JobResult], None] = lambda ended: None) -> int:
     """Name each job that failed, as soon as it has, and return the exit status: 1 if one did."""
     failed = []
     for ended in results:
@@ -117,7 +117,7 @@ def finished(results: Iterable[Ended], count: int, told: Callable[[Ended], None]
     return exit_status(failed, count)
 
 
-def say_why(ended: Ended) -> None:
+def say_why(ended: JobResult) -> None:
     """A job that failed, by its name, and its errors."""
     from scenegen.cli.output import complain, print_message
 

@@ -27,7 +27,7 @@ NARROWEST = 72  # columns; a narrower table would be unreadable
 
 
 @dataclass(frozen=True, slots=True)
-class Voice:
+class Verbosity:
     """How much a command says: -q leaves only errors and warnings, -v adds what is being done."""
 
     quiet: bool = False
@@ -35,11 +35,11 @@ class Voice:
     started: float = field(default_factory=time.monotonic)
 
 
-voice: ContextVar[Voice] = ContextVar("voice")  # set for as long as a command runs
+voice: ContextVar[Verbosity] = ContextVar("voice")  # set for as long as a command runs
 
 
-def _voice() -> Voice:
-    return voice.get(Voice())
+def _voice() -> Verbosity:
+    return voice.get(Verbosity())
 
 
 def elapsed() -> float:

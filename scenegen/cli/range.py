@@ -14,7 +14,7 @@ from scenegen.cli.options import Counts, Root, SpecFile, named, parse_counts, se
 from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
-    from scenegen.api.rarity import Band, LabelRarity, Level, SpecRarity
+    from scenegen.api.rarity import Band, LabelRarity, RarityLevel, SpecRarity
     from scenegen.sampling.report import Estimate
 
 
@@ -80,10 +80,10 @@ def range_(
     complain(*found.warnings)
     if png is not None:
         from scenegen.cli.output import print_error
-        from scenegen.show.figures.plot import Panel, plot
+        from scenegen.show.figures.plot import RarityPanel, plot
 
         panels = [
-            Panel(one.label, one.bounds, _points(one.curve, "above"), _points(one.curve, "below"))
+            RarityPanel(one.label, one.bounds, _points(one.curve, "above"), _points(one.curve, "below"))
             for one in found.labels
         ]
         write_whole(png, plot(panels, spec.name))
@@ -165,7 +165,7 @@ def _plot(one: LabelRarity) -> list[str]:
     return [f"  {line}" for line in (head, *drawn)]
 
 
-def _points(curve: tuple[Level, ...], side: str) -> list[tuple[float, float]]:
+def _points(curve: tuple[RarityLevel, ...], side: str) -> list[tuple[float, float]]:
     found = [(level.phi, level.above if side == "above" else level.below) for level in curve]
     return [(phi, estimate.log10) for phi, estimate in found if estimate is not None]
 
@@ -225,7 +225,7 @@ def _option(one: LabelRarity, band: Band) -> str:
     return f"{one.label}={band.low:g}:{band.high:g}"
 
 
-def _level(level: Level) -> dict[str, Any]:
+def _level(level: RarityLevel) -> dict[str, Any]:
     return {"phi": level.phi, "above": _pair(level.above), "below": _pair(level.below)}
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.many import Address, Engine, Said, names_of, refuse_engine, shared_work
+from scenegen.cli.many import Address, Engine, JobMessages, names_of, refuse_engine, shared_work
 from scenegen.cli.options import Meshes, PosesOf, whole
 from scenegen.errors.program import NO_PICTURE, STILL_OUTLINES
 from scenegen.errors.requests import OUT_OF_PLACE, OUT_OF_RANGE, SIZE_SYNTAX
@@ -207,19 +207,19 @@ class _Drawing:
     look: dict[str, Any]
     spec: Path | None
 
-    def __call__(self, paths: tuple[Path, Path]) -> Said:
+    def __call__(self, paths: tuple[Path, Path]) -> JobMessages:
         from scenegen.cli.motion_pictures import figures
 
         source, out = paths
         made = figures(source, out, self.kinds, {**self.look, "workers": 1}) if self.kinds else None
         if made is not None:
-            return Said((f"drew {len(made)} figures in {out}",))
+            return JobMessages((f"drew {len(made)} figures in {out}",))
         found = _scenes(source, self.spec)
         if not self.kinds:
             drawn = found.render(out, workers=1, **self.look)
-            return Said((f"drew {len(drawn.pictures)} pictures in {out}",), _unknown(found))
+            return JobMessages((f"drew {len(drawn.pictures)} pictures in {out}",), _unknown(found))
         made = found.figures(out, *self.kinds, workers=1, **self.look)
-        return Said((f"drew {len(made)} figures in {out}",), _unknown(found))
+        return JobMessages((f"drew {len(made)} figures in {out}",), _unknown(found))
 
 
 def _scenes(source: Path, spec: Path | None) -> SceneSet:

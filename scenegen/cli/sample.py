@@ -9,7 +9,7 @@ import typer
 
 from scenegen.cli.options import Counts, Root, all_found, seconds, spec_names, whole
 from scenegen.cli.render import Most
-from scenegen.cli.sample_runs import Storing, Wishes, sample_many, sample_one
+from scenegen.cli.sample_runs import SampleOptions, StorageOptions, sample_many, sample_one
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS, OUT_OF_PLACE, RESUME_WITHOUT_FILE
 from scenegen.sampling.methods import METHODS, methods_help
 
@@ -203,13 +203,13 @@ def sample(
         raise RequestError(RESUME_WITHOUT_FILE())
     if satisfied and violated:
         raise RequestError(CONFLICTING_ARGUMENTS(one="satisfied", other="violated"))
-    wishes = Wishes(
+    wishes = SampleOptions(
         phi or [], satisfied, violated, n, seed, method, spread, fix or [], settle, raw, workers, keep_partial, timeout,
         steps, spec, root, count or [], fix_from,
     )  # fmt: skip
     if pictures is not None and render is None:
         raise RequestError(OUT_OF_PLACE(option="--pictures", rule="goes with --render", remedy="add --render DIR"))
-    storing = Storing(resume, engine, address, shard_size, pictures)
+    storing = StorageOptions(resume, engine, address, shard_size, pictures)
     if len(sources) == 1:
         sample_one(sources[0], wishes, out, storing, render)
         return 0

@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from scenegen.api.motions import MotionSet
-    from scenegen.api.sample import Met
+    from scenegen.api.sample import PhiSummary
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
     from scenegen.learn.model import Model
-    from scenegen.processes.ahead import Reserve
+    from scenegen.processes.ahead import IdleWorkers
     from scenegen.sampling.request import SampleRequest
     from scenegen.scenes.data import SceneFile
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class SampleOptions:
     """The options that say which scenes are wanted."""
 
     phi: list[str]
@@ -53,7 +53,7 @@ class Wishes:
 
 
 @dataclass(frozen=True, slots=True)
-class Storing:
+class StorageOptions:
     """The options that say how scenes are stored."""
 
     resume: bool
@@ -63,7 +63,9 @@ class Storing:
     pictures: int | None = None  # scenes that --render draws
 
 
-def sample_many(sources: list[Path], wishes: Wishes, out: str | None, storing: Storing, render: Path | None) -> int:
+def sample_many(
+    sources: list[Path], wishes: SampleOptions, out: str | None, storing: StorageOptions, render: Path | None
+) -> int:
     """A set for each source in the folder `out`, and the exit status: 1 if one of them failed. Each uses the whole
     engine; the time limit is that of each. Raises RequestError if the sources cannot be told apart."""
     from scenegen.cli.many import finished, folder_for, names_of
@@ -87,7 +89,7 @@ def sample_many(sources: list[Path], wishes: Wishes, out: str | None, storing: S
 
 
 @contextlib.contextmanager
-def _shared(storing: Storing, wishes: Wishes) -> Iterator[None]:
+def _shared(storing: StorageOptions, wishes: SampleOptions) -> Iterator[None]:
     """One cluster for all runs."""
     if storing.engine != "ray":
         yield
@@ -98,7 +100,9 @@ def _shared(storing: Storing, wishes: Wishes) -> Iterator[None]:
         yield
 
 
-def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, render: Path | None) -> None:
+def sample_one(
+    source: Path, wishes: SampleOptions, out: str | None, storing: StorageOptions, render: Path | None
+) -> None:
     """Raises what the API raises, and OutputError for places that cannot be written to."""
     from scenegen.sampling.engine.run import MODELS, SCENES, start_processes
 
@@ -109,7 +113,12 @@ def sample_one(source: Path, wishes: Wishes, out: str | None, storing: Storing, 
 
 
 def _sample(
-    source: Path, wishes: Wishes, out: str | None, storing: Storing, render: Path | None, reserve: Reserve
+    source: Path,
+    wishes: SampleOptions,
+    out: str | None,
+    storing: StorageOptions,
+    render: Path | None,
+    reserve: IdleWorkers,
 ) -> None:
     from scenegen.cli.output import complain, detail, print_error
     from scenegen.cli.render import draw
@@ -153,7 +162,7 @@ def _sample(
         from scenegen.api.reading import read_scenes
         from scenegen.api.stream import write_scenes
 
-        with Bar() as bar:
+        with ProgressBar() as bar:
             written = write_scenes(
                 out, subject, request, resume=storing.resume, engine=storing.engine, address=storing.address,
                 shard_size=storing.shard_size, progress=bar, on_note=print_error, reserve=reserve,
@@ -166,7 +175,7 @@ def _sample(
         return
     from scenegen.api.sample import draw_scenes
 
-    with Bar() as bar:
+    with ProgressBar() as bar:
         scenes = draw_scenes(subject, request, progress=bar, reserve=reserve)
     complain(*scenes.warnings)
     detail(f"sampled {len(scenes)} scenes")
@@ -176,9 +185,9 @@ def _sample(
 def _complete(
     subject: Spec | Model,
     request: SampleRequest,
-    wishes: Wishes,
+    wishes: SampleOptions,
     path: Path | None,
-    storing: Storing,
+    storing: StorageOptions,
     render: Path | None,
     stored: bool,
 ) -> None:
@@ -230,7 +239,7 @@ def _is_over_time(subject: Spec | Model) -> TypeGuard[Spec]:
     return not isinstance(subject, Model) and subject.over_time is not None
 
 
-def _refuse_set_options(storing: Storing) -> None:
+def _refuse_set_options(storing: StorageOptions) -> None:
     from scenegen.errors import RequestError
 
     given = {"engine": storing.engine != "local", "address": storing.address, "shard_size": storing.shard_size}
@@ -239,7 +248,7 @@ def _refuse_set_options(storing: Storing) -> None:
             raise RequestError(ONLY_FOR_SETS(argument=argument))
 
 
-def _request(source: Path, subject: Spec | Model, wishes: Wishes) -> SampleRequest:
+def _request(source: Path, subject: Spec | Model, wishes: SampleOptions) -> SampleRequest:
     from scenegen.cli.output import detail, left
     from scenegen.learn.model import Model
     from scenegen.sampling.request import USUAL, Range, SampleRequest, parse_fix, parse_phi
@@ -317,7 +326,7 @@ def sample_motions(
     out: str | None,
     refused: Mapping[str, object],
     render: Path | None,
-    reserve: Reserve,
+    reserve: IdleWorkers,
 ) -> None:
     """`refused` are options that only scenes have, with their values. Raises what the API raises, RequestError for
     one of those that is given, and OutputError for places that cannot be written to."""
@@ -372,10 +381,10 @@ def motion_summary(found: MotionSet, path: Path | None) -> str:
 # What `scenegen sample` shows: a bar while it works, and a table of what was found.
 
 
-class Bar:
+class ProgressBar:
     """A progress bar that appears only when sampling takes a while."""
 
-    def __enter__(self) -> Bar:
+    def __enter__(self) -> ProgressBar:
         self._progress: Progress | None = None
         self._calls = 0
         return self
@@ -396,7 +405,7 @@ class Bar:
         self._progress.update(self._task, description=text, completed=found, total=wanted)
 
 
-def summary(header: SceneFile, count: int, phi: Mapping[str, Met], out: Path | str | None) -> None:
+def summary(header: SceneFile, count: int, phi: Mapping[str, PhiSummary], out: Path | str | None) -> None:
     """The requested ranges beside the results."""
     print_error(f"{count} scenes ({_how(header.sampler)})" + (f" in {out}" if out is not None else ""))
     rows = []

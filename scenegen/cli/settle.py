@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from scenegen.cli import options
-from scenegen.cli.many import Address, Engine, Said, folder_for, names_of, refuse_engine, shared_work
+from scenegen.cli.many import Address, Engine, JobMessages, folder_for, names_of, refuse_engine, shared_work
 from scenegen.cli.options import Meshes, PosesOf
 from scenegen.errors.requests import WRONG_VALUE
 from scenegen.scenes.locations import names_set
@@ -86,7 +86,7 @@ def settle(
         named = zip(names_of(sources), sources, strict=True)
         jobs = [(name, (source, folder / _result(source))) for name, source in named]
         ensure_folder(folder)
-        job = _Settling(simulator, seconds, *limits, meshes, spec)
+        job = _SettleJob(simulator, seconds, *limits, meshes, spec)
         return shared_work(job, jobs, engine, workers, address, "settling")
     refuse_engine(engine, address)
     with progress_bar() as bar:
@@ -102,7 +102,7 @@ def settle(
 
 
 @dataclass(frozen=True, slots=True)
-class _Settling:
+class _SettleJob:
     """The job of one file among several: (scenes, results)."""
 
     simulator: str
@@ -112,7 +112,7 @@ class _Settling:
     meshes: Path | None
     spec: Path | None
 
-    def __call__(self, paths: tuple[Path, Path]) -> Said:
+    def __call__(self, paths: tuple[Path, Path]) -> JobMessages:
         from scenegen.api.spec import load
         from scenegen.worlds.physics.settle import settle_file
 
@@ -120,7 +120,7 @@ class _Settling:
             *paths, self.simulator, seconds=self.seconds, max_shift=self.max_shift, max_turn=self.max_turn,
             meshes=self.meshes, workers=1, spec=None if self.spec is None else load(self.spec),
         )  # fmt: skip
-        return Said((f"{summary.last_line} in {paths[1]}",))
+        return JobMessages((f"{summary.last_line} in {paths[1]}",))
 
 
 def _result(source: Path) -> str:

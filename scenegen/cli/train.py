@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenegen.cli.many import Address, Engine, Said, folder_for, names_of, refuse_engine, shared_work
+from scenegen.cli.many import Address, Engine, JobMessages, folder_for, names_of, refuse_engine, shared_work
 from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts, seconds, whole
 from scenegen.scenes.locations import names_set
 
@@ -302,7 +302,7 @@ class Training:
     counts: dict[str, str]
     phi: tuple[str, ...] = ()
 
-    def __call__(self, task: Task) -> Said:
+    def __call__(self, task: Task) -> JobMessages:
         from scenegen.api.spec import load
         from scenegen.learn.evaluation.card import card_paths, check_card, write_card
         from scenegen.learn.evaluation.describe import faults
@@ -320,7 +320,7 @@ class Training:
         going = self.resume and begun(out)
         wanted = parse_phi(self.phi, spec.labels)
         if going and self._complete(spec, out) and not (self.card and not card_paths(out)[0].exists()):
-            return Said((f"complete already: {out}",))
+            return JobMessages((f"complete already: {out}",))
         notes: list[Diagnostic] = []
         run = partial(
             train, spec, self.model, recipe=self.recipe, out=out, resume=going, on_note=notes.append, phi=wanted
@@ -335,7 +335,7 @@ class Training:
             write_card(done, out, left)
         took = f"{time.monotonic() - began:.0f} s"
         size = out.stat().st_size / 1e6
-        return Said(
+        return JobMessages(
             (f"wrote {out} ({size:.2f} MB) in {took}",),
             (*notes, *faults(done.trained.card.quality, done.trained.card.ranges or ())),
         )

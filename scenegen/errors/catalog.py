@@ -28,7 +28,7 @@ FOLDER = Path(__file__).parent / "explanations"
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class CatalogEntry:
     """A kind with its explanation. `example` triggers it, `mended` does not; both are empty where it is `untried`."""
 
     kind: Kind
@@ -50,13 +50,13 @@ def kinds(group: str) -> Iterator[Kind]:
     return (one for one in found if isinstance(one, Kind))
 
 
-def catalog() -> dict[str, Entry]:
+def catalog() -> dict[str, CatalogEntry]:
     """All entries by code, group by group."""
     entries = {}
     for group in GROUPS:
         said = tomllib.loads((FOLDER / f"{group}.toml").read_text(encoding="utf-8"))
         for kind in kinds(group):
-            entries[kind.code] = Entry(
+            entries[kind.code] = CatalogEntry(
                 kind, group, **{name: text.strip("\n") for name, text in said[kind.code].items()}
             )
     return entries

@@ -13,7 +13,7 @@ from scenegen.errors.time import CHOICE_OVER_TIME, LOOKS_BEYOND, MOVES_WITHOUT_T
 from scenegen.geometry.footprint import Box, Circle, Footprint
 from scenegen.geometry.units import ANGLE, BARE, LENGTH
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.check.context import Frame, Stage, refusal, run
+from scenegen.lang.check.context import CallFrame, ErrorCollector, refusal, run
 from scenegen.lang.check.declare import categories, name_objects, pose, shape
 from scenegen.lang.check.families import (
     WORD,
@@ -26,7 +26,7 @@ from scenegen.lang.check.families import (
     refuse_surfaces,
 )
 from scenegen.lang.check.formulas import lower_labels, lower_requirement
-from scenegen.lang.check.imports import Placed, Project, inline
+from scenegen.lang.check.imports import Project, SourcedStatement, inline
 from scenegen.lang.check.lower import Lowering
 from scenegen.lang.check.names import FILES, resolve
 from scenegen.lang.check.regions import areas, level_clash, workspace
@@ -35,7 +35,7 @@ from scenegen.lang.check.supports import choices, empty, heights, spread, standi
 from scenegen.lang.check.temporal import horizon, movers
 from scenegen.lang.check.values import AnyValue, NumberValue, Value
 from scenegen.lang.check.warnings import unused
-from scenegen.lang.formula.builder import TRUE, CoreBuilder, TooLarge
+from scenegen.lang.formula.builder import TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.core import Coord, Core, children
 from scenegen.lang.formula.headings import headings_compared
 from scenegen.lang.formula.timed import MOST_VALUES, Horizon, Movers, Timed, endless, split
@@ -50,13 +50,13 @@ from scenegen.things import Shape
 # Constants: each has a value that no scene decides; those of the prelude only values that its relations can use.
 
 
-def check_constants(scope: Scope, lowering: Lowering, stage: Stage) -> None:
+def check_constants(scope: Scope, lowering: Lowering, stage: ErrorCollector) -> None:
     """Constants that no formula uses are checked all the same."""
     for declared in scope.constants.values():
         if declared.source is not scope.prelude and not stage.full:
             (expr,) = traversal.expressions(declared.statement)
             with stage:
-                value = run(lowering.lower(expr, {}, Frame(declared.source)))
+                value = run(lowering.lower(expr, {}, CallFrame(declared.source)))
                 if isinstance(value, NumberValue) and lowering.builder.value(value.node) is None:
                     here, formula = expr.span(declared.source), print_expr(expr)
                     raise SpecError(CONSTANT_FROM_SCENE(here, name=declared.name.id, formula=formula))
@@ -91,7 +91,7 @@ def _bad_override(declared: Declared, value: Value, lowering: Lowering) -> list[
 
 
 def canonical(
-    placed: Sequence[Placed],
+    placed: Sequence[SourcedStatement],
     bare: ast.Expr | None,
     scope: Scope,
     shapes: Sequence[Shape],
@@ -223,13 +223,13 @@ def _check_one(
         raise refusal(problems, source)
     try:
         return _expand(source, placed, module.bare, scope, project, look, counts)
-    except TooLarge as error:
+    except FormulaTooLarge as error:
         raise SpecError(SPEC_TOO_LARGE(file=source.name, reason=str(error))) from None
 
 
 def _expand(
     source: Source,
-    placed: Sequence[Placed],
+    placed: Sequence[SourcedStatement],
     bare: ast.Expr | None,
     scope: Scope,
     project: Project,
@@ -239,7 +239,7 @@ def _expand(
     builder = CoreBuilder(())
     texts = {one.source.name: len(one.source.text) for one in placed}
     lowering = Lowering(scope, builder, len(source.text) + sum(texts.values()))
-    stage = Stage(source)
+    stage = ErrorCollector(source)
     space = Workspace()
     for one in placed:
         if isinstance(one.statement, ast.Workspace):
@@ -304,7 +304,7 @@ def _expand(
     if lasts is not None:
         timed = split(core, lasts, moves, builder.moving)
         if len(timed.nodes) * lasts.moments > MOST_VALUES:
-            raise TooLarge(f"has too many formulas over time for {lasts.steps:,} steps")
+            raise FormulaTooLarge(f"has too many formulas over time for {lasts.steps:,} steps")
         _refuse_endless(timed, placed, bare, stage)
         stage.close()
     regions = tuple(
@@ -335,7 +335,9 @@ def _expand(
     )
 
 
-def _time(placed: Sequence[Placed], lowering: Lowering, stage: Stage) -> tuple[Horizon | None, Movers]:
+def _time(
+    placed: Sequence[SourcedStatement], lowering: Lowering, stage: ErrorCollector
+) -> tuple[Horizon | None, Movers]:
     """How long a motion lasts and what moves in a step; None for a spec of single scenes."""
     moves: Movers = "one"
     for one in placed:
@@ -349,7 +351,9 @@ def _time(placed: Sequence[Placed], lowering: Lowering, stage: Stage) -> tuple[H
     return lowering.horizon, moves
 
 
-def _refuse_endless(timed: Timed, placed: Sequence[Placed], bare: ast.Expr | None, stage: Stage) -> None:
+def _refuse_endless(
+    timed: Timed, placed: Sequence[SourcedStatement], bare: ast.Expr | None, stage: ErrorCollector
+) -> None:
     """A formula that looks beyond the last moment in every motion has no finite phi."""
     found = endless(timed)
     most = timed.horizon.steps - 1
@@ -373,7 +377,7 @@ def _supports(
     shapes: Sequence[Shape],
     fixed: dict[int, Pose],
     space: Workspace,
-    stage: Stage,
+    stage: ErrorCollector,
     also: Mapping[int, int],
 ) -> tuple[Workspace, list[int]]:
     """Evaluates what objects stand on: the workspace with their boxes, and what it requires. Raises SpecError for what
@@ -413,7 +417,9 @@ def _supports(
     return space, standing_on(lowering, lowering.supports, spans)
 
 
-def _refuse_constants(core: Core, placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope, stage: Stage) -> None:
+def _refuse_constants(
+    core: Core, placed: Sequence[SourcedStatement], bare: ast.Expr | None, scope: Scope, stage: ErrorCollector
+) -> None:
     """A label that no coordinate takes part in cannot be asked for, nor learned; nor is it any use to require it."""
     depends: list[bool] = []
     for node in core.nodes:
@@ -435,13 +441,13 @@ def _refuse_constants(core: Core, placed: Sequence[Placed], bare: ast.Expr | Non
         stage.problems.append(CONSTANT_REQUIREMENT(first.statement.span(first.source), held=held))
 
 
-def _refuse_nothing_free(scope: Scope, fixed: dict[int, Pose], stage: Stage) -> None:
+def _refuse_nothing_free(scope: Scope, fixed: dict[int, Pose], stage: ErrorCollector) -> None:
     if fixed and sum(place < len(scope.objects) for place in fixed) == len(scope.objects):
         last = list(scope.things.values())[-1]
         stage.problems.append(NO_FREE_OBJECT(last.name.span(last.source)))
 
 
-def _uncalled_definitions(scope: Scope, lowering: Lowering, stage: Stage) -> None:
+def _uncalled_definitions(scope: Scope, lowering: Lowering, stage: ErrorCollector) -> None:
     """Bodies of definitions that nobody calls are checked with parameters that may be anything."""
     for name, declared in scope.definitions.items():
         definition = declared.statement
@@ -451,7 +457,7 @@ def _uncalled_definitions(scope: Scope, lowering: Lowering, stage: Stage) -> Non
             break
         env = {one.name.id: AnyValue(origin=one.name.span(declared.source)) for one in definition.parameters}
         with stage:
-            run(lowering.lower(definition.body, env, Frame(declared.source)))
+            run(lowering.lower(definition.body, env, CallFrame(declared.source)))
 
 
 def _title(source: Source) -> str:

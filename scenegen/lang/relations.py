@@ -11,7 +11,7 @@ from scenegen.lang.syntax.pieces import print_expr
 
 
 @dataclass(frozen=True)
-class Entry:
+class RelationEntry:
     """A definition with the comment above it, which is its meaning."""
 
     definition: ast.Definition
@@ -28,31 +28,31 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Group:
+class RelationGroup:
     """The definitions under one heading of the prelude."""
 
     title: str
-    entries: list[Entry]
+    entries: list[RelationEntry]
 
 
-def groups() -> Iterator[Group]:
+def groups() -> Iterator[RelationGroup]:
     """The definitions under the headings `# ---- title` of the prelude, in its order."""
     module = prelude()
     definitions = {one.start: one for one in module.statements if isinstance(one, ast.Definition)}
-    title, entries, comment, place = "", list[Entry](), list[str](), 0
+    title, entries, comment, place = "", list[RelationEntry](), list[str](), 0
     for line in module.source.text.splitlines(keepends=True):
         if line.startswith("# ---- "):
             if entries:
-                yield Group(title, entries)
+                yield RelationGroup(title, entries)
             title, entries, comment = line.removeprefix("# ---- ").strip(), [], []
         elif line.startswith("#"):
             comment.append(line.removeprefix("#").strip())
         elif place in definitions:
-            entries.append(Entry(definitions[place], " ".join(comment)))
+            entries.append(RelationEntry(definitions[place], " ".join(comment)))
         elif not line.strip():
             comment = []
         place += len(line)
-    yield Group(title, entries)
+    yield RelationGroup(title, entries)
 
 
 def defaults(definition: ast.Definition) -> dict[str, str]:

@@ -51,7 +51,7 @@ class Support:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class SurfaceChoice:
     """What an object stands on where the declaration names several surfaces: one of `options` in each scene.
 
     Which one is a number in [0, 1], x of a further entry `switch` of the core's objects, which no file or picture
@@ -111,7 +111,7 @@ class CheckedSpec:
     regions: tuple[Region, ...] = ()
     supports: Mapping[int, Support] = field(default_factory=dict)
     heights: tuple[float | None, ...] = ()
-    choices: Mapping[int, Choice] = field(default_factory=dict)
+    choices: Mapping[int, SurfaceChoice] = field(default_factory=dict)
     warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
     timed: Timed | None = None
     counts: tuple[Count, ...] = ()

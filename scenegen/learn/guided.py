@@ -46,7 +46,7 @@ GOLDEN = (5.0**0.5 - 1.0) / 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Guided(Plan):
+class ProposerPlan(Plan):
     """A proposer's scenes, refined. A piece has `counts` candidates for the cells `reachable`; `rate` is the share of
     candidates in range. Making the plan took `candidates`, of which `moved` were refined. The facts of a piece are the
     numbers of its candidates and of those that were refined. `stop` can interrupt a piece; it does not change the
@@ -207,7 +207,7 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
     rate = (served[at] + 0.5) / (tries[at] + 1.0)
     counts = _share_out(SPARE * max(1.0, n / len(at)) / rate, min(LARGEST, problem.piece_size))
     usual = float((rate * counts).sum() / sum(counts))
-    return Guided(problem, proposer, targets, reached, counts, usual, candidates, moved, budget)
+    return ProposerPlan(problem, proposer, targets, reached, counts, usual, candidates, moved, budget)
 
 
 def _share_out(need: Array, most: int) -> tuple[int, ...]:

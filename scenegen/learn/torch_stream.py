@@ -8,7 +8,7 @@ import torch
 import torch.distributed
 from torch.utils.data import IterableDataset, get_worker_info
 
-from scenegen.api.batches import Batches
+from scenegen.api.batches import SceneBatches
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
 
@@ -19,7 +19,7 @@ class SceneStream(IterableDataset[tuple[torch.Tensor, torch.Tensor]]):
     Raises RequestError for a `rank` that is not from 0 to `ranks` - 1.
     """
 
-    def __init__(self, batches: Batches, rank: int | None, ranks: int | None, dtype: torch.dtype | None) -> None:
+    def __init__(self, batches: SceneBatches, rank: int | None, ranks: int | None, dtype: torch.dtype | None) -> None:
         if ranks is None and torch.distributed.is_available() and torch.distributed.is_initialized():
             rank, ranks = torch.distributed.get_rank(), torch.distributed.get_world_size()
         self._batches, self._rank, self._ranks = batches, rank or 0, ranks or 1

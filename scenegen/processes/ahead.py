@@ -11,14 +11,14 @@ from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
 from scenegen.errors import ScenegenError
-from scenegen.processes.process import GONE, Message, Process
+from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
 from scenegen.processes.worker import FAILED
 
 # --------------------------------------------------------------------------------------------------------------------
 # Processes that start before there is work for them, and take up one job after another.
 
 
-class Reserve:
+class IdleWorkers:
     """Idle processes: `count` of them start at once, `later` more when the first has loaded the modules of `load`, or
     with `fill`. Pools and others take processes from here, new ones if none is left, and bring them back when their job
     is done. A context manager, at the end of which the idle ones end. Workers start in 0.2 s; most of it is saved where
@@ -29,11 +29,11 @@ class Reserve:
     def __init__(self, count: int = 0, load: Sequence[str] = (), *, later: int = 0, keeps: bool = True) -> None:
         self.keeps = keeps
         self._load, self._later = tuple(load), later
-        self._idle: list[Process] = []
+        self._idle: list[WorkerProcess] = []
         self._lock = threading.Lock()  # the thread of the first process starts others
         self._start(count)
 
-    def __enter__(self) -> Reserve:
+    def __enter__(self) -> IdleWorkers:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -49,17 +49,17 @@ class Reserve:
         with contextlib.suppress(ScenegenError):  # it is reported when one is needed
             for _ in range(count):
                 loaded = self.fill if self._later else None
-                self._idle.append(Process("a worker process", self._load, loaded))
+                self._idle.append(WorkerProcess("a worker process", self._load, loaded))
 
-    def take(self, what: str) -> Process:
+    def take(self, what: str) -> WorkerProcess:
         """A process. Raises ScenegenError if none can start."""
         with self._lock:
             if self._idle:
                 return self._idle.pop(0)  # the first has loaded first
             self._later = max(0, self._later - 1)
-            return Process(what, self._load)
+            return WorkerProcess(what, self._load)
 
-    def bring_back(self, process: Process) -> None:
+    def bring_back(self, process: WorkerProcess) -> None:
         """A process that may be used again, unless it is at work, or has ended: then it is ended."""
         if self.keeps and process.idle:
             self._idle.append(process)
@@ -80,19 +80,19 @@ class Reserve:
 # A process that works for this one while it goes on, and the thread that talks to it.
 
 
-Self = TypeVar("Self", bound="Companion")
+Self = TypeVar("Self", bound="WorkerClient")
 
 PATIENCE = 0.1  # seconds in which a process may give up its work; a new one takes longer to start
 
 
-class Companion(ABC):
+class WorkerClient(ABC):
     """A context manager, at the end of which the process gives up its work and goes back to the reserve that it comes
     from, or ends. Where none can start there is none, and nothing is done."""
 
-    def __init__(self, job: Callable[[Any], Any], reserve: Reserve | None) -> None:
-        self._reserve = Reserve(keeps=False) if reserve is None else reserve
-        self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._process: Process | None = None
+    def __init__(self, job: Callable[[Any], Any], reserve: IdleWorkers | None) -> None:
+        self._reserve = IdleWorkers(keeps=False) if reserve is None else reserve
+        self._inbox: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()
+        self._process: WorkerProcess | None = None
         self._left = False
         try:
             self._process = self._reserve.take("a worker process")
@@ -119,7 +119,7 @@ class Companion(ABC):
         self._thread.join()
         self._reserve.bring_back(self._process)
 
-    def _talk(self, process: Process) -> None:
+    def _talk(self, process: WorkerProcess) -> None:
         """Runs in its own thread."""
         message = self._inbox.get()
         if message.ready and message.status != FAILED:
@@ -128,7 +128,7 @@ class Companion(ABC):
         elif message.status != GONE:
             self._refused(message)
 
-    def _ask(self, process: Process, order: Any) -> Message | None:
+    def _ask(self, process: WorkerProcess, order: Any) -> WorkerMessage | None:
         """The answer to an order, None if the process has died."""
         process.order(0, order)
         message = self._inbox.get()
@@ -138,10 +138,10 @@ class Companion(ABC):
         return message
 
     @abstractmethod
-    def _work(self, process: Process) -> None:
+    def _work(self, process: WorkerProcess) -> None:
         """Orders for a process that is ready."""
 
-    def _refused(self, message: Message) -> None:  # noqa: B027 - most have nothing to do
+    def _refused(self, message: WorkerMessage) -> None:  # noqa: B027 - most have nothing to do
         """The process could not read the job."""
 
     def _stop(self) -> None:  # noqa: B027 - the same
@@ -151,7 +151,7 @@ class Companion(ABC):
 Step = TypeVar("Step")
 
 
-class Ahead(Companion, Generic[Step]):
+class Lookahead(WorkerClient, Generic[Step]):
     """Items 0 up to `items` go through the same steps, which become known one by one.
 
     The job, picklable, keeps the items' states: job((item, step)) does an item's next step, job((item, None)) returns
@@ -159,7 +159,7 @@ class Ahead(Companion, Generic[Step]):
     done ahead, because no process starts, or one dies, or the job raises an error, there are fewer states.
     """
 
-    def __init__(self, job: Callable[[tuple[int, Step | None]], Any], items: int, reserve: Reserve | None) -> None:
+    def __init__(self, job: Callable[[tuple[int, Step | None]], Any], items: int, reserve: IdleWorkers | None) -> None:
         self._steps: list[Step] = []
         self._done = [0] * items
         self._over = False
@@ -185,7 +185,7 @@ class Ahead(Companion, Generic[Step]):
             self._over = True
             self._more.notify()
 
-    def _work(self, process: Process) -> None:
+    def _work(self, process: WorkerProcess) -> None:
         """One order at a time."""
         while (order := self._next()) is not None:
             answer = self._ask(process, order)
@@ -218,13 +218,13 @@ Item = TypeVar("Item")
 T = TypeVar("T")
 
 
-class Beside(Companion, Generic[Item, T]):
+class BackgroundTask(WorkerClient, Generic[Item, T]):
     """job(item), begun at once; both must be picklable. Where no process can start, or it dies, the work is done here
     when the result is asked for."""
 
-    def __init__(self, job: Callable[[Item], T], item: Item, reserve: Reserve | None = None) -> None:
+    def __init__(self, job: Callable[[Item], T], item: Item, reserve: IdleWorkers | None = None) -> None:
         self._job, self._item = job, item
-        self._answer: Message | None = None
+        self._answer: WorkerMessage | None = None
         super().__init__(job, reserve)
 
     def result(self) -> T:
@@ -248,10 +248,10 @@ class Beside(Companion, Generic[Item, T]):
 
         threading.Thread(target=wait, daemon=True).start()
 
-    def _work(self, process: Process) -> None:
+    def _work(self, process: WorkerProcess) -> None:
         answer = self._ask(process, self._item)
         if not self._left:  # else it was given up
             self._answer = answer
 
-    def _refused(self, message: Message) -> None:
+    def _refused(self, message: WorkerMessage) -> None:
         self._answer = message

@@ -23,8 +23,8 @@ from typing import Any, Generic, TypeVar, cast
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.processes.ahead import Beside, Reserve
-from scenegen.processes.process import GONE, Message, Process
+from scenegen.processes.ahead import BackgroundTask, IdleWorkers
+from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
 from scenegen.processes.worker import DONE, FAILED
 from scenegen.validation import as_int
 
@@ -69,16 +69,16 @@ def check_workers(workers: object) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Underway(Generic[T]):
+class PendingItem(Generic[T]):
     """An item that another process works on already. `value` is quick once `beside` is done; until then it is one
     process less."""
 
-    beside: Beside[Any, Any]
+    beside: BackgroundTask[Any, Any]
     value: Callable[[], T]
 
 
 @dataclass(frozen=True, slots=True)
-class _Done:
+class _FinishedItem:
     """An item that was under way is done."""
 
     item: Any
@@ -88,8 +88,8 @@ def run_pieces(
     job: Callable[[Item], T],
     pieces: Iterable[Item],
     workers: int = 1,
-    reserve: Reserve | None = None,
-    underway: Mapping[Item, Underway[T]] | None = None,
+    reserve: IdleWorkers | None = None,
+    underway: Mapping[Item, PendingItem[T]] | None = None,
 ) -> Generator[T, None, None]:
     """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process. Several
     workers get the job and a piece each at once, before the first result is asked for.
@@ -124,8 +124,8 @@ def _once(
     job: Callable[[Item], T],
     pieces: Iterable[Item],
     workers: int,
-    reserve: Reserve | None,
-    underway: Mapping[Item, Underway[T]],
+    reserve: IdleWorkers | None,
+    underway: Mapping[Item, PendingItem[T]],
 ) -> Generator[T, None, None]:
     with Pool(job, workers, reserve=reserve, underway=underway) as pool:
         pool.start(pieces)
@@ -150,21 +150,21 @@ class Pool(Generic[Item, T]):
         what: str = "a worker process",
         unit: str = "piece",
         spare: str = "fewer workers",
-        reserve: Reserve | None = None,
-        underway: Mapping[Item, Underway[T]] | None = None,
+        reserve: IdleWorkers | None = None,
+        underway: Mapping[Item, PendingItem[T]] | None = None,
     ) -> None:
         self._underway = dict(underway or {})
         self._settled: set[Item] = set()  # those of them that are done
         self._awaited: dict[Item, int] = {}  # and whose turn has come, which
         self._job = pickle.dumps(job, protocol=5)
         self._size, self._what, self._unit, self._spare = workers, what, unit, spare
-        self._reserve = Reserve(keeps=False) if reserve is None else reserve
-        self._workers: list[Process] = []
-        self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()  # Message or _Done
+        self._reserve = IdleWorkers(keeps=False) if reserve is None else reserve
+        self._workers: list[WorkerProcess] = []
+        self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()  # WorkerMessage or _FinishedItem
         self._stillborn = 0  # workers that died before they were ready
         self._begin(())
         for item, one in self._underway.items():
-            one.beside.then(functools.partial(self._inbox.put, _Done(item)))
+            one.beside.then(functools.partial(self._inbox.put, _FinishedItem(item)))
 
     def __enter__(self) -> Pool[Item, T]:
         return self
@@ -266,8 +266,8 @@ class Pool(Generic[Item, T]):
             except Exception as error:
                 self._results[self._awaited[item]] = FAILED, error
 
-    def _hear(self, message: Message | _Done) -> None:
-        if isinstance(message, _Done):
+    def _hear(self, message: WorkerMessage | _FinishedItem) -> None:
+        if isinstance(message, _FinishedItem):
             self._settled.add(message.item)
             self._underway[message.item].beside.__exit__()
             self._start()  # its process is one of the workers now
@@ -286,7 +286,7 @@ class Pool(Generic[Item, T]):
             self._largest = max(self._largest, message.size)
             worker.brief = worker.brief + 1 if message.took <= BRIEF else 0
 
-    def _replace(self, worker: Process) -> None:
+    def _replace(self, worker: WorkerProcess) -> None:
         """A worker has died: another one takes its place and its orders. Raises ScenegenError if that has happened
         before at the same item, or if none can start."""
         if worker not in self._workers:

@@ -53,7 +53,7 @@ def exit_status(error: BaseException | None) -> int:
     return 128 + signal.SIGINT
 
 
-class Stop:
+class StopSignal:
     """What a signal that asks to stop raises, but for its handling; None before that. The first signal sets this; a
     second one interrupts at once."""
 
@@ -66,11 +66,11 @@ class Stop:
 
 
 @contextlib.contextmanager
-def stop_signals() -> Iterator[Stop]:
+def stop_signals() -> Iterator[StopSignal]:
     """Record SIGINT, SIGTERM and SIGHUP instead of stopping, and restore the old handlers at the end. A signal that is
     ignored, as shells ignore SIGINT for commands in the background and `nohup` SIGHUP, stays ignored. Outside the main
     thread, where Python allows no handlers, nothing changes."""
-    stop = Stop()
+    stop = StopSignal()
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
@@ -143,11 +143,11 @@ def _fresh(size: int) -> memoryview:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class WorkerMessage:
     """A message from a worker, of so many bytes: the result of its oldest order, which took so many seconds, READY, or
     GONE."""
 
-    worker: Process
+    worker: WorkerProcess
     status: int
     value: Any = None
     ready: bool = False
@@ -155,7 +155,7 @@ class Message:
     took: float = 0.0
 
 
-class Process:
+class WorkerProcess:
     """One process and the thread that reads its results. It works for one job at a time: see `take_up`. Its standard
     error goes to a file, read only if it fails. It loads the modules of `load` in advance, and calls `loaded`, in its
     thread, when it has; `what` is its name in the error where none can start, ScenegenError."""
@@ -164,7 +164,7 @@ class Process:
         self.ready = False  # it has a job
         self.orders: deque[tuple[int, Any]] = deque()  # (turn, item), in the order in which they are worked on
         self.brief = 0  # how many of the last ones, in a row, took little time
-        self._inbox: queue.SimpleQueue[Message] | None = None
+        self._inbox: queue.SimpleQueue[WorkerMessage] | None = None
         self._lock, self._gone = threading.Lock(), False
         self._writes = threading.Lock()
         self._loaded = loaded
@@ -188,7 +188,9 @@ class Process:
                 raise cannot_start(what, error) from error
             undo.pop_all()  # what stays open is closed in `end`
 
-    def take_up(self, job: bytes, inbox: queue.SimpleQueue[Message], order: tuple[int, Any] | None = None) -> None:
+    def take_up(
+        self, job: bytes, inbox: queue.SimpleQueue[WorkerMessage], order: tuple[int, Any] | None = None
+    ) -> None:
         """A pickled job, whose messages go to `inbox`, READY first; and its first order, if it is known. There may have
         been another job, if no order of it is left."""
         self.ready, self.brief = False, 0
@@ -199,7 +201,7 @@ class Process:
         with self._lock:
             self._inbox = inbox
             if self._gone:
-                inbox.put(Message(self, GONE))
+                inbox.put(WorkerMessage(self, GONE))
                 return
         # It may still be starting, and a job can be larger than a pipe: a thread of its own waits until it is read.
         self._begin(self._give, messages)
@@ -259,11 +261,11 @@ class Process:
                 except Exception as error:
                     status, value = FAILED, error
                 assert self._inbox is not None
-                self._inbox.put(Message(self, status, value, turn == READY, size + sum(sizes), took))
+                self._inbox.put(WorkerMessage(self, status, value, turn == READY, size + sum(sizes), took))
         with self._lock:
             self._gone = True
             if self._inbox is not None:
-                self._inbox.put(Message(self, GONE))
+                self._inbox.put(WorkerMessage(self, GONE))
 
     def _exactly(self, size: int) -> memoryview:
         buffer = memoryview(bytearray(size)) if size < SMALL else _fresh(size)

@@ -56,7 +56,7 @@ def keep_memory() -> None:
         mallopt(_ARENA_MAX, 1)
 
 
-def seldom_search() -> None:
+def raise_gc_threshold() -> None:
     """Search for cycles of garbage less often than Python does by itself. Loading makes a hundred thousand objects that
     stay: to search among them is a tenth of a small request. Lines of text are made a fifth faster."""
     gc.set_threshold(GARBAGE)
@@ -72,19 +72,19 @@ PIPE = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
 GIVE_UP = getattr(signal, "SIGUSR1", None)  # nobody wants the result of the order that is worked on
 
 
-class GivenUp(BaseException):
+class OrderAbandoned(BaseException):
     """Ends the work on an order; nothing between here and there may catch it."""
 
 
 def main() -> None:
     """Say LOADED, then process orders until standard input ends; then the process ends at once. An order of turn READY
     is a job: it takes the place of the last one. GIVE_UP ends the work on an order, which has then failed."""
-    seldom_search()
+    raise_gc_threshold()
     working = False
 
     def give_up(*_: object) -> None:
         if working:
-            raise GivenUp
+            raise OrderAbandoned
 
     if GIVE_UP is not None:
         signal.signal(GIVE_UP, give_up)
@@ -114,7 +114,7 @@ def main() -> None:
             except Exception as error:
                 working = False
                 _send_error(results, turn, error)
-            except GivenUp:
+            except OrderAbandoned:
                 working = False
                 _send(results, turn, FAILED, None)
             else:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 from scenegen.errors import RequestError
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.rejection.outcome import FIRST, MANY, at_once, look, moving
+from scenegen.sampling.rejection.outcome import FIRST, MANY, cheap_enough, moving, try_rejection
 
 if TYPE_CHECKING:
-    from scenegen.processes.ahead import Beside
-    from scenegen.sampling.contest import Contest, Seen
-    from scenegen.sampling.growth.population import Started
-    from scenegen.sampling.parts import Part
+    from scenegen.processes.ahead import BackgroundTask
+    from scenegen.sampling.contest import MethodChoice, Seen
+    from scenegen.sampling.growth.population import StartedGrowth
+    from scenegen.sampling.parts import SubProblem
 
 FEW = 1000  # scenes up to which growth is done before another process has started
 
@@ -29,10 +29,10 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
     """The plan by the better method; its `why` says why. `whole`: the request is not to be split into independent
     parts. Raises RequestError if there is no scene, or if time is up before there is a plan."""
     with ExitStack() as stack:
-        started: Started | None = None
-        parts: tuple[Part, ...] | None = () if whole else None
-        seen: Beside[tuple[Part, ...], list[Seen]] | None = None
-        contest: Contest | None = None
+        started: StartedGrowth | None = None
+        parts: tuple[SubProblem, ...] | None = () if whole else None
+        seen: BackgroundTask[tuple[SubProblem, ...], list[Seen]] | None = None
+        contest: MethodChoice | None = None
 
         def further() -> float:
             """Pruning takes more work than it was given."""
@@ -40,11 +40,11 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
             contest = rivals().with_box()
             return contest.affordable
 
-        def rivals() -> Contest:
+        def rivals() -> MethodChoice:
             # Loading growth and splitting takes longer than many requests for which rejection is enough.
-            from scenegen.sampling.contest import Contest
+            from scenegen.sampling.contest import MethodChoice
 
-            return Contest(problem, budget, partial(choose, whole=True), started, parts, seen)
+            return MethodChoice(problem, budget, partial(choose, whole=True), started, parts, seen)
 
         def start() -> None:
             """Another process begins with what is likely to be asked for next: the parts, or else growth. Two would
@@ -62,13 +62,13 @@ def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
             if not parts:
                 stack.enter_context(started).begin_first()
                 return
-            from scenegen.processes.ahead import Beside
-            from scenegen.sampling.contest import LookAtParts
+            from scenegen.processes.ahead import BackgroundTask
+            from scenegen.sampling.contest import PartsTrial
 
-            seen = stack.enter_context(Beside(LookAtParts(budget), parts, budget.reserve))
+            seen = stack.enter_context(BackgroundTask(PartsTrial(budget), parts, budget.reserve))
 
         worth, many = problem.request.n > FEW, moving(problem) > MANY
         if worth and many:
             start()
-        found = look(problem, budget, FIRST, start if worth and not many else None, further)
-        return at_once(found) or (contest or rivals()).best(found)
+        found = try_rejection(problem, budget, FIRST, start if worth and not many else None, further)
+        return cheap_enough(found) or (contest or rivals()).best(found)

@@ -15,30 +15,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenegen.errors import RequestError
-from scenegen.processes.ahead import Beside
-from scenegen.sampling.growth.population import Stalled as NoGrowth
-from scenegen.sampling.growth.population import Started, start_growth
+from scenegen.processes.ahead import BackgroundTask
+from scenegen.sampling.growth.population import GrowthFailed as NoGrowth
+from scenegen.sampling.growth.population import StartedGrowth, start_growth
 from scenegen.sampling.growth.sampler import Growth, no_growth, plan_growth
-from scenegen.sampling.parts import Paired, Part, independent_parts, pair
+from scenegen.sampling.parts import ProductPlan, SubProblem, independent_parts, pair
 from scenegen.sampling.plan import Plan
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.rejection.outcome import (
     FIRST,
     GROWN,
     MANY,
-    Look,
-    at_once,
-    because,
+    RejectionOutcome,
+    cheap_enough,
     in_range,
-    look,
     moving,
     open_cells,
+    try_rejection,
+    with_reason,
 )
 from scenegen.sampling.rejection.sampler import Rejection, first_look
 from scenegen.sampling.rejection.sampler import make_plan as plan_rejection
 from scenegen.sampling.rejection.trial import LONG_SEARCH, MOST, Trial, nothing_found, search
 from scenegen.sampling.report import too_early
-from scenegen.sampling.splitting.levels import Stalled
+from scenegen.sampling.splitting.levels import SplittingStalled
 from scenegen.sampling.splitting.sampler import Splitting, plan_splitting, why_stalled
 from scenegen.search.effort import BOUNDED, TooMuchError
 
@@ -50,26 +50,26 @@ ADVANTAGE = 2.0  # growth and splitting must be this much cheaper, because their
 LOOKED = 2.0  # share of what a plan at hand takes, its inverse, that another method may take to get a plan
 LONG, GLANCE = 8.0, 8.0  # seconds of growth from which on splitting is looked at, too, and the same share for that
 
-Seen = tuple[Look, Rejection | None] | RequestError
+Seen = tuple[RejectionOutcome, Rejection | None] | RequestError
 """What rejection came to, and rejection without pruning, if pruning takes much work; or that there is no plan."""
 
 
 @dataclass(frozen=True, slots=True)
-class Contest:
+class MethodChoice:
     """Of the methods for one request. `started` is what growth has done so far: see `start_growth`. `parts` are the
     independent ones, into which the request can be split; None if nobody has looked yet. `choose` makes the plan of
-    such a part; `seen` is what another process begins these plans with: see `LookAtParts`. `box` is rejection without
+    such a part; `seen` is what another process begins these plans with: see `PartsTrial`. `box` is rejection without
     pruning; None if it has no plan."""
 
     problem: Problem
     budget: Budget
     choose: Callable[[Problem, Budget], Plan]
-    started: Started | None = None
-    parts: tuple[Part, ...] | None = None
-    seen: Beside[tuple[Part, ...], list[Seen]] | None = None
+    started: StartedGrowth | None = None
+    parts: tuple[SubProblem, ...] | None = None
+    seen: BackgroundTask[tuple[SubProblem, ...], list[Seen]] | None = None
     box: Rejection | None = None
 
-    def with_box(self) -> Contest:
+    def with_box(self) -> MethodChoice:
         """The same with its parts, and rejection without pruning if there are none. Raises RequestError if it turns out
         that there is no scene."""
         parts = independent_parts(self.problem, self.budget) if self.parts is None else self.parts
@@ -80,7 +80,7 @@ class Contest:
         """The work that pruning may take."""
         return _affordable(self.problem, self.box)
 
-    def best(self, found: Look) -> Plan:
+    def best(self, found: RejectionOutcome) -> Plan:
         """The best plan, given what rejection came to. Raises RequestError as `choose` does."""
         with ExitStack() as stack:
             contest = self
@@ -92,12 +92,12 @@ class Contest:
                 plan.started.kept = True
             return plan
 
-    def _best(self, found: Look) -> Plan:
+    def _best(self, found: RejectionOutcome) -> Plan:
         if found.trial is None:
             return self._apart() or self._after_pruning(found.longer)
         return self._after_trial(found, found.trial)
 
-    def _apart(self) -> Paired | None:
+    def _apart(self) -> ProductPlan | None:
         """Each independent part by the method that suits it; None if fewer than two of them are rare."""
         parts = independent_parts(self.problem, self.budget) if self.parts is None else self.parts
         if not parts:
@@ -107,7 +107,7 @@ class Contest:
         seen = [None] * len(parts) if self.seen is None else self.seen.result()
         plans = [self._of_part(part.problem, one).joined() for part, one in zip(parts, seen, strict=True)]
         methods = ", ".join(plan.method for plan in plans)
-        return because(pair(self.problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
+        return with_reason(pair(self.problem, parts, plans), f"{len(parts)} parts share no clause: {methods}")
 
     def _of_part(self, problem: Problem, seen: Seen | None) -> Plan:
         if seen is None:
@@ -115,7 +115,7 @@ class Contest:
         if isinstance(seen, RequestError):
             raise seen
         found, box = seen
-        return at_once(found) or Contest(problem, self.budget, self.choose, parts=(), box=box).best(found)
+        return cheap_enough(found) or MethodChoice(problem, self.budget, self.choose, parts=(), box=box).best(found)
 
     def _after_pruning(self, longer: Trial | None) -> Plan:
         """If pruning takes much work: rejection if that is cheap, or growth if it does well; else pruning continues for
@@ -123,26 +123,26 @@ class Contest:
         problem, budget = self.problem, self.budget
         simple = self._cheapest(longer)
         if simple is not None and simple.seconds <= _cheap(problem):
-            return because(simple, in_range(simple))
+            return with_reason(simple, in_range(simple))
         longest = np.inf if simple is None else simple.seconds / LOOKED
         grown = plan_growth(problem, budget, patient=False, started=self.started, longest=longest)
         good = isinstance(grown, Growth) and grown.recipe.effect <= POOR
         if isinstance(grown, Growth) and good and (simple is None or _better(grown, simple)):
             best = self._or_splitting(grown)
             why = "growth does not" if best is grown else "and splitting less than growth"
-            return because(best, f"pruning takes much work, {why}")
+            return with_reason(best, f"pruning takes much work, {why}")
         if simple is not None and (good or (not isinstance(grown, Growth) and grown.dear)):
             if isinstance(grown, Growth):
                 grown.close()
-            return because(simple, in_range(simple))
+            return with_reason(simple, in_range(simple))
         if not isinstance(grown, Growth) and (_time_is_up(grown) or grown.proof):
             raise no_growth(problem, grown)
         if moving(problem) > MANY:  # neither boxes nor chains get anywhere
             grown = plan_growth(problem, budget)
             if isinstance(grown, Growth):
-                return because(grown, "pruning takes much work, growth less")
+                return with_reason(grown, "pruning takes much work, growth less")
             raise no_growth(problem, grown)
-        found = look(problem, budget, MOST)
+        found = try_rejection(problem, budget, MOST)
         if found.trial is None:
             return self._without_rejection("pruning takes too much work", quick=grown)
         return replace(self, parts=())._after_trial(found, found.trial, quick=grown)
@@ -159,11 +159,11 @@ class Contest:
                     plan = pruned
         return plan
 
-    def _after_trial(self, found: Look, trial: Trial, quick: Growth | NoGrowth | None = None) -> Plan:
+    def _after_trial(self, found: RejectionOutcome, trial: Trial, quick: Growth | NoGrowth | None = None) -> Plan:
         """`quick` is a plan of growth on which little was spent, where it has been made."""
         mine = found.plan
         if mine is not None and found.enough:
-            return because(mine, in_range(mine))
+            return with_reason(mine, in_range(mine))
         apart = self._apart()
         if mine is None and apart is not None:
             return apart
@@ -185,7 +185,7 @@ class Contest:
             if _time_is_up(rival):
                 tried = f"{int(rival.evaluations):,} evaluations"
                 raise RequestError(too_early(problem, tried, open_cells(problem, mine)))
-            return because(mine, f"{in_range(mine)}; no other method got there")
+            return with_reason(mine, f"{in_range(mine)}; no other method got there")
         if len(rival.reached) > len(mine.reached):
             count = problem.cells.count
             why = f"it reaches {len(rival.reached)} of {count} cells, rejection {len(mine.reached)}"
@@ -193,18 +193,18 @@ class Contest:
             why = f"about {_short(rival.seconds)} s against {_short(mine.seconds)} s of rejection"
         else:
             rival.close()
-            return because(mine, in_range(mine))
-        return because(rival, why)
+            return with_reason(mine, in_range(mine))
+        return with_reason(rival, why)
 
     def _after_cells(self, trial: Trial, quick: Growth | NoGrowth | None) -> Plan:
         """If pruning each cell takes much work: another method, or all the work if there is none."""
         rival = self.other(quick)
         if isinstance(rival, Growth | Splitting):
-            return because(rival, "pruning each cell takes too much work")
+            return with_reason(rival, "pruning each cell takes too much work")
         if _time_is_up(rival) or (isinstance(rival, NoGrowth) and (rival.proof or rival.crowded)):
             raise _nothing(self.problem, rival)
         try:
-            return because(plan_rejection(self.problem, self.budget, trial, MOST), "no other method got there")
+            return with_reason(plan_rejection(self.problem, self.budget, trial, MOST), "no other method got there")
         except TooMuchError:
             raise _nothing(self.problem, rival) from None
 
@@ -213,7 +213,7 @@ class Contest:
         problem, budget = self.problem, self.budget
         plan = self.other(quick)
         if isinstance(plan, Growth | Splitting):
-            return because(plan, why)
+            return with_reason(plan, why)
         if _time_is_up(plan) or (isinstance(plan, NoGrowth) and plan.proof):
             raise _nothing(problem, plan)
         if trial is None or (isinstance(plan, NoGrowth) and plan.crowded):
@@ -222,11 +222,11 @@ class Contest:
         longer = search(problem, trial, budget, LONG_SEARCH)
         if not longer.rate.hits:
             raise RequestError(nothing_found(problem, longer))
-        return because(plan_rejection(problem, budget, longer), "no other method got there")
+        return with_reason(plan_rejection(problem, budget, longer), "no other method got there")
 
     def other(
         self, quick: Growth | NoGrowth | None = None, *, ahead: bool = True, longest: float = np.inf
-    ) -> Growth | Splitting | NoGrowth | Stalled:
+    ) -> Growth | Splitting | NoGrowth | SplittingStalled:
         """A plan of growth, or of splitting if only splitting does well. `ahead`: it will probably be taken. Each may
         take `longest` seconds to get a plan."""
         problem, budget = self.problem, self.budget
@@ -246,7 +246,7 @@ class Contest:
         split = None if crowded else plan_splitting(problem, budget, ahead=ahead, longest=longest)
         if isinstance(split, Splitting) and split.schedule.left < SLOW:
             return split
-        if isinstance(split, Stalled) and _time_is_up(split):  # not that it came to nothing: who can tell?
+        if isinstance(split, SplittingStalled) and _time_is_up(split):  # not that it came to nothing: who can tell?
             return split
         grown = plan_growth(problem, budget, longest=longest) if crowded or isinstance(quick, Growth) else quick
         if isinstance(grown, Growth):
@@ -267,12 +267,12 @@ class Contest:
 
 
 @dataclass(frozen=True, slots=True)
-class LookAtParts:
+class PartsTrial:
     """What `choose` begins with for each part, in any process."""
 
     budget: Budget
 
-    def __call__(self, parts: tuple[Part, ...]) -> list[Seen]:
+    def __call__(self, parts: tuple[SubProblem, ...]) -> list[Seen]:
         return [self._look(part.problem) for part in parts]
 
     def _look(self, problem: Problem) -> Seen:
@@ -284,7 +284,7 @@ class LookAtParts:
             return _affordable(problem, box)
 
         try:
-            return look(problem, self.budget, FIRST, further=further), box
+            return try_rejection(problem, self.budget, FIRST, further=further), box
         except RequestError as error:  # that of a part before may have to be raised first
             return error
 
@@ -307,11 +307,11 @@ def _affordable(problem: Problem, box: Rejection | None) -> float:
     return work / PRUNED if 2.0 * PRUNED * FIRST < work <= PRUNED * _cheap(problem) / BOUNDED else 0.0
 
 
-def _nothing(problem: Problem, end: NoGrowth | Stalled) -> RequestError:
+def _nothing(problem: Problem, end: NoGrowth | SplittingStalled) -> RequestError:
     return no_growth(problem, end) if isinstance(end, NoGrowth) else RequestError(why_stalled(problem, end))
 
 
-def _time_is_up(end: NoGrowth | Stalled) -> bool:
+def _time_is_up(end: NoGrowth | SplittingStalled) -> bool:
     return end.stuck is None and not end.proof and not end.dear if isinstance(end, NoGrowth) else end.why == "time"
 
 

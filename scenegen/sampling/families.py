@@ -77,7 +77,7 @@ def assets_of(numbers: Mapping[str, int]) -> dict[str, dict[str, str]]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Numbered(Plan):
+class FamilyPlan(Plan):
     """A plan for one request: the `plans` of the members that have scenes. `numbers` are their numbers of things,
     `rows` the rows of each member's storage in that of all objects. `turns` says which member draws each piece; they
     begin again at the end. `facts` is how many facts a piece of each has. `left_out` are the numbers without scenes,
@@ -268,7 +268,7 @@ def plan_numbers(
     budget: Budget,
     make: MakePlan,
     last: Callable[[Plan], Plan] = lambda plan: plan,
-) -> Numbered:
+) -> FamilyPlan:
     """The plan of a spec with random numbers of things; `make` plans a member, `last` takes each plan once the shares
     are known. Members that have no scene in the range are left out. Raises RequestError where all are, for a mistake in
     the request, and where time is up before all members are planned."""
@@ -302,7 +302,7 @@ def plan_numbers(
     if left_out:
         plans = [_asked(plan, -(-request.n // len(plans))) for plan in plans]
     plans = [last(plan) for plan in plans]
-    return Numbered(
+    return FamilyPlan(
         _problem(spec, request, plans, numbers, left_out),
         tuple(plans),
         tuple(numbers),

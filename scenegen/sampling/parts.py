@@ -37,14 +37,14 @@ COMMON = 0.2  # parts are merged while at least this share of the contracted box
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class SubProblem:
     """`problem` is the request for `objects` alone, indices of free objects in rising order."""
 
     objects: tuple[int, ...]
     problem: Problem
 
 
-def independent_parts(problem: Problem, budget: Budget) -> tuple[Part, ...]:
+def independent_parts(problem: Problem, budget: Budget) -> tuple[SubProblem, ...]:
     """The parts of a request; common parts are merged and come last. Empty if fewer than two are rare. Raises
     RequestError if a part is proved to have no scene, or if time is up."""
     with np.errstate(all="ignore"):
@@ -55,7 +55,7 @@ def independent_parts(problem: Problem, budget: Budget) -> tuple[Part, ...]:
             raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
 
 
-def _parts(problem: Problem, effort: Effort) -> tuple[Part, ...]:
+def _parts(problem: Problem, effort: Effort) -> tuple[SubProblem, ...]:
     touches = touched(problem, effort)
     labels = _demands(problem, touches)
     names = tuple(problem.core.labels)
@@ -102,7 +102,7 @@ def _part(
     touches: Mapping[int, Objects],
     labels: Mapping[str, Sequence[int]],
     effort: Effort,
-) -> Part:
+) -> SubProblem:
     """The problem of some components."""
     core, cells = problem.core, problem.cells
     nodes: list[Node] = list(core.nodes)
@@ -127,10 +127,10 @@ def _part(
     small = part_of(Core(tuple(nodes), mine, core.objects), tuple(mine))
     phi = {label: problem.request.phi.get(label, Range(0.0)) for label in mine}
     made = narrowed(problem, small, (lowest, highest), phi, int(seed[0] >> np.uint64(1)), effort)
-    return Part(tuple(sorted(group)), made)
+    return SubProblem(tuple(sorted(group)), made)
 
 
-def _share(one: Part, effort: Effort) -> float:
+def _share(one: SubProblem, effort: Effort) -> float:
     """About which share of the contracted box is in range; 0 if the range is cut into cells."""
     effort.check()
     problem = one.problem
@@ -155,11 +155,11 @@ LARGEST = 1 << 25  # maximum work of a piece of rejection that must give as many
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Paired(Plan):
+class ProductPlan(Plan):
     """A plan for one request: the `plans` of its `parts`. The facts of a piece are those of the parts' pieces one after
     the other; `facts` has the number of each part, and missing ones are zeros."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[SubProblem, ...]
     plans: tuple[Plan, ...]
     facts: tuple[int, ...]
 
@@ -265,7 +265,7 @@ class Paired(Plan):
         return self.plans[number].account(replace(tally, strays=(), facts=facts))
 
 
-def pair(problem: Problem, parts: Sequence[Part], plans: Sequence[Plan]) -> Paired:
+def pair(problem: Problem, parts: Sequence[SubProblem], plans: Sequence[Plan]) -> ProductPlan:
     """The plan that combines the parts' plans. Pieces of rejection can have any size; they are cut to give about as
     many scenes as the pieces of the others."""
     fixed = [count for plan in plans if (count := plan.scenes_per_piece) and not isinstance(plan, Rejection)]
@@ -273,7 +273,7 @@ def pair(problem: Problem, parts: Sequence[Part], plans: Sequence[Plan]) -> Pair
     target = min(enough, *(fixed or [plan.scenes_per_piece for plan in plans]))
     some = target + 3.0 * math.sqrt(target) + 8.0
     sized = tuple(_sized(plan, some) if isinstance(plan, Rejection) else plan for plan in plans)
-    return Paired(problem, tuple(parts), sized, tuple(plan.fact_count for plan in sized))
+    return ProductPlan(problem, tuple(parts), sized, tuple(plan.fact_count for plan in sized))
 
 
 def _sized(plan: Rejection, scenes: float) -> Rejection:

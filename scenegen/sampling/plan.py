@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
-from scenegen.processes.ahead import Beside
+from scenegen.processes.ahead import BackgroundTask
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.request import Cells
 
@@ -31,7 +31,7 @@ from scenegen.sampling.request import Cells
 Stage = TypeVar("Stage", contravariant=True)
 
 
-class Begun(Protocol[Stage]):
+class ResumablePiece(Protocol[Stage]):
     """A piece that can be pickled after any of its stages."""
 
     def follow(self, stage: Stage) -> None:
@@ -42,7 +42,7 @@ class Begun(Protocol[Stage]):
 class Pieces(Generic[Stage]):
     """The job of `processes.ahead`: `begin` makes piece k before its first stage, and can be pickled."""
 
-    begin: Callable[[int], Begun[Stage]]
+    begin: Callable[[int], ResumablePiece[Stage]]
     begun: dict[int, Any] = field(default_factory=dict)
 
     def __call__(self, order: tuple[int, Stage | None]) -> bytes | None:
@@ -289,7 +289,7 @@ class Plan(ABC):
         """Candidates out of the range, from which a report finds the atoms that fail: rows (3N, m), phi (L, m)."""
         return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
 
-    def underway(self) -> Mapping[int, Beside[Any, Any]]:
+    def underway(self) -> Mapping[int, BackgroundTask[Any, Any]]:
         """The pieces that other processes draw already: `draw` waits for these."""
         return {}
 

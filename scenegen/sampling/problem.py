@@ -18,7 +18,7 @@ from scenegen.lang.formula.core import REQUIRE, Core, gated, read_rows
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import row_count
-from scenegen.processes.ahead import Reserve
+from scenegen.processes.ahead import IdleWorkers
 from scenegen.sampling.request import (
     Cells,
     FixedPose,
@@ -81,7 +81,7 @@ class Budget:
 
     seconds: float = 60.0
     started: float = field(default_factory=time.monotonic)
-    reserve: Reserve | None = field(default=None, compare=False, repr=False)
+    reserve: IdleWorkers | None = field(default=None, compare=False, repr=False)
 
     def __reduce__(self) -> tuple[type[Budget], tuple[float]]:
         return Budget, (self.ends - time.monotonic(),)

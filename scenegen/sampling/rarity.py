@@ -27,7 +27,7 @@ from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import Cells
-from scenegen.sampling.splitting.chain_state import ChainState, Tape, make_frame
+from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_frame
 from scenegen.sampling.splitting.chains import Chains, Region
 from scenegen.sampling.splitting.levels import Tuner, longest
 from scenegen.search.effort import NEVER, Stop, StoppedError
@@ -48,7 +48,7 @@ NONE = 3.0  # scenes that may be missed at 95 % where none of a large number was
 FEW = 8  # minimum number of scenes behind an estimate
 
 
-class Population(Protocol):
+class ChainPopulation(Protocol):
     """Chains of scenes or of motions, in islands of equally many: their scores (rows, P), and where they may go."""
 
     @property
@@ -120,7 +120,7 @@ class Run(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
+class PhiDistribution:
     """The distribution of a label's phi among the scenes that satisfy the requirement."""
 
     up: Run
@@ -132,30 +132,30 @@ class Reach:
 class Rarity:
     """The runs of a spec: `reaches` by label, and how rare the requirement is (None: nothing is required)."""
 
-    reaches: dict[str, Reach]
+    reaches: dict[str, PhiDistribution]
     requirement: Estimate | None
     evaluations: int
 
 
 @dataclass(frozen=True, slots=True)
-class OutOfReach:
+class RequirementUnmet:
     """No scene that satisfies the requirement was found; `best` is its largest margin."""
 
     best: float
     evaluations: int
 
 
-def constant(phi: float) -> Reach:
+def constant(phi: float) -> PhiDistribution:
     """The result for a label whose phi is the same in all scenes."""
     weights = np.ones((1, ISLANDS))
     tails = [
         Tail(sign, np.array([-np.inf]), (np.full((ISLANDS, 1), sign * phi),), weights, phi, True) for sign in (1, -1)
     ]
-    return Reach(tails[0], tails[1], 1)
+    return PhiDistribution(tails[0], tails[1], 1)
 
 
 def climb(
-    state: Population,
+    state: ChainPopulation,
     move: Callable[[], object],
     weights: Array,
     sign: int,
@@ -198,7 +198,7 @@ def climb(
     return Tail(sign, np.array(levels), tuple(values), np.array(shares), sign * end, whole), state.evaluations
 
 
-def margins(state: Population, sign: int, row: int = 0) -> Array:
+def margins(state: ChainPopulation, sign: int, row: int = 0) -> Array:
     """sign * phi of a row, (P,); NaN counts as the lowest."""
     phi = sign * state.phi[row]
     return np.where(np.isnan(phi), -np.inf, phi)
@@ -217,7 +217,7 @@ def next_level(phi: Array, here: float, kept: float) -> float | None:
     return float(above.min()) if len(above) else None
 
 
-def restrict(state: Population, level: float, sign: int, row: int = 0) -> Array:
+def restrict(state: ChainPopulation, level: float, sign: int, row: int = 0) -> Array:
     """Restrict the chains to sign * phi >= level in a row; returns the share of each island that survived."""
     low, high = state.region.low.copy(), state.region.high.copy()
     (low if sign > 0 else high)[row] = sign * level
@@ -245,7 +245,7 @@ def measure(
     check: Callable[[], None] | None = None,
     work: int = WORK,
     stop: Stop = NEVER,
-) -> Rarity | OutOfReach:
+) -> Rarity | RequirementUnmet:
     """P(phi >= t) and P(phi <= t) of each of the labels, for poses uniform over the box lowest..highest (3N,),
     conditional on the core's requirement. The same arguments give the same numbers. `check` is called between levels:
     what it raises ends the run. `work` is the effort, in visits of nodes. Where
@@ -268,7 +268,7 @@ def _measure(
     check: Callable[[], None],
     effort: int,
     stop: Stop,
-) -> Rarity | OutOfReach:
+) -> Rarity | RequirementUnmet:
     base: _Base | None = None
     required: Estimate | None = None
     spent = 0
@@ -278,9 +278,9 @@ def _measure(
         base, best = _require(part_of(core, gate), lowest, highest, count, seed, check, effort, stop)
         spent = base.evaluations
         if not base.weights.any():
-            return OutOfReach(best, spent)
+            return RequirementUnmet(best, spent)
         required = ratio(base.weights, np.ones(ISLANDS))
-    reaches: dict[str, Reach] = {}
+    reaches: dict[str, PhiDistribution] = {}
     for index, label in enumerate(labels):
         alone = part_of(core, (label,))
         if not make_frame(alone, lowest, highest).dimension:
@@ -296,7 +296,7 @@ def _measure(
             break
         work = effort // (2 * len(labels) * cost(one))
         up, down = (_climb(start.some(start.count), weights, sign, work, check, stop) for sign in (1, -1))
-        reaches[label] = Reach(up[0], down[0], up[1] + down[1])
+        reaches[label] = PhiDistribution(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
 
@@ -367,7 +367,7 @@ def _begin(
 ) -> tuple[Chains, Array]:
     """`count` chains of a chain_state at the base distribution, and the weights of their islands."""
     cells = Cells(tuple(chain_state.core.labels), (), (), np.empty(0), np.empty(0))
-    state = Chains.start(chain_state, Tape(chain_state, stop=stop), cells, count, rng)
+    state = Chains.start(chain_state, ChainTape(chain_state, stop=stop), cells, count, rng)
     if base is None:
         return state, np.ones(ISLANDS)
     state.rows = [base.rows.get(row, fresh) for row, fresh in zip(chain_state.rows, state.rows, strict=True)]
@@ -445,7 +445,7 @@ def mixed(found: Sequence[Rarity]) -> Rarity:
     for label in found[0].reaches:
         each = [one.reaches[label] for one in found]
         up, down = (MixedTail(tuple(tails)) for tails in ([one.up for one in each], [one.down for one in each]))
-        reaches[label] = Reach(up, down, sum(one.evaluations for one in each))
+        reaches[label] = PhiDistribution(up, down, sum(one.evaluations for one in each))
     required = [one.requirement for one in found]
     requirement = None if not any(required) else mean([one or CERTAIN for one in required])
     return Rarity(reaches, requirement, sum(one.evaluations for one in found))

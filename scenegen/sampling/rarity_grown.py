@@ -22,14 +22,27 @@ from scenegen.lang.formula.core import REQUIRE, Junction, gated, part_of
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import BELOW_TURN, THETA, along
 from scenegen.sampling.growth.graph import flat
-from scenegen.sampling.growth.grow import Grown, Stuck, explore, grow
+from scenegen.sampling.growth.grow import Grown, PlacementFailed, explore, grow
 from scenegen.sampling.growth.machine import Machine, make_machine
-from scenegen.sampling.growth.moves import Settings, sweep
+from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.particles import MoveTally
-from scenegen.sampling.growth.population import Stalled, tuned
+from scenegen.sampling.growth.population import GrowthFailed, tuned
 from scenegen.sampling.growth.sampler import log_base, no_growth
 from scenegen.sampling.problem import Budget, Problem, make_problem
-from scenegen.sampling.rarity import COUNTED, DEPTH, FEW, ISLANDS, NEAR, ROUNDS, TOP, WORK, Rarity, Reach, Tail, cost
+from scenegen.sampling.rarity import (
+    COUNTED,
+    DEPTH,
+    FEW,
+    ISLANDS,
+    NEAR,
+    ROUNDS,
+    TOP,
+    WORK,
+    PhiDistribution,
+    Rarity,
+    Tail,
+    cost,
+)
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import Range, SampleRequest, cut
 from scenegen.sampling.splitting.chain_state import make_frame
@@ -62,7 +75,7 @@ class NoRoom:
     """No scene was found: there was no room for some object, or (`stuck` is None) it took too much work."""
 
     machine: Machine
-    stuck: Stuck | None
+    stuck: PlacementFailed | None
     work: float
 
 
@@ -92,13 +105,13 @@ def _grow_islands(problem: Problem, machine: Machine, islands: int, each: int, s
         if isinstance(found, Grown):
             break
     else:
-        assert isinstance(found, Stuck)
+        assert isinstance(found, PlacementFailed)
         return NoRoom(machine, found, machine.work * nodes)
     settings = _settings(found, tally)
     rng = _generator(seed, 1)
     number = np.arange(islands * each)
     grown = grow(machine, np.zeros_like(number), number % islands, steps, settings, rng)
-    if isinstance(grown, Stuck):
+    if isinstance(grown, PlacementFailed):
         return NoRoom(machine, grown, machine.work * nodes)
     particles = grown.particles
     for _ in range(SETTLE):
@@ -117,10 +130,10 @@ def _grow_islands(problem: Problem, machine: Machine, islands: int, each: int, s
     return Islands((grown.log_share + log_base(machine))[:, 0], phi, machine.work * nodes)
 
 
-def _settings(found: Grown, tally: MoveTally) -> Settings:
+def _settings(found: Grown, tally: MoveTally) -> MoveSettings:
     """The lengths of steps that scenes take; a few sweeps tell, where growing took none."""
     if not tally.steps:
-        sweep(found.particles, Settings({}), tally)
+        sweep(found.particles, MoveSettings({}), tally)
     return tuned(tally)
 
 
@@ -141,7 +154,7 @@ GAP = 0.5  # share of a tail's effort after which a run is restricted to phi >= 
 WAYS = 64  # maximum alternatives of a disjunction to which growth can be restricted
 
 
-def vast(spec: CheckedSpec, labels: Sequence[str]) -> bool:
+def needs_growth(spec: CheckedSpec, labels: Sequence[str]) -> bool:
     """Whether to use growth instead of splitting: for many objects, where some choose among surfaces, which chains
     hardly ever change, or if phi takes long to compute."""
     if spec.choices:
@@ -170,17 +183,19 @@ def measure_vast(
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
         first = grow_islands(base, ISLANDS, EACH, (seed, VAST), FIRST, deadline)
         if isinstance(first, NoRoom):
-            raise no_growth(base, Stalled(first.machine, first.stuck, first.work / len(base.core.nodes)))
+            raise no_growth(base, GrowthFailed(first.machine, first.stuck, first.work / len(base.core.nodes)))
         work = 0.0
-        reaches: dict[str, Reach] = {}
+        reaches: dict[str, PhiDistribution] = {}
         for index, label in enumerate(labels):
-            runs = [_Run(base, first, label, sign, (seed, VAST, 1 + index, 1 + sign), deadline) for sign in (1, -1)]
+            runs = [
+                _TailRuns(base, first, label, sign, (seed, VAST, 1 + index, 1 + sign), deadline) for sign in (1, -1)
+            ]
             for run in runs[:1] if up_only else runs:
                 waiting = len(labels) - index if up_only else 2 * (len(labels) - index) - (run.sign < 0)
                 run.descend(max((EFFORT - work) / waiting, FEWEST * first.work / len(labels)))
                 work += run.work
             spent = sum(run.work for run in runs) / len(base.core.nodes)
-            reaches[label] = Reach(runs[0].tail(), runs[1].tail(), int(spent))
+            reaches[label] = PhiDistribution(runs[0].tail(), runs[1].tail(), int(spent))
     required = _requirement(first) if REQUIRE in base.core.labels else None
     return Rarity(reaches, required, int((first.work + work) / len(base.core.nodes)))
 
@@ -194,13 +209,13 @@ def _requirement(first: Islands) -> Estimate:
 
 
 @dataclass(slots=True)
-class _Stage:
+class _TailStage:
     level: float
     values: Array
     weights: Array
 
 
-class _Run:
+class _TailRuns:
     """The runs of one tail: towards the top of phi of a label (`sign` 1), or towards its bottom."""
 
     def __init__(
@@ -258,7 +273,7 @@ class _Run:
         """What a run takes."""
         return self.work / self.runs if self.runs else 0.0
 
-    def _next(self, stage: _Stage) -> float | None:
+    def _next(self, stage: _TailStage) -> float | None:
         """The level that some scenes of a stage reach, or the next one where most of them share it; None where they
         have all reached the end."""
         values = np.sort(stage.values[np.isfinite(stage.values)])
@@ -291,10 +306,10 @@ class _Run:
         self.end = max(self.end, float(self.stages[-1].values.max()))
         return True
 
-    def _stage(self, level: float, found: Islands) -> _Stage:
+    def _stage(self, level: float, found: Islands) -> _TailStage:
         values = self.sign * found.phi[:, self.place]
         values = np.sort(np.where(np.isnan(values), -np.inf, values), axis=1)
-        return _Stage(level, values, np.exp(found.log_share - self.origin))
+        return _TailStage(level, values, np.exp(found.log_share - self.origin))
 
     def _can_be_held(self) -> bool:
         """Whether growth can be restricted to one end of phi: not to one of hundreds of alternatives."""

@@ -40,7 +40,7 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class SceneFileReading:
     """An open scene file. `header` has no scenes in it; `blocks` gives them, once, and closes the file at its end.
     `count` is their number, if the file has it before they are read; `name` is the file's name in errors."""
 

@@ -74,11 +74,11 @@ RAISED: Literal[2] = 2  # the version of files whose objects say what they stand
 Bounds = tuple[FiniteFloat, FiniteFloat]
 
 
-class _Strict(BaseModel):
+class _StrictSceneModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
 
-class Pose(_Strict):
+class Pose(_StrictSceneModel):
     """Where an object stands: its centre in metres, its heading in radians, counter-clockwise from the x axis."""
 
     x: FiniteFloat
@@ -104,7 +104,7 @@ AnyPose = Annotated[
 ]
 
 
-class SceneData(_Strict):
+class SceneData(_StrictSceneModel):
     """One scene: a pose for each object, and the satisfaction value phi of each label in float64. Where the number of
     things is drawn, `counts` has it, and objects that are not there have no pose."""
 
@@ -124,12 +124,12 @@ def _without_nothing(data: dict[str, Any], *names: str) -> dict[str, Any]:
     return {name: value for name, value in data.items() if value or name not in names}
 
 
-class CircleFootprint(_Strict):
+class CircleFootprint(_StrictSceneModel):
     kind: Literal["circle"] = "circle"
     radius: Annotated[FiniteFloat, Field(gt=0)]
 
 
-class BoxFootprint(_Strict):
+class BoxFootprint(_StrictSceneModel):
     """`length` along the object's heading, `width` across it, in metres."""
 
     kind: Literal["box"] = "box"
@@ -137,7 +137,7 @@ class BoxFootprint(_Strict):
     width: Annotated[FiniteFloat, Field(gt=0)]
 
 
-class PolygonFootprint(_Strict):
+class PolygonFootprint(_StrictSceneModel):
     """A convex polygon: corners (x, y) in metres in the object's frame, counter-clockwise, x along its heading."""
 
     kind: Literal["polygon"] = "polygon"
@@ -153,7 +153,7 @@ class PolygonFootprint(_Strict):
 FootprintData = Annotated[CircleFootprint | BoxFootprint | PolygonFootprint, Field(discriminator="kind")]
 
 
-class ShapeData(_Strict):
+class ShapeData(_StrictSceneModel):
     """What an object looks like: footprint and height in metres, and an entry of the asset library, or one of `box`,
     `cylinder`, `prism`, `urdf`, `mesh` and `asset`; `path` is the file, or the name in an index, of the last three as
     the spec has it. `open`, of a `cabinet(...)` alone, has the share by which each drawer is open, the lowest first."""
@@ -176,7 +176,7 @@ class ShapeData(_Strict):
         return _without_nothing(dump(self), "open", "color")
 
 
-class RegionData(_Strict):
+class RegionData(_StrictSceneModel):
     """A named part of the table at a fixed place; with a `height` above the table, in metres, the top of a board."""
 
     name: str
@@ -211,7 +211,7 @@ def footprint_of(data: CircleFootprint | BoxFootprint | PolygonFootprint) -> Foo
             return Polygon(tuple(data.vertices))
 
 
-class SurfaceData(_Strict):
+class SurfaceData(_StrictSceneModel):
     """What an object can stand on: a surface, a region, or the table, and how high that is above the lowest point of
     `carrier`, another object, or above the table (an empty text); metres."""
 
@@ -220,7 +220,7 @@ class SurfaceData(_Strict):
     carrier: str = ""
 
 
-class SupportData(_Strict):
+class SupportData(_StrictSceneModel):
     """How high above the table an object's lowest point is in every scene, in metres, and what it stands on: a surface
     (`tray.inside`), a region, or the table (an empty text).
 
@@ -247,7 +247,7 @@ class SupportData(_Strict):
         return data
 
 
-class ObjectData(_Strict):
+class ObjectData(_StrictSceneModel):
     """`support` is in files of version 2 alone; in those of version 1 heights follow from the poses."""
 
     name: str
@@ -281,7 +281,7 @@ def carried_first(objects: Sequence[ObjectData]) -> tuple[int, ...]:
     return tuple(found)
 
 
-class SpecRef(_Strict):
+class SpecRef(_StrictSceneModel):
     """The spec's canonical text, the SHA-256 of that text in UTF-8, and the opening comment's first line, if any."""
 
     source: str
@@ -295,12 +295,12 @@ class SpecRef(_Strict):
         return self
 
 
-class WorkspaceData(_Strict):
+class WorkspaceData(_StrictSceneModel):
     x: Bounds
     y: Bounds
 
 
-class RequestData(_Strict):
+class RequestData(_StrictSceneModel):
     """What was asked for: a range [lowest, highest] per label (null is an open end), the count, the spread."""
 
     phi: dict[str, tuple[FiniteFloat | None, FiniteFloat | None]]
@@ -308,7 +308,7 @@ class RequestData(_Strict):
     spread: Literal["flat", "base"] = "flat"
 
 
-class SceneFile(_Strict):
+class SceneFile(_StrictSceneModel):
     """A set of scenes with everything needed to re-score and draw them.
 
     The labels are those of the scenes' phi; a file without scenes names them in `labels`, which no other file has. In a
@@ -376,7 +376,7 @@ SETTLED_FORMAT: Literal["scenegen/settled"] = "scenegen/settled"
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 
 
-class SimulatorData(_Strict):
+class SimulatorData(_StrictSceneModel):
     """Where scenes were simulated, and for how many seconds."""
 
     name: str
@@ -384,7 +384,7 @@ class SimulatorData(_Strict):
     seconds: Positive
 
 
-class SettledHeader(_Strict):
+class SettledHeader(_StrictSceneModel):
     """What holds for all scenes of the file: the spec, its objects and labels, the simulation, and how far an object
     may be moved (mm) or turned (degrees) in a scene that counts as settled. `surfaces` are those of each object that
     stands on one of several, in the order of their numbers; scenes say on which it was planned."""

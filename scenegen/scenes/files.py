@@ -190,12 +190,12 @@ def put_in_place(new: Path, path: Path) -> None:
 def write_whole(path: Path, *parts: bytes | memoryview) -> None:
     """Write through a temporary file in the same folder and rename it. Raises OutputError and leaves nothing behind."""
     with whole_file(path) as file:
-        steady = Steady(file)
+        steady = FlushingWriter(file)
         for part in parts:
             steady.write(part)
 
 
-class Steady:
+class FlushingWriter:
     """Writes to a large file so that the disk begins to work while there is more to come."""
 
     def __init__(self, file: IO[bytes]) -> None:

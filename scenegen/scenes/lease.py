@@ -32,7 +32,7 @@ RENEWED = 30.0  # seconds between two writes of a hold
 SETTLE = 1.0  # seconds
 
 
-class Holder(BaseModel):
+class LeaseHolder(BaseModel):
     """Who writes a set. `machine` is one of a kind for a machine since it was started and, in containers, for each."""
 
     model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
@@ -43,12 +43,12 @@ class Holder(BaseModel):
     token: str
 
 
-class Hold:
+class SetLease:
     """What a run has of its set. `check` raises OutputError when another run has taken it over."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._other: Holder | None = None
+        self._other: LeaseHolder | None = None
 
     def check(self) -> None:
         if self._other is not None:
@@ -56,12 +56,12 @@ class Hold:
 
 
 @contextlib.contextmanager
-def held(store: Store) -> Iterator[Hold]:
+def held(store: Store) -> Iterator[SetLease]:
     """The set, for this process alone until the end of the block. Raises OutputError if another run has it, and if the
     place cannot be written to."""
     with contextlib.ExitStack() as stack:
         if store.local and stack.enter_context(_locked(store)):
-            yield Hold(store)
+            yield SetLease(store)
         else:
             yield stack.enter_context(_leased(store))
 
@@ -128,7 +128,7 @@ def _lock(file: IO[bytes], store: Store) -> bool:
 
 
 @contextlib.contextmanager
-def _leased(store: Store) -> Iterator[Hold]:
+def _leased(store: Store) -> Iterator[SetLease]:
     _refuse(store, _holder(store))
     me = _me()
     data = me.model_dump_json().encode()
@@ -137,7 +137,7 @@ def _leased(store: Store) -> Iterator[Hold]:
     other = _holder(store)
     if other is not None and other.token != me.token:
         raise _in_use(store, other, None)
-    hold, over = Hold(store), threading.Event()
+    hold, over = SetLease(store), threading.Event()
 
     def renew() -> None:
         while not over.wait(RENEWED):
@@ -162,7 +162,7 @@ def _leased(store: Store) -> Iterator[Hold]:
                 store.delete(LOCK)
 
 
-def _refuse(store: Store, holder: Holder | None) -> None:
+def _refuse(store: Store, holder: LeaseHolder | None) -> None:
     """Raises OutputError for a holder that may be at work."""
     if holder is None:
         return
@@ -175,27 +175,27 @@ def _refuse(store: Store, holder: Holder | None) -> None:
         raise _in_use(store, holder, LEASE - age)
 
 
-def _in_use(store: Store, holder: Holder | None, left: float | None) -> OutputError:
+def _in_use(store: Store, holder: LeaseHolder | None, left: float | None) -> OutputError:
     facts = {} if holder is None else {"pid": holder.pid, "host": holder.host}
     return OutputError(SET_IN_USE(location=store.location, **facts, **({} if left is None else {"seconds": left})))
 
 
-def _holder(store: Store) -> Holder | None:
+def _holder(store: Store) -> LeaseHolder | None:
     return _read(store.read(LOCK)) if store.changed(LOCK) else None
 
 
-def _read(data: bytes) -> Holder | None:
+def _read(data: bytes) -> LeaseHolder | None:
     """None for the file of a process that had no time to fill it."""
     try:
-        return Holder.model_validate_json(data)
+        return LeaseHolder.model_validate_json(data)
     except ValidationError:
         return None
 
 
-def _me() -> Holder:
+def _me() -> LeaseHolder:
     pid = os.getpid()
     token = secrets.token_hex(8)
-    return Holder(host=socket.gethostname(), machine=_machine(), pid=pid, born=_born(pid), token=token)
+    return LeaseHolder(host=socket.gethostname(), machine=_machine(), pid=pid, born=_born(pid), token=token)
 
 
 def _machine() -> str:

@@ -29,25 +29,25 @@ Point = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Ends = tuple[FiniteFloat | None, FiniteFloat | None]
 
 
-class _Strict(BaseModel):
+class _StrictMotionModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
-class TimeData(_Strict):
+class TimeData(_StrictMotionModel):
     """The moments: `steps` + 1 of them, `dt` seconds apart."""
 
     steps: Annotated[int, Field(ge=0)]
     dt: Annotated[FiniteFloat, Field(gt=0)] = 1.0
 
 
-class MotionRequestData(_Strict):
+class MotionRequestData(_StrictMotionModel):
     """What was asked for: a range [lowest, highest] by name of phi (null is an open end), and the count."""
 
     phi: dict[str, Ends]
     n: Annotated[int, Field(ge=1)]
 
 
-class MotionData(_Strict):
+class MotionData(_StrictMotionModel):
     """One motion: the poses of each object, moment by moment, and phi by name. `facts` are other numbers about it, such
     as the distance from start to goal. Where the number of things is drawn, `counts` has it, the same at all moments,
     and objects that are not there have no poses."""
@@ -58,7 +58,7 @@ class MotionData(_Strict):
     facts: dict[str, FiniteFloat] = Field(default_factory=dict)
 
 
-class MotionFile(_Strict):
+class MotionFile(_StrictMotionModel):
     """Motions with everything needed to score and draw them again."""
 
     format: Literal["scenegen/motions"] = MOTIONS_FORMAT

@@ -18,7 +18,7 @@ Index = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
 
-class Drawn(Protocol):
+class DrawnCount(Protocol):
     """An array of objects whose number of elements is drawn, `least` to `most`; or, with `assets`, an object that is
     there as one of them: `mug:red` or `mug:blue`, counted from 1."""
 
@@ -44,23 +44,23 @@ class Header(Protocol):
 AnyHeader = TypeVar("AnyHeader", bound=Header)
 
 
-def element(one: Drawn, number: int) -> str:
+def element(one: DrawnCount, number: int) -> str:
     """The name of an object that there can be, counted from 1."""
     return f"{one.name}:{one.assets[number - 1]}" if one.assets else f"{one.name}[{number}]"
 
 
-def _there(one: Drawn, number: int) -> range:
+def _there(one: DrawnCount, number: int) -> range:
     """Which of the objects that there can be are there."""
     return range(number, number + 1) if one.assets else range(1, number + 1)
 
 
-def elements(objects: Sequence[str], one: Drawn) -> list[int]:
+def elements(objects: Sequence[str], one: DrawnCount) -> list[int]:
     """The places of an array's elements among the objects, in order. Raises KeyError where one is not there."""
     place = {name: number for number, name in enumerate(objects)}
     return [place[element(one, k)] for k in range(1, one.most + 1)]
 
 
-def present(objects: Sequence[str], counts: Sequence[Drawn], numbers: Index) -> Mask:
+def present(objects: Sequence[str], counts: Sequence[DrawnCount], numbers: Index) -> Mask:
     """(n, N): which objects are there in scenes with these numbers of things, (C, n)."""
     there = np.ones((numbers.shape[1], len(objects)), dtype=bool)
     for one, number in zip(counts, numbers, strict=True):
@@ -69,7 +69,7 @@ def present(objects: Sequence[str], counts: Sequence[Drawn], numbers: Index) -> 
     return there
 
 
-def numbers_in(objects: Sequence[str], counts: Sequence[Drawn], there: Mask) -> Index:
+def numbers_in(objects: Sequence[str], counts: Sequence[DrawnCount], there: Mask) -> Index:
     """(C, n): how many of each array there are in scenes where these objects are there, (n, N). Raises ValueError for a
     scene that lacks other objects than the last elements of arrays, or has too few or too many of them."""
     found = np.array([_number(one, there[:, elements(objects, one)]) for one in counts], dtype=np.intp)
@@ -82,7 +82,7 @@ def numbers_in(objects: Sequence[str], counts: Sequence[Drawn], there: Mask) -> 
     return found
 
 
-def _number(one: Drawn, there: Mask) -> Index:
+def _number(one: DrawnCount, there: Mask) -> Index:
     """(n,): how many are there, or which asset; (n, most)."""
     found: Index = there.argmax(axis=1) + 1 if one.assets else there.sum(axis=1)
     return found
@@ -102,7 +102,7 @@ def check_counts(header: SceneFile, scene: SceneData) -> None:
     check_numbers(header.counts, scene.counts or {})
 
 
-def check_numbers(counts: Sequence[Drawn], numbers: Mapping[str, int]) -> None:
+def check_numbers(counts: Sequence[DrawnCount], numbers: Mapping[str, int]) -> None:
     """Numbers of things are those that a header's `counts` has. Raises ValueError."""
     if numbers.keys() != {one.name for one in counts}:
         raise ValueError(

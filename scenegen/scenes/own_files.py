@@ -11,7 +11,7 @@ import numpy as np
 
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.scenes.data import ShapeData, footprint_of
-from scenegen.things.indexed import Entry, IndexFileError, fitted, read_index
+from scenegen.things.indexed import AssetEntry, IndexFileError, fitted, read_index
 from scenegen.things.library import INDEX
 from scenegen.things.mesh import Floats
 from scenegen.things.meshfile import MeshError, ending_of, local_name
@@ -80,7 +80,7 @@ def own_file(folder: Path, shape: ShapeData) -> OwnFile:
     return OwnFile(name, is_robot, data, beside, matrix, offset, entry.mass, entry.friction)
 
 
-def _entry(folder: Path, path: str) -> tuple[str, Entry]:
+def _entry(folder: Path, path: str) -> tuple[str, AssetEntry]:
     """The file of an asset, relative to the folder that the spec was in, and its entry in the index. Raises
     MeshError."""
     below, _, name = path.replace("\\", "/").rpartition("/")

@@ -32,12 +32,12 @@ from scenegen.errors.files import (
     UNFINISHED_RUN,
 )
 from scenegen.pose import row_count
-from scenegen.scenes.blocks import BLOCK, MOST, Array, Block, Reading
+from scenegen.scenes.blocks import BLOCK, MOST, Array, Block, SceneFileReading
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import UNFINISHED, inside
 from scenegen.scenes.formats import parquet
 from scenegen.scenes.formats.header import load_header
-from scenegen.scenes.shards import Packed, Sink
+from scenegen.scenes.shards import HashingWriter, Sink
 from scenegen.scenes.stores import Store
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -49,7 +49,7 @@ Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0)]
 
 
-class Part(BaseModel):
+class StratumData(BaseModel):
     """A range of phi of which a data set has as many scenes as of the others."""
 
     model_config = ConfigDict(strict=True, defer_build=True)
@@ -58,7 +58,7 @@ class Part(BaseModel):
     phi: tuple[FiniteFloat, FiniteFloat]
 
 
-class Asked(BaseModel):
+class StoredRequest(BaseModel):
     """What of a set's request is read again: by those that go on with it, and by cards and reports. The rest of it is
     only compared."""
 
@@ -71,7 +71,7 @@ class Asked(BaseModel):
     spread: Literal["flat", "base"]
     scenegen: str
     numpy: str
-    parts: list[Part] = []
+    parts: list[StratumData] = []
 
 
 class Rareness(BaseModel):
@@ -95,7 +95,7 @@ class Rareness(BaseModel):
         return found
 
 
-class Made(BaseModel):
+class ShardRequest(BaseModel):
     """The request that gives a shard: of a data set, whose shards are runs of their own."""
 
     model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
@@ -114,14 +114,14 @@ SHARD_SCENES = 1 << 20
 PART = 1 << 22  # bytes of a shard that are read at a time to be hashed
 
 
-class _Strict(BaseModel):
+class _StrictSetModel(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
 
 
 Name = Annotated[str, AfterValidator(inside)]  # of a file of the set
 
 
-class PhiOf(_Strict):
+class PhiOf(_StrictSetModel):
     """phi of one label over some scenes."""
 
     lowest: FiniteFloat
@@ -136,7 +136,7 @@ class PhiOf(_Strict):
         return self
 
 
-class Shard(_Strict):
+class Shard(_StrictSetModel):
     """A file of a set. `pieces` are all that were drawn for it and the shards before it; `made` is its own request,
     if it has one."""
 
@@ -146,10 +146,10 @@ class Shard(_Strict):
     sha256: Sha256
     pieces: Annotated[int, Field(ge=0)]
     phi: dict[str, PhiOf]
-    made: Made | None = None
+    made: ShardRequest | None = None
 
 
-class Checkpoint(_Strict):
+class Checkpoint(_StrictSetModel):
     """Where a run stands, and the file with the scenes of its unfinished blocks; `crc32` is of both."""
 
     state: dict[str, Any]
@@ -163,7 +163,7 @@ class Checkpoint(_Strict):
         return rest.model_copy(update={"crc32": zlib.crc32(waiting, said)})
 
 
-class Manifest(_Strict):
+class Manifest(_StrictSetModel):
     """All about a set but its scenes. `header` is that of every shard, `sampler` the account of the whole run.
 
     Of data sets, `rarity` is how rare phi is, by label, and `missing` says what was left out, and why."""
@@ -240,7 +240,7 @@ def make_shard(
     *,
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
-    made: Made | None = None,
+    made: ShardRequest | None = None,
     beside: bool = False,
 ) -> Shard:
     """Write a shard of one block or more; the same scenes give the same bytes. With `rarity` it says of each scene how
@@ -258,7 +258,7 @@ def pack_shard(
     *,
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
-    made: Made | None = None,
+    made: ShardRequest | None = None,
     beside: bool = False,
 ) -> Shard:
     """Pass the bytes of a shard to a sink. `beside`: a thread of its own does that and computes the hash. Raises what
@@ -274,7 +274,7 @@ def pack_shard(
         assert rarity is not None
         return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
 
-    with Packed(sink, beside=beside) as packed:
+    with HashingWriter(sink, beside=beside) as packed:
         parquet.write(packed, header, labels, seen(), None if rarity is None else rare)
         size, digest = packed.size, packed.sha256
     rows = (np.concatenate([part[index] for part in parts]) for index in range(len(labels)))
@@ -326,7 +326,7 @@ def read_manifest(store: Store) -> Manifest:
     except ValidationError as error:
         raise _edited(store, error, "") from None
     try:
-        asked = Asked.model_validate_json(json.dumps(manifest.request))
+        asked = StoredRequest.model_validate_json(json.dumps(manifest.request))
     except ValidationError as error:
         raise _edited(store, error, "request.") from None
     header = set_header(store, manifest)
@@ -438,7 +438,7 @@ def _is_unfinished(name: str) -> bool:
     return name.endswith(UNFINISHED) and name.startswith(tuple(f".{one}" for one in (SHARDS, MANIFEST, CARD)))
 
 
-def read_set(store: Store) -> Reading:
+def read_set(store: Store) -> SceneFileReading:
     """All scenes of a set, shard after shard. Raises DataError."""
     manifest = read_manifest(store)
     if not manifest.shards:
@@ -450,7 +450,7 @@ def read_set(store: Store) -> Reading:
         for shard in manifest.shards:
             yield from read_shard(store, header, manifest.labels, shard).blocks
 
-    return Reading(header, tuple(manifest.labels), blocks(), manifest.scenes, store.location)
+    return SceneFileReading(header, tuple(manifest.labels), blocks(), manifest.scenes, store.location)
 
 
 def set_header(store: Store, manifest: Manifest) -> SceneFile:
@@ -458,7 +458,7 @@ def set_header(store: Store, manifest: Manifest) -> SceneFile:
     return load_header(json.dumps(manifest.header).encode(), f"the header of {store.location}").without_scenes()
 
 
-def read_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> Reading:
+def read_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> SceneFileReading:
     """One shard of a set with this header and these labels. Raises DataError for a file that is not the one of the
     manifest, as far as its end tells."""
     path = Path(store.path(shard.file))

@@ -389,7 +389,7 @@ class Parts:
         self.parts.append(part)
 
 
-class Packed(io.RawIOBase):
+class HashingWriter(io.RawIOBase):
     """A file to write to that passes its parts on to a sink; its hash is known with its last byte. `beside`: a thread
     of its own does both, at most AHEAD parts behind, and is waited for at the end. What the sink raises is raised by a
     later `write`, or then."""

@@ -116,7 +116,7 @@ ABSENT = (math.nan,) * len(FLAT)
 
 
 @dataclass(frozen=True, slots=True)
-class Thing:
+class PictureObject:
     """An object: what it looks like, its main colour, and what is written beside it, if anything."""
 
     shape: Shape
@@ -125,7 +125,7 @@ class Thing:
 
 
 @dataclass(frozen=True, slots=True)
-class Patch:
+class PictureRegion:
     """A region: its footprint at a fixed pose (x, y, heading), and its colour; with a `height`, the top of a board."""
 
     footprint: Footprint
@@ -135,14 +135,14 @@ class Patch:
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class PictureSetup:
     """What all scenes of a file share. Rectangles are (x lowest, y lowest, x highest, y highest) in metres."""
 
     workspace: tuple[float, float, float, float]
     table: tuple[float, float, float, float]
     height: float
-    things: tuple[Thing, ...]
-    patches: tuple[Patch, ...] = ()
+    things: tuple[PictureObject, ...]
+    patches: tuple[PictureRegion, ...] = ()
     declared: tuple[float, ...] = ()  # how high each object stands in every scene, where the spec says that
 
     @property
@@ -162,7 +162,7 @@ class Stage:
         top = [(x, y, self.height) for x in (u0, u1) for y in (v0, v1)]
         return np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (-self.thickness, 0.0)] + top)
 
-    def near(self) -> tuple[Stage, tuple[float, float]]:
+    def near(self) -> tuple[PictureSetup, tuple[float, float]]:
         """The stage as it is drawn, and where in the world its origin is: (0, 0), but for a workspace so far out that
         the renderer's single precision would show. That one is moved to begin at the origin."""
         x, y = self.workspace[:2]
@@ -222,7 +222,7 @@ def poses_of(file: SceneFile) -> npt.NDArray[np.float64]:
     return np.concatenate([poses, heights[..., None]], axis=2)
 
 
-def stage_of(file: SceneFile, *, distinct: bool = False) -> Stage:
+def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     """The stage of a scenes file; `distinct` colours apart what looks the same. Raises DataError for sizes that cannot
     be drawn, and where a scene lacks a pose."""
     check_sizes(file)
@@ -244,7 +244,7 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> Stage:
         item.name if asset == UNKNOWN and not has_picture(item.name) else ""
         for item, asset in zip(file.objects, known, strict=True)
     ]
-    things = tuple(map(Thing, shapes, colors, labels))
+    things = tuple(map(PictureObject, shapes, colors, labels))
     patches = _patches(file)
     poses = poses_of(file)
     here = [poses[~np.isnan(poses[:, k, 0]), k] for k in range(len(shapes))]
@@ -258,7 +258,7 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> Stage:
     boards = [patch.height for patch in patches]
     tallest = max(float(tops.max(initial=0.0)), *boards, 0.0)
     height = min(tallest, (TALLEST_DECLARED if file.version == RAISED or any(boards) else TALLEST) * side)
-    return Stage(workspace, (table[0], table[1], table[2], table[3]), height, things, patches, declared)
+    return PictureSetup(workspace, (table[0], table[1], table[2], table[3]), height, things, patches, declared)
 
 
 def overlaps_of(file: SceneFile) -> list[list[str]]:
@@ -270,7 +270,7 @@ def overlaps_of(file: SceneFile) -> list[list[str]]:
     return [[f"{names[a]} overlaps {names[b]}" for a, b in pairs] for pairs in found]
 
 
-def places_of(stage: Stage, poses: Floats) -> Floats:
+def places_of(stage: PictureSetup, poses: Floats) -> Floats:
     """(scenes, objects, 4): x, y, theta and what each object stands on, for poses as `poses_of` gives them; poses that
     have a quaternion after the height, w first, keep it."""
     heights = _bases([thing.shape for thing in stage.things], poses, stage.declared)
@@ -292,14 +292,14 @@ def _bases(shapes: list[Shape], poses: Floats, declared: tuple[float, ...]) -> F
     return base_heights(shapes, poses, declared=declared)
 
 
-def _patches(file: SceneFile) -> tuple[Patch, ...]:
+def _patches(file: SceneFile) -> tuple[PictureRegion, ...]:
     """The regions, each in a pale colour of its own."""
-    patches: list[Patch] = []
+    patches: list[PictureRegion] = []
     for region, color in zip(file.regions, of_regions([region.name for region in file.regions]), strict=True):
         footprint = footprint_of(region.footprint)
         if isinstance(footprint, Polygon):  # every corner is looked at for every pixel
             footprint = Polygon(simplified(footprint.vertices, DRAWN))
-        patches.append(Patch(footprint, _row(region.pose), color, region.height))
+        patches.append(PictureRegion(footprint, _row(region.pose), color, region.height))
     return tuple(patches)
 
 

@@ -21,7 +21,7 @@ import pyarrow.fs
 
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.files import CANNOT_READ_STORE, CANNOT_WRITE_STORE, UNKNOWN_STORE
-from scenegen.scenes.files import FULL, Steady, below, inside, whole_file
+from scenegen.scenes.files import FULL, FlushingWriter, below, inside, whole_file
 from scenegen.scenes.locations import is_url
 from scenegen.scenes.shards import Parts, Sink
 
@@ -51,7 +51,7 @@ _SAID = {
 
 
 @dataclass(slots=True)
-class Attempts:
+class RetriedWork:
     """One piece of work and its tries, within `patience` seconds. `tell` is called once, with the first error that
     another try may mend."""
 
@@ -137,7 +137,7 @@ class Store:
     def open(self, name: str) -> Any:
         """A file, open for reading at any place of it. Raises DataError, and so does reading from it."""
         file = self._reading(name, lambda: self.system.open_input_file(self.path(name)))
-        return file if self.local else pyarrow.PythonFile(_Steady(self, name, file), mode="r")
+        return file if self.local else pyarrow.PythonFile(_RetriedFile(self, name, file), mode="r")
 
     def write(self, name: str, *parts: bytes | memoryview) -> None:
         """Write a file, which appears whole or not at all. Raises OutputError."""
@@ -169,7 +169,7 @@ class Store:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as file:
-                yield Steady(file)
+                yield FlushingWriter(file)
         except OutputError as error:
             if isinstance(error.__cause__, OSError):  # a set's own words say what is kept
                 raise self._not_written(name, error.__cause__) from error.__cause__
@@ -261,16 +261,16 @@ class Store:
             CANNOT_WRITE_STORE(file=name, location=self.location, reason=reason_of(error), remedy=remedy, **facts)
         )
 
-    def _attempts(self, name: str) -> Attempts:
+    def _attempts(self, name: str) -> RetriedWork:
         def tell(error: Exception) -> None:
             if self.tell is not None:
                 again = f"trying again for up to {self.patience:.0f} s"
                 self.tell(f"{name} in {self.location}: {reason_of(error)}; {again}")
 
-        return Attempts(0.0 if self.local else self.patience, tell)
+        return RetriedWork(0.0 if self.local else self.patience, tell)
 
 
-class _Steady(io.RawIOBase):
+class _RetriedFile(io.RawIOBase):
     """A file of an object store. What fails is read again: else a store that is busy would look like damage."""
 
     def __init__(self, store: Store, name: str, file: Any) -> None:

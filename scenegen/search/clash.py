@@ -20,7 +20,7 @@ from scenegen.lang.formula.interpret import evaluate
 from scenegen.search.contract import EVERYTHING, Ends, alternatives, both, contract, impose, push_down, size_of, start
 from scenegen.search.effort import PYTHON, Effort, scoring
 from scenegen.search.grid import open_nodes
-from scenegen.search.prune import Reach, find
+from scenegen.search.prune import Reachability, find
 from scenegen.search.tape import Tape, make_tape, weight
 
 Array = npt.NDArray[np.float64]
@@ -55,7 +55,7 @@ def clash(
     highest: Array,
     wanted: Mapping[int, Ends],
     *,
-    search: bool | Reach = True,
+    search: bool | Reachability = True,
     work: int = WORK,
     effort: Effort | None = None,
 ) -> Clash | None:

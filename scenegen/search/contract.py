@@ -22,7 +22,7 @@ from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction
 from scenegen.lang.formula.interpret import Algebra, fold
 from scenegen.lang.spec import CheckedSpec
 from scenegen.search.effort import Effort, bounding
-from scenegen.search.tape import Batches, Contracted, Tape, make_batches
+from scenegen.search.tape import BatchedTape, Contracted, Tape, make_batches
 
 # --------------------------------------------------------------------------------------------------------------------
 # What is wanted of a formula, pushed down to its parts, and split into alternatives that exclude one another.
@@ -150,7 +150,7 @@ def contract(
     hi: Array,
     rounds: int = ROUNDS,
     *,
-    batches: Batches | None = None,
+    batches: BatchedTape | None = None,
     effort: Effort | None = None,
 ) -> npt.NDArray[np.bool_]:
     """Narrow the intervals of T nodes over K boxes, (T, K) each, in place; returns which may hold a solution, (K,).
@@ -212,7 +212,7 @@ def forward(
     hi: Array,
     given: Sequence[int],
     *,
-    batches: Batches | None = None,
+    batches: BatchedTape | None = None,
     effort: Effort | None = None,
 ) -> tuple[Array, Array]:
     """Bounds of all nodes, (T, K), from the intervals of the `given` ones alone (and of all coordinates): the same
@@ -344,7 +344,7 @@ class _Bounds(Algebra[Interval]):
         return (iv.minimum if node.kind == "min" else iv.maximum)(*args)
 
 
-def _in_batches(core: Core, batches: Batches, lowest: Array, highest: Array, effort: Effort) -> list[Interval]:
+def _in_batches(core: Core, batches: BatchedTape, lowest: Array, highest: Array, effort: Effort) -> list[Interval]:
     """The same numbers, those of many nodes at a time."""
     shape = np.shape(lowest)[1:]
     columns = lowest.reshape(len(lowest), -1).shape[1]

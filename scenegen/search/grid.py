@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scenegen.lang.formula.core import Coord, Node
 from scenegen.search.contract import ROUNDS, SLACK, Ends, contract, forward
 from scenegen.search.effort import PYTHON, Effort
-from scenegen.search.tape import Batches, Tape, make_batches
+from scenegen.search.tape import BatchedTape, Tape, make_batches
 
 # --------------------------------------------------------------------------------------------------------------------
 # Drawing from a finite distribution in constant time (Walker 1977; the tables as in Vose 1991).
@@ -126,7 +126,7 @@ class _Tape:
     """What boxes are contracted by, and what makes one whole."""
 
     what: Coupled
-    batches: Batches | None
+    batches: BatchedTape | None
     effort: Effort
 
     def contract(self, lo: Array, hi: Array, rounds: int = ROUNDS) -> npt.NDArray[np.bool_]:
@@ -143,7 +143,7 @@ class _Tape:
 
 
 @dataclass(frozen=True, slots=True)
-class _Boxes:
+class _GridBoxes:
     """K disjoint boxes: the intervals lo, hi (T, K) of all nodes, which boxes are worth a cut, `open_`, and how much
     they cover, `volume`. `whole` (d,) is how wide they were before the first cut."""
 
@@ -159,21 +159,21 @@ class _Boxes:
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class BuiltGrid:
     """A grid, its work, and the budgets for which it is the same. With a larger one, it goes on from the boxes of
     `last`, which took the work beside them; None where they are not kept."""
 
     grid: Grid
     work: float
     budgets: range
-    last: tuple[_Boxes, float] | None = None
+    last: tuple[_GridBoxes, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Grids:
     """The latest grids that a search has made, by what they cover."""
 
-    _kept: dict[tuple[object, ...], Made] = field(default_factory=dict)
+    _kept: dict[tuple[object, ...], BuiltGrid] = field(default_factory=dict)
 
     def grid(self, what: Coupled, budget: int, effort: Effort) -> Grid:
         """The grid of `make_grid`. The same work is counted for what is at hand, so that what a search finds does not
@@ -190,7 +190,7 @@ class Grids:
         return made.grid
 
 
-def make_grid(what: Coupled, budget: int, effort: Effort, smaller: Made | None = None) -> Made:
+def make_grid(what: Coupled, budget: int, effort: Effort, smaller: BuiltGrid | None = None) -> BuiltGrid:
     """A cover by at most `budget` boxes. An empty grid proves that there is no solution. `smaller` may be one of the
     same: it is continued, which gives the same grid and counts as the same work as one from the start. Raises what
     `effort` raises."""
@@ -202,7 +202,7 @@ def make_grid(what: Coupled, budget: int, effort: Effort, smaller: Made | None =
         effort.spend(work)
     else:
         begun, boxes = None, _first(tape)
-    last: tuple[_Boxes, float] | None = None
+    last: tuple[_GridBoxes, float] | None = None
     while boxes.open_.any() and boxes.count < budget:
         largest = boxes.volume[boxes.open_].max()
         chosen = np.flatnonzero(boxes.open_ & (boxes.volume >= SHARE * largest))
@@ -229,20 +229,20 @@ def make_grid(what: Coupled, budget: int, effort: Effort, smaller: Made | None =
     grid = Grid(what.names, boxes.lo[where], boxes.hi[where], total, alias)
     budgets = range(budget, sys.maxsize if last is None else budget + 1)
     # A search asks for two budgets: the boxes of the second would be kept for nothing.
-    return Made(grid, effort.used - used, budgets, last if begun is None else None)
+    return BuiltGrid(grid, effort.used - used, budgets, last if begun is None else None)
 
 
-def _first(tape: _Tape) -> _Boxes:
+def _first(tape: _Tape) -> _GridBoxes:
     """The one box that all begins with, or none."""
     lo, hi = tape.what.lo[:, None].copy(), tape.what.hi[:, None].copy()
     alive = tape.contract(lo, hi)
     lo, hi = lo[:, alive], hi[:, alive]
     where = list(tape.what.dims)
     whole = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
-    return _Boxes(lo, hi, ~tape.settled(lo, hi), _volume(lo, hi, where), whole)
+    return _GridBoxes(lo, hi, ~tape.settled(lo, hi), _volume(lo, hi, where), whole)
 
 
-def _cut(tape: _Tape, boxes: _Boxes, chosen: npt.NDArray[np.intp]) -> _Boxes:
+def _cut(tape: _Tape, boxes: _GridBoxes, chosen: npt.NDArray[np.intp]) -> _GridBoxes:
     """The boxes with both halves of those `chosen` (C,) in their place, as far as there is something left of them."""
     where = list(tape.what.dims)
     lo, hi = _split(tape, boxes.lo[:, chosen], boxes.hi[:, chosen], where, boxes.whole)
@@ -251,7 +251,7 @@ def _cut(tape: _Tape, boxes: _Boxes, chosen: npt.NDArray[np.intp]) -> _Boxes:
     open_ = np.concatenate([boxes.open_[kept], ~tape.settled(lo, hi)])
     volume = np.concatenate([boxes.volume[kept], _volume(lo, hi, where)])
     lo, hi = np.concatenate([boxes.lo[:, kept], lo], axis=1), np.concatenate([boxes.hi[:, kept], hi], axis=1)
-    return _Boxes(lo, hi, open_, volume, boxes.whole)
+    return _GridBoxes(lo, hi, open_, volume, boxes.whole)
 
 
 def _volume(lo: Array, hi: Array, dims: Sequence[int]) -> Array:
@@ -298,7 +298,7 @@ ROUNDING = 2.0**-50  # of a sum along an edge, relative
 
 
 @dataclass(frozen=True, slots=True)
-class Edge:
+class DifferenceBound:
     """child - parent lies within [low, high]."""
 
     parent: int
@@ -365,7 +365,7 @@ class Chain:
         return found
 
 
-def make_chain(edges: Sequence[Edge], intervals: Mapping[int, tuple[float, float]]) -> Chain:
+def make_chain(edges: Sequence[DifferenceBound], intervals: Mapping[int, tuple[float, float]]) -> Chain:
     """The chain of a tree of edges, parents first, over rows with the given intervals. Its volume is 0 where no point
     meets all edges, and where it is too small for a number."""
     rows = [edges[0].parent, *(edge.child for edge in edges)]
@@ -401,7 +401,7 @@ def make_chain(edges: Sequence[Edge], intervals: Mapping[int, tuple[float, float
     return Chain(tuple(rows), low, width, tuple(sums), tuple(reversed(links)), volume, root)
 
 
-def empty(edges: Sequence[Edge], intervals: Mapping[int, tuple[float, float]]) -> bool:
+def empty(edges: Sequence[DifferenceBound], intervals: Mapping[int, tuple[float, float]]) -> bool:
     """Whether it is proved that no point meets all edges of a tree: from its leaves to its root, what each child leaves
     to its parent."""
     left = dict(intervals)
@@ -532,7 +532,7 @@ def groups_of(tape: Tape, forest: Forest, mine: Iterable[Open], effort: Effort) 
     return sorted((group for group in groups if group), key=min)
 
 
-def trees(tape: Tape, lo: Array, hi: Array, taken: Collection[int]) -> list[list[Edge]]:
+def trees(tape: Tape, lo: Array, hi: Array, taken: Collection[int]) -> list[list[DifferenceBound]]:
     """Trees of differences that say more than the rows' own intervals, among the rows that are not taken."""
     edges = []
     for node, (a, b) in tape.differences.items():
@@ -551,20 +551,20 @@ def trees(tape: Tape, lo: Array, hi: Array, taken: Collection[int]) -> list[list
             joined[_find(joined, a)] = _find(joined, b)
             near.setdefault(b, []).append((a, low, high))
             near.setdefault(a, []).append((b, -high, -low))
-    trees: list[list[Edge]] = []
+    trees: list[list[DifferenceBound]] = []
     seen: set[int] = set()
     for root in sorted(near):
         if root in seen:
             continue
         seen.add(root)
-        tree: list[Edge] = []
+        tree: list[DifferenceBound] = []
         waiting = [root]
         while waiting:
             row = waiting.pop(0)
             for other, low, high in near[row]:
                 if other not in seen:
                     seen.add(other)
-                    tree.append(Edge(row, other, low, high))
+                    tree.append(DifferenceBound(row, other, low, high))
                     waiting.append(other)
         trees.append(tree)
     return trees

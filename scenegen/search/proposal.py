@@ -21,7 +21,7 @@ from scenegen.search.grid import (
     TINY,
     Chain,
     Coupled,
-    Edge,
+    DifferenceBound,
     Forest,
     Grid,
     Grids,
@@ -117,7 +117,7 @@ def _sorted(points: int, count: int, rng: np.random.Generator) -> list[Array]:
     return values
 
 
-def make_order(edges: Sequence[Edge], intervals: Mapping[int, tuple[float, float]]) -> Order | None:
+def make_order(edges: Sequence[DifferenceBound], intervals: Mapping[int, tuple[float, float]]) -> Order | None:
     """The order that a tree of edges makes, None where it is none: not a path, rooms of different size, or more than
     one gap with an upper end that matters."""
     near: dict[int, list[tuple[int, float, float]]] = {}

@@ -327,7 +327,7 @@ LARGEST = 20_000  # nodes from which on there is no search
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
+class Reachability:
     """Whether a demand can be met: "yes" with a `witness` (3N,), "no" as bounds prove, or "unknown". `best` is the
     least margin of the best scene that was looked at, and `nearest` (3N,) is that scene. `short`: the effort allowed
     ended the search before its last round."""
@@ -347,7 +347,7 @@ def find(
     *,
     work: int = WORK,
     effort: Effort | None = None,
-) -> Reach:
+) -> Reachability:
     """Whether all wanted formula nodes can lie within their ends at once, in the box lowest..highest (3N,).
 
     A few uniform scenes first; then contraction; then uniform scenes of the contracted box, the best of which are moved
@@ -360,14 +360,14 @@ def find(
         core, wanted, effort, lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), FIRST))
     )
     if margins[0] >= 0.0:
-        return Reach("yes", easy[:, 0], float(margins[0]), easy[:, 0])
+        return Reachability("yes", easy[:, 0], float(margins[0]), easy[:, 0])
     if weight(core.nodes) > 2 * work or len(core.nodes) > LARGEST:
-        return Reach("unknown", None, float(margins[0]), easy[:, 0], True)
+        return Reachability("unknown", None, float(margins[0]), easy[:, 0], True)
     tape = make_tape(core, lowest, highest, effort)
     lo, hi = start(tape, [push_down(core, wanted)], lowest[:, None], highest[:, None])
     rounds = max(1, min(4, work // weight(tape.nodes)))
     if not contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)[0]:
-        return Reach("no", None, float(margins[0]), easy[:, 0])
+        return Reachability("no", None, float(margins[0]), easy[:, 0])
     low, high = lowest.copy(), highest.copy()
     for row, at in tape.rows.items():
         low[row], high[row] = max(low[row], lo[at, 0]), min(high[row], hi[at, 0])
@@ -388,8 +388,8 @@ def find(
         best, margins = _best(core, wanted, effort, np.concatenate([best, rows], axis=1))
     found = best[:, 0]
     if margins[0] >= 0.0:
-        return Reach("yes", found, float(margins[0]), found)
-    return Reach("unknown", None, float(margins[0]), found, rounds < SEARCHED)
+        return Reachability("yes", found, float(margins[0]), found)
+    return Reachability("unknown", None, float(margins[0]), found, rounds < SEARCHED)
 
 
 def _best(core: Core, wanted: Mapping[int, Ends], effort: Effort, rows: Array) -> tuple[Array, Array]:

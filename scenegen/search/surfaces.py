@@ -103,7 +103,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
+class SurfacePatches:
     """The patches of one surface, (K,) or (2, K) each as in `Step`: what carries it, the interval of the switch, and
     the headings at which slices begin. With a `radius` above 0 the one patch is a disc."""
 
@@ -187,7 +187,7 @@ def cut(
     return (low + high) / 2.0, (high - low) / 2.0
 
 
-def step_of(thing: int, switch: int | None, pieces: list[Piece], turned: bool) -> Step:
+def step_of(thing: int, switch: int | None, pieces: list[SurfacePatches], turned: bool) -> Step:
     """How an object is drawn on pieces with some area together; `turned` as in `Step`."""
     frames = tuple(dict.fromkeys(one.frame for one in pieces))
     size = [len(one.heading) for one in pieces]
@@ -312,9 +312,9 @@ def _carried(under: Support, ends: Callable[[int], Ends]) -> tuple[float, float,
     return (x[0], y[0], theta[0]) if x[0] == x[1] and y[0] == y[1] and theta[0] == theta[1] else None
 
 
-def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[Piece] | None:
+def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[SurfacePatches] | None:
     """The patches of each surface that is left; None where none is, nothing where all of them have no area."""
-    found, left, begin, turned = list[Piece](), False, 0.0, _turns(stand, ends)
+    found, left, begin, turned = list[SurfacePatches](), False, 0.0, _turns(stand, ends)
     for under, end in zip(stand.options, stand.ends, strict=True):
         low, high = begin, end
         begin = end
@@ -337,7 +337,7 @@ def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[Piece] | None:
                 middle, half = cut(middle, half, held, [ends(row_of(stand.thing, axis)) for axis in PLACE])
                 kept &= (half > 0.0).all(axis=0)
         if kept.any() and high > low:
-            found.append(Piece(frame, low, high - low, middle[:, kept], half[:, kept], radius, heading[kept]))
+            found.append(SurfacePatches(frame, low, high - low, middle[:, kept], half[:, kept], radius, heading[kept]))
     return found if left else None
 
 

@@ -107,7 +107,7 @@ def _junction(kind: str, result: Interval, low: Array, high: Array) -> tuple[Arr
 
 
 @dataclass(frozen=True, slots=True)
-class Batches:
+class BatchedTape:
     """A tape in the order of its batches; `places` and `values` (C,) are those of its constants, `coords` the places of
     the coordinates. Methods change intervals lo, hi (T, K) in place, and raise what `effort` raises."""
 
@@ -145,7 +145,7 @@ class Batches:
                 piece.revise(lo, hi)
 
 
-def make_batches(nodes: Sequence[Node], fewest: int = FEWEST, worth: float = WORTH) -> Batches | None:
+def make_batches(nodes: Sequence[Node], fewest: int = FEWEST, worth: float = WORTH) -> BatchedTape | None:
     """The batches of a tape; None for fewer nodes than `fewest`, or fewer than `worth` in a batch on average."""
     if len(nodes) < fewest:
         return None
@@ -176,7 +176,7 @@ def make_batches(nodes: Sequence[Node], fewest: int = FEWEST, worth: float = WOR
         for (_, _), found in sorted(members.items(), key=lambda item: (item[0][0], item[1][0]))
     )
     values = np.array([node.value for node in nodes if isinstance(node, Const)], dtype=np.float64)
-    return Batches(_index(constants), values, _index(coords), batches)
+    return BatchedTape(_index(constants), values, _index(coords), batches)
 
 
 def _index(values: Sequence[int]) -> Index:
@@ -198,23 +198,23 @@ RELATIVE: dict[str, tuple[tuple[int, int], tuple[int, int]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class AffineForm:
     """constant + sum of coefficient times node: how a number depends on coordinates and on opaque numbers."""
 
     constant: float
     terms: tuple[tuple[int, float], ...] = ()
 
-    def plus(self, other: Form, factor: float = 1.0) -> Form:
+    def plus(self, other: AffineForm, factor: float = 1.0) -> AffineForm:
         terms = dict(self.terms)
         for node, coefficient in other.terms:
             terms[node] = terms.get(node, 0.0) + factor * coefficient
         kept = tuple((node, value) for node, value in sorted(terms.items()) if value != 0.0)
-        return Form(self.constant + factor * other.constant, kept)
+        return AffineForm(self.constant + factor * other.constant, kept)
 
-    def times(self, factor: float) -> Form:
+    def times(self, factor: float) -> AffineForm:
         if factor == 0.0:
-            return Form(0.0)
-        return Form(self.constant * factor, tuple((node, value * factor) for node, value in self.terms))
+            return AffineForm(0.0)
+        return AffineForm(self.constant * factor, tuple((node, value * factor) for node, value in self.terms))
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,7 +242,7 @@ class Tape:
     differences: dict[int, tuple[int, int]]
     affine: dict[int, int]
     loops: tuple[int, ...]
-    batches: Batches | None = None
+    batches: BatchedTape | None = None
     contracted: dict[Hashable, Contracted] = field(default_factory=dict, compare=False, repr=False)
 
     def support(self, node: int) -> frozenset[int]:
@@ -283,7 +283,7 @@ class Tape:
 
 
 @dataclass(slots=True)
-class _Writer:
+class _TapeBuilder:
     """Collects nodes, each only once."""
 
     nodes: list[Node] = field(default_factory=list)
@@ -301,7 +301,7 @@ class _Writer:
     def constant(self, value: float) -> int:
         return self.add(Const(value))
 
-    def write(self, form: Form) -> int:
+    def write(self, form: AffineForm) -> int:
         """The node with the value of a form."""
         terms = self._with_differences(form)
         if not terms:
@@ -326,7 +326,7 @@ class _Writer:
             return self.add(Apply("neg", (node,)))
         return self.add(Apply("mul", (self.constant(coefficient), node)))
 
-    def _with_differences(self, form: Form) -> list[tuple[int, float]]:
+    def _with_differences(self, form: AffineForm) -> list[tuple[int, float]]:
         """The terms of a form; two coordinates along one axis that are subtracted become their difference."""
         coords: list[tuple[Coord, int, float]] = []
         rest: list[tuple[int, float]] = []
@@ -367,47 +367,47 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
     return Tape(nodes, where, algebra.rows, writer.differences, writer.affine, loops, make_batches(nodes))
 
 
-class _Forms(Algebra[Form]):
+class _Forms(Algebra[AffineForm]):
     """Nodes as forms of what `writer` has written; `where` and `rows` are the tape's."""
 
     def __init__(self, lowest: Array, highest: Array, effort: Effort) -> None:
         self._lowest, self._highest, self._effort = lowest, highest, effort
-        self.writer = _Writer()
+        self.writer = _TapeBuilder()
         self.where: list[int] = []
         self.rows: dict[int, int] = {}
 
-    def constant(self, index: int, node: Const) -> Form:
-        return self._done(node, Form(node.value))
+    def constant(self, index: int, node: Const) -> AffineForm:
+        return self._done(node, AffineForm(node.value))
 
-    def coordinate(self, index: int, node: Coord) -> Form:
+    def coordinate(self, index: int, node: Coord) -> AffineForm:
         if self._lowest[node.row] == self._highest[node.row]:
-            return self._done(node, Form(float(self._lowest[node.row])))
+            return self._done(node, AffineForm(float(self._lowest[node.row])))
         place = self.rows[node.row] = self.writer.add(Coord(node.object, node.axis))
-        return self._done(node, Form(0.0, ((place, 1.0),)))
+        return self._done(node, AffineForm(0.0, ((place, 1.0),)))
 
-    def apply(self, index: int, node: Apply, args: list[Form]) -> Form:
+    def apply(self, index: int, node: Apply, args: list[AffineForm]) -> AffineForm:
         return self._done(node, _apply(self.writer, node, args))
 
-    def atom(self, index: int, node: Atom, margin: Form) -> Form:
+    def atom(self, index: int, node: Atom, margin: AffineForm) -> AffineForm:
         self._effort.spend(PYTHON * 2)
         margin = self._short(margin)
         self.where.append(self.writer.write(margin))
         return margin
 
-    def junction(self, index: int, node: Junction, args: list[Form]) -> Form:
+    def junction(self, index: int, node: Junction, args: list[AffineForm]) -> AffineForm:
         self._effort.spend(PYTHON * (1 + len(node.args)))
         place = self.writer.add(Junction(node.kind, tuple([self.where[arg] for arg in node.args]), node.text))
         self.where.append(place)
-        return Form(0.0, ((place, 1.0),))
+        return AffineForm(0.0, ((place, 1.0),))
 
-    def _done(self, node: Node, form: Form) -> Form:
+    def _done(self, node: Node, form: AffineForm) -> AffineForm:
         """The form of a number, of which the tape has no place of its own."""
         self._effort.spend(PYTHON * (1 + len(children(node))))
         self.where.append(-1)
         return self._short(form)
 
-    def _short(self, form: Form) -> Form:
-        return Form(0.0, ((self.writer.write(form), 1.0),)) if len(form.terms) > LONGEST else form
+    def _short(self, form: AffineForm) -> AffineForm:
+        return AffineForm(0.0, ((self.writer.write(form), 1.0),)) if len(form.terms) > LONGEST else form
 
 
 def weight(nodes: Sequence[Node]) -> int:
@@ -417,7 +417,7 @@ def weight(nodes: Sequence[Node]) -> int:
     )
 
 
-def _loops(writer: _Writer, effort: Effort) -> tuple[int, ...]:
+def _loops(writer: _TapeBuilder, effort: Effort) -> tuple[int, ...]:
     """A node (a - b) + (b - c) - (a - c) for every three rows whose differences all occur, up to a number."""
     node = {pair: index for index, pair in writer.differences.items()}
     after: dict[int, list[int]] = {}
@@ -435,7 +435,7 @@ def _loops(writer: _Writer, effort: Effort) -> tuple[int, ...]:
     return tuple(found)
 
 
-def _apply(writer: _Writer, node: Apply, args: list[Form]) -> Form:
+def _apply(writer: _TapeBuilder, node: Apply, args: list[AffineForm]) -> AffineForm:
     """The form of a primitive applied to forms: sums stay open, everything else becomes a node."""
     match node.primitive, args:
         case "add", [a, b]:
@@ -453,5 +453,5 @@ def _apply(writer: _Writer, node: Apply, args: list[Form]) -> Form:
     if node.primitive in RELATIVE:
         args = list(args)
         for first, second in zip(*RELATIVE[node.primitive], strict=True):
-            args[first], args[second] = args[first].plus(args[second], -1.0), Form(0.0)
-    return Form(0.0, ((writer.add(Apply(node.primitive, tuple(map(writer.write, args)), node.shapes)), 1.0),))
+            args[first], args[second] = args[first].plus(args[second], -1.0), AffineForm(0.0)
+    return AffineForm(0.0, ((writer.add(Apply(node.primitive, tuple(map(writer.write, args)), node.shapes)), 1.0),))

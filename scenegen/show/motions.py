@@ -28,7 +28,7 @@ from scenegen.scenes.formats.motions.table import MotionArrays, scenes_header
 from scenegen.show.figures.plot import ticks
 from scenegen.show.figures.sheet import INK, PAPER, QUIET
 from scenegen.show.figures.strip import HELD, STEP, animation, pages, strip, video
-from scenegen.show.scenes import Look
+from scenegen.show.scenes import PictureStyle
 from scenegen.validation import as_path
 
 Array = npt.NDArray[np.float64]
@@ -106,7 +106,7 @@ def _look(
     size: tuple[int, int] | None,
     distinct: bool,
     workers: int | None,
-) -> Look:
+) -> PictureStyle:
     """How pictures are drawn. Raises RequestError for what cannot be, before anything is drawn."""
     from scenegen.show.render.files import check_request, usual_size
 
@@ -116,11 +116,11 @@ def _look(
         need("av", "for MP4 files")
     if not len(motions.poses):
         raise RequestError(NO_SCENES())
-    return Look(view, size, distinct, workers, None)
+    return PictureStyle(view, size, distinct, workers, None)
 
 
 def _one(
-    motions: MotionArrays, number: int, spec: CheckedSpec, label: str, kinds: tuple[str, ...], look: Look
+    motions: MotionArrays, number: int, spec: CheckedSpec, label: str, kinds: tuple[str, ...], look: PictureStyle
 ) -> dict[str, bytes]:
     from PIL import Image
 

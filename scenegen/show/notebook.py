@@ -20,7 +20,7 @@ from scenegen.errors import ScenegenError
 from scenegen.scenes.data import SceneFile
 
 if TYPE_CHECKING:
-    from scenegen.api.outline import Checked
+    from scenegen.api.outline import SpecHolder
     from scenegen.api.scene_arrays import SceneArrays
 
 Array = npt.NDArray[np.float64]
@@ -93,7 +93,7 @@ def _table(scenes: SceneArrays) -> str:
     return f"<table>{''.join(rows)}</table>"
 
 
-def spec_page(spec: Checked) -> str:
+def spec_page(spec: SpecHolder) -> str:
     """A spec as HTML: its objects, and for each label the tree of its formula with the bounds of phi."""
     from scenegen.api.outline import Outline
 

@@ -52,7 +52,7 @@ FRAMES = 36  # scenes of an animation
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class PictureStyle:
     """How the pictures are drawn that figures are put together from."""
 
     view: str
@@ -71,7 +71,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True)
-class Moving:
+class SweepFrames:
     """The frames of a sweep: phi of the label, the picture and the objects that overlap in each; the strip shows the
     `picked` ones."""
 
@@ -90,7 +90,7 @@ class Job:
     scenes: SceneArrays
     kinds: tuple[str, ...]
     label: str | None
-    look: Look
+    look: PictureStyle
 
     @property
     def spec(self) -> CheckedSpec:
@@ -98,7 +98,7 @@ class Job:
         return check_text(self.scenes.header.spec.source, "the spec of these scenes")
 
     @cached_property
-    def moving(self) -> Moving:
+    def moving(self) -> SweepFrames:
         """One layout from hard to solved; drawn once for the strip and the animation. Raises RequestError."""
         from scenegen.scenes.stage import overlaps_of
 
@@ -110,7 +110,7 @@ class Job:
             file = file.model_copy(update={"scenes": [file.scenes[place] for place in picked]})
             phi, picked = [phi[place] for place in picked], list(range(len(picked)))
         notes = [", ".join(pairs) for pairs in overlaps_of(file)]
-        return Moving(chosen, phi, picked, list(self.look.pictures(file)), notes)
+        return SweepFrames(chosen, phi, picked, list(self.look.pictures(file)), notes)
 
 
 def figures(
@@ -149,7 +149,7 @@ def figures(
     check_request((view,), size, workers)
     if "mp4" in kinds:
         need("av", "for MP4 files")
-    look = Look(view, size, distinct, workers, progress)
+    look = PictureStyle(view, size, distinct, workers, progress)
     if not len(scenes):
         raise RequestError(NO_SCENES())
     job = Job(scenes, kinds, label, look)
@@ -216,7 +216,7 @@ def heatmap(job: Job) -> dict[str, bytes]:
 
 def topviews(job: Job) -> dict[str, bytes]:
     """Every scene from above, with what decides phi as a dimension."""
-    from scenegen.show.figures.dimensions import Thing, View, dimensions, short
+    from scenegen.show.figures.dimensions import FigureObject, FigureScene, dimensions, short
     from scenegen.show.figures.topview import topview
     from scenegen.things.surfaces import cells_of
 
@@ -224,7 +224,7 @@ def topviews(job: Job) -> dict[str, bytes]:
     if whole.timed is not None:
         raise RequestError(TIME_NOT_HERE(file=whole.name))
     chosen = chosen_label(whole.labels, job.label)
-    zones = [Thing(one.name, one.footprint, one.pose, zone=True) for one in whole.regions]
+    zones = [FigureObject(one.name, one.footprint, one.pose, zone=True) for one in whole.regions]
     made = {}
     for part in parts_of(whole, scenes):
         spec = part.spec
@@ -235,10 +235,10 @@ def topviews(job: Job) -> dict[str, bytes]:
             assert isinstance(atom, Atom)
             phi = values[spec.core.labels[chosen]]
             things = [
-                Thing(name, shape.footprint, (float(x), float(y), float(theta)), inside=cells_of(shape))
+                FigureObject(name, shape.footprint, (float(x), float(y), float(theta)), inside=cells_of(shape))
                 for name, shape, (x, y, theta) in zip(spec.objects, spec.shapes, flat(as_poses(rows)), strict=False)
             ]
-            view = View(
+            view = FigureScene(
                 [*zones, *things],
                 x=spec.workspace.x,
                 y=spec.workspace.y,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenegen.things.parts import Pull, Slab, Surface
+from scenegen.things.parts import DrawerPull, Slab, SupportSurface
 
 WIDTH = 0.440
 BODY = 0.320  # from the back to the fronts of closed drawers
@@ -69,19 +69,19 @@ class Cabinet:
                 found += _box(face, front, low + SUNK)
         return tuple(found)
 
-    def surfaces(self) -> tuple[Surface, ...]:
+    def surfaces(self) -> tuple[SupportSurface, ...]:
         """The top, and the drawers from the lowest up."""
         face, y = self.back + BODY + FRONT, WIDTH / 2.0
-        found = [Surface("top", Slab((self.back, -y, face, y), 0.0, 0.0).footprint, self.height)]
+        found = [SupportSurface("top", Slab((self.back, -y, face, y), 0.0, 0.0).footprint, self.height)]
         fronts = self.fronts()
         for number, front in enumerate(fronts):
             above = fronts[number + 1 :]
             start = max(face, *(one + FRONT + GRIP for one in above)) if above else face
             inner = (min(start, front - LEDGE), -_inner(), front, _inner())
             height = PLINTH + number * PITCH + SUNK + FLOOR
-            pull = Pull(self.open[number], front - start, FULL, 2.0 * _inner())
+            pull = DrawerPull(self.open[number], front - start, FULL, 2.0 * _inner())
             outline = Slab(inner, 0.0, 0.0).footprint
-            found.append(Surface(f"drawer[{number + 1}]", outline, height, walled=True, pull=pull))
+            found.append(SupportSurface(f"drawer[{number + 1}]", outline, height, walled=True, pull=pull))
         return tuple(found)
 
 
@@ -105,9 +105,9 @@ class Drawer:
             Slab((front + FRONT, -BAR / 2.0, front + FRONT + GRIP, BAR / 2.0), *HANDLE),
         )
 
-    def surfaces(self) -> tuple[Surface, ...]:
+    def surfaces(self) -> tuple[SupportSurface, ...]:
         inner = (WALL - self.length / 2.0, -_inner(), self.length / 2.0 - GRIP - FRONT, _inner())
-        return (Surface("inside", Slab(inner, 0.0, 0.0).footprint, FLOOR, walled=True),)
+        return (SupportSurface("inside", Slab(inner, 0.0, 0.0).footprint, FLOOR, walled=True),)
 
 
 def _inner() -> float:
@@ -161,11 +161,11 @@ class Rack:
                 found.append(Slab((start, rib, stop, rib + RIB), BASE, LOW))
         return tuple(found)
 
-    def surfaces(self) -> tuple[Surface, ...]:
-        found: list[Surface] = []
+    def surfaces(self) -> tuple[SupportSurface, ...]:
+        found: list[SupportSurface] = []
         for start in (SPINE / 2.0, -SPINE / 2.0 - CELL):  # the row in front first
             for column in range(COLUMNS):
                 left = BOARD - self.width / 2.0 + column * (CELL + RIB)
                 cell = Slab((start, left, start + CELL, left + CELL), 0.0, 0.0).footprint
-                found.append(Surface(f"slot[{len(found) + 1}]", cell, BASE, walled=True))
+                found.append(SupportSurface(f"slot[{len(found) + 1}]", cell, BASE, walled=True))
         return tuple(found)

@@ -27,7 +27,7 @@ WHITE: RGB = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Surface:
+class ColoredMesh:
     """Triangles of one material: `vertices` (V, 3) in metres, z upwards; `faces` (F, 3); a colour from 0 to 1, by which
     the `texture` (the bytes of a PNG or JPEG file, or none) is multiplied at `uv` (V, 2), v = 0 its upper edge. No
     colour: the file names none, and the object's own is meant."""
@@ -39,7 +39,7 @@ class Surface:
     texture: bytes = b""
 
 
-def tidy(surface: Surface) -> Surface:
+def tidy(surface: ColoredMesh) -> ColoredMesh:
     """The surface without vertices that no triangle uses, or only one whose corners coincide."""
     kept = used(surface.vertices, surface.faces)
     if len(kept) == len(surface.vertices):
@@ -52,7 +52,7 @@ def tidy(surface: Surface) -> Surface:
 
 
 @dataclass(slots=True)
-class Budget:
+class MeshBudget:
     """What has been read so far. Every method raises MeshError where it is too much."""
 
     vertices: int = 0
@@ -82,7 +82,7 @@ class Budget:
             raise MeshError(f"its files are larger than {MOST_BYTES:,} bytes together")
 
 
-def refuse_layers(surfaces: Sequence[Surface]) -> None:
+def refuse_layers(surfaces: Sequence[ColoredMesh]) -> None:
     """Raises MeshError where surfaces have hundreds of times the area of the box round them: thousands of parts in one
     place, which take minutes to draw."""
     surfaces = [one for one in surfaces if len(one.faces)]

@@ -19,7 +19,7 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.things.colored_mesh import WHITE, Budget, Surface, tidy
+from scenegen.things.colored_mesh import WHITE, ColoredMesh, MeshBudget, tidy
 from scenegen.things.mesh import Floats, Indices
 from scenegen.things.meshfile import FARTHEST, MeshError
 from scenegen.things.palette import RGB
@@ -36,7 +36,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class GltfItem:
     """An object of the JSON; `place` says where it stands there. Every method raises MeshError for what is not so."""
 
     data: dict[str, Any]
@@ -55,20 +55,20 @@ class Item:
             raise MeshError(f"{name} of {self.place} is no list of whole numbers from 0")
         return value
 
-    def item(self, name: str, default: dict[str, Any] | None = None) -> Item:
+    def item(self, name: str, default: dict[str, Any] | None = None) -> GltfItem:
         value = self.data.get(name, default)
         if not isinstance(value, dict):
             raise MeshError(f"{name} of {self.place} is missing, or no object")
-        return Item(value, f"{name} of {self.place}")
+        return GltfItem(value, f"{name} of {self.place}")
 
-    def items(self, name: str) -> list[Item]:
+    def items(self, name: str) -> list[GltfItem]:
         value = self.data.get(name, [])
         if not isinstance(value, list) or not all(isinstance(one, dict) for one in value):
             raise MeshError(f"{name} of {self.place} is no list of objects")
-        return [Item(one, f"{name}[{k}] of {self.place}") for k, one in enumerate(value)]
+        return [GltfItem(one, f"{name}[{k}] of {self.place}") for k, one in enumerate(value)]
 
     def number(self, name: str, default: float) -> float:
-        return float(Item({name: [self.data.get(name, default)]}, self.place).numbers(name, 1, ())[0])
+        return float(GltfItem({name: [self.data.get(name, default)]}, self.place).numbers(name, 1, ())[0])
 
     def numbers(self, name: str, count: int, default: Sequence[float]) -> Floats:
         value = self.data.get(name, default)
@@ -83,8 +83,8 @@ class Item:
 
 
 @dataclass(slots=True)
-class Document:
-    root: Item
+class GltfDocument:
+    root: GltfItem
     binary: bytes | None
     read: Callable[[str], bytes]
     size: int = 0
@@ -96,14 +96,14 @@ class Document:
             raise MeshError(f"its {name} are no list")
         return len(value)
 
-    def item(self, name: str, number: int) -> Item:
+    def item(self, name: str, number: int) -> GltfItem:
         """One of the lists at the top, by number. Raises MeshError."""
         if number >= self.count(name):
             raise MeshError(f"it names {name}[{number}], and has {self.count(name)}")
         value = self.root.data[name][number]
         if not isinstance(value, dict):
             raise MeshError(f"{name}[{number}] is no object")
-        return Item(value, f"{name}[{number}]")
+        return GltfItem(value, f"{name}[{number}]")
 
     def required(self) -> list[str]:
         value = self.root.data.get("extensionsRequired", [])
@@ -160,7 +160,7 @@ class Document:
             raise MeshError(f"{view.place} ends outside its buffer: the file is cut short or damaged")
         return memoryview(self.buffers[which])[start : start + length]
 
-    def _fetch(self, item: Item) -> bytes:
+    def _fetch(self, item: GltfItem) -> bytes:
         """What the `uri` of a buffer or image says, or names. Raises MeshError."""
         uri = item.data.get("uri")
         if not isinstance(uri, str) or not uri:
@@ -183,7 +183,7 @@ class Document:
         return data
 
 
-def open_document(name: str, data: bytes, read: Callable[[str], bytes]) -> Document:
+def open_document(name: str, data: bytes, read: Callable[[str], bytes]) -> GltfDocument:
     """A .glb or .gltf file, by the ending of `name`; only its JSON is read. Raises MeshError."""
     binary = None
     text = data
@@ -197,7 +197,7 @@ def open_document(name: str, data: bytes, read: Callable[[str], bytes]) -> Docum
         raise MeshError("its JSON is damaged") from None
     if not isinstance(root, dict):
         raise MeshError("its JSON is no object")
-    document = Document(Item(root, "the file"), binary, read)
+    document = GltfDocument(GltfItem(root, "the file"), binary, read)
     version = document.root.item("asset").data.get("version")
     if not isinstance(version, str) or version.partition(".")[0] != "2":
         raise MeshError("it is not glTF 2.0")
@@ -247,13 +247,13 @@ TRIANGLES, STRIP, FAN = 4, 5, 6  # the modes of a primitive that have faces
 
 
 @dataclass(slots=True)
-class _Reader:
-    document: Document
-    budget: Budget = field(default_factory=Budget)
+class _GltfReader:
+    document: GltfDocument
+    budget: MeshBudget = field(default_factory=MeshBudget)
     textures: dict[int, bytes] = field(default_factory=dict)
 
-    def surfaces(self) -> list[Surface]:
-        parts: list[tuple[Item, Floats]] = []
+    def surfaces(self) -> list[ColoredMesh]:
+        parts: list[tuple[GltfItem, Floats]] = []
         for node, turn in self._nodes():
             if "skin" in node.data:
                 raise MeshError("it moves by a skeleton (a skin): apply it before the export")
@@ -268,7 +268,7 @@ class _Reader:
             raise MeshError("no node of its scene has triangles")
         return found
 
-    def _nodes(self) -> list[tuple[Item, Floats]]:
+    def _nodes(self) -> list[tuple[GltfItem, Floats]]:
         """The nodes of the scene that is shown, each with its place (4, 4) in it."""
         document = self.document
         count = document.count("nodes")
@@ -292,7 +292,7 @@ class _Reader:
                 found.append((one, turn @ _placed(one)))
         return found
 
-    def _surface(self, part: Item, turn: Floats) -> Surface | None:
+    def _surface(self, part: GltfItem, turn: Floats) -> ColoredMesh | None:
         mode = part.index("mode", TRIANGLES)
         if mode not in (TRIANGLES, STRIP, FAN):  # points and lines
             return None
@@ -318,9 +318,9 @@ class _Reader:
         color, image = self._material(part)
         texture, uv = (b"", None) if image is None else self._texture(image, attributes, len(points))
         x, y, z = placed.T  # y points up in glTF
-        return tidy(Surface(np.column_stack([x, -z, y]), faces, color, uv, texture))
+        return tidy(ColoredMesh(np.column_stack([x, -z, y]), faces, color, uv, texture))
 
-    def _material(self, part: Item) -> tuple[RGB, Item | None]:
+    def _material(self, part: GltfItem) -> tuple[RGB, GltfItem | None]:
         """Base colour, and what the material says of its texture."""
         if "material" not in part.data:
             return WHITE, None
@@ -333,7 +333,7 @@ class _Reader:
         red, green, blue, _ = np.clip(paint.numbers(factor, 4, (1.0, 1.0, 1.0, 1.0)), 0.0, 1.0).tolist()
         return (red, green, blue), paint.item(image) if image in paint.data else None
 
-    def _texture(self, image: Item, attributes: Item, count: int) -> tuple[bytes, Floats]:
+    def _texture(self, image: GltfItem, attributes: GltfItem, count: int) -> tuple[bytes, Floats]:
         """The file of a texture, and the places (count, 2) of the vertices in it."""
         document = self.document
         texture = document.item("textures", image.index("index"))
@@ -352,7 +352,7 @@ class _Reader:
             cos, sin = np.cos(angle), np.sin(angle)
             uv = uv * moved.numbers("scale", 2, (1.0, 1.0)) @ np.array([[cos, -sin], [sin, cos]])
             uv = uv + moved.numbers("offset", 2, (0.0, 0.0))
-        sampler = document.item("samplers", texture.index("sampler")) if "sampler" in texture.data else Item({}, "")
+        sampler = document.item("samplers", texture.index("sampler")) if "sampler" in texture.data else GltfItem({}, "")
         for axis, mode in enumerate(("wrapS", "wrapT")):
             outside = uv[:, axis].min(initial=0.0) < -SLACK or uv[:, axis].max(initial=1.0) > 1.0 + SLACK
             if outside and sampler.index(mode, REPEAT) != REPEAT:
@@ -370,7 +370,7 @@ class _Reader:
         return self.textures[number]
 
 
-def surfaces(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[Surface, ...]:
+def surfaces(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[ColoredMesh, ...]:
     """What a .glb or .gltf file shows, turned so that z points up (glTF's front, +z, then looks along -y).
 
     `read` gives the bytes of a file that it names, relative to it; what that raises passes through. Animations,
@@ -381,7 +381,7 @@ def surfaces(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[Surf
         if extension not in (*HARMLESS, DIFFUSE, MOVED):
             raise MeshError(f"it needs the extension {extension}, which is not read here: export it without")
     with np.errstate(all="ignore"):  # what overflows is found as no number
-        return tuple(_Reader(document).surfaces())
+        return tuple(_GltfReader(document).surfaces())
 
 
 def _faces(order: Indices, mode: int) -> Indices:
@@ -396,7 +396,7 @@ def _faces(order: Indices, mode: int) -> Indices:
     return faces
 
 
-def _placed(node: Item) -> Floats:
+def _placed(node: GltfItem) -> Floats:
     """The (4, 4) matrix of a node in its parent's frame."""
     if "matrix" in node.data:
         return node.numbers("matrix", 16, ()).reshape(4, 4).T

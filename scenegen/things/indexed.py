@@ -19,7 +19,7 @@ from scenegen.geometry import Footprint
 from scenegen.things.mesh import Floats
 from scenegen.things.meshfile import LEAST_MASS, MOST_FRICTION, MOST_MASS, ending_of
 from scenegen.things.outline import OutlineError, Shadow
-from scenegen.things.urdf import GLTF, PLAIN, ROBOT, Placed, UrdfError, mesh_points, robot_shadow
+from scenegen.things.urdf import GLTF, PLAIN, ROBOT, RobotPlacement, UrdfError, mesh_points, robot_shadow
 
 MOST_BYTES = 16_000_000  # of an index: a hundred thousand entries
 LARGEST, SMALLEST = 20.0, 0.001  # metres: what is larger or smaller is in another unit than its index says
@@ -73,7 +73,7 @@ Word = Annotated[str, Field(min_length=1, max_length=200, pattern=r'^[^/\\"\x00-
 Number = Annotated[FiniteFloat, BeforeValidator(_not_bool)]
 
 
-class Entry(BaseModel):
+class AssetEntry(BaseModel):
     """One asset: `scale` is how many metres a unit of its file is, `up` which axis of the file points up; it is then
     turned by `roll`, `pitch` and `yaw`, degrees about the fixed x, y and z axes in that order. With `center` the middle
     of its outline comes to its origin. `mass` is in kg, `friction` the coefficient of sliding friction; without them, a
@@ -132,11 +132,11 @@ def _about(axis: int, degrees: float) -> Floats:
 
 class _File(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
-    asset: Annotated[tuple[Entry, ...], Field(min_length=1)]
+    asset: Annotated[tuple[AssetEntry, ...], Field(min_length=1)]
 
 
 @lru_cache(maxsize=8)
-def read_index(data: bytes) -> Mapping[str, Entry]:
+def read_index(data: bytes) -> Mapping[str, AssetEntry]:
     """The entries of an index by name, in its order. Raises IndexFileError."""
     if len(data) > MOST_BYTES:
         raise IndexFileError(f"it is larger than {MOST_BYTES:,} bytes")
@@ -150,7 +150,7 @@ def read_index(data: bytes) -> Mapping[str, Entry]:
     except (ValueError, RecursionError) as error:
         reason = "it is nested too deeply" if isinstance(error, RecursionError) else str(error).splitlines()[0]
         raise IndexFileError(f"it is not TOML: {reason[:200]}") from None
-    entries: dict[str, Entry] = {}
+    entries: dict[str, AssetEntry] = {}
     for place, entry in enumerate(found.asset):
         if entry.name in entries:
             first = list(entries).index(entry.name)
@@ -159,7 +159,7 @@ def read_index(data: bytes) -> Mapping[str, Entry]:
     return entries
 
 
-def categories(entries: Mapping[str, Entry]) -> dict[str, list[str]]:
+def categories(entries: Mapping[str, AssetEntry]) -> dict[str, list[str]]:
     """The names of the assets of each category, in the order of the index."""
     found: dict[str, list[str]] = {}
     for entry in entries.values():
@@ -185,7 +185,7 @@ def _said(text: str, error: Any) -> str:
     place = where[0] if where and isinstance(where[0], int) else None
     key = next((str(part) for part in reversed(where) if isinstance(part, str)), "")
     if error["type"] == "extra_forbidden":
-        known = tuple(Entry.model_fields if place is not None else ("asset",))
+        known = tuple(AssetEntry.model_fields if place is not None else ("asset",))
         near = difflib.get_close_matches(key, known, 1)
         reason = "there is no such key; " + (f"did you mean `{near[0]}`?" if near else f"there are {', '.join(known)}")
     elif place is not None and error["type"] == "model_type":
@@ -199,7 +199,7 @@ def _said(text: str, error: Any) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fitted:
+class FittedAsset:
     """What an asset covers of the table, and its height, in metres; `offset` (3,) takes its vertices, scaled and
     turned, to the object's frame: the lowest at z = 0."""
 
@@ -208,7 +208,7 @@ class Fitted:
     offset: Floats
 
 
-def fitted(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> Fitted:
+def fitted(entry: AssetEntry, data: bytes, read: Callable[[str], bytes]) -> FittedAsset:
     """The asset whose file has these bytes; `read` gives those of a file that a glTF or URDF names. Raises UrdfError,
     AssetSizeError where it is far too large or small for a thing on a table, and what `read` raises."""
     if not entry.is_read:
@@ -225,12 +225,12 @@ def fitted(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> Fitted:
     if height < SMALLEST / 1000.0:
         raise UrdfError("it has no height")
     try:
-        return Fitted(shadow.footprint(), height, offset)
+        return FittedAsset(shadow.footprint(), height, offset)
     except OutlineError as error:
         raise UrdfError(str(error)) from None
 
 
-def _robot_shadows(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> Callable[[Floats], Shadow]:
+def _robot_shadows(entry: AssetEntry, data: bytes, read: Callable[[str], bytes]) -> Callable[[Floats], Shadow]:
     known: dict[str, bytes] = {}
 
     def mesh(name: str) -> bytes:
@@ -238,10 +238,10 @@ def _robot_shadows(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> C
             known[name] = read(name)
         return known[name]
 
-    return lambda at: robot_shadow(data, mesh, Placed(entry.turn, entry.scale, at))
+    return lambda at: robot_shadow(data, mesh, RobotPlacement(entry.turn, entry.scale, at))
 
 
-def _mesh_shadows(entry: Entry, data: bytes, read: Callable[[str], bytes]) -> Callable[[Floats], Shadow]:
+def _mesh_shadows(entry: AssetEntry, data: bytes, read: Callable[[str], bytes]) -> Callable[[Floats], Shadow]:
     points = np.concatenate([part @ entry.matrix.T for part in mesh_points(entry.file, data, read)])
 
     def at(offset: Floats) -> Shadow:

@@ -156,7 +156,7 @@ def _middle(outline: Sequence[Point]) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True, slots=True)
-class Pull:
+class DrawerPull:
     """How far a drawer is open: the share of its length `full`, and how much of that can be reached from above; what
     juts out above it hides the rest. `reach` is negative where more is hidden than is open."""
 
@@ -171,7 +171,7 @@ class Pull:
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
+class SupportSurface:
     """A flat part that other things can stand on.
 
     `height` is above the object's lowest point and `clear` the free height above the surface. On a `walled` surface
@@ -185,7 +185,7 @@ class Surface:
     height: float
     clear: float = math.inf
     walled: bool = False
-    pull: Pull | None = None
+    pull: DrawerPull | None = None
     far: float | None = None
 
 
@@ -205,7 +205,7 @@ class Slab:
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class ShelfUnit:
     """Boards between two sides and a back, open in front; sizes in metres. `levels` are the tops of the boards, of
     which the last is the lid."""
 
@@ -224,7 +224,7 @@ class Unit:
         return (*sides, back, *(Slab(inner, level - self.board, level) for level in self.levels))
 
 
-UNITS = {"shelfunit": Unit(0.260, 0.640, (0.018, 0.240, 0.450, 0.640))}
+UNITS = {"shelfunit": ShelfUnit(0.260, 0.640, (0.018, 0.240, 0.450, 0.640))}
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -19,14 +19,14 @@ from scenegen.geometry.footprint import area, centroid
 from scenegen.pose import flat
 from scenegen.things.cabinet import Cabinet, Drawer, Rack
 from scenegen.things.library import ASSETS, PLAIN, Asset, Shape, own_size
-from scenegen.things.parts import SIDES, UNITS, Rooms, Slab, Surface, Unit, Vessel
+from scenegen.things.parts import SIDES, UNITS, Rooms, ShelfUnit, Slab, SupportSurface, Vessel
 from scenegen.things.solids import GRIP, HANDLES, HOLLOWS, ROUNDS, Rows
 
 TURNS = 180  # headings that are tried where a footprint has to fit between walls
 
 
 __all__ = [
-    "Surface",
+    "SupportSurface",
     "cells_of",
     "fits",
     "narrowest",
@@ -47,7 +47,7 @@ RIMS: dict[str, Footprint] = {"pot": Circle(0.006)}  # where the middle of a lid
 FLAT = ("crackerbox", "book", "board", "phone", "napkin", "block")  # with a top as wide as they are
 
 
-def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[Surface, ...]:
+def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[SupportSurface, ...]:
     """The surfaces of an object, the one that is meant by the object's name alone first; none where nothing can stand
     on it. Where walls slope, `inside` lies as deep as the object `upper` goes; `rim` is instead of it where that stands
     on the rim."""
@@ -61,21 +61,21 @@ def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[Surface, ...]
         return (levels[-1], *levels[:-1])
     rooms = rooms_of(shape)
     if rooms:
-        inside = Surface("inside", *rooms[0], walled=True)
+        inside = SupportSurface("inside", *rooms[0], walled=True)
         if upper is not None and not fits(upper.footprint, inside.outline):
             found = nested(shape, upper)
             inside = inside if found is None or (found.name == "rim" and shape.asset in RIMS) else found
         if shape.asset not in RIMS:
             return (inside,)
-        return inside, _stretched(Surface("rim", RIMS[shape.asset], shape.height / z), x, y, z)
+        return inside, _stretched(SupportSurface("rim", RIMS[shape.asset], shape.height / z), x, y, z)
     if shape.asset in PLAIN or isinstance(shape.footprint, Polygon):
-        return (Surface("top", shape.footprint, shape.height),)
+        return (SupportSurface("top", shape.footprint, shape.height),)
     if shape.asset in TOPS:
-        return (_stretched(Surface("top", TOPS[shape.asset], shape.height / z), x, y, z),)
-    return (Surface("top", shape.footprint, shape.height),) if shape.asset in FLAT else ()
+        return (_stretched(SupportSurface("top", TOPS[shape.asset], shape.height / z), x, y, z),)
+    return (SupportSurface("top", shape.footprint, shape.height),) if shape.asset in FLAT else ()
 
 
-def sizes_of(shape: Shape, surface: Surface) -> dict[str, float]:
+def sizes_of(shape: Shape, surface: SupportSurface) -> dict[str, float]:
     """How large a surface is, in metres: `length` along the object's heading, `width` across it, and `depth`, the free
     height over it: up to the rim of a hollow thing or to the next board. Open above, it has no depth."""
 
@@ -113,15 +113,15 @@ def pocketed(shape: Shape) -> Cabinet | Drawer | Rack | None:
             return None
 
 
-def _of_unit(unit: Unit) -> tuple[Surface, ...]:
+def _of_unit(unit: ShelfUnit) -> tuple[SupportSurface, ...]:
     """The tops of its boards, the lid last."""
     x, y = unit.depth / 2.0, unit.width / 2.0
     inner = Slab((unit.back - x, unit.side - y, x, y - unit.side), 0.0, 0.0).footprint
     found = [
-        Surface(f"shelf[{number}]", inner, low, high - unit.board - low, walled=True)
+        SupportSurface(f"shelf[{number}]", inner, low, high - unit.board - low, walled=True)
         for number, (low, high) in enumerate(zip(unit.levels, unit.levels[1:], strict=False), 1)
     ]
-    return (*found, Surface("top", Box(unit.depth, unit.width), unit.levels[-1]))
+    return (*found, SupportSurface("top", Box(unit.depth, unit.width), unit.levels[-1]))
 
 
 def cells_of(shape: Shape) -> tuple[Box | Polygon, ...]:
@@ -186,7 +186,7 @@ def _middle(outline: Footprint) -> tuple[float, float]:
     return (min(x) + max(x)) / 2.0, (min(y) + max(y)) / 2.0
 
 
-def _stretched(one: Surface, x: float, y: float, z: float) -> Surface:
+def _stretched(one: SupportSurface, x: float, y: float, z: float) -> SupportSurface:
     outline: Footprint
     match one.outline:
         case Circle(radius):
@@ -400,7 +400,7 @@ def leeway(lower: Shape, upper: Shape, height: float) -> float | None:
 
 
 @cache
-def nested(lower: Shape, upper: Shape) -> Surface | None:
+def nested(lower: Shape, upper: Shape) -> SupportSurface | None:
     """Where an object stands in a vessel, as deep as its own shape lets it, or on the vessel's rim. Its outline holds
     the circle round the footprint wherever the object can stand. None where it would tilt, jam or fall through, and
     where `lower` is no vessel."""
@@ -428,21 +428,21 @@ def _lies_level(upper: Shape, unsure: float) -> bool:
     return upper.asset not in BULGING and unsure <= TILT * min(upper.footprint.extent)
 
 
-def _on_rim(upper: Shape, free: float, mouth: float, height: float) -> Surface | None:
+def _on_rim(upper: Shape, free: float, mouth: float, height: float) -> SupportSurface | None:
     """On a ring: a foot that covers all of it, the middle over the mouth."""
     if free < SLACK or not isinstance(upper.footprint, Circle):
         return None
     if free < mouth:
         return _surface("rim", upper, height, free)
-    return Surface("rim", Circle(mouth), height, far=mouth)
+    return SupportSurface("rim", Circle(mouth), height, far=mouth)
 
 
-def _surface(name: str, upper: Shape, height: float, free: float) -> Surface:
+def _surface(name: str, upper: Shape, height: float, free: float) -> SupportSurface:
     outline = Circle(free + _reach(upper))
     far = free if isinstance(upper.footprint, Circle) else outline.radius
     if isinstance(upper.footprint, Box):  # both ends of a diagonal are in the circle
         far = math.sqrt(outline.radius**2 - _reach(upper) ** 2)
-    return Surface(name, outline, height, walled=True, far=far)
+    return SupportSurface(name, outline, height, walled=True, far=far)
 
 
 def _walls(shape: Shape) -> Rows | None:

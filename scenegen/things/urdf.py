@@ -133,17 +133,17 @@ class UrdfError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class LinkFrame:
     """A frame: `turn` (3, 3) its axes, `at` (3,) its origin, in the frame of the root link."""
 
     turn: Floats
     at: Floats
 
-    def then(self, inner: Pose) -> Pose:
-        return Pose(self.turn @ inner.turn, self.turn @ inner.at + self.at)
+    def then(self, inner: LinkFrame) -> LinkFrame:
+        return LinkFrame(self.turn @ inner.turn, self.turn @ inner.at + self.at)
 
 
-def links_of(robot: Element) -> list[tuple[Element, Pose]]:
+def links_of(robot: Element) -> list[tuple[Element, LinkFrame]]:
     """Every link with its pose, all joints at zero. Raises UrdfError."""
     if robot.tag != "robot":
         raise UrdfError(f"its outermost element is <{robot.tag}>, a URDF's is <robot>")
@@ -155,7 +155,7 @@ def links_of(robot: Element) -> list[tuple[Element, Pose]]:
         links[name] = link
     if not links:
         raise UrdfError("it has no link")
-    below: dict[str, list[tuple[str, Pose]]] = {}
+    below: dict[str, list[tuple[str, LinkFrame]]] = {}
     parents: dict[str, str] = {}
     for joint in robot.all("joint"):
         ends = []
@@ -173,7 +173,7 @@ def links_of(robot: Element) -> list[tuple[Element, Pose]]:
     roots = [name for name in links if name not in parents]
     if len(roots) > 1:
         raise UrdfError(f"its links do not hang together: no joint moves `{roots[0]}` and none `{roots[1]}`")
-    found = [(name, Pose(np.eye(3), np.zeros(3))) for name in roots]
+    found = [(name, LinkFrame(np.eye(3), np.zeros(3))) for name in roots]
     for name, pose in found:  # grows while it is walked
         found += [(child, pose.then(origin)) for child, origin in below.get(name, [])]
     if len(found) < len(links):
@@ -182,11 +182,11 @@ def links_of(robot: Element) -> list[tuple[Element, Pose]]:
     return [(links[name], pose) for name, pose in found]
 
 
-def origin_of(element: Element) -> Pose:
+def origin_of(element: Element) -> LinkFrame:
     """The pose that an element's <origin> gives: `rpy` are turns about the fixed x, y and z axes, in that order."""
     origins = element.all("origin")
     if not origins:
-        return Pose(np.eye(3), np.zeros(3))
+        return LinkFrame(np.eye(3), np.zeros(3))
     roll, pitch, yaw = numbers_of(origins[0], "rpy", 3, "0 0 0")
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in (roll, pitch, yaw))
     turn = np.array(
@@ -196,7 +196,7 @@ def origin_of(element: Element) -> Pose:
             [-sp, cp * sr, cp * cr],
         ]
     )
-    return Pose(turn, np.array(numbers_of(origins[0], "xyz", 3, "0 0 0")))
+    return LinkFrame(turn, np.array(numbers_of(origins[0], "xyz", 3, "0 0 0")))
 
 
 def solid_of(shape: Element) -> Element:
@@ -285,7 +285,7 @@ def mesh_outline(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Placed:
+class RobotPlacement:
     """Where and how large a robot is: `turn` (3, 3) a rotation of its root frame, then `scale`, then the origin at `at`
     (3,), metres."""
 
@@ -293,14 +293,14 @@ class Placed:
     scale: float = 1.0
     at: Floats = field(default_factory=lambda: np.zeros(3))
 
-    def then(self, inner: Pose) -> Pose:
+    def then(self, inner: LinkFrame) -> LinkFrame:
         """The frame of a shape, whose sizes are still the file's."""
-        return Pose(self.turn @ inner.turn, self.scale * (self.turn @ inner.at) + self.at)
+        return LinkFrame(self.turn @ inner.turn, self.scale * (self.turn @ inner.at) + self.at)
 
 
-def robot_shadow(data: bytes, read_mesh: Callable[[str], bytes], placed: Placed | None = None) -> Shadow:
+def robot_shadow(data: bytes, read_mesh: Callable[[str], bytes], placed: RobotPlacement | None = None) -> Shadow:
     """The shadow of what `outline` measures, of the robot placed as said. Raises UrdfError."""
-    placed = placed or Placed()
+    placed = placed or RobotPlacement()
     try:
         shadow = Shadow()
         meshes = _Meshes(read_mesh)
@@ -361,7 +361,7 @@ def _check_sizes(footprint: Footprint, height: float, hint: str) -> None:
         raise UrdfError("it covers no area of the table" if least < SMALLEST else "it has no height")
 
 
-def _add(shadow: Shadow, shape: Element, pose: Pose, by: float, meshes: _Meshes) -> None:
+def _add(shadow: Shadow, shape: Element, pose: LinkFrame, by: float, meshes: _Meshes) -> None:
     """`by` is what sizes are multiplied with."""
     solid = solid_of(shape)
     match solid.tag:

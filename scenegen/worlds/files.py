@@ -23,7 +23,7 @@ from scenegen.worlds.pddl.write import vocabulary
 
 if TYPE_CHECKING:
     from scenegen.scenes.data import SceneFile
-    from scenegen.worlds.export.world import Dressing
+    from scenegen.worlds.export.world import SceneLooks
 
 
 PLANNERS = "pddl"
@@ -109,12 +109,12 @@ def export(
     return (scenes.save(out),)
 
 
-def _dressing(file: SceneFile, looks: str | Path, seed: int) -> Dressing:
+def _dressing(file: SceneFile, looks: str | Path, seed: int) -> SceneLooks:
     """The looks of scenes, with the cameras of their pictures. Raises RequestError, DataError."""
     from scenegen.scenes.stage import stage_of
     from scenegen.show.looks.read import read_looks
     from scenegen.show.render.files import check_seed, usual_size
-    from scenegen.worlds.export.world import Dressing
+    from scenegen.worlds.export.world import SceneLooks
 
     if not file.scenes:
         raise RequestError(NO_SCENES())
@@ -122,7 +122,7 @@ def _dressing(file: SceneFile, looks: str | Path, seed: int) -> Dressing:
     drawn = given.drawn(check_seed(seed), len(file.scenes), [item.name for item in file.objects])
     stage, size = stage_of(file), usual_size(file)
     cameras = [look.camera(stage.corners(), size) for look in drawn]
-    return Dressing(drawn, cameras, stage, given.files, seed)
+    return SceneLooks(drawn, cameras, stage, given.files, seed)
 
 
 def convert(source: Path, out: Path, to: str | None = None, meshes: Path | None = None) -> tuple[int, tuple[Path, ...]]:

@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from scenegen.needs import need
-from scenegen.processes.process import GONE, Message, Process
+from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
 from scenegen.processes.worker import DONE
-from scenegen.things.colored_mesh import Budget, Surface
+from scenegen.things.colored_mesh import ColoredMesh, MeshBudget
 from scenegen.things.drawn import mesh_surfaces, robot_surfaces
 from scenegen.things.mesh import Floats, Indices, Mesh, box, disc, joined, revolve
 from scenegen.things.meshfile import LEAST_MASS, MOST_FRICTION, MOST_MASS, MeshError, beside
@@ -116,8 +116,8 @@ def _version() -> str:
 
 
 def _cut(vertices: Floats, faces: Indices) -> tuple[tuple[Floats, Indices], ...]:
-    answers: queue.SimpleQueue[Message] = queue.SimpleQueue()
-    cutter = Process("CoACD")
+    answers: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()
+    cutter = WorkerProcess("CoACD")
     try:
         cutter.take_up(pickle.dumps(cut, protocol=5), answers, (0, (vertices, faces, OPTIONS)))
         made = answers.get(timeout=SECONDS)
@@ -192,7 +192,7 @@ class OwnBody:
     pieces: tuple[Mesh, ...]
     mass: float | None = None
     friction: float | None = None
-    skins: tuple[Surface, ...] = ()
+    skins: tuple[ColoredMesh, ...] = ()
 
     def moved(self, offset: Floats) -> OwnBody:
         """By an offset (3,) in metres."""
@@ -213,7 +213,7 @@ def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None, 
     `read` as in `drawn.mesh_surfaces`; `skins` and colours of .obj files are only read if `painted`. Raises MeshError,
     and RequestError as `convex_pieces`."""
     place = np.eye(3) if matrix is None else matrix
-    found = mesh_surfaces(name, data, read, Budget(), painted=painted)
+    found = mesh_surfaces(name, data, read, MeshBudget(), painted=painted)
     mesh = joined([Mesh(one.vertices, one.faces) for one in found])
     pieces = convex_pieces(mesh if matrix is None else Mesh(mesh.vertices @ place.T, mesh.faces))
     skins = tuple(replace(one, vertices=one.vertices @ place.T) for one in found) if painted else ()
@@ -232,7 +232,7 @@ def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
     try:
         robot = elements(data)
         links = links_of(robot)
-        reader = _Reader(read)
+        reader = _OwnBodyReader(read)
         pieces = [
             Mesh(piece.vertices @ place.turn.T + place.at, piece.faces)
             for link, pose in links
@@ -248,9 +248,9 @@ def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
 
 
 @dataclass(slots=True)
-class _Reader:
+class _OwnBodyReader:
     read: Read
-    budget: Budget = field(default_factory=Budget)
+    budget: MeshBudget = field(default_factory=MeshBudget)
     meshes: dict[tuple[str, tuple[float, ...]], tuple[Mesh, ...]] = field(default_factory=dict)
     count: int = 0
 
@@ -295,7 +295,7 @@ class _Reader:
             raise MeshError(f"mesh {name[:60]}: {error}") from None
 
 
-def _solid_mesh(name: str, data: bytes, read: Read, budget: Budget) -> Mesh:
+def _solid_mesh(name: str, data: bytes, read: Read, budget: MeshBudget) -> Mesh:
     return joined([Mesh(one.vertices, one.faces) for one in mesh_surfaces(name, data, read, budget, painted=False)])
 
 

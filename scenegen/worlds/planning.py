@@ -17,9 +17,9 @@ from scenegen.scenes.formats.motions.table import is_motions
 from scenegen.validation import as_path
 from scenegen.worlds.export.simulators import check_out
 from scenegen.worlds.files import OF_SCENES, Exported, Own, numbers, of_scenes, write
-from scenegen.worlds.pddl.compile import Imported, Reading, compile_problem
+from scenegen.worlds.pddl.compile import CompiledProblem, Imported, compile_problem
 from scenegen.worlds.pddl.export import Originals, Problems, candidates, goal_labels, refuse_other, undecided, unsaid
-from scenegen.worlds.pddl.goal import Map, read_map
+from scenegen.worlds.pddl.goal import NameMap, read_map
 from scenegen.worlds.pddl.ground import ground
 from scenegen.worlds.pddl.problem import Domain, domain_of, problem_of, read
 from scenegen.worlds.pddl.write import vocabulary
@@ -35,7 +35,7 @@ def import_problem(problem: str | Path, domain: str | Path | None = None, table:
     without places.
     """
     known = Domain() if domain is None else domain_of(*read(Path(domain), "a PDDL domain"))
-    mapped = Map() if table is None else read_map(Path(table))
+    mapped = NameMap() if table is None else read_map(Path(table))
     return compile_problem(problem_of(*read(Path(problem), "a PDDL problem"), known), mapped)
 
 
@@ -80,7 +80,9 @@ def export_problems(
     return of_scenes(scenes, out, facts, own, goal)
 
 
-def _in_its_words(scenes: SceneSet, out: Path, reading: Reading, file: str, facts: Sequence[str] | None) -> Exported:
+def _in_its_words(
+    scenes: SceneSet, out: Path, reading: CompiledProblem, file: str, facts: Sequence[str] | None
+) -> Exported:
     check_count(scenes)
     source = scenes.header.spec.source
     checked = check_text(source, OF_SCENES)

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from scenegen.things import colored_mesh, wavefront
+from scenegen.things import colored_mesh, drawn
 from scenegen.things.drawn import mesh_surfaces, robot_surfaces
 from scenegen.things.meshfile import MeshError
 from scenegen.things.urdf import UrdfError
@@ -115,7 +115,7 @@ def test_files_that_are_too_much_are_refused(monkeypatch):
     monkeypatch.setattr(colored_mesh, "MOST_TRIANGLES", 3)
     with pytest.raises(MeshError, match="more than 3 triangles"):
         obj()
-    monkeypatch.setattr(wavefront, "MOST_MATERIALS", 1)
+    monkeypatch.setattr(drawn, "MOST_MATERIALS", 1)
     with pytest.raises(MeshError, match="line 1: its files have more than 1 materials"):
         obj()
     monkeypatch.setattr(colored_mesh, "MOST_BYTES", 10)

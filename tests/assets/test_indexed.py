@@ -7,7 +7,7 @@ from scenegen.errors import DataError, SpecError
 from scenegen.geometry import Box
 from scenegen.lang.checker import check_file
 from scenegen.show.render.models import models_of, still_outlines
-from scenegen.things.indexed import UPRIGHT, Entry, IndexFileError, categories, fitted, read_index
+from scenegen.things.indexed import UPRIGHT, AssetEntry, IndexFileError, categories, fitted, read_index
 from scenegen.things.urdf import UrdfError
 
 from .gltf_files import glb
@@ -30,7 +30,7 @@ def nothing(name):
 
 def sizes(data=None, **fields):
     data = data or solid(100, 50, 20)
-    fit = fitted(Entry(**{"name": "a", "file": "a.obj", "scale": 0.001, "center": True} | fields), data, nothing)
+    fit = fitted(AssetEntry(**{"name": "a", "file": "a.obj", "scale": 0.001, "center": True} | fields), data, nothing)
     assert isinstance(fit.footprint, Box)
     return tuple(round(size, 6) for size in (fit.footprint.length, fit.footprint.width, fit.height))
 
@@ -49,12 +49,12 @@ def test_meshes_are_scaled_and_turned_upright():
 @pytest.mark.parametrize("up", UPRIGHT)
 def test_the_axis_that_is_up_becomes_z_without_a_mirror(up):
     axis = np.eye(3)["xyz".index(up[-1])] * (-1.0 if up[0] == "-" else 1.0)
-    turn = Entry(name="a", file="a.obj", up=up).matrix
+    turn = AssetEntry(name="a", file="a.obj", up=up).matrix
     assert np.array_equal(turn @ axis, (0.0, 0.0, 1.0)) and np.linalg.det(turn) == pytest.approx(1.0)
 
 
 def test_turns_are_about_fixed_axes_in_order():
-    turn = Entry(name="a", file="a.stl", roll=90, pitch=90, yaw=30).matrix
+    turn = AssetEntry(name="a", file="a.stl", roll=90, pitch=90, yaw=30).matrix
     # y goes to z by the roll, to x by the pitch, and then 30 degrees round.
     assert turn @ (0.0, 1.0, 0.0) == pytest.approx((np.cos(np.pi / 6), 0.5, 0.0))
 
@@ -153,7 +153,7 @@ def test_sizes_that_nothing_on_a_table_has_name_the_unit(folder):
     (folder / "mug.obj").write_bytes(solid(1, 1, 0))
     refused(folder, '"mug"', "unusable-shape-file", "no height")
     with pytest.raises(UrdfError, match=r"\.ply files cannot be read here: convert it to \.glb"):
-        fitted(Entry(name="a", file="a.ply"), b"", nothing)
+        fitted(AssetEntry(name="a", file="a.ply"), b"", nothing)
     index = folder / "set" / "assets.toml"
     (folder / "set" / "old.dae").write_text("<COLLADA/>")
     index.write_text(index.read_text() + '[[asset]]\nname = "old"\nfile = "old.dae"\n')

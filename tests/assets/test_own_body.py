@@ -8,7 +8,7 @@ import pytest
 
 from scenegen import needs
 from scenegen.errors import RequestError
-from scenegen.processes.process import Process
+from scenegen.processes.process import WorkerProcess
 from scenegen.things.mesh import Mesh, box, joined
 from scenegen.things.meshfile import MeshError
 from scenegen.things.urdf import UrdfError
@@ -44,9 +44,9 @@ def cutter(monkeypatch, program):
 
     def process(what):
         runs.append(what)
-        return Process(what)
+        return WorkerProcess(what)
 
-    monkeypatch.setattr(convex, "Process", process)
+    monkeypatch.setattr(convex, "WorkerProcess", process)
     return runs
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenegen.lang.checker import check_text
-from scenegen.search.grid import BINS, Edge, empty, make_alias, make_chain
+from scenegen.search.grid import BINS, DifferenceBound, empty, make_alias, make_chain
 from scenegen.search.proposal import make_order
 from scenegen.search.prune import prune
 
@@ -50,18 +50,33 @@ UNIT = (0.0, 1.0)
 FAR = math.inf
 # edges, intervals
 PATHS = {
-    "sorted": ([Edge(0, 1, 0.0, FAR), Edge(1, 2, 0.0, FAR)], {0: UNIT, 1: UNIT, 2: UNIT}),
-    "gaps": ([Edge(0, 1, 0.1, FAR), Edge(1, 2, 0.2, FAR)], {0: (0.0, 0.7), 1: (0.1, 0.8), 2: (0.3, 1.0)}),
-    "rooms that meet": ([Edge(0, 1, 0.0, FAR)], {0: (0.3, 0.7), 1: (0.0, 0.6)}),
-    "wide intervals": ([Edge(0, 1, 0.1, FAR), Edge(1, 2, 0.2, FAR)], {0: (0.0, 1.0), 1: (0.1, 1.0), 2: (0.3, 1.0)}),
-    "from the middle": ([Edge(1, 0, -FAR, -0.1), Edge(1, 2, 0.1, FAR)], {0: UNIT, 1: UNIT, 2: UNIT}),
-    "downwards": ([Edge(0, 1, -FAR, -0.1), Edge(1, 2, -FAR, 0.0)], {0: UNIT, 1: UNIT, 2: UNIT}),
+    "sorted": ([DifferenceBound(0, 1, 0.0, FAR), DifferenceBound(1, 2, 0.0, FAR)], {0: UNIT, 1: UNIT, 2: UNIT}),
+    "gaps": (
+        [DifferenceBound(0, 1, 0.1, FAR), DifferenceBound(1, 2, 0.2, FAR)],
+        {0: (0.0, 0.7), 1: (0.1, 0.8), 2: (0.3, 1.0)},
+    ),
+    "rooms that meet": ([DifferenceBound(0, 1, 0.0, FAR)], {0: (0.3, 0.7), 1: (0.0, 0.6)}),
+    "wide intervals": (
+        [DifferenceBound(0, 1, 0.1, FAR), DifferenceBound(1, 2, 0.2, FAR)],
+        {0: (0.0, 1.0), 1: (0.1, 1.0), 2: (0.3, 1.0)},
+    ),
+    "from the middle": (
+        [DifferenceBound(1, 0, -FAR, -0.1), DifferenceBound(1, 2, 0.1, FAR)],
+        {0: UNIT, 1: UNIT, 2: UNIT},
+    ),
+    "downwards": ([DifferenceBound(0, 1, -FAR, -0.1), DifferenceBound(1, 2, -FAR, 0.0)], {0: UNIT, 1: UNIT, 2: UNIT}),
     "a narrow gap": (
-        [Edge(0, 1, 0.1, FAR), Edge(1, 2, 0.05, 0.15), Edge(2, 3, 0.0, FAR)],
+        [DifferenceBound(0, 1, 0.1, FAR), DifferenceBound(1, 2, 0.05, 0.15), DifferenceBound(2, 3, 0.0, FAR)],
         dict.fromkeys(range(4), UNIT),
     ),
-    "a narrow first gap": ([Edge(0, 1, 0.1, 0.2), Edge(1, 2, 0.05, FAR)], dict.fromkeys(range(3), UNIT)),
-    "a narrow last gap": ([Edge(0, 1, 0.1, FAR), Edge(1, 2, 0.05, 0.3)], dict.fromkeys(range(3), UNIT)),
+    "a narrow first gap": (
+        [DifferenceBound(0, 1, 0.1, 0.2), DifferenceBound(1, 2, 0.05, FAR)],
+        dict.fromkeys(range(3), UNIT),
+    ),
+    "a narrow last gap": (
+        [DifferenceBound(0, 1, 0.1, FAR), DifferenceBound(1, 2, 0.05, 0.3)],
+        dict.fromkeys(range(3), UNIT),
+    ),
 }
 
 
@@ -84,16 +99,27 @@ def test_orders(name, same):
 
 
 NO_ORDERS = {
-    "a star": ([Edge(0, 1, 0.0, FAR), Edge(0, 2, 0.0, FAR), Edge(0, 3, 0.0, FAR)], dict.fromkeys(range(4), UNIT)),
-    "two narrow gaps": ([Edge(0, 1, 0.1, 0.2), Edge(1, 2, 0.05, 0.3)], dict.fromkeys(range(3), UNIT)),
-    "other rooms": ([Edge(0, 1, 0.0, FAR)], {0: (0.1, 0.3), 1: (0.0, 0.6)}),
+    "a star": (
+        [DifferenceBound(0, 1, 0.0, FAR), DifferenceBound(0, 2, 0.0, FAR), DifferenceBound(0, 3, 0.0, FAR)],
+        dict.fromkeys(range(4), UNIT),
+    ),
+    "two narrow gaps": (
+        [DifferenceBound(0, 1, 0.1, 0.2), DifferenceBound(1, 2, 0.05, 0.3)],
+        dict.fromkeys(range(3), UNIT),
+    ),
+    "other rooms": ([DifferenceBound(0, 1, 0.0, FAR)], {0: (0.1, 0.3), 1: (0.0, 0.6)}),
 }
 TREES = {
     **NO_ORDERS,
     "sorted": PATHS["sorted"],
     "downwards": PATHS["downwards"],
     "a tree": (
-        [Edge(0, 1, 0.1, FAR), Edge(0, 2, -FAR, 0.1), Edge(1, 3, -0.1, 0.1), Edge(1, 4, 0.0, FAR)],
+        [
+            DifferenceBound(0, 1, 0.1, FAR),
+            DifferenceBound(0, 2, -FAR, 0.1),
+            DifferenceBound(1, 3, -0.1, 0.1),
+            DifferenceBound(1, 4, 0.0, FAR),
+        ],
         {0: UNIT, 1: (0.2, 0.9), 2: (0.1, 0.4), 3: UNIT, 4: (0.5, 1.0)},
     ),
 }
@@ -140,12 +166,12 @@ def same():
 
 
 def test_a_volume_too_small_for_a_number_proves_nothing():
-    edges = [Edge(row, row + 1, -1e-9, 1e-9) for row in range(60)]
+    edges = [DifferenceBound(row, row + 1, -1e-9, 1e-9) for row in range(60)]
     inside = dict.fromkeys(range(61), (0.0, 1e-4))
     assert make_chain(edges, inside).volume == 0.0 and not empty(edges, inside)
     inside = dict.fromkeys(range(12), (0.0, 1.0))
-    apart = [Edge(row, row + 1, 0.1, math.inf) for row in range(10)]
-    assert not empty(apart, inside) and empty([*apart, Edge(10, 11, 1e-6, math.inf)], inside)
+    apart = [DifferenceBound(row, row + 1, 0.1, math.inf) for row in range(10)]
+    assert not empty(apart, inside) and empty([*apart, DifferenceBound(10, 11, 1e-6, math.inf)], inside)
     table = "workspace [0, 1 cm] x [0, 1 cm]\nobject a[130] = cylinder(0.1 mm, 1 mm)\n"
     text = table + "task: forall p, q in consecutive(a): abs(x(p) - x(q)) <= 1e-9"
     spec = check_text(text)

@@ -44,7 +44,7 @@ def test_files_that_are_no_models(refused, model, here, golden):
 @pytest.mark.long
 def test_the_card_is_the_default(scenegen, here, monkeypatch):
     for name in ("PATIENCE", "ALL"):  # however slow the machine
-        monkeypatch.setattr(f"scenegen.learn.evaluation.measure.{name}", float("inf"))
+        monkeypatch.setattr(f"scenegen.learn.evaluation.card.{name}", float("inf"))
     outcome = scenegen(*TRAIN, "--out", "m.safetensors")
     assert outcome.status == 0
     names = {path.name for path in here.iterdir()}

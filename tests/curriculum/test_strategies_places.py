@@ -6,7 +6,7 @@ import pytest
 from scenegen.errors import RequestError
 from scenegen.learn.curriculum.strategies import strategy
 from scenegen.learn.curriculum.strategies.alp_gmm import fit
-from scenegen.learn.curriculum.strategies.base import Axis, Cells, Levels, drawn, pick
+from scenegen.learn.curriculum.strategies.base import DifficultyAxis, DifficultyGrid, Levels, drawn, pick
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 from .learners import draw, reach
@@ -24,9 +24,9 @@ def boxes(parts):
 
 
 @pytest.mark.parametrize("space", SPACES)
-@pytest.mark.parametrize("kind", [Levels, Cells])
+@pytest.mark.parametrize("kind", [Levels, DifficultyGrid])
 def test_parts_fill_the_space_and_do_not_overlap(space, kind):
-    parts, rng = kind(Axis(space), 4), np.random.default_rng(0)
+    parts, rng = kind(DifficultyAxis(space), 4), np.random.default_rng(0)
     for _ in range(300):
         phi = draw(space, rng)
         mine = [parts._named[box] for box in boxes(parts) if box.holds(phi)]
@@ -36,7 +36,7 @@ def test_parts_fill_the_space_and_do_not_overlap(space, kind):
 
 @pytest.mark.parametrize("space", SPACES)
 def test_an_outcome_belongs_to_the_level_that_was_asked_for(space):
-    levels, rng = Levels(Axis(space), 3), np.random.default_rng(0)
+    levels, rng = Levels(DifficultyAxis(space), 3), np.random.default_rng(0)
     for level in range(3):
         for _ in range(10):
             task = levels.box(level, rng)
@@ -46,7 +46,7 @@ def test_an_outcome_belongs_to_the_level_that_was_asked_for(space):
 
 @pytest.mark.parametrize("space", SPACES)
 def test_an_outcome_belongs_to_the_cell_that_its_scene_lay_in(space):
-    cells, rng = Cells(Axis(space), 3), np.random.default_rng(0)
+    cells, rng = DifficultyGrid(DifficultyAxis(space), 3), np.random.default_rng(0)
     for cell in range(cells.count):
         task = cells.box(cell)
         for phi in (draw(task, rng), task.low, task.high):  # faces, too, belong to the box that was asked for
@@ -56,7 +56,7 @@ def test_an_outcome_belongs_to_the_cell_that_its_scene_lay_in(space):
 
 
 def test_cells_without_scenes_are_closed_after_three_attempts_and_opened_by_a_scene():
-    cells, rng = Cells(Axis(reach()), 4), np.random.default_rng(0)
+    cells, rng = DifficultyGrid(DifficultyAxis(reach()), 4), np.random.default_rng(0)
     for cell, times in [(3, 3), (2, 2), (1, 5)]:
         for _ in range(times):
             cells.of(Outcome(cells.box(cell), (-0.1,), True, 0.0, 1))
@@ -69,7 +69,7 @@ def test_cells_without_scenes_are_closed_after_three_attempts_and_opened_by_a_sc
 
 
 def test_the_last_cell_is_never_closed():
-    cells, rng = Cells(Axis(reach()), 2), np.random.default_rng(0)
+    cells, rng = DifficultyGrid(DifficultyAxis(reach()), 2), np.random.default_rng(0)
     for _ in range(5):
         for cell in range(2):
             assert cells.of(Outcome(cells.box(cell), (9.0,), True, 0.0, 1)) is None
@@ -78,7 +78,7 @@ def test_the_last_cell_is_never_closed():
 
 
 def test_levels_are_difficulties():
-    axis, rng = Axis(SPACES[1]), np.random.default_rng(0)
+    axis, rng = DifficultyAxis(SPACES[1]), np.random.default_rng(0)
     assert axis.difficulty(axis.space.high) == 0.0
     assert axis.difficulty(axis.space.low) == 1.0
     assert axis.difficulty((-0.01, 0.1)) == pytest.approx(0.5)  # one label at its best, the other half way
@@ -90,7 +90,7 @@ def test_levels_are_difficulties():
 
 def test_scenes_of_a_shell_are_spread_evenly():
     """Of two labels, in the difficulties from 0.5 to 1, a third each: first label alone, second alone, both far."""
-    axis, rng = Axis(reach(2)), np.random.default_rng(0)
+    axis, rng = DifficultyAxis(reach(2)), np.random.default_rng(0)
     far = np.array([draw(pick(axis.shell(0.5, 1.0), rng), rng) for _ in range(3000)]) < -0.5
     shares = [np.mean(far[:, 0] & ~far[:, 1]), np.mean(far[:, 1] & ~far[:, 0]), np.mean(far.all(1))]
     assert shares == pytest.approx([1 / 3] * 3, abs=0.03)
@@ -101,7 +101,7 @@ def test_the_ends_of_the_reach_are_met_exactly():
     rng = np.random.default_rng(0)
     for _ in range(200):
         low, high = sorted(rng.normal(size=2).tolist())
-        levels = Levels(Axis(PhiBox((low,), (high,))), 7)
+        levels = Levels(DifficultyAxis(PhiBox((low,), (high,))), 7)
         assert levels.box(6, rng).low == (low,) and levels.box(0, rng).high == (high,)
 
 

@@ -4,7 +4,7 @@ import hashlib
 
 from made import SHA, Made, header_of
 
-from scenegen.sampling.engine.engines import Writing
+from scenegen.sampling.engine.engines import ShardWriter
 from scenegen.sampling.engine.local import Local
 from scenegen.sampling.engine.sets import write_set
 from scenegen.scenes.sets import Manifest, header_data
@@ -33,7 +33,7 @@ def run(folder, engine=None, store=None, wanted=COUNT, made=MADE, **options):
         shard_size=SHARD,
         header=header_data(header_of(plan)),
     )
-    writing = Writing(plan, place, header_of(plan), ("task",))
+    writing = ShardWriter(plan, place, header_of(plan), ("task",))
     account = lambda tally: {"method": "made", "pieces": tally.pieces}  # noqa: E731
     return write_set(place, plan, engine or Local(1), manifest, writing, account, block=BLOCK, **options)
 

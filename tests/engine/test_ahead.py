@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scenegen.processes.ahead import Ahead, Reserve
+from scenegen.processes.ahead import IdleWorkers, Lookahead
 
 sys.path.insert(0, str(Path(__file__).parent))
 import jobs
@@ -23,9 +23,9 @@ def until(condition):
 
 @pytest.mark.long
 def test_all_items_go_through_all_steps_in_order():
-    with Reserve(1) as reserve:
+    with IdleWorkers(1) as reserve:
         (mine,) = [process.process.pid for process in reserve._idle]
-        with Ahead(jobs.Sums(), 3, reserve) as ahead:
+        with Lookahead(jobs.Sums(), 3, reserve) as ahead:
             for step in range(5):
                 ahead.add(step)
             until(lambda: ahead._done == [5, 5, 5])
@@ -35,7 +35,7 @@ def test_all_items_go_through_all_steps_in_order():
 
 @pytest.mark.long
 def test_items_are_kept_equally_far_and_nobody_waits_for_the_rest():
-    with Ahead(jobs.Sums(slow=0.05), 3, None) as ahead:
+    with Lookahead(jobs.Sums(slow=0.05), 3, None) as ahead:
         for step in range(1000):
             ahead.add(step)
         until(lambda: ahead._done[0] > 2)
@@ -50,7 +50,7 @@ def test_items_are_kept_equally_far_and_nobody_waits_for_the_rest():
 @pytest.mark.long
 @pytest.mark.parametrize("how", ["error", "kill"])
 def test_where_it_fails_there_are_no_states(how):
-    with Ahead(jobs.Sums(how), 2, None) as ahead:
+    with Lookahead(jobs.Sums(how), 2, None) as ahead:
         for step in range(6):
             ahead.add(step)
         until(lambda: not ahead._thread.is_alive())
@@ -61,10 +61,10 @@ def test_where_it_fails_there_are_no_states(how):
 @pytest.mark.long
 def test_it_ends_with_its_block_whatever_it_does():
     begun = time.monotonic()
-    with Ahead(jobs.Sums(slow=600.0), 2, None) as ahead:
+    with Lookahead(jobs.Sums(slow=600.0), 2, None) as ahead:
         ahead.add(0)
         until(lambda: ahead._process.ready)
-    with Ahead(jobs.Sums(), 2, None):
+    with Lookahead(jobs.Sums(), 2, None):
         pass
     assert time.monotonic() - begun < 60.0
 
@@ -74,6 +74,6 @@ def test_where_no_process_can_start_there_are_no_states(monkeypatch):
         raise OSError(11, "Resource temporarily unavailable")
 
     monkeypatch.setattr("scenegen.processes.process.subprocess.Popen", none)
-    with Ahead(jobs.Sums(), 2, None) as ahead:
+    with Lookahead(jobs.Sums(), 2, None) as ahead:
         ahead.add(0)
         assert ahead.states() == {}

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from scenegen.processes.ahead import Beside
+from scenegen.processes.ahead import BackgroundTask
 from scenegen.search.effort import StoppedError
 
 
@@ -30,7 +30,7 @@ def sleeps(seconds):
 
 @pytest.mark.long
 def test_the_work_is_done_in_another_process():
-    with Beside(where, 7) as beside:
+    with BackgroundTask(where, 7) as beside:
         item, process = beside.result()
         assert item == 7 and process != os.getpid() and beside.result() == (item, process)
     with pytest.raises(ProcessLookupError):
@@ -39,14 +39,14 @@ def test_the_work_is_done_in_another_process():
 
 @pytest.mark.long
 def test_an_error_is_raised_when_the_result_is_asked_for():
-    with Beside(fails, 3) as beside, pytest.raises(StoppedError) as caught:
+    with BackgroundTask(fails, 3) as beside, pytest.raises(StoppedError) as caught:
         beside.result()
     assert caught.value.how_far == "it got to 3"
 
 
 @pytest.mark.long
 def test_where_the_process_dies_the_work_is_done_here():
-    with Beside(dies_elsewhere, os.getpid()) as beside:
+    with BackgroundTask(dies_elsewhere, os.getpid()) as beside:
         assert beside.result() == "here"
 
 
@@ -55,13 +55,13 @@ def test_where_none_can_start_the_work_is_done_here(monkeypatch):
         raise OSError(11, "Resource temporarily unavailable")
 
     monkeypatch.setattr("scenegen.processes.process.subprocess.Popen", none)
-    with Beside(where, 7) as beside:
+    with BackgroundTask(where, 7) as beside:
         assert beside.result() == (7, os.getpid())
 
 
 @pytest.mark.long
 def test_it_ends_with_its_block():
     begun = time.monotonic()
-    with Beside(sleeps, 600.0):
+    with BackgroundTask(sleeps, 600.0):
         pass
     assert time.monotonic() - begun < 60.0

@@ -77,7 +77,7 @@ def one_diagnostic(caught, *words):
 @pytest.mark.parametrize("moment", ["opening", "writing", "ending"])
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_disk_that_fails(workers, moment, number, reason, remedy, plain, tmp_path, monkeypatch):
-    folder, open_file, write, sync = tmp_path / "set", tempfile.mkstemp, stores.Steady.write, os.fsync
+    folder, open_file, write, sync = tmp_path / "set", tempfile.mkstemp, stores.FlushingWriter.write, os.fsync
 
     def fail(now, name):
         if now == moment and f".{SHARD}." in name:
@@ -96,7 +96,7 @@ def test_a_disk_that_fails(workers, moment, number, reason, remedy, plain, tmp_p
         sync(handle)
 
     monkeypatch.setattr(files.tempfile, "mkstemp", opened)
-    monkeypatch.setattr(stores.Steady, "write", written)
+    monkeypatch.setattr(stores.FlushingWriter, "write", written)
     monkeypatch.setattr(files.os, "fsync", synced)
     with Local(workers) as engine, pytest.raises(OutputError) as caught:
         run(folder, engine)

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from scenegen.errors import ScenegenError
-from scenegen.processes.ahead import Beside, Reserve
-from scenegen.processes.pool import Pool, Underway, run_pieces
-from scenegen.processes.process import Process
+from scenegen.processes.ahead import BackgroundTask, IdleWorkers
+from scenegen.processes.pool import PendingItem, Pool, run_pieces
+from scenegen.processes.process import WorkerProcess
 from scenegen.sampling.engine.run import start_processes
 
 pytestmark = pytest.mark.usefixtures("interruptible")
@@ -56,20 +56,20 @@ def begins(place):
 
 @pytest.mark.parametrize("name, same", [("begun", True), ("begun.deaf", False)])
 def test_who_gives_up_its_work_is_used_again(name, same, tmp_path):
-    with Reserve(1) as reserve:
+    with IdleWorkers(1) as reserve:
         (mine,) = idle(reserve)
-        with Beside(begins, str(tmp_path / name), reserve):
+        with BackgroundTask(begins, str(tmp_path / name), reserve):
             while not (tmp_path / name).exists():
                 time.sleep(0.01)
             start = time.monotonic()
         assert time.monotonic() - start < 60.0
         assert idle(reserve) == ([mine] if same else [])
-        with Beside(who, 7, reserve) as beside:
+        with BackgroundTask(who, 7, reserve) as beside:
             assert (beside.result() == (7, mine)) == same
 
 
 def test_some_start_when_the_first_has_loaded():
-    with Reserve(1, ("numpy",), later=1) as reserve:
+    with IdleWorkers(1, ("numpy",), later=1) as reserve:
         first = idle(reserve)[0]
         deadline = time.monotonic() + 60.0
         while len(idle(reserve)) < 2 and time.monotonic() < deadline:
@@ -92,15 +92,15 @@ def test_one_that_cannot_start_takes_no_other_with_it(error, monkeypatch):
         asked.append(1)
         raise error
 
-    with Reserve(1, ("numpy",), later=1) as reserve:
+    with IdleWorkers(1, ("numpy",), later=1) as reserve:
         mine = idle(reserve)
         monkeypatch.setattr(f"scenegen.processes.process.{module}", fails)
         deadline = time.monotonic() + 60.0
         while not asked and time.monotonic() < deadline:
             time.sleep(0.01)
         with pytest.raises(ScenegenError, match=r"too many open files|can't start new thread"):
-            Process("a worker process")
-        with Beside(who, 7, reserve) as beside:
+            WorkerProcess("a worker process")
+        with BackgroundTask(who, 7, reserve) as beside:
             assert beside.result() == (7, *mine)
 
 
@@ -118,8 +118,8 @@ class Fake:
 
 def test_no_more_start_than_were_asked_for(monkeypatch):
     made = []
-    monkeypatch.setattr("scenegen.processes.ahead.Process", lambda *args: made.append(Fake(*args)) or made[-1])
-    with Reserve(2, later=2) as reserve:
+    monkeypatch.setattr("scenegen.processes.ahead.WorkerProcess", lambda *args: made.append(Fake(*args)) or made[-1])
+    with IdleWorkers(2, later=2) as reserve:
         assert len(made) == 2
         for _ in range(2):
             reserve.take("a worker process")
@@ -132,7 +132,7 @@ def test_no_more_start_than_were_asked_for(monkeypatch):
         assert reserve.take("a worker process") is made[3]
         reserve.take("a worker process")
         assert len(made) == 5  # more are asked for than were announced
-    with Reserve(1, later=1) as reserve:
+    with IdleWorkers(1, later=1) as reserve:
         late = made[-1]
     late.loaded()
     assert len(made) == 6 and late.ended
@@ -142,7 +142,7 @@ def test_no_more_start_than_were_asked_for(monkeypatch):
 def test_the_command_has_a_core_of_its_own_while_it_loads(workers, there, now, later, monkeypatch):
     made = []
     monkeypatch.setattr("scenegen.sampling.engine.run.cores", lambda: there)
-    monkeypatch.setattr("scenegen.processes.ahead.Process", lambda *args: made.append(Fake(*args)) or made[-1])
+    monkeypatch.setattr("scenegen.processes.ahead.WorkerProcess", lambda *args: made.append(Fake(*args)) or made[-1])
     with start_processes(workers, load=()) as reserve:
         assert len(made) == now
         reserve.fill()
@@ -158,13 +158,13 @@ def test_none_start_where_none_are_needed(words):
 
 @pytest.mark.long
 def test_one_job_after_another_by_the_same_processes():
-    with Reserve(2) as reserve:
+    with IdleWorkers(2) as reserve:
         mine = set(idle(reserve))
         assert len(mine) == 2
         with Pool(who, 2, reserve=reserve) as pool:
             first = {process for _, process in pool.map(range(60))}
         assert set(idle(reserve)) == mine
-        with Beside(who, 7, reserve) as beside:
+        with BackgroundTask(who, 7, reserve) as beside:
             assert beside.result()[1] in mine
         second = {process for _, process in run_pieces(who, range(20), 2, reserve)}
         assert first <= mine and second <= mine and set(idle(reserve)) == mine
@@ -173,13 +173,13 @@ def test_one_job_after_another_by_the_same_processes():
 
 @pytest.mark.long
 def test_a_process_at_work_is_not_used_again():
-    with Reserve(2) as reserve:
+    with IdleWorkers(2) as reserve:
         mine = set(idle(reserve))
         with run_pieces_until_the_first(waits, [0, 1, 1], reserve) as (process, rest):
             assert process in mine
             rest.close()
         assert set(idle(reserve)) <= mine and all(gone(one) for one in mine.difference(idle(reserve)))
-        with Beside(waits, 1, reserve):
+        with BackgroundTask(waits, 1, reserve):
             pass
         assert list(run_pieces(abs, range(3), 2, reserve)) == [0, 1, 2]
 
@@ -197,7 +197,7 @@ class run_pieces_until_the_first:  # noqa: N801 - it reads as a function
 
 @pytest.mark.long
 def test_one_that_died_while_it_waited_is_replaced():
-    with Reserve(1) as reserve:
+    with IdleWorkers(1) as reserve:
         (process,) = idle(reserve)
         os.kill(process, signal.SIGKILL)
         assert list(run_pieces(abs, range(5), 2, reserve)) == [0, 1, 2, 3, 4]
@@ -206,17 +206,17 @@ def test_one_that_died_while_it_waited_is_replaced():
 
 @pytest.mark.long
 def test_after_an_error_it_takes_the_next_job():
-    with Reserve(1) as reserve:
+    with IdleWorkers(1) as reserve:
         mine = idle(reserve)
-        with Beside(fails, 3, reserve) as beside, pytest.raises(ValueError, match="no good: 3"):
+        with BackgroundTask(fails, 3, reserve) as beside, pytest.raises(ValueError, match="no good: 3"):
             beside.result()
-        with Beside(who, 4, reserve) as beside:
+        with BackgroundTask(who, 4, reserve) as beside:
             assert beside.result() == (4, mine[0])
 
 
 def test_a_job_that_cannot_be_loaded_is_an_error_and_the_last_one_is_gone():
     inbox = queue.SimpleQueue()
-    process = Process("a worker process")
+    process = WorkerProcess("a worker process")
     try:
         for job, ready in ((pickle.dumps(abs), 0), (b"no pickle", 1)):
             process.take_up(job, inbox)
@@ -233,14 +233,14 @@ def test_where_none_can_start_the_reserve_is_empty(monkeypatch):
         raise OSError(11, "Resource temporarily unavailable")
 
     monkeypatch.setattr("scenegen.processes.process.subprocess.Popen", none)
-    with Reserve(3) as reserve:
+    with IdleWorkers(3) as reserve:
         assert idle(reserve) == []
 
 
 @pytest.mark.long
 def test_a_large_job_reaches_a_process_that_is_still_starting():
     large = bytes(range(256)) * (1 << 14)  # more than a pipe holds
-    with Reserve(2) as reserve:
+    with IdleWorkers(2) as reserve:
         found = list(itertools.islice(run_pieces(large.__getitem__, itertools.count(), 2, reserve), 300))
     assert found == [k % 256 for k in range(300)]
 
@@ -253,10 +253,10 @@ def early(item):
 @pytest.mark.parametrize("first", [0, 1])
 def test_an_item_under_way_is_left_to_its_process_which_then_joins_the_others(first):
     """Even if nobody asks for it, as in a run that is resumed."""
-    with Reserve(2) as reserve:
+    with IdleWorkers(2) as reserve:
         mine = set(idle(reserve))
-        beside = Beside(early, 0, reserve)
-        underway = {0: Underway(beside, beside.result)}
+        beside = BackgroundTask(early, 0, reserve)
+        underway = {0: PendingItem(beside, beside.result)}
         results = run_pieces(who, itertools.count(first), 2, reserve, underway)
         found = list(itertools.islice(results, 30))
         results.close()
@@ -266,18 +266,18 @@ def test_an_item_under_way_is_left_to_its_process_which_then_joins_the_others(fi
 
 
 def test_an_error_of_an_item_under_way_comes_in_its_turn():
-    with Reserve(2) as reserve:
-        beside = Beside(fails, 2, reserve)
-        results = run_pieces(who, itertools.count(), 2, reserve, {2: Underway(beside, beside.result)})
+    with IdleWorkers(2) as reserve:
+        beside = BackgroundTask(fails, 2, reserve)
+        results = run_pieces(who, itertools.count(), 2, reserve, {2: PendingItem(beside, beside.result)})
         assert [next(results)[0], next(results)[0]] == [0, 1]
         with pytest.raises(ValueError, match="no good: 2"):
             next(results)
 
 
 def test_an_item_under_way_whose_process_dies_is_done_here():
-    with Reserve(2) as reserve:
-        beside = Beside(early, 1, reserve)
+    with IdleWorkers(2) as reserve:
+        beside = BackgroundTask(early, 1, reserve)
         os.kill(beside._process.process.pid, signal.SIGKILL)
-        results = run_pieces(who, itertools.count(), 2, reserve, {1: Underway(beside, beside.result)})
+        results = run_pieces(who, itertools.count(), 2, reserve, {1: PendingItem(beside, beside.result)})
         assert list(itertools.islice(results, 3))[1] == (1, "early")
         results.close()

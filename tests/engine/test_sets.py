@@ -16,7 +16,7 @@ import pytest
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.sampling.engine.engines import chosen, open_engine
 from scenegen.sampling.engine.local import Local
-from scenegen.sampling.engine.stream import Packing, Room
+from scenegen.sampling.engine.stream import BlockPacker, ByteBudget
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.formats.registry import read_scenes, write_scenes
 from scenegen.scenes.sets import MANIFEST, read_manifest, read_set
@@ -316,13 +316,13 @@ def test_blocks_wait_for_the_thread_that_packs_them(tmp_path, monkeypatch):
     slow = _Slow(0, 0.05)
     _checked(monkeypatch, slow)
     monkeypatch.setattr("scenegen.sampling.engine.stream.AHEAD", 1)
-    add, most = Packing.add, []
+    add, most = BlockPacker.add, []
 
     def counted(self, block):
         add(self, block)
         most.append(self._blocks.qsize())
 
-    monkeypatch.setattr(Packing, "add", counted)
+    monkeypatch.setattr(BlockPacker, "add", counted)
     with Local(2) as engine:
         run(tmp_path / "set", engine)
     assert max(most) <= 1 and slow.seen == 7
@@ -332,7 +332,7 @@ def test_blocks_wait_for_the_thread_that_packs_them(tmp_path, monkeypatch):
 def test_a_packing_that_fails_leaves_its_room_to_others(at, monkeypatch):
     """Nothing it was given counts any longer: not the block at which it failed, nor those that came too late."""
     monkeypatch.setattr("scenegen.sampling.engine.stream.AHEAD", 1)
-    block, room, seen = Block(np.zeros((3, 5)), np.zeros((1, 5))), Room(), []
+    block, room, seen = Block(np.zeros((3, 5)), np.zeros((1, 5))), ByteBudget(), []
 
     def failing(blocks):
         for one in blocks:
@@ -341,7 +341,7 @@ def test_a_packing_that_fails_leaves_its_room_to_others(at, monkeypatch):
                 raise OSError("no room on the disk")
 
     with ThreadPoolExecutor(2) as threads:
-        first = Packing(threads, room, failing)
+        first = BlockPacker(threads, room, failing)
         with pytest.raises(OSError, match="on the disk"):
             for _ in range(100):
                 first.add(block)
@@ -349,7 +349,7 @@ def test_a_packing_that_fails_leaves_its_room_to_others(at, monkeypatch):
         for _ in range(3):
             with contextlib.suppress(OSError):
                 first.add(block)
-        second = Packing(threads, room, list)
+        second = BlockPacker(threads, room, list)
         for _ in range(3):
             second.add(block)
         second.finish()

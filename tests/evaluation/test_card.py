@@ -7,12 +7,11 @@ import pytest
 from PIL import Image
 
 import scenegen
-from scenegen.learn.evaluation import measure as measuring
-from scenegen.learn.evaluation.card import card_paths, card_text, write_card
+from scenegen.learn.evaluation import card as measuring
+from scenegen.learn.evaluation.card import card_paths, card_text, measure, values, write_card
 from scenegen.learn.evaluation.describe import as_json, describe, held_out
-from scenegen.learn.evaluation.measure import measure, values
 from scenegen.learn.model import load_model
-from scenegen.show.figures.calibration import Panel, calibration
+from scenegen.show.figures.calibration import CalibrationPanel, calibration
 
 TEXT = "# A mug stands left of a plate.\nobject mug, plate\ntask: leftOf(mug, plate)\nnear: closeTo(mug, plate, 0.3)\n"
 
@@ -110,7 +109,7 @@ def test_the_card_is_written_beside_the_model(model, few):
 
 def test_a_card_without_truth_says_so(model):
     trained, path = model
-    text = card_text(trained, path, measuring.Measured((), (), ("task near 0",)))
+    text = card_text(trained, path, measuring.EvaluationResult((), (), ("task near 0",)))
     assert "No exact scenes were found" in text and "![" not in text
 
 
@@ -149,7 +148,9 @@ def test_train_writes_the_card_when_asked(few, tmp_path):
 def test_the_picture_has_the_dots_where_they_belong():
     line = np.linspace(0.0, 1.0, 200)
     on, off = (
-        np.asarray(Image.open(io.BytesIO(calibration([Panel("task", line, line + shift)]))).convert("RGB")).astype(int)
+        np.asarray(
+            Image.open(io.BytesIO(calibration([CalibrationPanel("task", line, line + shift)]))).convert("RGB")
+        ).astype(int)
         for shift in (0.0, 0.25)
     )
 

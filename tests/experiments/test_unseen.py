@@ -18,7 +18,7 @@ from experiments.unseen.specs import REPORT, TUNE, TWELVE, spec_text
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.lang.checker import check_text
-from scenegen.sampling.engine.run import Sampled
+from scenegen.sampling.engine.run import SampledScenes
 
 
 def test_the_problems_never_change():
@@ -72,7 +72,7 @@ def test_queries_ask_for_what_there_is():
 
 
 def test_what_is_too_rare_is_named_with_the_reason(monkeypatch):
-    nothing = Sampled(np.empty((6, 0)), np.empty((2, 0)), {}, (), NO_TIME_TO_CHECK())
+    nothing = SampledScenes(np.empty((6, 0)), np.empty((2, 0)), {}, (), NO_TIME_TO_CHECK())
     monkeypatch.setattr(unseen, "draw", lambda *_: nothing)
     spec = check_text("object a, b\none: leftOf(a, b)\ntwo: closeTo(a, b, 0.3)", "two.spec")
     found, missing = queries(spec, {"one": (-0.9, 0.9), "two": (-0.9, 0.25)}, 3)

@@ -15,8 +15,8 @@ from tests.export.worlds import crates, scenes_of, world
 pxr = pytest.importorskip("pxr")
 from pxr import Sdf  # noqa: E402
 
-from scenegen.worlds.export.usd.files import Scene  # noqa: E402
-from scenegen.worlds.export.usd.stage import Stage, crate  # noqa: E402
+from scenegen.worlds.export.usd.files import UsdScenes  # noqa: E402
+from scenegen.worlds.export.usd.stage import UsdStage, crate  # noqa: E402
 
 HOSTILE = [
     "block[1]",
@@ -70,7 +70,7 @@ def test_objects_of_any_name(name, tmp_path):
 
 def test_odd_letters_come_back(tmp_path):
     text = 'a\n"quoted" \'\'\' """ \\n \x1b \\x00 é 🍜 \\\n'
-    stage = Stage("/Scene", "assembly", text)
+    stage = UsdStage("/Scene", "assembly", text)
     layer = stage.finished()
     facts = {"spec": text, "phi": {text: 0.1, "a:b": 1e-300}}
     layer.say("/Scene", facts)
@@ -87,7 +87,7 @@ def test_prims_have_the_same_names_in_every_scene():
     made = world(crates())
     bodies = (replace(made.bodies[0], name="a-b"),)
     record = Record("", {}, {}, {}, ("a:b", "a-b"))
-    scene = Scene(replace(made, bodies=bodies, poses=made.poses[:, :1], record=record), "meshes", ".usda")
+    scene = UsdScenes(replace(made, bodies=bodies, poses=made.poses[:, :1], record=record), "meshes", ".usda")
     assert list(scene.names.values()) == ["a_b", "a_b_2"]
     files = [scene.one(index) for index in range(2)]
     assert all(b'def Xform "a_b_2"' in data and b'def Xform "a_b"' not in data for data in files)

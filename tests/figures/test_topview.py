@@ -14,10 +14,10 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
 from scenegen.show.figures.dimensions import (
     Dimension,
+    FigureObject,
+    FigureScene,
     Guide,
-    Thing,
     Turn,
-    View,
     dimensions,
     gap_segment,
     room_segment,
@@ -111,11 +111,11 @@ def test_an_angle_turns_from_the_heading_that_was_wanted():
     assert (turn.text, turn.good) == ("0.571 rad", False)
 
 
-VIEW = View(
+VIEW = FigureScene(
     [
-        Thing("mat & <co>", Box(0.4, 0.2), (0.5, 0.1, 0.0), zone=True),
-        Thing("mug", Circle(0.05), (0.2, 0.3, 1.0)),
-        Thing("wedge", WEDGE, (0.7, 0.6, 0.5), tint="#abcdef"),
+        FigureObject("mat & <co>", Box(0.4, 0.2), (0.5, 0.1, 0.0), zone=True),
+        FigureObject("mug", Circle(0.05), (0.2, 0.3, 1.0)),
+        FigureObject("wedge", WEDGE, (0.7, 0.6, 0.5), tint="#abcdef"),
     ],
     marks=[
         Dimension((0.2, 0.3), (0.7, 0.6), "0.583 m", False),
@@ -143,7 +143,7 @@ def test_views_stand_side_by_side():
 
 
 def test_y_points_upwards():
-    low, high = (topview(View([Thing("a", Circle(0.05), (0.5, y, 0.0))])) for y in (0.2, 0.8))
+    low, high = (topview(FigureScene([FigureObject("a", Circle(0.05), (0.5, y, 0.0))])) for y in (0.2, 0.8))
     assert float(circle(low).get("cy")) > float(circle(high).get("cy"))
 
 
@@ -152,15 +152,15 @@ def circle(text):
 
 
 def test_what_sticks_out_is_drawn_in_full_unless_it_is_far_away():
-    near = circle(topview(View([Thing("a", Circle(0.1), (1.05, 0.5, 0.0))])))
+    near = circle(topview(FigureScene([FigureObject("a", Circle(0.1), (1.05, 0.5, 0.0))])))
     assert float(near.get("cx")) + float(near.get("r")) <= 240.0
-    far = circle(topview(View([Thing("a", Circle(0.1), (9.0, 0.5, 0.0))])))
+    far = circle(topview(FigureScene([FigureObject("a", Circle(0.1), (9.0, 0.5, 0.0))])))
     assert float(far.get("cx")) > 240.0
 
 
 def test_what_reaches_over_the_frame_is_cut_off_there():
     """Else a region would run under the caption, and into the view beside."""
-    over = View([Thing("reach", Circle(0.6), (0.5, 0.0, 0.0), zone=True)], caption=["a", "b"])
+    over = FigureScene([FigureObject("reach", Circle(0.6), (0.5, 0.0, 0.0), zone=True)], caption=["a", "b"])
     root = ET.fromstring(topview(over, VIEW))
     (frame,) = root.iter(f"{SVG}clipPath")
     (group,) = (one for one in root.iter(f"{SVG}g") if one.get("clip-path") == f"url(#{frame.get('id')})")
@@ -176,7 +176,7 @@ def test_what_reaches_over_the_frame_is_cut_off_there():
 def test_marks_may_end_anywhere(far):
     """A line of 1e300 pixels is as quickly kept clear of labels as any other, and drawn in numbers that can be read."""
     marks = [Dimension((0.2, 0.3), (far, 0.6), "far", False), Guide((-far, far), (far, 0.0))]
-    text = topview(View([Thing("mug", Circle(0.05), (far, 0.3, 1.0))], marks=marks))
+    text = topview(FigureScene([FigureObject("mug", Circle(0.05), (far, 0.3, 1.0))], marks=marks))
     numbers = [abs(float(one)) for one in re.findall(r"[ML]([-\d.]+)", text)]
     assert len(numbers) >= 4 and max(numbers) <= 20_010.0 and len(text) < 5000
 
@@ -184,7 +184,9 @@ def test_marks_may_end_anywhere(far):
 def test_a_workspace_of_any_size():
     for size in (1e-3, 1.0, 7.0, 1e6):
         text = topview(
-            View([Thing("a", Circle(size / 10), (size / 2, size / 2, 0.0))], x=(0.0, size), y=(0.0, 2 * size))
+            FigureScene(
+                [FigureObject("a", Circle(size / 10), (size / 2, size / 2, 0.0))], x=(0.0, size), y=(0.0, 2 * size)
+            )
         )
         assert ET.fromstring(text).get("height") == "456" and len(text) < 3000
 
@@ -212,5 +214,5 @@ def test_furniture_shows_its_cells():
 
     shapes = {name: shape_of(name) for name in ("rack", "cabinet", "bin", "mug")}
     for name, cells in {"rack": 6, "cabinet": 1, "bin": 1, "mug": 0}.items():
-        thing = Thing(name, shapes[name].footprint, (0.5, 0.5, 0.3), inside=cells_of(shapes[name]))
-        assert topview(View([thing])).count('stroke-width="0.6"') == cells
+        thing = FigureObject(name, shapes[name].footprint, (0.5, 0.5, 0.3), inside=cells_of(shapes[name]))
+        assert topview(FigureScene([thing])).count('stroke-width="0.6"') == cells

@@ -20,7 +20,7 @@ from scenegen.scenes.files import (
     whole_files,
     write_whole,
 )
-from scenegen.scenes.shards import AHEAD, Packed, Parts
+from scenegen.scenes.shards import AHEAD, HashingWriter, Parts
 
 
 def failing(code):
@@ -196,7 +196,7 @@ def test_what_begins_to_go_to_the_disk_stays_as_it_is(known, tmp_path, monkeypat
 @pytest.mark.parametrize("beside", [False, True])
 def test_a_file_that_is_packed(beside):
     sink = Parts()
-    with Packed(sink, beside=beside) as packed:
+    with HashingWriter(sink, beside=beside) as packed:
         assert packed.write(b"abc") == 3 and packed.write(memoryview(b"de")) == 2 and packed.tell() == packed.size == 5
         assert packed.sha256 == hashlib.sha256(b"abcde").hexdigest()
     assert sink.parts == [b"abc", b"de"]
@@ -209,7 +209,7 @@ def test_a_sink_that_fails_while_a_file_is_packed(last, beside):
         def write(self, part):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    with pytest.raises(OSError, match="No space left"), Packed(Full(), beside=beside) as packed:
+    with pytest.raises(OSError, match="No space left"), HashingWriter(Full(), beside=beside) as packed:
         while packed.size < 1_000_000:
             packed.write(b"abc")
             if last:
@@ -225,7 +225,7 @@ def test_a_slow_sink_is_waited_for():
             go.wait(10)
             written.append(part)
 
-    with Packed(Slow(), beside=True) as packed:
+    with HashingWriter(Slow(), beside=True) as packed:
         writer = threading.Thread(target=lambda: [packed.write(b"x") for _ in range(100)])
         writer.start()
         writer.join(0.2)

@@ -11,7 +11,7 @@ import pytest
 
 from scenegen.errors import OutputError
 from scenegen.scenes import lease
-from scenegen.scenes.lease import LOCK, Holder, held, refuse_held
+from scenegen.scenes.lease import LOCK, LeaseHolder, held, refuse_held
 from scenegen.scenes.stores import Store, store_at
 
 HOLD = """
@@ -32,7 +32,7 @@ def remote(tmp_path, monkeypatch):
 
 
 def write(store, *, born="1", machine="elsewhere", token="theirs"):
-    holder = Holder(host="other", machine=machine, pid=os.getpid(), born=born, token=token)
+    holder = LeaseHolder(host="other", machine=machine, pid=os.getpid(), born=born, token=token)
     store.write(LOCK, holder.model_dump_json().encode())
 
 

@@ -40,7 +40,7 @@ def test_it_finds_what_is_wrong(good, tmp_path, monkeypatch):
             until = time.process_time() + 1.0
             while time.process_time() < until:
                 pass
-            raise header._Twice(pairs[0][0])
+            raise header._DuplicateKey(pairs[0][0])
         return dict(pairs)
 
     monkeypatch.setattr(header, "_unique", slow)

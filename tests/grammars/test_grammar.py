@@ -8,7 +8,7 @@ import pytest
 
 import scenegen
 from scenegen.editors.grammars.grammar import rules_of
-from scenegen.editors.grammars.rules import Choice, Ref, Repeat, Seq, gbnf, lark, pattern
+from scenegen.editors.grammars.rules import Alternation, Repeat, RuleRef, Seq, gbnf, lark, pattern
 from scenegen.editors.grammars.rules import json as as_json
 from scenegen.errors import RequestError, SpecError
 from tests.grammars.walks import SPECS, derive, read_gbnf, refused
@@ -80,13 +80,13 @@ def test_formulas_nest_and_parse():
 
 def test_all_rules_are_there_and_used():
     for grammar in map(rules_for, ("pair", "timed")):
-        stack, used = [Ref(grammar.start)], set()
+        stack, used = [RuleRef(grammar.start)], set()
         while stack:
             part = stack.pop()
-            if isinstance(part, Ref) and part.name not in used:
+            if isinstance(part, RuleRef) and part.name not in used:
                 used.add(part.name)
                 stack.append(grammar.rules[part.name])
-            elif isinstance(part, Seq | Choice):
+            elif isinstance(part, Seq | Alternation):
                 stack.extend(part.parts if isinstance(part, Seq) else part.options)
             elif isinstance(part, Repeat):
                 stack.append(part.part)

@@ -7,7 +7,7 @@ import re
 
 import scenegen
 from scenegen.api.feasibility import doubts
-from scenegen.editors.grammars.rules import Choice, Grammar, Ref, Repeat, Seq, Text, Whole
+from scenegen.editors.grammars.rules import Alternation, Grammar, IntegerRange, Repeat, RuleRef, Seq, Terminal
 from scenegen.errors import SpecError
 
 SPECS = {
@@ -31,15 +31,15 @@ def derive(grammar: Grammar, rng: random.Random) -> str:
     while stack:
         part = stack.pop()
         match part:
-            case Text(text):
+            case Terminal(text):
                 out.append(text)
-            case Ref(name):
+            case RuleRef(name):
                 stack.append(grammar.rules[name])
-            case Whole(low, high):
+            case IntegerRange(low, high):
                 out.append(str(rng.choice((low, high, rng.randint(low, high)))))
             case Seq(parts):
                 stack.extend(reversed(parts))
-            case Choice(options):
+            case Alternation(options):
                 stack.append(rng.choice(options))
             case Repeat(one, least, most):
                 count = least
@@ -85,12 +85,12 @@ def _options(tokens):
             least, most = map(int, token[1:-1].split(","))
             row[-1] = Repeat(row[-1], least, most)
         elif token.startswith("["):
-            row.append(Whole(int(token[1]), int(token[3])))
+            row.append(IntegerRange(int(token[1]), int(token[3])))
         elif token.startswith('"'):
-            row.append(Text(re.sub(r"\\.", lambda found: ESCAPES[found.group()], token[1:-1])))
+            row.append(Terminal(re.sub(r"\\.", lambda found: ESCAPES[found.group()], token[1:-1])))
         else:
-            row.append(Ref(token))
-    return Choice((*options, Seq(tuple(row)))), tokens
+            row.append(RuleRef(token))
+    return Alternation((*options, Seq(tuple(row)))), tokens
 
 
 def refused(text):

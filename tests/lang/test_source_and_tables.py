@@ -8,7 +8,7 @@ import pytest
 
 from scenegen.errors import Source, SpecError
 from scenegen.lang.checker import check_file, check_text
-from scenegen.lang.syntax import parser_tables as tables
+from scenegen.lang.syntax import parse as tables
 from scenegen.lang.syntax.parse import Builder, _parser, parse, read_source
 from scenegen.lang.syntax.pieces import dump
 

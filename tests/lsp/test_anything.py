@@ -3,10 +3,9 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.editors.lsp.answers import formatted
+from scenegen.editors.lsp.answers import formatted, problems
 from scenegen.editors.lsp.complete import complete
 from scenegen.editors.lsp.define import definition, refusal, symbols, uses
-from scenegen.editors.lsp.diagnose import problems
 from scenegen.editors.lsp.document import Document
 from scenegen.editors.lsp.hover import hover
 

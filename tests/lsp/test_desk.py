@@ -10,7 +10,7 @@ pytest.importorskip("pygls")
 from scenegen.editors.lsp import desk as desks
 from scenegen.editors.lsp import worker as workers
 from scenegen.editors.lsp.answers import Question, answer
-from scenegen.editors.lsp.desk import Gone
+from scenegen.editors.lsp.desk import LanguageProcessEnded
 from scenegen.editors.lsp.document import once
 
 
@@ -33,7 +33,7 @@ class Still:
     def end(self):
         self.ended = True
         for future in self.under_way.values():
-            future.set_exception(Gone("ended"))
+            future.set_exception(LanguageProcessEnded("ended"))
         self.under_way.clear()
         self.idle(self)
 
@@ -57,10 +57,10 @@ class Busy(Still):
 
 @pytest.fixture
 def desk(monkeypatch):
-    monkeypatch.setattr(desks, "Process", Still)
+    monkeypatch.setattr(desks, "LanguageProcess", Still)
     monkeypatch.setattr(desks, "PAUSE", 0.0)
     said = []
-    found = desks.Desk(lambda *one: said.append(one))
+    found = desks.DiagnosticsService(lambda *one: said.append(one))
     found.said = said
     return found
 
@@ -82,7 +82,7 @@ def test_only_so_many_processes_run(desk):
 
 
 def test_the_last_edited_comes_first_where_all_processes_are_at_work(desk, monkeypatch):
-    monkeypatch.setattr(desks, "Process", Busy)
+    monkeypatch.setattr(desks, "LanguageProcess", Busy)
     monkeypatch.setattr(desks, "GRACE", 0.02)
     checked = []
     desk._publish = lambda uri, version, found: checked.append(int(uri.rpartition(":")[2]))
@@ -136,7 +136,7 @@ def test_names_do_not_wait_for_meaning(monkeypatch):
         return answer(page, question)
 
     monkeypatch.setattr(workers, "answer", slowly)
-    worker = workers.Worker(say)
+    worker = workers.LanguageWorker(say)
     about = {"uri": "untitled:1", "path": None, "root": None, "open": {}, "encoding": "utf-16"}
     place = {"line": 0, "character": 0, "name": ""}
     worker.hear(about | {"text": "t: leftOf(a, b)", "revision": 1})

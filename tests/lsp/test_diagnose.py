@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenegen.editors.lsp.diagnose import problems
+from scenegen.editors.lsp.answers import problems
 from scenegen.editors.lsp.document import Document
 from scenegen.resources import shipped_specs
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenegen.editors.lsp.answers import Lines
+from scenegen.editors.lsp.answers import EncodedLines
 
 texts = st.text(st.sampled_from("ab \n\té≤🍵𝔸"), max_size=30)
 codecs = {"utf-8": ("utf-8", 1), "utf-16": ("utf-16-le", 2), "utf-32": ("utf-32-le", 4)}
@@ -12,7 +12,7 @@ codecs = {"utf-8": ("utf-8", 1), "utf-16": ("utf-16-le", 2), "utf-32": ("utf-32-
 
 @given(texts, st.sampled_from(sorted(codecs)))
 def test_every_offset_there_and_back(text, encoding):
-    lines = Lines(text, encoding)
+    lines = EncodedLines(text, encoding)
     codec, size = codecs[encoding]
     for offset in range(len(text) + 1):
         before = text[:offset].split("\n")
@@ -22,7 +22,7 @@ def test_every_offset_there_and_back(text, encoding):
 
 
 def test_inside_a_character_and_beyond_the_text():
-    lines = Lines("🍵a\nb")
+    lines = EncodedLines("🍵a\nb")
     assert lines.offset(0, 1) == 0
     assert lines.offset(0, 2) == 1
     assert lines.offset(0, 99) == 2
@@ -33,5 +33,5 @@ def test_inside_a_character_and_beyond_the_text():
 
 @pytest.mark.parametrize("encoding", sorted(codecs))
 def test_a_text_without_anything(encoding):
-    assert Lines("", encoding).position(0) == (0, 0)
-    assert Lines("", encoding).offset(0, 0) == 0
+    assert EncodedLines("", encoding).position(0) == (0, 0)
+    assert EncodedLines("", encoding).offset(0, 0) == 0

@@ -11,7 +11,7 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.learn.evaluation.fidelity import kolmogorov_smirnov
 from scenegen.learn.models.codec import Codec
-from scenegen.learn.models.correction import Correction, Stir, newton
+from scenegen.learn.models.correction import Correction, McmcMoves, newton
 from scenegen.learn.robustness import Robustness
 
 TEXT = """object a = cylinder(0.05, 0.1), b = cylinder(0.05, 0.1), c = cylinder(0.05, 0.1) at (0.5, 0.5)
@@ -84,7 +84,7 @@ def test_moves_keep_phi_and_what_is_required(spec):
     phi = torch.tensor([-0.1, math.nan])[:, None].expand(2, 500)
     correct = Correction(spec, torch.tensor([1.0, 1.0]))
     rows, off = correct._corrected(uniform(spec)(phi, torch.Generator().manual_seed(1), None)[0], phi)
-    stir = Stir(spec, torch.full((2, 1), 1e-3))
+    stir = McmcMoves(spec, torch.full((2, 1), 1e-3))
     assert stir.count
     moved = stir(rows, phi, torch.Generator().manual_seed(2))
     assert torch.equal(moved[:, off], rows[:, off]) and not torch.equal(moved[:, ~off], rows[:, ~off])
@@ -97,7 +97,7 @@ def test_moves_leave_the_truth_alone_and_mend_what_is_not():
     """Uniform scenes of a band stay uniform; crowded ones become more so."""
     spec = check_text("object a, b\ntask: closeTo(a, b, 0.4)", "two.spec")
     band = torch.full((1, 1), 0.1)  # phi within 0.1 of 0.1
-    stir = Stir(spec, band)
+    stir = McmcMoves(spec, band)
     generator = torch.Generator().manual_seed(0)
     rows = Codec(spec.workspace, 2).decode(torch.rand(60_000, 6, generator=generator))
     inside = (of(spec, rows)[0] - 0.1).abs() <= 0.1
@@ -162,7 +162,7 @@ def test_the_requirement_is_a_value_of_its_own(spec):
 def test_fitted_moves_spread_scenes_over_a_range_however_narrow(tolerance):
     """From its very middle; moves of the usual sizes leave nearly all where they are."""
     text = f"object a, b\ntask: abs(x(a) - 30 cm) <= {tolerance} & abs(x(b) - x(a) - 20 cm) <= {tolerance}"
-    stir = Stir(check_text(text, "narrow.spec"), torch.zeros(1, 1))
+    stir = McmcMoves(check_text(text, "narrow.spec"), torch.zeros(1, 1))
     count, ends = 2000, (torch.zeros(1, 2000), torch.full((1, 2000), math.inf))
     rows = torch.rand(6, count, generator=torch.Generator().manual_seed(0))
     rows[0], rows[3] = 0.3, 0.5

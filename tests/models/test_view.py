@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from scenegen.learn.models.codec import Examples
-from scenegen.learn.models.conditioned import Selector, View
+from scenegen.learn.models.conditioned import DataScaling, Selector
 from scenegen.learn.models.energy import Generator, noise
 from scenegen.learn.models.layout import Layout
 
@@ -28,7 +28,7 @@ def examples():
 
 @pytest.fixture
 def view(examples):
-    made = View(LAYOUT)
+    made = DataScaling(LAYOUT)
     made.fit(examples)
     return made
 

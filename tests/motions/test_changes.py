@@ -11,7 +11,7 @@ from scenegen.sampling.motions import relocate
 from scenegen.sampling.motions.moves import WAYS, changes
 from scenegen.sampling.motions.problem import Variables, draw, poses_of
 from scenegen.sampling.motions.relocate import statistics
-from scenegen.sampling.motions.schedule import Chains
+from scenegen.sampling.motions.schedule import MotionChains
 from scenegen.sampling.splitting.chains import Region
 
 from .problems import apart, held, meets, problem
@@ -48,7 +48,7 @@ def by_rejection(made, count, seed):
         good = np.flatnonzero(region.holds(list(made.scores(poses_of(made, some)))))
         parts.append(some.take(good))
         found += len(good)
-    chains = Chains.start(made, count, rng)
+    chains = MotionChains.start(made, count, rng)
     all_ = (np.concatenate([getattr(one, name) for one in parts], axis=-1) for name in ("first", "mover", "unit"))
     chains.now = Variables(*all_).take(np.arange(count))
     chains.scores, chains.region = made.scores(poses_of(made, chains.now)), region
@@ -109,7 +109,7 @@ def test_a_change_without_its_conditions_is_found_out(wrong, drawn, monkeypatch)
     elif wrong == "legal":
         monkeypatch.setattr(relocate, "legal", lambda unit: always(None, unit))
     else:
-        monkeypatch.setattr(relocate.Group, "stays", always)
+        monkeypatch.setattr(relocate.ObjectGroup, "stays", always)
     kinds = changes(chains.problem)
     chains.run(30, np.array([float("relocate" in name_of(kind)) / len(WAYS) for kind in kinds]))
     assert differs(chains, other) <= LEAST_P

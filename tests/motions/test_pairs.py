@@ -177,6 +177,6 @@ def test_goals_that_took_all_the_time_leave_no_starts(monkeypatch):
         return found
 
     monkeypatch.setattr(pairs, "draw", slowly)
-    made = pairs.draw_pairs(goal, pairs.Starts(goal), None, budget)
+    made = pairs.draw_pairs(goal, pairs.PairStarts(goal), None, budget)
     assert made.start.shape == made.goal.shape == (9, 0)
     assert "time is up" in str(made.shortfall)

@@ -9,7 +9,7 @@ from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
 from scenegen.pose import as_rows
 from scenegen.sampling.motions.problem import MotionProblem, Variables, draw, poses_of, unit_steps
 from scenegen.sampling.motions.sampler import make_plan, pilot, sample
-from scenegen.sampling.motions.schedule import Chains
+from scenegen.sampling.motions.schedule import MotionChains
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import Range
 
@@ -72,7 +72,7 @@ def test_a_sequential_sampler_is_found_out():
 def test_changes_keep_the_base_distribution(moves):
     """Without a region chains follow the base distribution: movers, radii and angles stay uniform."""
     made = problem(meets, {"a": (None, None)}, objects=3, moves=moves)
-    chains = Chains.start(made, 2000, np.random.default_rng(5))
+    chains = MotionChains.start(made, 2000, np.random.default_rng(5))
     chains.run(60)
     far = np.hypot(chains.now.unit[..., 0, :], chains.now.unit[..., 1, :])
     free = chains.problem.room(poses_of(made, chains.now)) > -np.inf

@@ -13,7 +13,7 @@ from scenegen.processes import process
 from scenegen.things import Shape, shape_of
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.physics.bodies import within
-from scenegen.worlds.physics.settling import Refusals, Settled, Settler, settle_scenes
+from scenegen.worlds.physics.settling import Displacements, Refusals, Settler, settle_scenes
 
 NAMES = ("plate", "mug", "knife", "crackerbox", "bottle")
 SHAPES = tuple(map(shape_of, NAMES))
@@ -162,7 +162,7 @@ def test_refusals_are_counted_by_object():
     turn[2, 1] = 6.0
     names = ("plate", "mug", "fork")
     assert Refusals(names, 2, 0, (0, 0, 0)).diagnostic() is None
-    found = Settled(shift, turn)
+    found = Displacements(shift, turn)
     assert found.moved.sum(axis=0).tolist() == [0, 3, 1] and found.kept.tolist() == [False] * 3 + [True] * 3
     refusals = Refusals(names, 8, 3, (0, 3, 1))
     assert refusals.summary() == "3 of 8 scenes did not settle: `mug` moved in 3, `fork` in 1"

@@ -11,7 +11,7 @@ from scenegen.errors import RequestError
 from scenegen.learn.curriculum.strategies import strategy
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.robosuite import Placement, phi_space
-from scenegen.worlds.robosuite.placement import Frame, inverse, times, upright
+from scenegen.worlds.robosuite.placement import TableFrame, inverse, times, upright
 from tests.robosuite.stubs import Corner, Thing, Tipped, Turned, simulation
 
 TEXT = """
@@ -204,7 +204,7 @@ def test_it_takes_the_place_of_an_environment_s_own_sampler():
 
 
 def test_frames_and_quaternions():
-    frame = Frame((1.0, 2.0, 3.0), math.pi / 2)
+    frame = TableFrame((1.0, 2.0, 3.0), math.pi / 2)
     at, quaternion = frame.place([0.1, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0])
     assert at == pytest.approx([1.0, 2.1, 3.5])
     assert quaternion == pytest.approx([math.sqrt(0.5), 0, 0, math.sqrt(0.5)])

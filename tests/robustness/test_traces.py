@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import scenegen
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.timed import Numpy, extreme, until
-from scenegen.learn.robustness.traces import TraceRobustness, _Torch
+from scenegen.learn.robustness.traces import TraceRobustness, _TorchTraces
 
 from ..laws import examples
 from .slow_time import text, value
@@ -260,8 +260,8 @@ def test_windows_with_gradients(kind, moments):
         for b in range(a, moments + 2):
             plain = torch.from_numpy(numbers)
             followed = plain.clone().requires_grad_()
-            found = extreme(_Torch(), kind, followed, a, b)
-            expected = extreme(_Torch(), kind, plain, a, b)
+            found = extreme(_TorchTraces(), kind, followed, a, b)
+            expected = extreme(_TorchTraces(), kind, plain, a, b)
             assert torch.equal(found, expected)
             assert np.array_equal(expected.numpy(), extreme(Numpy(), kind, numbers, a, b))
             for t in range(moments - a):

@@ -18,13 +18,13 @@ from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import population
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
-from scenegen.sampling.parts import Part
+from scenegen.sampling.parts import SubProblem
 from scenegen.sampling.plan import digest
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rejection.outcome import look
+from scenegen.sampling.rejection.outcome import try_rejection
 from scenegen.sampling.rejection.trial import make_trial, search
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import Stalled
+from scenegen.sampling.splitting.levels import SplittingStalled
 
 # Waves of independent headings: no box of poses tells where their product is large.
 WAVES = " * ".join(f"sin(20 * theta({name}))" for name in "abcde")
@@ -101,12 +101,12 @@ def test_a_search_that_time_cuts_short_is_no_plan():
 
 def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
     problem = make_problem(check_text("leftOf(a, b)"), SampleRequest({"task": Range(0.0)}, n=20))
-    cut = Stalled("time", (), (), 0, 0)
+    cut = SplittingStalled("time", (), (), 0, 0)
     monkeypatch.setattr(contest, "plan_splitting", lambda *words, **named: cut)
     quick = plan_growth(problem, Budget())
     assert isinstance(quick, Growth)
     quick = replace(quick, recipe=replace(quick.recipe, effect=np.inf))
-    assert contest.Contest(problem, Budget(), choose).other(quick) is cut
+    assert contest.MethodChoice(problem, Budget(), choose).other(quick) is cut
 
 
 @pytest.mark.parametrize("ends", [(0.0, None), (0.0, 0.3)])
@@ -146,11 +146,11 @@ def test_pruning_that_may_take_more_goes_on_where_it_is():
         return math.inf
 
     whole = make_trial(problem, Budget())
-    found = look(problem, Budget(), whole.work / 3, further=further)
+    found = try_rejection(problem, Budget(), whole.work / 3, further=further)
     assert times == [1] and found.trial is None and found.longer is not None
     assert found.longer.work == whole.work and (found.longer.hits == whole.hits).all()
     assert digest(found.longer.cover) == digest(whole.cover)
-    assert look(problem, Budget(), whole.work / 3, further=lambda: whole.work / 2).longer is None
+    assert try_rejection(problem, Budget(), whole.work / 3, further=lambda: whole.work / 2).longer is None
 
 
 @pytest.mark.long
@@ -159,11 +159,11 @@ def test_parts_that_another_process_looks_at_get_the_same_plans(name, monkeypatc
     """Some are served by rejection at once, some without pruning, some by growth."""
     told = []
 
-    def of_part(self, problem, seen, honest=contest.Contest._of_part):
+    def of_part(self, problem, seen, honest=contest.MethodChoice._of_part):
         told.append(seen is not None)
         return honest(self, problem, seen)
 
-    monkeypatch.setattr(contest.Contest, "_of_part", of_part)
+    monkeypatch.setattr(contest.MethodChoice, "_of_part", of_part)
     spec = check_text(shipped_specs()[name].read_text(encoding="utf-8"))
     ranges = {label: Range(0.0) for label in spec.labels}
     plans = []
@@ -182,7 +182,7 @@ def test_a_part_without_scenes_is_reported_in_its_turn():
     """Not before it is known what becomes of the parts before it."""
     problem = near(2000, 1)
     error = RequestError(NO_TIME_TO_CHECK())
-    part = Part((0,), problem)
+    part = SubProblem((0,), problem)
 
     class Done:
         def __init__(self, *seen):
@@ -191,8 +191,8 @@ def test_a_part_without_scenes_is_reported_in_its_turn():
         def result(self):
             return [*self.seen]
 
-    begun = look(problem, Budget(), math.inf), None
-    mine = contest.Contest(problem, Budget(), choose, parts=(part, part), seen=Done(begun, error))
+    begun = try_rejection(problem, Budget(), math.inf), None
+    mine = contest.MethodChoice(problem, Budget(), choose, parts=(part, part), seen=Done(begun, error))
     with pytest.raises(RequestError, match="time was up"):
         mine._apart()
     asked = []
@@ -274,10 +274,10 @@ def test_a_look_at_another_method_takes_no_longer_than_it_can_save():
     """A plan of growth is given up; rejection, which has one, is taken."""
     problem = make_problem(check_text(COUNTER), SampleRequest({"task": Range(0.0)}, n=1000, workers=1))
     looked = plan_growth(problem, Budget(), patient=False, longest=0.01)
-    assert isinstance(looked, population.Stalled) and looked.dear and looked.evaluations < 1e5
+    assert isinstance(looked, population.GrowthFailed) and looked.dear and looked.evaluations < 1e5
     mine = make_plan(problem, Budget(), method="rejection")
     cheap = replace(mine, expected=mine.expected / 1000)
-    choice = contest.Contest(problem, Budget(), choose, parts=())._against(cheap, None)
+    choice = contest.MethodChoice(problem, Budget(), choose, parts=())._against(cheap, None)
     assert choice.method == "rejection"
 
 

@@ -20,8 +20,8 @@ from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rarity_grown import NoRoom, grow_islands
 from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.chain_state import Tape, make_frame
-from scenegen.sampling.splitting.levels import Stalled
+from scenegen.sampling.splitting.chain_state import ChainTape, make_frame
+from scenegen.sampling.splitting.levels import SplittingStalled
 from scenegen.sampling.splitting.sampler import Splitting, plan_splitting, why_stalled
 from scenegen.search import contract, label_bounds
 from scenegen.search.clash import clash
@@ -156,24 +156,24 @@ def test_a_plan_of_splitting_stops_when_it_is_told_to(few):
     for k in (1, 3, whole.calls // 8, whole.calls // 2, whole.calls - 1):
         stop = Calls(k)
         end = plan_splitting(few, stop)
-        assert isinstance(end, Stalled) and end.why == "time" and stop.calls == k
+        assert isinstance(end, SplittingStalled) and end.why == "time" and stop.calls == k
         assert bool(end.phi) == (k > 3) and len(why_stalled(few, end).title) > 10
 
 
 def test_every_clearance_of_a_large_table_is_a_chance_to_stop(spec):
     frame = make_frame(gated(spec.core), *spec.box())
     stop = Calls()
-    Tape(frame, stop=stop)(frame.draw(64, np.random.default_rng(0)))
+    ChainTape(frame, stop=stop)(frame.draw(64, np.random.default_rng(0)))
     assert stop.calls == sum(isinstance(node, Apply) for node in frame.core.nodes)
 
 
 def test_a_large_table_is_scored_some_scenes_at_a_time(monkeypatch, spec):
     frame = make_frame(gated(spec.core), *spec.box())
     rows = frame.draw(250, np.random.default_rng(0))
-    whole, once, stop = Tape(frame)(rows), Calls(), Calls()
-    Tape(frame, stop=once)([row[:64] for row in rows])
-    monkeypatch.setattr("scenegen.sampling.splitting.chain_state.LIVE", 4 * 10 * Tape(frame).length)
-    parts = Tape(frame, stop=stop)(rows)
+    whole, once, stop = ChainTape(frame)(rows), Calls(), Calls()
+    ChainTape(frame, stop=once)([row[:64] for row in rows])
+    monkeypatch.setattr("scenegen.sampling.splitting.chain_state.LIVE", 4 * 10 * ChainTape(frame).length)
+    parts = ChainTape(frame, stop=stop)(rows)
     assert [one.tolist() for one in parts] == [one.tolist() for one in whole]
     assert stop.calls == 4 * once.calls
 

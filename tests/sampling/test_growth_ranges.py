@@ -6,7 +6,7 @@ import pytest
 import scenegen
 from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw
-from scenegen.sampling.growth.grow import Kinship
+from scenegen.sampling.growth.grow import AncestorEffect
 from scenegen.sampling.growth.machine import make_machine
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.population import spread_over
@@ -76,4 +76,4 @@ def test_cells_that_differ_are_no_kinship():
     low, high = machine.graph.low[:, cell], machine.graph.high[:, cell]
     particles.scenes[:] = low + np.random.default_rng(1).random(low.shape) * (high - low)
     particles.families[:] = [island * 32 + cell]
-    assert Kinship(machine)(particles) < 1.3
+    assert AncestorEffect(machine)(particles) < 1.3

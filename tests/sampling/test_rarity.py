@@ -16,7 +16,7 @@ from scenegen.learn.refine import piece_generator
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rarity import OutOfReach, measure
+from scenegen.sampling.rarity import RequirementUnmet, measure
 from scenegen.sampling.request import Range, SampleRequest
 
 SURE = 2.0  # error bars, of 95 % each: of a few dozen comparisons none should be further off
@@ -191,7 +191,7 @@ def test_a_label_that_cannot_move():
 @pytest.mark.long
 def test_a_requirement_out_of_reach():
     found = measured("require leftOf(a, b) & leftOf(b, a) & x(a) >= x(b) + 0.1\ntask: aboveOf(a, b)")
-    assert isinstance(found, OutOfReach) and -0.06 < found.best < 0.0
+    assert isinstance(found, RequirementUnmet) and -0.06 < found.best < 0.0
 
 
 RUNS = 150

@@ -13,7 +13,7 @@ from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import Stalled, make_schedule
+from scenegen.sampling.splitting.levels import SplittingStalled, make_schedule
 from scenegen.sampling.splitting.sampler import probability, run_piece
 
 rejection = partial(run, method="rejection")
@@ -194,7 +194,7 @@ def test_pieces_are_unbiased_about_the_probability():
         check_text("leftOf(a, b) & belowOf(a, b)"), SampleRequest({"task": Range(0.8, 0.82)}, n=16, spread="base")
     )
     plan = make_schedule(problem, Budget())
-    assert not isinstance(plan, Stalled) and plan.levels >= 8
+    assert not isinstance(plan, SplittingStalled) and plan.levels >= 8
     estimates = np.array([run_piece(problem, plan, k).probability for k in range(40)])
     truth = (0.2**2 / 2) ** 2 - (0.18**2 / 2) ** 2
     error = estimates.std(ddof=1) / math.sqrt(len(estimates))

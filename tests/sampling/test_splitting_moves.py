@@ -6,9 +6,19 @@ import pytest
 from scenegen.lang.checker import check_text
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import SampleRequest
-from scenegen.sampling.splitting.chain_state import Tape, frame_of
+from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import Chains, Region, Statistics, _systematic, correlation, design_effect
-from scenegen.sampling.splitting.moves import COMPOSED, MIRRORS, MOVES, STEPS, Deck, Draw, Tuning, bring_home, moves_for
+from scenegen.sampling.splitting.moves import (
+    COMPOSED,
+    MIRRORS,
+    MOVES,
+    STEPS,
+    Deck,
+    MoveInputs,
+    Tuning,
+    bring_home,
+    moves_for,
+)
 
 SPEC = """
 workspace [0, 2] x [0, 1]
@@ -31,7 +41,7 @@ def problem():
 def chains_at_truth(problem, seed, low=0.05):
     """Chains that are exactly where they should be, by plain rejection."""
     chain_state, rng = frame_of(problem), np.random.Generator(np.random.SFC64(seed))
-    tape = Tape(chain_state)
+    tape = ChainTape(chain_state)
     rows = chain_state.draw(120_000, rng)
     good = tape(rows)[0] >= low
     rows = [row[good] for row in rows]
@@ -84,8 +94,8 @@ def test_a_kind_keeps_the_distribution(problem, kind, same_distribution):
 
 def test_a_move_that_leans_is_found_out(problem, same_distribution, monkeypatch):
     chains, fresh = chains_at_truth(problem, 1), chains_at_truth(problem, 2)
-    noise = Draw.noise
-    monkeypatch.setattr(Draw, "noise", lambda self, half: noise(self, half) + 0.2 * half)
+    noise = MoveInputs.noise
+    monkeypatch.setattr(MoveInputs, "noise", lambda self, half: noise(self, half) + 0.2 * half)
     for _ in range(12):
         chains.move("row", tuning(chains.chain_state))
     assert distances(chains, statistics(fresh), same_distribution)
@@ -94,14 +104,14 @@ def test_a_move_that_leans_is_found_out(problem, same_distribution, monkeypatch)
 @pytest.mark.parametrize("kind", MIRRORS)
 @pytest.mark.parametrize("text", [SPEC, TRAYS], ids=["table", "trays"])
 def test_a_mirror_undoes_itself(text, kind, monkeypatch):
-    monkeypatch.setattr(Draw, "coin", lambda self: np.ones(self.count, dtype=bool))
+    monkeypatch.setattr(MoveInputs, "coin", lambda self: np.ones(self.count, dtype=bool))
     chain_state = frame_of(make_problem(check_text(text), SampleRequest(n=16)))
     rows = chain_state.draw(100, np.random.default_rng(0))
 
     def apply(rows, seed):
         rng = np.random.Generator(np.random.SFC64(seed))
         decks = Deck(chain_state.dimension, rng), Deck(len(chain_state.parts), rng)
-        proposal = MOVES[kind](Draw(chain_state, *decks, rows, rows, tuning(chain_state), 1.0, rng))
+        proposal = MOVES[kind](MoveInputs(chain_state, *decks, rows, rows, tuning(chain_state), 1.0, rng))
         values, _ = bring_home(chain_state, proposal)
         out = list(rows)
         for row, value in zip(proposal.rows, values, strict=True):

@@ -13,7 +13,7 @@ from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import Stalled, _Planner, go_on, make_schedule
+from scenegen.sampling.splitting.levels import SplittingStalled, _LevelPlanner, go_on, make_schedule
 from scenegen.sampling.splitting.sampler import make_plan, run_piece
 
 splitting = partial(run, method="splitting")
@@ -37,7 +37,7 @@ def problem(exp2):
 @pytest.fixture(scope="module")
 def plan(problem):
     plan = make_schedule(problem, Budget())
-    assert not isinstance(plan, Stalled)
+    assert not isinstance(plan, SplittingStalled)
     return plan
 
 
@@ -140,7 +140,7 @@ def test_what_is_required_is_met_level_by_level():
     spec = check_text(
         "require leftOf(a, b) & leftOf(b, c) & leftOf(c, d) & leftOf(d, e) & leftOf(e, f)\ntask: closeTo(a, b, 0.9)"
     )
-    planner = _Planner(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=16)), Budget())
+    planner = _LevelPlanner(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=16)), Budget())
     low, free = np.array([-np.inf, 0.0]), np.full(2, np.inf)
     assert planner._descend(low, free, -free) and len(planner._stages) > 6
 
@@ -148,7 +148,7 @@ def test_what_is_required_is_met_level_by_level():
 def test_a_value_that_most_scenes_share_is_left_behind():
     """A few scenes: all others have the phi of the constant alternative."""
     spec = check_text("object a, b, c, d, e\ntask: dist(a, a) >= 1 cm | leftOf(a, b) & leftOf(b, c) & leftOf(d, e)")
-    planner = _Planner(make_problem(spec, SampleRequest({"task": Range(0.2)}, n=16)), Budget())
+    planner = _LevelPlanner(make_problem(spec, SampleRequest({"task": Range(0.2)}, n=16)), Budget())
     assert planner._descend(np.array([0.2]), np.array([np.inf]), np.array([-np.inf]))
 
 

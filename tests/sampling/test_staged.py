@@ -113,7 +113,7 @@ def test_stages_of_a_cover_are_found_once(monkeypatch):
     for place in (draw, sampler):
         monkeypatch.setattr(place, "make_stages", counted)
     problem = planned("task: nextTo(box[2], box[1])\n", {"task": Range(0.0, None)}, n=10_000)
-    found = choose.look(problem, Budget(60.0), choose.FIRST)
+    found = choose.try_rejection(problem, Budget(60.0), choose.FIRST)
     assert found.plan.sources[0].stages is found.trial.stages is not None and found.plan.seconds > 0.0
     more = search(problem, found.trial, Budget(60.0))
     assert more.stages is found.trial.stages and more.tried > found.trial.tried

@@ -15,7 +15,7 @@ from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.resources import shipped_specs
 from scenegen.sampling import rarity_grown as module
 from scenegen.sampling.rarity import measure
-from scenegen.sampling.rarity_grown import measure_vast, vast
+from scenegen.sampling.rarity_grown import measure_vast, needs_growth
 
 SURE = 2.0  # error bars, of 95 % each
 TABLE = """object disc[5] = cylinder(0.06, 0.05)
@@ -104,10 +104,10 @@ def test_who_takes_whose_place():
     large = check_text(
         "object block[20] = box(0.06, 0.06, 0.05)\nrequire noOverlap()\ntask: leftOf(block[1], block[2])"
     )
-    assert vast(large, large.labels)
+    assert needs_growth(large, large.labels)
     for name in ("dinner_for_two", "table_setting", "office_desk", "sort_7"):
         spec = check_text(shipped_specs()[name].read_text(), name)
-        assert not vast(spec, spec.labels)
+        assert not needs_growth(spec, spec.labels)
 
 
 def test_who_chooses_surfaces_is_grown():
@@ -115,8 +115,8 @@ def test_who_chooses_surfaces_is_grown():
     text = "region near = rect(0, 0, 1, 0.4)\nregion far = rect(0, 0.6, 1, 1)\n"
     text += "object can on any of [near, far], cup\ntask: leftOf(can, cup)"
     chosen, plain = check_text(text), check_text(text.replace("any of [near, far]", "far"))
-    assert vast(chosen, chosen.labels)
-    assert not vast(plain, plain.labels)
+    assert needs_growth(chosen, chosen.labels)
+    assert not needs_growth(plain, plain.labels)
 
 
 @pytest.mark.long

@@ -15,7 +15,7 @@ from scenegen.learn.evaluation.metrics import chi_square
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import sampler
 from scenegen.sampling.growth.grow import grow
-from scenegen.sampling.growth.moves import Settings
+from scenegen.sampling.growth.moves import MoveSettings
 from scenegen.sampling.growth.population import spread_over
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.problem import Budget, make_problem
@@ -133,7 +133,9 @@ def test_growth_without_moves_is_rejected():
         plan = plan_growth(problem, Budget(600.0))
         assert isinstance(plan, Growth)
         steps = [type(step)(step.tries, 0) for step in plan.recipe.steps]
-        grown = grow(plan.machine, *spread_over(plan.machine, (0,), N), steps, Settings({}), sampler.generator(seed, 0))
+        grown = grow(
+            plan.machine, *spread_over(plan.machine, (0,), N), steps, MoveSettings({}), sampler.generator(seed, 0)
+        )
         p.append(rod_p(grown.particles.scenes[0::3]))
     print(f"\n| 15 rods, growth without moves | {min(p):.2g} - {max(p):.2g} | "
           f"{sum(one > LEAST_P for one in p)} of 5 |")  # fmt: skip
@@ -160,7 +162,9 @@ def test_growth_without_weights_is_rejected(monkeypatch):
         )
         plan = plan_growth(problem, Budget(600.0))
         steps = [type(step)(max(step.tries, 16), 0) for step in plan.recipe.steps]
-        grown = grow(plan.machine, *spread_over(plan.machine, (0,), N), steps, Settings({}), sampler.generator(seed, 0))
+        grown = grow(
+            plan.machine, *spread_over(plan.machine, (0,), N), steps, MoveSettings({}), sampler.generator(seed, 0)
+        )
         p.append(rod_p(grown.particles.scenes[0::3]))
     print(f"\n| 15 rods, growth without weights | {min(p):.2g} - {max(p):.2g} | "
           f"{sum(one > LEAST_P for one in p)} of 5 |")  # fmt: skip

@@ -7,7 +7,7 @@ from scenegen.lang.checker import check_text
 from scenegen.learn.models.registry import RECIPES
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.feed import make_feed
-from scenegen.learn.training.session import Session
+from scenegen.learn.training.loop import TrainingSession
 
 TEXT = """
 object mug, plate, fork
@@ -22,7 +22,7 @@ def test_a_step_and_a_sample(recipe, model):
     spec = check_text(TEXT, "a.spec")
     config = make_config(model, recipe, data="uniform", scenes=100)
     feed = make_feed(spec, config)
-    session = Session(spec, config, feed, None)
+    session = TrainingSession(spec, config, feed, None)
     device = torch.device("meta")
     session.model.to(device)
     session.model.start(1e-3, session.spec_loss)

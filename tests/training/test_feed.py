@@ -12,12 +12,12 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.errors import DataError, RequestError
 from scenegen.learn.models.codec import survey
-from scenegen.learn.models.published.gan import GAN
+from scenegen.learn.models.published.gan import PublishedGAN
 from scenegen.learn.training import feed as feeds
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.datasets import scenefile
 from scenegen.learn.training.datasets.uniform import uniform
-from scenegen.learn.training.feed import Memory, Windows, make_feed, ranked, sorted_into
+from scenegen.learn.training.feed import MemoryFeed, Windows, make_feed, ranked, sorted_into
 from scenegen.learn.training.loop import Interrupted, train
 from scenegen.learn.training.state import state_path
 from scenegen.scenes.data import RequestData
@@ -64,7 +64,7 @@ def test_windows_hold_the_scenes_that_memory_would(file, exp1, small, monkeypatc
     streamed = make_feed(exp1, config(file))
     monkeypatch.setattr(scenefile, "WHOLE", 10**9)
     whole = make_feed(exp1, config(file))
-    assert isinstance(streamed, Windows) and isinstance(whole, Memory)
+    assert isinstance(streamed, Windows) and isinstance(whole, MemoryFeed)
     assert (streamed.scenes, streamed.steps) == (whole.scenes, whole.steps) == (855, 27)
     for one, two in zip(sets(streamed), sets(whole), strict=True):
         assert len(one) == len(two) and torch.equal(ordered(one), ordered(two))
@@ -120,7 +120,7 @@ def test_interrupted_and_resumed_is_bit_equal(windows, step, file, exp1, tmp_pat
         request.getfixturevalue("small")
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     train(exp1, config(file), whole)
-    update, calls = GAN.update, []
+    update, calls = PublishedGAN.update, []
 
     def sending(self, batch, generator):
         calls.append(1)
@@ -128,7 +128,7 @@ def test_interrupted_and_resumed_is_bit_equal(windows, step, file, exp1, tmp_pat
             os.kill(os.getpid(), signal.SIGTERM)
         return update(self, batch, generator)
 
-    monkeypatch.setattr(GAN, "update", sending)
+    monkeypatch.setattr(PublishedGAN, "update", sending)
     with pytest.raises(Interrupted):
         train(exp1, config(file), broken)
     train(exp1, config(file), broken, resume=True)
@@ -177,6 +177,6 @@ def test_everything_goes_to_the_device(exp1, file, small):
         options = make_config("energy", data=data, scenes=300, batch_size=32)
         made = make_feed(exp1, options)
         made.device = torch.device("meta")
-        made._examples = made._examples.to("meta") if isinstance(made, Memory) else made._examples
+        made._examples = made._examples.to("meta") if isinstance(made, MemoryFeed) else made._examples
         batch = next(made.batches(0, 0))
         assert {batch.x.device.type, batch.phi.device.type, batch.branch.device.type} == {"meta"}

@@ -6,7 +6,7 @@ import torch
 
 from scenegen.errors import OutputError, RequestError
 from scenegen.learn.models.checkpoint import load_model
-from scenegen.learn.models.published.aae import AAE
+from scenegen.learn.models.published.aae import PublishedAAE
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.loop import train
@@ -92,14 +92,14 @@ def test_divergence_is_told_and_the_last_good_checkpoint_kept(tmp_path, exp1, mo
     out = tmp_path / "m"
     train(exp1, SMALL, out)
     good = out.read_bytes(), state_path(out).read_bytes()
-    update, calls = AAE.update, []
+    update, calls = PublishedAAE.update, []
 
     def broken(self, batch, generator):
         calls.append(1)
         losses = update(self, batch, generator)
         return {name: value * torch.nan for name, value in losses.items()} if len(calls) == 7 else losses
 
-    monkeypatch.setattr(AAE, "update", broken)
+    monkeypatch.setattr(PublishedAAE, "update", broken)
     with pytest.raises(RequestError, match=r"diverged in epoch 5: the loss `reconstruction` is not finite"):
         train(exp1, dataclasses.replace(SMALL, epochs=9), out, resume=True)
     assert (out.read_bytes(), state_path(out).read_bytes()) == good

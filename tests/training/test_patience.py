@@ -9,8 +9,8 @@ import torch
 
 from scenegen.errors import DataError
 from scenegen.learn.models.checkpoint import load_model, pack, unpack
-from scenegen.learn.models.published.gan import GAN
-from scenegen.learn.training import session
+from scenegen.learn.models.published.gan import PublishedGAN
+from scenegen.learn.training import loop
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.loop import Interrupted, train
 from scenegen.learn.training.state import FORMAT, state_path
@@ -27,7 +27,7 @@ def scripted(monkeypatch):
 
     def script(errors):
         left, labels = list(errors), ("task", "safe")
-        monkeypatch.setattr(session, "validate", lambda *_: Validation(dict.fromkeys(labels, left.pop(0)), 0.0))
+        monkeypatch.setattr(loop, "validate", lambda *_: Validation(dict.fromkeys(labels, left.pop(0)), 0.0))
         return left
 
     return script
@@ -67,7 +67,7 @@ def test_interrupted_and_resumed_is_bit_equal(step, kept, scripted, tmp_path, ex
     scripted(ERRORS)
     train(exp1, CONFIG, whole)
     left = scripted(ERRORS)
-    update, calls = GAN.update, []
+    update, calls = PublishedGAN.update, []
 
     def sending(self, batch, generator):
         calls.append(1)
@@ -75,7 +75,7 @@ def test_interrupted_and_resumed_is_bit_equal(step, kept, scripted, tmp_path, ex
             os.kill(os.getpid(), signal.SIGINT)
         return update(self, batch, generator)
 
-    monkeypatch.setattr(GAN, "update", sending)
+    monkeypatch.setattr(PublishedGAN, "update", sending)
     with pytest.raises(Interrupted):
         train(exp1, CONFIG, broken)
     assert load_model(broken).card.kept_epoch == kept

@@ -10,7 +10,7 @@ from scenegen.lang.checker import check_text
 from scenegen.learn.training.datasets import balanced
 from scenegen.learn.training.datasets.gathering import Gathering
 from scenegen.sampling import rarity_grown
-from scenegen.sampling.rarity import OutOfReach
+from scenegen.sampling.rarity import RequirementUnmet
 
 TEXT = "object a, b\nrequire dist(a, b) >= 10 cm\ntask: dist(a, b) <= 30 cm"
 
@@ -18,7 +18,7 @@ TEXT = "object a, b\nrequire dist(a, b) >= 10 cm\ntask: dist(a, b) <= 30 cm"
 @pytest.fixture
 def grown(monkeypatch):
     """Chains find nothing; growth takes little time."""
-    monkeypatch.setattr(balanced, "measure", lambda *given: OutOfReach(-0.1, 1))
+    monkeypatch.setattr(balanced, "measure", lambda *given: RequirementUnmet(-0.1, 1))
     monkeypatch.setattr(rarity_grown, "EFFORT", 2e7)
 
 

@@ -10,10 +10,10 @@ import torch
 
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.learn.models.checkpoint import load_model
-from scenegen.learn.models.published.aae import AAE
-from scenegen.learn.models.published.gan import GAN
+from scenegen.learn.models.published.aae import PublishedAAE
+from scenegen.learn.models.published.gan import PublishedGAN
 from scenegen.learn.models.registry import MODELS, PUBLISHED, model_class
-from scenegen.learn.training import session
+from scenegen.learn.training import loop
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.loop import Interrupted, train
 from scenegen.learn.training.state import state_path
@@ -47,7 +47,7 @@ def test_interrupted_and_resumed_is_bit_equal(step, number, tmp_path, exp1, monk
     train(exp1, CONFIG, whole)
     handlers = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     with monkeypatch.context() as patch:
-        signal_at_step(patch, GAN, number, step)
+        signal_at_step(patch, PublishedGAN, number, step)
         with pytest.raises(Interrupted) as caught:
             train(exp1, CONFIG, broken)
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
@@ -68,7 +68,7 @@ def test_interrupted_many_times(tmp_path, exp1, monkeypatch):
     while True:
         try:
             with monkeypatch.context() as patch:
-                signal_at_step(patch, AAE, signal.SIGINT, 3)
+                signal_at_step(patch, PublishedAAE, signal.SIGINT, 3)
                 train(exp1, config, broken, resume=times > 0)
             break
         except Interrupted as stop:
@@ -82,7 +82,7 @@ def test_a_signal_at_the_very_end_still_says_so(tmp_path, exp1, monkeypatch):
     out, whole = tmp_path / "m", tmp_path / "whole"
     train(exp1, CONFIG, whole)
     with monkeypatch.context() as patch:
-        signal_at_step(patch, GAN, signal.SIGTERM, 20)
+        signal_at_step(patch, PublishedGAN, signal.SIGTERM, 20)
         with pytest.raises(Interrupted) as caught:
             train(exp1, CONFIG, out)
     assert caught.value.epochs_done == 4
@@ -90,14 +90,14 @@ def test_a_signal_at_the_very_end_still_says_so(tmp_path, exp1, monkeypatch):
 
 
 def test_a_second_signal_does_not_wait(tmp_path, exp1, monkeypatch):
-    update = GAN.update
+    update = PublishedGAN.update
 
     def twice(self, batch, generator):
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
         return update(self, batch, generator)
 
-    monkeypatch.setattr(GAN, "update", twice)
+    monkeypatch.setattr(PublishedGAN, "update", twice)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt) as caught:
         train(exp1, CONFIG, tmp_path / "m")
@@ -132,8 +132,8 @@ def test_epochs_that_are_done_are_not_done_again(tmp_path, exp1):
 def test_checkpoints_on_the_way_change_nothing(tmp_path, exp1, monkeypatch):
     whole, often = tmp_path / "whole", tmp_path / "often"
     train(exp1, CONFIG, whole)
-    monkeypatch.setattr(session, "SAVE_EVERY", 0.0)
-    monkeypatch.setattr(session, "SAVE_SHARE", 1e9)
+    monkeypatch.setattr(loop, "SAVE_EVERY", 0.0)
+    monkeypatch.setattr(loop, "SAVE_SHARE", 1e9)
     seen = []
     train(exp1, CONFIG, often, on_epoch=lambda report: seen.append(often.exists()))
     assert seen == [False, True, True, True]

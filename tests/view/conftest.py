@@ -21,9 +21,9 @@ import uvicorn
 from websockets.sync.client import connect
 
 from scenegen.show.view import serve
-from scenegen.show.view.app import make_app
 from scenegen.show.view.folder import Folder
-from scenegen.show.view.opened import Opened
+from scenegen.show.view.opened import OpenProject
+from scenegen.show.view.serve import make_app
 
 TOKEN = "the-token"
 TEXT = "object mug, plate\ntask: leftOf(mug, plate) & closeTo(mug, plate, 30 cm)\n"
@@ -89,7 +89,7 @@ class Page:
 
 def start(folder: Path) -> Running:
     listener = serve.bind("127.0.0.1", None)
-    opened = Opened(Folder(folder.resolve()), TEXT, "two")
+    opened = OpenProject(Folder(folder.resolve()), TEXT, "two")
     app = make_app(opened, TOKEN, serve.hosts_of(listener, "127.0.0.1"))
     config = serve.config_of(app)
     server = uvicorn.Server(config)

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from scenegen.show.view.folder import Folder, Refused, digest, shipped
+from scenegen.show.view.folder import FileRefused, Folder, digest, shipped
 from scenegen.show.view.limits import MAX_TEXT
 
 
@@ -37,7 +37,7 @@ def test_specs_are_listed(folder):
      "x" * 300 + ".spec", "a\u202e.spec", "a\n.spec", ".a.spec", ".below/a.spec"],
 )  # fmt: skip
 def test_nothing_else_is_read(folder, path):
-    with pytest.raises(Refused) as error:
+    with pytest.raises(FileRefused) as error:
         folder.read(path)
     assert 400 <= error.value.status < 500 and len(str(error.value).split()) > 3
 
@@ -46,9 +46,9 @@ def test_a_file_is_saved_where_the_page_knows_what_is_there(folder):
     sha = folder.save("new.spec", "one", None)
     assert folder.read("new.spec") == ("one", sha)
     again = folder.save("new.spec", "two", sha)
-    with pytest.raises(Refused, match="changed on the disk"):
+    with pytest.raises(FileRefused, match="changed on the disk"):
         folder.save("new.spec", "three", sha)
-    with pytest.raises(Refused, match="changed on the disk"):
+    with pytest.raises(FileRefused, match="changed on the disk"):
         folder.save("a.spec", "three", None)
     assert folder.save("new.spec", "two", None) == again  # that is there already
 
@@ -67,12 +67,12 @@ def test_a_file_is_saved_where_the_page_knows_what_is_there(folder):
     ],
 )
 def test_nothing_else_is_written(folder, path):
-    with pytest.raises(Refused):
+    with pytest.raises(FileRefused):
         folder.save(path, "mine", None)
 
 
 def test_large_texts_are_refused(folder):
-    with pytest.raises(Refused) as error:
+    with pytest.raises(FileRefused) as error:
         folder.save("new.spec", "x" * (MAX_TEXT + 1), None)
     assert error.value.status == 413
 
@@ -96,9 +96,9 @@ def test_drafts_are_kept_outside_the_folder(tmp_path, monkeypatch):
     assert folder.draft("a.spec") is None
     folder.keep_draft("a.spec", None, None)
     assert not kept.exists()
-    with pytest.raises(Refused, match="at most"):
+    with pytest.raises(FileRefused, match="at most"):
         folder.keep_draft("a.spec", "#" * (MAX_TEXT + 1), None)
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
-    with pytest.raises(Refused, match="cannot be kept"):
+    with pytest.raises(FileRefused, match="cannot be kept"):
         folder.keep_draft("a.spec", "object mug\n", None)

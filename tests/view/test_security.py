@@ -10,7 +10,7 @@ pytest.importorskip("starlette")
 
 from scenegen.show.view.folder import Folder
 from scenegen.show.view.limits import MAX_REQUESTS
-from scenegen.show.view.opened import Opened
+from scenegen.show.view.opened import OpenProject
 from scenegen.show.view.security import Gate, Shared
 
 HOST = "127.0.0.1:8000"
@@ -22,7 +22,7 @@ async def nothing(scope, receive, send):
 
 
 def gate(tmp_path):
-    return Gate(nothing, "right", frozenset({HOST, "localhost:8000"}), Shared(Opened(Folder(tmp_path), "", "x")))
+    return Gate(nothing, "right", frozenset({HOST, "localhost:8000"}), Shared(OpenProject(Folder(tmp_path), "", "x")))
 
 
 def knock(gate, path="/api/files", query="token=right", kind="http", **headers):

@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 from scenegen.show.view import session as lanes
 from scenegen.show.view.limits import MAX_SESSIONS, MAX_TEXT
-from scenegen.show.view.session import Session
+from scenegen.show.view.session import PageSession
 
 LABEL = "r{0}: forall i in 1..13: leftOf(block[i], block[i+1]) & closeTo(block[i], block[i+1], {1} cm)\n"
 SLOW = "object block[14] = box(5 cm, 5 cm, 5 cm)\nrequire noOverlap()\n"
@@ -208,7 +208,7 @@ def test_a_page_that_does_not_read_is_left(running):
             closed.append(code)
 
     async def flood():
-        session = Session(Deaf(), running.shared.workers, running.shared.opened.folder, None)
+        session = PageSession(Deaf(), running.shared.workers, running.shared.opened.folder, None)
         for _ in range(1000):
             session._say("{}")
         await asyncio.sleep(0)

@@ -46,7 +46,7 @@ MEASURES: Mapping[Unit, Measure] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Vocabulary:
+class GrammarNames:
     """Names by kind, and variables that hide none of them. `own` are definitions of the spec itself."""
 
     names: Mapping[str, tuple[str, ...]]
@@ -60,7 +60,7 @@ class Vocabulary:
         return len(self.names[OBJECT]) <= FEW
 
 
-def vocabulary(lowering: Lowering) -> Vocabulary:
+def vocabulary(lowering: Lowering) -> GrammarNames:
     """The names of a spec, once its declarations have been evaluated."""
     scope = lowering.scope
     objects = tuple(scope.objects)
@@ -75,14 +75,14 @@ def vocabulary(lowering: Lowering) -> Vocabulary:
     free = [name for name in chain("pqrstuvw", (f"p{k}" for k in range(len(taken) + 2))) if name not in taken]
     own = frozenset(name for name, one in scope.definitions.items() if one.source is not scope.prelude)
     names = {OBJECT: objects, REGION: (*regions, *surfaces), POINT: points, LIST: lists, HEADING: HEADINGS}
-    return Vocabulary(names, (free[0], free[1]), own, scope.timed)
+    return GrammarNames(names, (free[0], free[1]), own, scope.timed)
 
 
 MOST_THREES = 1500  # ways to fill three arguments; of more, the third is no object
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class PhraseForm:
     """Text around arguments: one piece more than there are kinds. `number`: what it makes is compared with numbers.
     `own`: it comes from a definition of the spec itself."""
 
@@ -98,19 +98,19 @@ class Form:
         head, *rest = self.pieces
         return head + "".join(argument + piece for argument, piece in zip(arguments, rest, strict=True))
 
-    def ending(self, extra: str) -> Form:
+    def ending(self, extra: str) -> PhraseForm:
         """The form of the same call with one argument more."""
         last = self.pieces[-1]
         return replace(self, pieces=(*self.pieces[:-1], last.replace(")", f"{extra})", 1)))
 
-    def arguments(self, words: Vocabulary) -> Iterator[tuple[str, ...]]:
+    def arguments(self, words: GrammarNames) -> Iterator[tuple[str, ...]]:
         """All ways to fill it in, no name twice."""
         for one in product(*(words.names[kind] for kind in self.kinds)):
             if len(set(one)) == len(one):
                 yield one
 
 
-def calls(relation: str, count: int, own: bool) -> Iterator[Form]:
+def calls(relation: str, count: int, own: bool) -> Iterator[PhraseForm]:
     """Calls with so many arguments, of every kind that each may have. The first is never a place: goals are about
     objects."""
     for kinds in product(KINDS, repeat=count):
@@ -118,12 +118,12 @@ def calls(relation: str, count: int, own: bool) -> Iterator[Form]:
             continue
         if count > 2 and (POINT in kinds or kinds[0] != OBJECT):
             continue
-        yield Form(
+        yield PhraseForm(
             relation, (f"{relation}(", *([", "] * (count - 1)), ")") if count else (f"{relation}()",), kinds, own=own
         )
 
 
-def grouped(form: Form, words: Vocabulary) -> Iterator[Form]:
+def grouped(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
     """A call over a list with the objects written out."""
     if form.kinds == (LIST,):
         for count in (2, 3) if words.few else (2,):
@@ -131,7 +131,7 @@ def grouped(form: Form, words: Vocabulary) -> Iterator[Form]:
             yield replace(form, pieces=pieces, kinds=(OBJECT,) * count)
 
 
-def quantified(form: Form, words: Vocabulary) -> Iterator[Form]:
+def quantified(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
     """The call for all and for some elements of a list, and for pairs of them."""
     if not form.kinds or form.kinds[0] != OBJECT or len(form.kinds) > 2 or form.number:
         return
@@ -147,11 +147,11 @@ def quantified(form: Form, words: Vocabulary) -> Iterator[Form]:
             yield _over(form, (f"({kind} {p}, {q} in consecutive(", f"): {form.relation}({p}, {q}))"), (LIST,))
 
 
-def _over(form: Form, pieces: tuple[str, ...], kinds: tuple[str, ...]) -> Form:
+def _over(form: PhraseForm, pieces: tuple[str, ...], kinds: tuple[str, ...]) -> PhraseForm:
     return replace(form, pieces=pieces, kinds=kinds, quantified=True)
 
 
-def samples(form: Form, words: Vocabulary) -> list[tuple[str, ...]]:
+def samples(form: PhraseForm, words: GrammarNames) -> list[tuple[str, ...]]:
     """A few ways to fill a form in, for a first look: different objects in different places."""
     found: list[tuple[str, ...]] = []
     for shift in range(3):
@@ -165,7 +165,7 @@ def samples(form: Form, words: Vocabulary) -> list[tuple[str, ...]]:
     return found
 
 
-def fits(form: Form, words: Vocabulary) -> bool:
+def fits(form: PhraseForm, words: GrammarNames) -> bool:
     """Whether a form is small enough to be filled in in all ways."""
     threes = len(words.names[OBJECT]) ** 2
     return form.kinds.count(OBJECT) < 3 or threes * len(words.names[OBJECT]) <= MOST_THREES

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Literal
 
 from scenegen.api.spec import Spec, parse
-from scenegen.editors.grammars.rules import Grammar
+from scenegen.editors.grammars.forms import MEASURES, PhraseForm
+from scenegen.editors.grammars.rules import Grammar, IntegerRange, Part, Repeat, RuleRef, Terminal, choice, seq
+from scenegen.editors.grammars.trial import EXACT, Extra, Findings, TrialStatement
 from scenegen.errors import RequestError, Source
 from scenegen.errors.requests import NO_VALID_SCENE, OUT_OF_RANGE, UNKNOWN_CHOICE
 
@@ -34,7 +37,6 @@ def grammar_of(about: Spec | Sequence[str], to: str = "lark", *, shape: str = "g
 
 def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "spec") -> Grammar:
     """The rules that `grammar_of` writes, as data. Raises what it raises."""
-    from scenegen.editors.grammars.goals import GOALS, grammar
     from scenegen.editors.grammars.scenes import declarations, label_names, valid_scenes
     from scenegen.editors.grammars.trial import findings
 
@@ -78,3 +80,228 @@ def _writers() -> Mapping[str, Callable[[Grammar], str]]:
 def _one_of(what: str, value: object, known: tuple[str, ...]) -> None:
     if value not in known:
         raise RequestError(UNKNOWN_CHOICE(what=what, name=value, known=known))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The rules of whole answers: labels over given declarations.
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Rows of names as rules: which arguments may stand together, shared by all relations that take the same.
+
+
+Row = tuple[str, ...]
+
+
+class Sets:
+    """Makes rules of sets of rows, each set once; `rules` are those made so far."""
+
+    def __init__(self, prefix: str) -> None:
+        self.prefix = prefix
+        self.rules: dict[str, Part] = {}
+        self._known: dict[object, Part] = {}
+
+    def rows(self, rows: Iterable[Row], between: Row) -> Part:
+        """Any of the rows, all equally long, with the texts `between` their names."""
+        wanted = frozenset(rows)
+        key = (wanted, between)
+        known = self._known.get(key)
+        if known is None:
+            known = self._known[key] = self._named(self._made(wanted, between))
+        return known
+
+    def _made(self, rows: frozenset[Row], between: Row) -> Part:
+        if not between:
+            return choice([Terminal(name) for (name,) in sorted(rows)])
+        rests: dict[str, set[Row]] = {}
+        for first, *rest in sorted(rows):
+            rests.setdefault(first, set()).add(tuple(rest))
+        same: dict[frozenset[Row], list[str]] = {}
+        for first, left in rests.items():
+            same.setdefault(frozenset(left), []).append(first)
+        options = []
+        for left_set, names in same.items():
+            rest_part = self.rows(left_set, between[1:])
+            head = choice([Terminal(name) for name in names])
+            options.append(seq(head, Terminal(between[0]), rest_part))
+        return choice(options)
+
+    def _named(self, part: Part) -> Part:
+        if isinstance(part, Terminal):
+            return part
+        name = f"{self.prefix}{len(self.rules) + 1}"
+        self.rules[name] = part
+        return RuleRef(name)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Statements as rules: one rule for each relation, with the arguments and numbers that it can have.
+
+
+MOST_NUMBER = 100  # in the unit's own suffix
+
+
+class Literals:
+    """Makes rules of statements; those of rules begin with `name`, the rule for any of them has it for a name."""
+
+    def __init__(self, found: Findings, statements: Sequence[TrialStatement], name: str) -> None:
+        self.found = found
+        self.name = name
+        self.sets = Sets(f"{name}args")
+        self.relations: dict[str, list[Part]] = {}
+        self.base: dict[PhraseForm, dict[Row, tuple[float, float]]] = {}
+        self.extras: dict[PhraseForm, dict[Extra, dict[str, dict[Row, float]]]] = {}
+        for one in statements:
+            if one.extra is None:
+                self.base.setdefault(one.form, {})[one.arguments] = (one.low, one.high)
+            else:
+                values = self.extras.setdefault(one.form, {}).setdefault(one.extra, {})
+                values.setdefault(one.value, {})[one.arguments] = one.high
+        for form, rows in self.base.items():
+            made = self._compared(form, rows) if form.number else self._called(form, rows)
+            if made:
+                self.relations.setdefault(form.relation, []).extend(made)
+
+    def rules(self) -> dict[str, Part]:
+        """The rule for any statement, one for each relation, and those of their arguments; none without statements."""
+        if not self.relations:
+            return {}
+        named = {f"{self.name}{place}": choice(parts) for place, parts in enumerate(self.relations.values(), start=1)}
+        return {self.name: choice([RuleRef(name) for name in named]), **named, **self.sets.rules}
+
+    def _call(self, form: PhraseForm, rows: Iterable[Row], end: Part) -> Part:
+        """The form with any of the rows, and `end` before its last parenthesis."""
+        head, *between = form.pieces
+        arguments = self.sets.rows(rows, tuple(between[:-1])) if form.kinds else Terminal("")
+        last = between[-1] if between else ""
+        if not form.kinds:
+            head, last = head[:-1], ")"
+        before, bracket, after = last.partition(")")
+        return seq(Terminal(head), arguments, Terminal(before), end, Terminal(bracket + after))
+
+    def _called(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
+        """The plain call, and one with each further argument."""
+        possible = [row for row, (_, high) in rows.items() if high >= 0.0]
+        made = [self._call(form, possible, Terminal(""))] if possible else []
+        for extra, shifts in self.found.shifts.get(form, {}).items():
+            table = {value: {row: high + shift for row, (_, high) in rows.items()} for value, shift in shifts.items()}
+            made += self._with(form, extra, table, between=True)
+        for extra, table in self.extras.get(form, {}).items():
+            made += self._with(form, extra, table, between=False)
+        return made
+
+    def _with(self, form: PhraseForm, extra: Extra, table: dict[str, dict[Row, float]], *, between: bool) -> list[Part]:
+        """The call with one more argument: the run of values with most to say, and the rows that can have all of it.
+        `between` two values that were tried lie others as good."""
+        values = list(table)
+        good = {value: {row for row, high in table[value].items() if high >= EXACT} for value in values}
+        best: tuple[int, int, int, set[Row]] | None = None
+        for first in range(len(values)):
+            rows = set(good[values[first]])
+            for last in range(first, len(values)):
+                rows &= good[values[last]]
+                if rows and (best is None or len(rows) * (last - first + 1) > best[0]):
+                    best = (len(rows) * (last - first + 1), first, last, set(rows))
+        if best is None:
+            return []
+        _, first, last, rows = best
+        if between and extra.measure is not None:
+            steps = [int(value.split(" ")[0]) for value in values]
+            number: Part = seq(IntegerRange(steps[first], steps[last]), Terminal(extra.measure.suffix))
+        else:
+            number = choice([Terminal(value) for value in values[first : last + 1]])
+        return [self._call(form, rows, seq(Terminal(extra.before), number))]
+
+    def _compared(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
+        """A function compared with numbers that it is at most, and at least, in some scene."""
+        measure = MEASURES[self.found.units[form]]
+        made = []
+        least = {row: max(1, math.ceil(low / measure.scale + EXACT)) for row, (low, _) in rows.items()}
+        most = {row: math.floor(high / measure.scale - EXACT) for row, (_, high) in rows.items()}
+        low_rows = {row: low for row, low in least.items() if low < MOST_NUMBER}
+        high_rows = {row: high for row, high in most.items() if high >= 2}
+        for sign, chosen in (("<=", low_rows), (">=", high_rows)):
+            if not chosen:
+                continue
+            low = max(chosen.values()) if sign == "<=" else 1
+            high = MOST_NUMBER if sign == "<=" else min(MOST_NUMBER, min(chosen.values()))
+            number = seq(IntegerRange(low, high), Terminal(measure.suffix))
+            made.append(seq(self._call(form, chosen, Terminal("")), Terminal(f" {sign} "), number))
+        return made
+
+
+Shape = Literal["goals", "formulas"]
+
+GOALS = 8  # labels at most
+OPTIONS = 2  # further options of one goal
+CONJUNCTS = 8
+DEPTH = 3  # of parentheses in free formulas
+
+
+def grammar(found: Findings, declared: str, names: tuple[str, ...], shape: Shape = "goals") -> Grammar:
+    """The grammar of a spec: `declared`, if anything, then labels called `names`, in this order. With the shape "goals"
+    each is one statement that some scene satisfies, or a choice of them; with "formulas" anything can be joined."""
+    literals = Literals(found, found.statements, "state").rules()
+    moving = Literals(found, found.moving, "step").rules()
+    timed = found.words is not None and found.words.timed
+    rules: dict[str, Part] = {"start": seq(Terminal(declared), RuleRef("goal1"))}
+    for place, name in enumerate(names, start=1):
+        last = place == len(names)
+        more = () if last else (Repeat(seq(Terminal("\n"), RuleRef(f"goal{place + 1}")), 0, 1),)
+        rules[f"goal{place}"] = seq(Terminal(f"{name}: "), RuleRef("formula"), *more)
+    if shape == "formulas":
+        rules.update(_free(timed, found.steps, bool(moving)))
+    elif timed:
+        rules["formula"] = seq(RuleRef("timed"), Repeat(seq(Terminal(" & "), RuleRef("timed")), 0, CONJUNCTS - 1))
+        rules["timed"] = _timed(found.steps, "state", moving=bool(moving))
+    else:
+        rules["formula"] = seq(RuleRef("state"), Repeat(seq(Terminal(" | "), RuleRef("state")), 0, OPTIONS))
+    return Grammar({**rules, **literals, **moving})
+
+
+def _free(timed: bool, steps: int, moving: bool) -> dict[str, Part]:
+    """Formulas that nest: every pair of parentheses is one level."""
+    rules: dict[str, Part] = {}
+    for depth in range(DEPTH):
+        options: list[Part] = [RuleRef("state"), seq(Terminal("!"), RuleRef("state"))]
+        if depth:
+            inner = RuleRef(f"nested{depth}")
+            both = [
+                seq(Terminal("("), inner, Repeat(seq(Terminal(sign), inner), 1, 3), Terminal(")"))
+                for sign in (" & ", " | ")
+            ]
+            options += [*both, seq(Terminal("("), inner, Terminal(" -> "), inner, Terminal(")"))]
+        rules[f"nested{depth + 1}"] = choice(options)
+    top = f"nested{DEPTH}"
+    if timed:
+        rules["timed"] = _timed(steps, top, moving=moving)
+        top = "timed"
+    conjunct = RuleRef(top)
+    rules["formula"] = seq(conjunct, Repeat(seq(Terminal(" & "), conjunct), 0, CONJUNCTS - 1))
+    return rules
+
+
+def _timed(steps: int, inner: str, *, moving: bool) -> Part:
+    """A formula over time of formulas of a moment. Windows end with the motion: they begin with the moment, or end with
+    the last one; where operators are nested, the inner one takes all moments that are left. What an operator takes
+    stands in parentheses, whatever binds how. What needs a step (`moving`) is not asked of the first moment."""
+    state = RuleRef(inner)
+    taken = seq(Terminal(" ("), state, Terminal(")"))
+    windows: list[Part] = [Terminal(""), seq(Terminal("[0, "), IntegerRange(1, steps), Terminal("]"))]
+    windows.append(seq(Terminal("["), IntegerRange(0, steps), Terminal(f", {steps}]")))
+    window = choice(windows)
+    always, eventually = Terminal("(always"), Terminal("(eventually")
+    once = choice([Terminal("(initially"), Terminal("(finally")])
+    options: list[Part] = [state, seq(once, taken, Terminal(")"))]
+    options += [seq(word, window, taken, Terminal(")")) for word in (always, eventually)]
+    options += [
+        seq(Terminal("(always eventually"), taken, Terminal(")")),
+        seq(Terminal("(eventually always"), taken, Terminal(")")),
+        seq(Terminal("("), state, choice([Terminal(" until"), Terminal(" until_with")]), window, taken, Terminal(")")),
+    ]
+    if moving:
+        step = seq(Terminal(" ("), RuleRef("step"), Terminal(")"))
+        span = seq(Terminal("[1, "), IntegerRange(1, steps), Terminal("]"))
+        options += [seq(word, span, step, Terminal(")")) for word in (always, eventually)]
+        options.append(seq(Terminal("(finally"), step, Terminal(")")))
+    return choice(options)

@@ -8,21 +8,21 @@ from json import dumps
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class Terminal:
     """These characters."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
-class Ref:
+class RuleRef:
     """What the rule of that name makes."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Whole:
+class IntegerRange:
     """A whole number from `low` to `high` >= low >= 0, without leading zeros."""
 
     low: int
@@ -37,7 +37,7 @@ class Seq:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class Alternation:
     """One of at least one option."""
 
     options: tuple[Part, ...]
@@ -52,7 +52,7 @@ class Repeat:
     most: int
 
 
-Part = Text | Ref | Whole | Seq | Choice | Repeat
+Part = Terminal | RuleRef | IntegerRange | Seq | Alternation | Repeat
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +69,9 @@ def seq(*parts: Part) -> Part:
     joined: list[Part] = []
     for part in parts:
         for one in part.parts if isinstance(part, Seq) else (part,):
-            if isinstance(one, Text) and joined and isinstance(last := joined[-1], Text):
-                joined[-1] = Text(last.text + one.text)
-            elif one != Text(""):
+            if isinstance(one, Terminal) and joined and isinstance(last := joined[-1], Terminal):
+                joined[-1] = Terminal(last.text + one.text)
+            elif one != Terminal(""):
                 joined.append(one)
     return joined[0] if len(joined) == 1 else Seq(tuple(joined))
 
@@ -79,7 +79,7 @@ def seq(*parts: Part) -> Part:
 def choice(options: Sequence[Part]) -> Part:
     """One of the options, each once."""
     different = tuple(dict.fromkeys(options))
-    return different[0] if len(different) == 1 else Choice(different)
+    return different[0] if len(different) == 1 else Alternation(different)
 
 
 def digits(low: int, high: int) -> list[tuple[tuple[str, str], ...]]:
@@ -138,17 +138,17 @@ def _name(grammar: Grammar, name: str) -> str:
 
 def _written(grammar: Grammar, part: Part, *, inside: bool = False) -> str:
     match part:
-        case Text(text):
+        case Terminal(text):
             return f'"{text.translate(_ESCAPES)}"'
-        case Ref(name):
+        case RuleRef(name):
             return _name(grammar, name)
-        case Whole(low, high):
+        case IntegerRange(low, high):
             rows = [" ".join(f"[{first}-{last}]" for first, last in row) for row in digits(low, high)]
             return f"({' | '.join(rows)})"
         case Seq(parts):
             line = " ".join(_written(grammar, one, inside=True) for one in parts)
             return f"({line})" if inside else line
-        case Choice(options):
+        case Alternation(options):
             line = " | ".join(_written(grammar, one) for one in options)
             return f"({line})" if inside else line
         case Repeat(one, least, most):
@@ -175,16 +175,16 @@ def json(grammar: Grammar) -> str:
 def written(part: Part, *, inside: bool = False) -> str:
     """A part as the right side of a rule; `inside` a sequence or a repetition, choices stand in parentheses."""
     match part:
-        case Text(text):
+        case Terminal(text):
             return dumps(text, ensure_ascii=False)
-        case Ref(name):
+        case RuleRef(name):
             return name
-        case Whole(low, high):
+        case IntegerRange(low, high):
             return f"/{pattern(low, high)}/"
         case Seq(parts):
             line = " ".join(written(one, inside=True) for one in parts)
             return f"({line})" if inside else line
-        case Choice(options):
+        case Alternation(options):
             line = " | ".join(written(one) for one in options)
             return f"({line})" if inside else line
         case Repeat(one, least, most):

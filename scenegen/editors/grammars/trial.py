@@ -15,9 +15,9 @@ import numpy.typing as npt
 from scenegen.editors.grammars.forms import (
     HEADINGS,
     MEASURES,
-    Form,
+    GrammarNames,
     Measure,
-    Vocabulary,
+    PhraseForm,
     calls,
     fits,
     grouped,
@@ -28,12 +28,12 @@ from scenegen.editors.grammars.forms import (
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import NUMPY
 from scenegen.geometry.units import LENGTH, SPEED, TURN_RATE, Unit
-from scenegen.lang.check.context import Frame, run
+from scenegen.lang.check.context import CallFrame, run
 from scenegen.lang.check.lower import Lowering
 from scenegen.lang.check.scope import LIST_FUNCTIONS, signatures
 from scenegen.lang.check.values import FormulaValue, ListValue, NumberValue, PointValue, RegionValue, Value
 from scenegen.lang.checker import check_module
-from scenegen.lang.formula.builder import TooLarge
+from scenegen.lang.formula.builder import FormulaTooLarge
 from scenegen.lang.formula.core import Coord, Core, children
 from scenegen.lang.formula.interpret import evaluate, phi
 from scenegen.lang.syntax import ast
@@ -57,17 +57,17 @@ class Extra:
     measure: Measure | None
     words: tuple[str, ...] = ()
 
-    def values(self, words: Vocabulary) -> tuple[str, ...]:
+    def values(self, words: GrammarNames) -> tuple[str, ...]:
         if self.measure is None:
             return self.words
         return tuple(f"{step}{self.measure.suffix}" for step in self.measure.tried(words.few))
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
+class TrialStatement:
     """A form filled in. `low` and `high` are the ends of phi, or of the number, over the scenes."""
 
-    form: Form
+    form: PhraseForm
     arguments: tuple[str, ...]
     extra: Extra | None = None
     value: str = ""
@@ -81,11 +81,11 @@ class Findings:
     extra argument has a value, for forms that it shifts by as much in every scene. `moving` are statements about a
     step, with what they reach where things move; `statements` have what is reached where nothing does."""
 
-    statements: list[Statement] = field(default_factory=list)
-    moving: list[Statement] = field(default_factory=list)
-    units: dict[Form, Unit] = field(default_factory=dict)
-    shifts: dict[Form, dict[Extra, dict[str, float]]] = field(default_factory=dict)
-    words: Vocabulary | None = None
+    statements: list[TrialStatement] = field(default_factory=list)
+    moving: list[TrialStatement] = field(default_factory=list)
+    units: dict[PhraseForm, Unit] = field(default_factory=dict)
+    shifts: dict[PhraseForm, dict[Extra, dict[str, float]]] = field(default_factory=dict)
+    words: GrammarNames | None = None
     steps: int = 0
 
 
@@ -113,7 +113,7 @@ def _reached(core: Core, scenes: Array) -> Array:
     return ends
 
 
-def _with_ends(one: Statement, ends: Array) -> Statement:
+def _with_ends(one: TrialStatement, ends: Array) -> TrialStatement:
     return replace(one, low=float(ends[0]), high=float(ends[1]))
 
 
@@ -145,7 +145,7 @@ class _Trial:
             changed = np.flatnonzero((found != later).any(axis=1))
             self.found.moving = [_with_ends(made[place][0], later[place]) for place in changed]
 
-    def _all(self) -> Iterator[tuple[Statement, int]]:
+    def _all(self) -> Iterator[tuple[TrialStatement, int]]:
         scope, words = self.lowering.scope, self.words
         for name in (*scope.definitions, *signatures(scope.timed)):
             if name in LIST_FUNCTIONS or name in TRIVIAL:
@@ -173,7 +173,7 @@ class _Trial:
         declared = self.lowering.scope.definitions.get(name)
         if declared is None or not isinstance(declared.statement, ast.Definition):
             return {}
-        frame = Frame(declared.source)
+        frame = CallFrame(declared.source)
         found: dict[str, Value] = {}
         for one in declared.statement.parameters:
             if one.default is not None:
@@ -195,7 +195,7 @@ class _Trial:
                 found.append(Extra(before, MEASURES[value.unit]))
         return found
 
-    def _looked_at(self, form: Form) -> Form | None:
+    def _looked_at(self, form: PhraseForm) -> PhraseForm | None:
         """The form, where a call of it can be a formula or a number; None where it cannot."""
         for arguments in samples(form, self.words):
             value = self._value(form, arguments)
@@ -207,7 +207,7 @@ class _Trial:
                 return made
         return None
 
-    def _filled(self, form: Form, extras: Sequence[Extra]) -> Iterator[tuple[Statement, int]]:
+    def _filled(self, form: PhraseForm, extras: Sequence[Extra]) -> Iterator[tuple[TrialStatement, int]]:
         rest = [one for one in extras if not self._shifted(form, one)]
         if not self.words.few or len(form.kinds) > 2:
             rest = []
@@ -215,14 +215,14 @@ class _Trial:
             node = self._node(form, arguments)
             if node is None:
                 continue
-            yield Statement(form, arguments), node
+            yield TrialStatement(form, arguments), node
             for extra in rest:
                 for value in extra.values(self.words):
                     node = self._node(form.ending(extra.before + value), arguments)
                     if node is not None:
-                        yield Statement(form, arguments, extra, value), node
+                        yield TrialStatement(form, arguments, extra, value), node
 
-    def _shifted(self, form: Form, extra: Extra) -> bool:
+    def _shifted(self, form: PhraseForm, extra: Extra) -> bool:
         """Whether the values of an extra argument shift phi by as much in every scene, and in proportion; then it is
         noted by how much."""
         if extra.measure is None:
@@ -249,7 +249,7 @@ class _Trial:
         self.found.shifts.setdefault(form, {})[extra] = dict(zip(values, map(float, shifts[0]), strict=True))
         return True
 
-    def _node(self, form: Form, arguments: tuple[str, ...]) -> int | None:
+    def _node(self, form: PhraseForm, arguments: tuple[str, ...]) -> int | None:
         """The node of a filled-in form; None where the checker refuses it, or no coordinate takes part in it."""
         value = self._value(form, arguments, " >= 0" if form.number else "")
         if not isinstance(value, FormulaValue) or value.node < 0:
@@ -259,7 +259,7 @@ class _Trial:
             self._depends.append(isinstance(node, Coord) or any(map(self._depends.__getitem__, children(node))))
         return value.node if self._depends[value.node] else None
 
-    def _value(self, form: Form, arguments: tuple[str, ...], end: str = "") -> Value | None:
+    def _value(self, form: PhraseForm, arguments: tuple[str, ...], end: str = "") -> Value | None:
         lowering = self.lowering
         lowering.inside = 0  # the limits are those of one spec, and this is many
         slots = tuple(f"_slot{place}" for place in range(len(arguments)))
@@ -270,7 +270,7 @@ class _Trial:
         try:
             env = dict(zip(slots, map(self._argument, arguments), strict=True))
             return run(lowering.lower(template, env, self._frame(text)))
-        except (SpecError, TooLarge):
+        except (SpecError, FormulaTooLarge):
             return None
 
     def _argument(self, text: str) -> Value:
@@ -285,5 +285,5 @@ class _Trial:
         assert parsed is not None
         return parsed
 
-    def _frame(self, text: str) -> Frame:
-        return Frame(Source("<grammar>", text))
+    def _frame(self, text: str) -> CallFrame:
+        return CallFrame(Source("<grammar>", text))

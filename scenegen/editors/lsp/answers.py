@@ -4,21 +4,107 @@ from __future__ import annotations
 
 import logging
 from bisect import bisect_right
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
-from scenegen.editors.lsp.complete import Item, complete
+import numpy as np
+
+from scenegen.api.feasibility import idle, infeasible
+from scenegen.editors.lsp.complete import CompletionItem, complete
 from scenegen.editors.lsp.define import Symbol, definition, refusal, symbols, uses
-from scenegen.editors.lsp.diagnose import Problem, problems
 from scenegen.editors.lsp.document import Document
 from scenegen.editors.lsp.hover import hover
-from scenegen.errors import SpecError
+from scenegen.errors import Diagnostic, ScenegenError, Severity, Span, SpecError
 from scenegen.errors.diagnostic import as_json
+from scenegen.errors.language import PHI_TOO_LARGE, UNUSED_NAME
 from scenegen.errors.program import INTERNAL_ERROR
+from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax.format import format_source
+from scenegen.search import label_bounds
+
+# --------------------------------------------------------------------------------------------------------------------
+# Everything that is wrong with a text, or worth a warning, as an editor shows it.
+
+
+@dataclass(frozen=True, slots=True)
+class DocumentProblem:
+    """Characters `start` to `end` of the open text, what to say about them, and the diagnostic's facts as JSON.
+    `elsewhere` is the place in another file that the problem is really at; `unused` marks what could be removed."""
+
+    start: int
+    end: int
+    message: str
+    code: str
+    severity: Severity
+    facts: dict[str, Any]
+    unused: bool = False
+    elsewhere: Span | None = None
+
+
+def problems(document: Document) -> list[DocumentProblem]:
+    """The problems of a document, in no particular order."""
+    checked = document.checked
+    if not isinstance(checked, CheckedSpec):
+        return [_problem(document, one) for one in checked]
+    found = [_problem(document, one) for one in checked.warnings]
+    if checked.timed is not None:
+        return found  # bounds and clashes are those of single scenes
+    beyond = list(_overflow(document, checked))
+    return found + (beyond or [_problem(document, one) for one in (*infeasible(checked), *idle(checked))])
+
+
+def _problem(document: Document, one: Diagnostic) -> DocumentProblem:
+    said = [one.title, one.label, f"note: {one.note}" if one.note else "", f"help: {one.help}" if one.help else ""]
+    message = "\n".join(part for part in said if part)
+    found = DocumentProblem(0, 0, message, one.code, one.severity, as_json(one.facts), one.kind == UNUSED_NAME)
+    if one.span is None:
+        return found
+    if one.span.source.name == document.source.name:
+        return replace(found, start=one.span.start, end=max(one.span.start, one.span.end))
+    start, end = _importing(document, one.span)
+    return replace(found, start=start, end=end, message=f"{one.span.place}: {message}", elsewhere=one.span)
+
+
+def _importing(document: Document, span: Span) -> tuple[int, int]:
+    """The text of the `import` that brings in a file, the first one where it came by another file."""
+    links = document.index.imports
+    project = document.project()
+    for link in links:
+        try:
+            path = project.find(link.name, Span(document.source, link.start, link.end))
+        except ScenegenError:
+            continue
+        if path == Path(span.source.name).resolve():
+            return link.start, link.end
+    return (links[0].start, links[0].end) if links else (0, 0)
+
+
+def _overflow(document: Document, spec: CheckedSpec) -> Iterator[DocumentProblem]:
+    """Labels and requirements whose phi goes beyond what computers can hold."""
+    core = gated(spec.core)
+    with np.errstate(over="ignore", invalid="ignore"):
+        lowest, highest = label_bounds(core, *spec.box())
+    for name, low, high in zip(core.labels, lowest, highest, strict=True):
+        if not (np.isfinite(low) and np.isfinite(high)):
+            start, end = _place(document, name)
+            yield replace(_problem(document, PHI_TOO_LARGE(label=name)), start=start, end=end)
+
+
+def _place(document: Document, name: str) -> tuple[int, int]:
+    for one in document.index.declarations:
+        if one.kind == "label" and one.name == name:
+            return one.start, one.end
+    for statement in document.index.statements:
+        if statement.kind == REQUIRE == name:
+            first = statement.tokens[0]
+            return first.start, first.end
+    formula = next((one for one in document.index.statements if one.kind == "formula"), None)
+    return (formula.start, formula.end) if formula is not None else (0, 0)
+
 
 # --------------------------------------------------------------------------------------------------------------------
 # Places in a text: character offsets, and the lines and characters that editors count in.
@@ -35,7 +121,7 @@ _UNITS: Mapping[str, Callable[[str], int]] = {
 }
 
 
-class Lines:
+class EncodedLines:
     """The lines of a text with plain line breaks, in one of the encodings that language servers know."""
 
     def __init__(self, text: str, encoding: str = "utf-16") -> None:
@@ -125,7 +211,7 @@ _ITEMS: Mapping[str, int] = {
 _SYMBOLS: Mapping[str, int] = {"object": 19, "region": 23, "constant": 14, "definition": 12, "label": 24}
 
 
-class Refusal(Exception):  # noqa: N818 - what was wanted cannot be done, and the client learns why: no failure
+class RequestRefused(Exception):  # noqa: N818 - what was wanted cannot be done, and the client learns why: no failure
     """A request that cannot be answered, with the reason."""
 
 
@@ -136,10 +222,10 @@ class Page:
     document: Document
     uri: str
     encoding: str = "utf-16"
-    lines: Lines = field(init=False)
+    lines: EncodedLines = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "lines", Lines(self.document.text, self.encoding))
+        object.__setattr__(self, "lines", EncodedLines(self.document.text, self.encoding))
 
     def span(self, start: int, end: int) -> Json:
         return _span(self.lines, start, end)
@@ -156,10 +242,11 @@ class Question:
 
 
 def answer(page: Page, question: Question) -> Any:
-    """The result of a request as JSON. An exception in a feature is logged, and the answer is empty. Raises Refusal."""
+    """The result of a request as JSON. An exception in a feature is logged, and the answer is empty. Raises
+    RequestRefused."""
     try:
         return ANSWERS[question.feature](page, page.lines.offset(question.line, question.character), question)
-    except Refusal:
+    except RequestRefused:
         raise
     except Exception as error:  # no text may end the server
         LOG.exception("%s of %s failed", question.feature, page.uri)
@@ -169,17 +256,17 @@ def answer(page: Page, question: Question) -> Any:
 def failure(error: str) -> list[Json]:
     """The diagnostics of a text that could not be analysed, because of a bug or for lack of memory."""
     failed = INTERNAL_ERROR(error=error)
-    problem = Problem(0, 0, failed.title, failed.code, failed.severity, as_json(failed.facts))
-    return [_diagnostic(Lines("", "utf-16"), problem)]
+    problem = DocumentProblem(0, 0, failed.title, failed.code, failed.severity, as_json(failed.facts))
+    return [_diagnostic(EncodedLines("", "utf-16"), problem)]
 
 
-def _span(lines: Lines, start: int, end: int) -> Json:
+def _span(lines: EncodedLines, start: int, end: int) -> Json:
     """Characters start..end as a range."""
     places = [dict(zip(("line", "character"), lines.position(at), strict=True)) for at in (start, end)]
     return {"start": places[0], "end": places[1]}
 
 
-def _diagnostic(lines: Lines, problem: Problem) -> Json:
+def _diagnostic(lines: EncodedLines, problem: DocumentProblem) -> Json:
     found: Json = {
         "range": _span(lines, problem.start, problem.end),
         "message": problem.message,
@@ -192,7 +279,7 @@ def _diagnostic(lines: Lines, problem: Problem) -> Json:
         found["tags"] = [UNNECESSARY]
     if problem.elsewhere is not None:
         other = problem.elsewhere
-        place = _span(Lines(other.source.text, lines.encoding), other.start, other.end)
+        place = _span(EncodedLines(other.source.text, lines.encoding), other.start, other.end)
         location = {"uri": Path(other.source.name).resolve().as_uri(), "range": place}
         found["relatedInformation"] = [{"location": location, "message": "it is here"}]
     return found
@@ -220,7 +307,7 @@ def _completion(page: Page, offset: int, question: Question) -> Json:
     return {"isIncomplete": False, "items": items}
 
 
-def _item(item: Item, order: int, place: Json) -> Json:
+def _item(item: CompletionItem, order: int, place: Json) -> Json:
     found: Json = {
         "label": item.word,
         "kind": _ITEMS[item.group],
@@ -242,7 +329,7 @@ def _definition(page: Page, offset: int, question: Question) -> Json | None:
         return {"uri": page.uri, "range": page.span(place.start, place.end)}
     return {
         "uri": place.path.resolve().as_uri(),
-        "range": _span(Lines(place.text, page.encoding), place.start, place.end),
+        "range": _span(EncodedLines(place.text, page.encoding), place.start, place.end),
     }
 
 
@@ -273,7 +360,7 @@ def _prepare_rename(page: Page, offset: int, question: Question) -> Json | None:
 def _rename(page: Page, offset: int, question: Question) -> Json:
     reason = refusal(page.document, offset, question.name)
     if reason:
-        raise Refusal(reason)
+        raise RequestRefused(reason)
     places = uses(page.document, offset)
     return {
         "changes": {page.uri: [{"range": page.span(one.start, one.end), "newText": question.name} for one in places]}

@@ -10,7 +10,7 @@ from typing import Literal
 from scenegen.editors.lsp import define
 from scenegen.editors.lsp import names as vocabulary
 from scenegen.editors.lsp.document import Document
-from scenegen.editors.lsp.names import Binding, Kind, Statement
+from scenegen.editors.lsp.names import Binding, Kind, StatementSpan
 from scenegen.lang.check.heights import LIST_MEMBERS, SURFACE_SIZES
 from scenegen.lang.check.names import AREAS, SHAPES
 from scenegen.lang.check.scope import BUILT_IN, CORNERS, MEMBERS, SIDES, SIZES
@@ -22,7 +22,7 @@ Group = Literal["keyword", "function", "member", "unit", "asset", "argument", "f
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class CompletionItem:
     """A word that can take the place of characters `start` to `end`; `detail` is its usage, `about` its meaning."""
 
     word: str
@@ -34,11 +34,11 @@ class Item:
 
 
 @dataclass(frozen=True, slots=True)
-class _Here:
+class _WordAtCursor:
     """The word being written at start..end, and the tokens of its statement before it."""
 
     document: Document
-    statement: Statement | None
+    statement: StatementSpan | None
     before: tuple[Token, ...]
     start: int
     end: int
@@ -47,11 +47,11 @@ class _Here:
         """The text of the token so many steps before the word, "" if there is none."""
         return self.before[-steps].text if len(self.before) >= steps else ""
 
-    def item(self, word: str, group: Group, detail: str = "", about: str = "") -> Item:
-        return Item(word, group, detail, about, self.start, self.end)
+    def item(self, word: str, group: Group, detail: str = "", about: str = "") -> CompletionItem:
+        return CompletionItem(word, group, detail, about, self.start, self.end)
 
 
-def complete(document: Document, offset: int) -> list[Item]:
+def complete(document: Document, offset: int) -> list[CompletionItem]:
     """The words that fit at an offset, the most local ones first; none inside comments."""
     line = document.text.rfind("\n", 0, offset) + 1
     written = list(scan(document.text[line:offset]))
@@ -63,7 +63,7 @@ def complete(document: Document, offset: int) -> list[Item]:
     return list(_items(here)) if here is not None else []
 
 
-def _here(document: Document, offset: int) -> _Here | None:
+def _here(document: Document, offset: int) -> _WordAtCursor | None:
     text = document.text
     start = offset
     while start > 0 and (text[start - 1].isalnum() or text[start - 1] == "_") and text[start - 1].isascii():
@@ -76,14 +76,14 @@ def _here(document: Document, offset: int) -> _Here | None:
         if not written[:digits].isdigit():
             return None
         token = Token("number", written[:digits], start, start + digits, False, False)
-        return _Here(document, statement, (*before, token), start + digits, offset)
+        return _WordAtCursor(document, statement, (*before, token), start + digits, offset)
     if before and before[-1].kind == "number" and before[-1].end > start:  # `25 c|` with a unit already in it
         number = before[-1]._replace(text=before[-1].text.rstrip("acdegmnrtu").rstrip())
         before = (*before[:-1], number._replace(end=number.start + len(number.text)))
-    return _Here(document, statement, before, start, offset)
+    return _WordAtCursor(document, statement, before, start, offset)
 
 
-def _items(here: _Here) -> Iterator[Item]:
+def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
     last = here.before[-1] if here.before else None
     kind = here.statement.kind if here.statement is not None and here.before else ""
     if last is not None and last.text == ".":
@@ -122,7 +122,7 @@ def _depth(tokens: tuple[Token, ...]) -> int:
     return sum((one.text in "([") - (one.text in ")]") for one in tokens if one.kind == "sign")
 
 
-def _in_header(here: _Here, kind: str) -> bool:
+def _in_header(here: _WordAtCursor, kind: str) -> bool:
     """Whether a new name is being written: a parameter, or a variable of a quantifier."""
     if kind == "def" and all(one.text != ")" or _depth(here.before[: at + 1]) for at, one in enumerate(here.before)):
         return here.back(1) in ("(", ",") and _depth(here.before) == 1
@@ -134,7 +134,7 @@ def _in_header(here: _Here, kind: str) -> bool:
     return False
 
 
-def _after_operand(here: _Here, kind: str) -> Iterator[Item]:
+def _after_operand(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
     """What can follow a whole formula: an operator, or on a new line the next statement."""
     text = here.document.text
     opens = not text[text.rfind("\n", 0, here.start) + 1 : here.start].strip()
@@ -154,17 +154,17 @@ def _after_operand(here: _Here, kind: str) -> Iterator[Item]:
         yield from _keywords(here, "and", "or", "implies")
 
 
-def _keywords(here: _Here, *words: str) -> Iterator[Item]:
+def _keywords(here: _WordAtCursor, *words: str) -> Iterator[CompletionItem]:
     for word in words:
         yield here.item(word, "keyword", about=vocabulary.KEYWORDS_IN_WORDS[word])
 
 
-def _assets(here: _Here) -> Iterator[Item]:
+def _assets(here: _WordAtCursor) -> Iterator[CompletionItem]:
     for name in ASSETS:
         yield here.item(name, "asset", define.asset(name))
 
 
-def _files(document: Document, offset: int) -> Iterator[Item]:
+def _files(document: Document, offset: int) -> Iterator[CompletionItem]:
     """The specs that an import can name."""
     start = document.text.rfind('"', 0, offset) + 1
     statement = document.index.statement(start - 1)
@@ -173,7 +173,7 @@ def _files(document: Document, offset: int) -> Iterator[Item]:
     folder = document.path.parent
     for path in sorted(folder.glob("*.spec")) if folder.is_dir() else ():
         if path.name != document.path.name:
-            yield Item(path.name, "file", "", "", start, offset)
+            yield CompletionItem(path.name, "file", "", "", start, offset)
 
 
 # ---- what objects stand on
@@ -190,14 +190,14 @@ def _in_support(tokens: tuple[Token, ...]) -> bool:
     return False
 
 
-def _opens_support(here: _Here) -> bool:
+def _opens_support(here: _WordAtCursor) -> bool:
     """Whether a surface is being written: after `on`, after `any of`, or in a list after these."""
     if not _in_support(here.before):
         return False
     return here.back(1) == "on" or (here.back(1), here.back(2)) == ("of", "any") or here.back(1) in ("[", ",")
 
 
-def _supports(here: _Here) -> Iterator[Item]:
+def _supports(here: _WordAtCursor) -> Iterator[CompletionItem]:
     """What can carry an object: other objects with a surface, regions, the table."""
     if here.back(1) == "on":
         yield here.item("any of", "keyword", about=vocabulary.CLAUSES["any of"])
@@ -228,7 +228,7 @@ def _surfaces(binding: Binding) -> tuple[str, ...]:
 # ---- members
 
 
-def _members(here: _Here) -> Iterator[Item]:
+def _members(here: _WordAtCursor) -> Iterator[CompletionItem]:
     binding = here.document.values.get(here.back(2))
     if binding is not None and binding.kind == "object" and not binding.is_array:
         for name in _surfaces(binding):
@@ -237,7 +237,7 @@ def _members(here: _Here) -> Iterator[Item]:
         yield here.item(name, "member", about=vocabulary.MEMBERS[name])
 
 
-def _members_of(here: _Here) -> tuple[str, ...]:
+def _members_of(here: _WordAtCursor) -> tuple[str, ...]:
     base = here.back(2)
     place = here.before[-2].start if len(here.before) > 1 else 0
     if len(here.before) > 2 and here.back(3) == ".":
@@ -259,14 +259,14 @@ def _members_of(here: _Here) -> tuple[str, ...]:
 # ---- operands
 
 
-def _locals(here: _Here, offset: int) -> dict[str, Binding]:
+def _locals(here: _WordAtCursor, offset: int) -> dict[str, Binding]:
     """Parameters and variables that can be used at an offset, the innermost of a name."""
     reaches = here.document.index.reaches
     inside = [one for one in reaches if one.start <= offset < one.end or one.start <= offset == one.end]
     return {one.binding.name: one.binding for one in sorted(inside, key=lambda one: one.start)}
 
 
-def _operands(here: _Here, kind: str) -> Iterator[Item]:
+def _operands(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
     document = here.document
     constant = kind in ("const", "workspace", "object", "region")
     called = _open_call(here)
@@ -292,13 +292,13 @@ def _operands(here: _Here, kind: str) -> Iterator[Item]:
         yield from _keywords(here, "forall", "exists", "not", "true", "false")
 
 
-def _functions(here: _Here, names: tuple[str, ...] | list[str]) -> Iterator[Item]:
+def _functions(here: _WordAtCursor, names: tuple[str, ...] | list[str]) -> Iterator[CompletionItem]:
     for name in names:
         usage, about = vocabulary.functions()[name]
         yield here.item(name, "function", usage, about)
 
 
-def _open_call(here: _Here) -> str:
+def _open_call(here: _WordAtCursor) -> str:
     """The function whose parenthesis the cursor is in."""
     depth = 0
     for at in range(len(here.before) - 1, 0, -1):
@@ -310,7 +310,7 @@ def _open_call(here: _Here) -> str:
     return ""
 
 
-def _arguments(here: _Here, called: str) -> Iterator[Item]:
+def _arguments(here: _WordAtCursor, called: str) -> Iterator[CompletionItem]:
     definition = here.document.functions.get(called)
     if definition is not None:
         for one in here.document.parameters(definition):

@@ -17,7 +17,7 @@ from scenegen.things import ASSETS, Shape, shape_of
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SourceLocation:
     """Characters of a file; `path` and `text` are None for the open document itself."""
 
     path: Path | None
@@ -39,7 +39,7 @@ class Symbol:
     closes: int
 
 
-def definition(document: Document, offset: int) -> Place | None:
+def definition(document: Document, offset: int) -> SourceLocation | None:
     """Where the name at an offset is declared, or the beginning of the file that an `import` names."""
     found = document.occurrence(offset)
     if found is None:
@@ -49,13 +49,13 @@ def definition(document: Document, offset: int) -> Place | None:
             path = document.project().find(found.name, Span(document.source, found.start, found.end))
         except ScenegenError:
             return None
-        return Place(path, "", 0, 0) if path.is_file() else None
+        return SourceLocation(path, "", 0, 0) if path.is_file() else None
     binding = document.meaning(found)
     if binding is None:
         return None
     if binding.source is document.source:
-        return Place(None, None, binding.start, binding.end)
-    return Place(binding.path, binding.source.text, binding.start, binding.end)
+        return SourceLocation(None, None, binding.start, binding.end)
+    return SourceLocation(binding.path, binding.source.text, binding.start, binding.end)
 
 
 def symbols(document: Document) -> list[Symbol]:

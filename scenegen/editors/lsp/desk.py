@@ -23,7 +23,7 @@ from lsprotocol import types
 from pygls.exceptions import JsonRpcContentModified, JsonRpcException
 from pygls.uris import to_fs_path
 
-from scenegen.editors.lsp.answers import Question, Refusal, failure
+from scenegen.editors.lsp.answers import Question, RequestRefused, failure
 from scenegen.processes.process import command, environment
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -33,15 +33,15 @@ from scenegen.processes.process import command, environment
 LONGEST = 1 << 30  # bytes of one answer
 
 
-class Gone(Exception):  # noqa: N818 - also what happens to a worker that is not needed any more
+class LanguageProcessEnded(Exception):  # noqa: N818 - also what happens to a worker that is not needed any more
     """The process ended before it had answered."""
 
 
-class Process:
+class LanguageProcess:
     """A worker process. It must be made, used and ended in the thread of the event loop. `idle` is called when it has
     answered all questions, and when it has ended."""
 
-    def __init__(self, idle: Callable[[Process], None]) -> None:
+    def __init__(self, idle: Callable[[LanguageProcess], None]) -> None:
         self._idle = idle
         self.revision = -1  # of the text that it has
         self.ended = False
@@ -57,7 +57,8 @@ class Process:
         self._send(message)
 
     def ask(self, question: Question) -> asyncio.Future[bytes]:
-        """Its answer to a question about that text, the bytes of JSON. Raises Refusal, and Gone if it ends before."""
+        """Its answer to a question about that text, the bytes of JSON. Raises RequestRefused, and LanguageProcessEnded
+        if it ends before."""
         self._number += 1
         future: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         self.under_way[self._number] = future
@@ -112,7 +113,7 @@ class Process:
         if future.done():  # cancelled by the client, or the text has changed
             return
         if kind == b"refused":
-            future.set_exception(Refusal(json.loads(told)))
+            future.set_exception(RequestRefused(json.loads(told)))
         else:
             future.set_result(told)
 
@@ -120,7 +121,7 @@ class Process:
         waiting = [one for one in self.under_way.values() if not one.done()]
         self.under_way.clear()
         for future in waiting:
-            future.set_exception(Gone(how))
+            future.set_exception(LanguageProcessEnded(how))
         self._idle(self)
 
 
@@ -142,7 +143,7 @@ class RequestFailed(JsonRpcException):
 
 
 @dataclass(eq=False, slots=True)
-class Opened:
+class OpenDocument:
     """A document that the client has open. `revision` counts its changes and those of what it may import."""
 
     uri: str
@@ -150,7 +151,7 @@ class Opened:
     text: str
     version: int | None
     revision: int = 0
-    process: Process | None = None
+    process: LanguageProcess | None = None
     pending: set[asyncio.Future[bytes]] = field(default_factory=set)  # answers about this revision
     check: asyncio.Task[None] | None = None
     began: float = 0.0  # when a process was last given a question about it
@@ -158,17 +159,17 @@ class Opened:
     used: int = 0  # the higher, the later it was edited or asked about
 
 
-class Desk:
+class DiagnosticsService:
     """`publish` sends the diagnostics of a document; nothing outside `root` is read (default: each file's folder)."""
 
     def __init__(self, publish: Callable[[str, int | None, bytes], None], root: Path | None = None) -> None:
         self.encoding = "utf-16"
         self._publish = publish
         self._root = root
-        self._open: dict[str, Opened] = {}
+        self._open: dict[str, OpenDocument] = {}
         self._clock = itertools.count(1)
-        self._processes: dict[Process, Opened] = {}  # with the document that each has
-        self._waiting: dict[asyncio.Future[None], Opened] = {}  # for a process
+        self._processes: dict[LanguageProcess, OpenDocument] = {}  # with the document that each has
+        self._waiting: dict[asyncio.Future[None], OpenDocument] = {}  # for a process
 
     # ---- notifications
 
@@ -177,7 +178,7 @@ class Desk:
         one = self._open.get(uri)
         known = one is not None
         if one is None:
-            one = self._open[uri] = Opened(uri, _path(uri), text, version)
+            one = self._open[uri] = OpenDocument(uri, _path(uri), text, version)
         one.text, one.version, one.used = text, version, next(self._clock)
         self._revise(one)
         if known or not _is_saved(one):
@@ -216,12 +217,12 @@ class Desk:
         one.used = next(self._clock)
         try:
             return await self._ask(one, question)
-        except Refusal as reason:
+        except RequestRefused as reason:
             raise RequestFailed(str(reason)) from None
-        except Gone as how:
+        except LanguageProcessEnded as how:
             raise RequestFailed(f"the process that analyses this document {how}") from None
 
-    async def _ask(self, one: Opened, question: Question) -> bytes:
+    async def _ask(self, one: OpenDocument, question: Question) -> bytes:
         while True:
             process = await self._process(one)
             one.began = asyncio.get_running_loop().time()
@@ -229,14 +230,14 @@ class Desk:
             one.pending.add(future)
             try:
                 return await future
-            except Gone:
+            except LanguageProcessEnded:
                 if one.process is process:  # it died by itself, and would do so again
                     one.process = None
                     raise
             finally:
                 one.pending.discard(future)
 
-    async def _process(self, one: Opened) -> Process:
+    async def _process(self, one: OpenDocument) -> LanguageProcess:
         """The process of a document, which has its newest text; waits for one."""
         while (process := self._free(one)) is None:
             turn = asyncio.get_running_loop().create_future()
@@ -255,7 +256,7 @@ class Desk:
             process.tell(message)
         return process
 
-    def _free(self, one: Opened) -> Process | None:
+    def _free(self, one: OpenDocument) -> LanguageProcess | None:
         """The process that a document has, else the one that was idle for longest, or a new one."""
         if one.process is not None and not one.process.ended:
             return one.process
@@ -265,13 +266,13 @@ class Desk:
             self._processes[one.process].process = None
             one.process.revision = -1
         elif len(self._processes) < MOST:
-            one.process = Process(self._turn)
+            one.process = LanguageProcess(self._turn)
         else:
             return None
         self._processes[one.process] = one
         return one.process
 
-    def _turn(self, process: Process) -> None:
+    def _turn(self, process: LanguageProcess) -> None:
         """A process has nothing more to do, or has ended: the first that waits gets it, or a new one."""
         if process.ended:
             self._processes.pop(process, None)
@@ -279,7 +280,7 @@ class Desk:
         if turns:
             max(turns, key=lambda turn: self._waiting[turn].used).set_result(None)
 
-    def _make_way(self, one: Opened) -> None:
+    def _make_way(self, one: OpenDocument) -> None:
         """End the process of the document that was used longest ago, if that is longer ago than for the first of those
         that wait. It is asked again when its turn comes."""
         first = max(waiting.used for waiting in self._waiting.values())
@@ -290,12 +291,12 @@ class Desk:
 
     # ---- changes
 
-    def _revise_importers(self, changed: Opened) -> None:
+    def _revise_importers(self, changed: OpenDocument) -> None:
         for other in self._open.values():
             if other is not changed and _IMPORT.search(other.text) is not None:
                 self._revise(other)
 
-    def _revise(self, one: Opened) -> None:
+    def _revise(self, one: OpenDocument) -> None:
         one.revision += 1
         self._cancel(one)
         if one.process is not None and one.process.under_way:
@@ -304,25 +305,25 @@ class Desk:
             asyncio.get_running_loop().call_later(grace, self._break_off, one, one.process, oldest)
         one.check = asyncio.get_running_loop().create_task(self._check(one))
 
-    def _cancel(self, one: Opened) -> None:
+    def _cancel(self, one: OpenDocument) -> None:
         if one.check is not None:
             one.check.cancel()
         for future in one.pending:
             if not future.done():
                 future.set_exception(JsonRpcContentModified("the text has changed"))
 
-    def _break_off(self, one: Opened, process: Process, question: int) -> None:
+    def _break_off(self, one: OpenDocument, process: LanguageProcess, question: int) -> None:
         """End a process that still works on a text that has changed."""
         if one.process is process and question in process.under_way:
             one.process = None  # questions about the new text go to another one
             process.end()
 
-    async def _check(self, one: Opened) -> None:
+    async def _check(self, one: OpenDocument) -> None:
         """Send the diagnostics of a text, unless it changes soon: the longer a check takes, the later it begins."""
         await asyncio.sleep(min(max(PAUSE, one.took / 2.0), LONGEST_PAUSE))
         try:
             found = await self._ask(one, Question("diagnostics"))
-        except Gone as how:
+        except LanguageProcessEnded as how:
             LOG.error("the process that analyses %s %s", one.uri, how)
             found = json.dumps(failure(f"the process that analyses this document {how}")).encode()
         one.took = asyncio.get_running_loop().time() - one.began
@@ -338,7 +339,7 @@ def _path(uri: str) -> Path | None:
         return None
 
 
-def _is_saved(one: Opened) -> bool:
+def _is_saved(one: OpenDocument) -> bool:
     """Whether the text is that of its file, as when an editor opens it."""
     try:
         return one.path is not None and one.path.read_text(encoding="utf-8") == one.text

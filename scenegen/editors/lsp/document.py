@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
 
 from scenegen.editors.lsp import names
-from scenegen.editors.lsp.names import Binding, Index, Occurrence, index
+from scenegen.editors.lsp.names import Binding, NameIndex, Occurrence, index
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.lang.check.imports import MAX_FILES, Project
 from scenegen.lang.check.lower import Lowering
@@ -28,7 +28,7 @@ from scenegen.resources import grammar_file
 T = TypeVar("T")
 
 
-class Once(Generic[T]):
+class ThreadSafeProperty(Generic[T]):
     """A property that is computed when it is first read, and cached. Unlike `functools.cached_property` (from Python
     3.12 on) two threads never compute the same, and (up to 3.11) two objects never wait for each other."""
 
@@ -38,10 +38,10 @@ class Once(Generic[T]):
         self._name = compute.__name__
 
     @overload
-    def __get__(self, owner: None, kind: type) -> Once[T]: ...
+    def __get__(self, owner: None, kind: type) -> ThreadSafeProperty[T]: ...
     @overload
     def __get__(self, owner: object, kind: type) -> T: ...
-    def __get__(self, owner: object | None, kind: type) -> T | Once[T]:
+    def __get__(self, owner: object | None, kind: type) -> T | ThreadSafeProperty[T]:
         if owner is None:
             return self
         kept = owner.__dict__
@@ -53,8 +53,8 @@ class Once(Generic[T]):
             return found
 
 
-def once(compute: Callable[[Any], T]) -> Once[T]:
-    return Once(compute)
+def once(compute: Callable[[Any], T]) -> ThreadSafeProperty[T]:
+    return ThreadSafeProperty(compute)
 
 
 SALVAGES = 4  # how often faulty statements are left out before giving up
@@ -73,7 +73,7 @@ class EditedProject(Project):
 
 
 @cache
-def prelude_index() -> Index:
+def prelude_index() -> NameIndex:
     """The names of the prelude."""
     path = grammar_file("prelude.spec")
     return index(Source("prelude.spec", path.read_text(encoding="utf-8")), path)
@@ -108,14 +108,14 @@ class Document:
     # ---- names
 
     @once
-    def index(self) -> Index:
+    def index(self) -> NameIndex:
         return index(self.source, self.path)
 
     @once
-    def imported(self) -> list[Index]:
+    def imported(self) -> list[NameIndex]:
         """The files that this one imports, directly or indirectly; unreadable ones are left out."""
         project = self.project()
-        found: dict[Path, Index] = {}
+        found: dict[Path, NameIndex] = {}
         waiting = [self.index]
         while waiting and len(found) < MAX_FILES:
             one = waiting.pop(0)

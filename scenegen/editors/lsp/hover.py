@@ -14,14 +14,14 @@ from scenegen.editors.lsp.names import Binding, Occurrence
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import Interval
 from scenegen.geometry.units import ANGLE, LENGTH, Unit, quantity
-from scenegen.lang.check.context import Call, Frame, run
+from scenegen.lang.check.context import Call, CallFrame, run
 from scenegen.lang.check.declare import name_objects
 from scenegen.lang.check.imports import inline
 from scenegen.lang.check.lower import Lowering
 from scenegen.lang.check.regions import areas
 from scenegen.lang.check.scope import Scope, collect, whole
 from scenegen.lang.check.values import FormulaValue, NumberValue, PointValue, Value
-from scenegen.lang.formula.builder import TRUE, CoreBuilder, TooLarge
+from scenegen.lang.formula.builder import TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.core import Atom, Core
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
@@ -54,14 +54,14 @@ class Extent:
     count: int
 
 
-class _Recording(Lowering):
+class _RecordingLowering(Lowering):
     """Keeps the values of the nodes in `recorded`, by the identity of the node."""
 
     def __init__(self, scope: Scope, builder: CoreBuilder) -> None:
         super().__init__(scope, builder)
         self.recorded: dict[int, list[Value]] = {}
 
-    def lower(self, node: ast.Expr, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
+    def lower(self, node: ast.Expr, env: Mapping[str, Value], frame: CallFrame) -> Call[Value]:
         value: Value = yield super().lower(node, env, frame)
         if id(node) in self.recorded:
             self.recorded[id(node)].append(value)
@@ -136,8 +136,8 @@ def _outcomes(
         lowering = _lowering(document, module, spec, fresh)
         lowering.recorded = {id(node): [] for node in path}
         for source, expr in roots:
-            run(lowering.lower(expr, {}, Frame(source)))
-    except (SpecError, TooLarge):
+            run(lowering.lower(expr, {}, CallFrame(source)))
+    except (SpecError, FormulaTooLarge):
         if document.lowering is None:
             return []
         document.lowering = None  # what earlier hovers expanded counts towards its limits
@@ -145,22 +145,22 @@ def _outcomes(
     return list(_extents(lowering, spec, path))
 
 
-def _lowering(document: Document, module: ast.Module, spec: CheckedSpec, fresh: bool) -> _Recording:
+def _lowering(document: Document, module: ast.Module, spec: CheckedSpec, fresh: bool) -> _RecordingLowering:
     """The document's lowering, which knows the labels and constants that an earlier hover has met."""
     kept = None if fresh else document.lowering
-    lowering = kept if isinstance(kept, _Recording) else _prepared(document, module, spec)
+    lowering = kept if isinstance(kept, _RecordingLowering) else _prepared(document, module, spec)
     lowering.steps = 0  # the limit is for one hover, not for all of them
     if not fresh:
         document.lowering = lowering
     return lowering
 
 
-def _prepared(document: Document, module: ast.Module, spec: CheckedSpec) -> _Recording:
-    """A lowering that knows the declarations. Raises SpecError, and TooLarge."""
+def _prepared(document: Document, module: ast.Module, spec: CheckedSpec) -> _RecordingLowering:
+    """A lowering that knows the declarations. Raises SpecError, and FormulaTooLarge."""
     placed, _ = inline(module, document.project())
     scope, _ = collect(module.source, placed, module.bare)
     builder = CoreBuilder(())
-    lowering = _Recording(scope, builder)
+    lowering = _RecordingLowering(scope, builder)
     lowering.areas["workspace"] = whole(spec.workspace)
     for region in scope.regions.values():
         run(areas(lowering, region))
@@ -173,7 +173,7 @@ def _prepared(document: Document, module: ast.Module, spec: CheckedSpec) -> _Rec
     return lowering
 
 
-def _extents(lowering: _Recording, spec: CheckedSpec, path: Sequence[ast.Expr]) -> Iterator[Extent]:
+def _extents(lowering: _RecordingLowering, spec: CheckedSpec, path: Sequence[ast.Expr]) -> Iterator[Extent]:
     values = {id(node): _nodes(lowering.recorded[id(node)]) for node in path}
     wanted = sorted({one for found in values.values() for one in found if one >= 0})
     core = lowering.builder.finish({str(one): one for one in wanted})

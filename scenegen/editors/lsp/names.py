@@ -64,7 +64,7 @@ class Occurrence:
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
+class NameScope:
     """Where a parameter or variable can be used."""
 
     binding: Binding
@@ -73,7 +73,7 @@ class Reach:
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
+class StatementSpan:
     """`kind` is the keyword that opens it, "label", or "formula" for anything else."""
 
     kind: str
@@ -83,15 +83,15 @@ class Statement:
 
 
 @dataclass(slots=True)
-class Index:
+class NameIndex:
     """All findings from the tokens of a file, each list in the order of the text."""
 
     source: Source
     path: Path | None
-    statements: list[Statement] = field(default_factory=list)
+    statements: list[StatementSpan] = field(default_factory=list)
     declarations: list[Binding] = field(default_factory=list)
     occurrences: list[Occurrence] = field(default_factory=list)
-    reaches: list[Reach] = field(default_factory=list)
+    reaches: list[NameScope] = field(default_factory=list)
     imports: list[Occurrence] = field(default_factory=list)
 
     def between(self, start: int, end: int) -> list[Occurrence]:
@@ -100,22 +100,22 @@ class Index:
         last = bisect_left(self.occurrences, end, key=lambda one: one.start)
         return self.occurrences[first:last]
 
-    def statement(self, offset: int) -> Statement | None:
+    def statement(self, offset: int) -> StatementSpan | None:
         """The last statement that opens at or before an offset."""
         at = bisect_right(self.statements, offset, key=lambda one: one.start)
         return self.statements[at - 1] if at else None
 
 
-def index(source: Source, path: Path | None = None) -> Index:
+def index(source: Source, path: Path | None = None) -> NameIndex:
     """The index of a text, whatever it holds. Linear in its length."""
-    found = Index(source, path)
+    found = NameIndex(source, path)
     for statement in _statements(source.text):
         found.statements.append(statement)
         _Walk(found, statement).run()
     return found
 
 
-def _statements(text: str) -> Iterator[Statement]:
+def _statements(text: str) -> Iterator[StatementSpan]:
     tokens = [token for token in scan(text, timed=has_time(text)) if token.kind != "comment"]
     starts = [start for start, _ in openings(text, tokens)]
     at = 0
@@ -125,7 +125,7 @@ def _statements(text: str) -> Iterator[Statement]:
             at += 1
         if at > first:
             own = tuple(tokens[first:at])
-            yield Statement(_kind(own), own[0].start, own[-1].end, own)
+            yield StatementSpan(_kind(own), own[0].start, own[-1].end, own)
 
 
 def _kind(tokens: tuple[Token, ...]) -> str:
@@ -157,7 +157,7 @@ def _chooses(before: str, word: str, after: str) -> bool:
 class _Walk:
     """One pass over the tokens of a statement."""
 
-    def __init__(self, found: Index, statement: Statement) -> None:
+    def __init__(self, found: NameIndex, statement: StatementSpan) -> None:
         self.found = found
         self.statement = statement
         self.brackets: list[tuple[str, str]] = []  # each open bracket with the function it belongs to, if any
@@ -189,7 +189,7 @@ class _Walk:
                 variables = False
                 self._sign(token, tokens[at - 1] if at else None)
         self._end(-1, self.statement.end)
-        self.found.reaches.extend(Reach(one, self.body, self.statement.end + 1) for one in self.parameters.values())
+        self.found.reaches.extend(NameScope(one, self.body, self.statement.end + 1) for one in self.parameters.values())
 
     def _sign(self, token: Token, previous: Token | None) -> None:
         if token.text in _OPENS:
@@ -215,7 +215,7 @@ class _Walk:
             done = self.quantifiers.pop()
             if done.begins >= 0:
                 last = at + (at == self.statement.end)
-                self.found.reaches.extend(Reach(one, done.begins, last) for one in done.variables)
+                self.found.reaches.extend(NameScope(one, done.begins, last) for one in done.variables)
 
     def _name(self, token: Token, at: int, before: str, after: str) -> None:
         kind, depth = self.statement.kind, len(self.brackets)

@@ -30,7 +30,7 @@ from pygls.protocol import LanguageServerProtocol
 from pygls.protocol.json_rpc import JsonRPCNotification, JsonRPCRequestMessage, JsonRPCResponseMessage
 
 from scenegen.editors.lsp.answers import Question
-from scenegen.editors.lsp.desk import Desk
+from scenegen.editors.lsp.desk import DiagnosticsService
 from scenegen.processes.process import exit_status
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -206,7 +206,7 @@ class Server(LanguageServer):
 
         sync = types.TextDocumentSyncKind.Full
         super().__init__("scenegen", __version__, text_document_sync_kind=sync, protocol_cls=Protocol)
-        self.desk = Desk(self.protocol.publish, root)
+        self.desk = DiagnosticsService(self.protocol.publish, root)
         for method, handler in (
             (types.INITIALIZE, self._initialize),
             (types.TEXT_DOCUMENT_DID_OPEN, self._opened),
@@ -247,7 +247,7 @@ class Server(LanguageServer):
                     loop.call_soon_threadsafe(hear, message)
                 loop.call_soon_threadsafe(end, 0)
 
-        self.protocol.set_writer(_Writer(out, lambda: end(1)))
+        self.protocol.set_writer(_StdoutWriter(out, lambda: end(1)))
         threading.Thread(target=listen, daemon=True).start()
         try:
             return await ended
@@ -285,7 +285,7 @@ class Server(LanguageServer):
         return ask
 
 
-class _Writer:
+class _StdoutWriter:
     """Standard output. A client that has gone ends the conversation, with no error at every further answer."""
 
     def __init__(self, out: BinaryIO, lost: Callable[[], None]) -> None:

@@ -19,13 +19,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from scenegen.editors.lsp.answers import Page, Question, Refusal, answer
+from scenegen.editors.lsp.answers import Page, Question, RequestRefused, answer
 from scenegen.editors.lsp.document import Document
 
 MEANING = ("diagnostics", "hover")  # the features that check the text; the others read its names
 
 
-class Worker:
+class LanguageWorker:
     """Answers questions about the newest text; `say` takes each answer, from any thread."""
 
     def __init__(self, say: Callable[[int, str, Any], None]) -> None:
@@ -57,7 +57,7 @@ class Worker:
             return
         try:
             self._say(number, "result", answer(page, question))
-        except Refusal as reason:
+        except RequestRefused as reason:
             self._say(number, "refused", str(reason))
         if question.feature == "diagnostics":
             self._names.submit(lambda: page.document.notes)  # what the first completion would have to wait for
@@ -76,7 +76,7 @@ def main() -> None:
             out.write(line)
             out.flush()
 
-    worker = Worker(say)
+    worker = LanguageWorker(say)
     for line in sys.stdin.buffer:
         worker.hear(json.loads(line))
     os._exit(0)  # whatever is still being worked on

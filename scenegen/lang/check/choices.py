@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon, clipped, standing_area
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.values import ChosenValue, NumberValue, Value
-from scenegen.lang.spec import Choice, Support
+from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.pose import X
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def area_of(upper: Footprint, one: Support) -> float:
     return standing_area(upper if one.walled else POINT, one.outline)
 
 
-def choose(upper: Footprint, options: Sequence[Support], switch: int, *, by_area: bool) -> Choice:
+def choose(upper: Footprint, options: Sequence[Support], switch: int, *, by_area: bool) -> SurfaceChoice:
     """The choice among some surfaces, equally likely or by the area on which the object can stand.
 
     All share one box of centres, and centres that are not on the surface chosen are left out. That alone makes a
@@ -43,7 +43,7 @@ def choose(upper: Footprint, options: Sequence[Support], switch: int, *, by_area
     for weight in weights:
         total += weight
         ends.append(total)
-    return Choice(switch, tuple(options), (*(end / total for end in ends[:-1]), 1.0))
+    return SurfaceChoice(switch, tuple(options), (*(end / total for end in ends[:-1]), 1.0))
 
 
 def cut_off(under: Support, space: Workspace) -> Support | None:
@@ -69,14 +69,16 @@ def cut_off(under: Support, space: Workspace) -> Support | None:
     return Support(under.name, None, outline, under.height, pose=(x, y, 0.0), box=box)
 
 
-def options_of(which: int, supports: Mapping[int, Support], choices: Mapping[int, Choice]) -> tuple[Support, ...]:
+def options_of(
+    which: int, supports: Mapping[int, Support], choices: Mapping[int, SurfaceChoice]
+) -> tuple[Support, ...]:
     """What an object can stand on; nothing where it stands on the table."""
     if which in choices:
         return choices[which].options
     return (supports[which],) if which in supports else ()
 
 
-def grouped(choice: Choice) -> Iterator[tuple[float, float, tuple[Support, ...]]]:
+def grouped(choice: SurfaceChoice) -> Iterator[tuple[float, float, tuple[Support, ...]]]:
     """Neighbouring options with one outline at one place, such as the boards of a shelf, and where they lie on the
     switch."""
     low = 0.0
@@ -92,7 +94,7 @@ def _place(one: Support) -> tuple[object, ...]:
     return one.carrier, one.outline, one.walled, one.pose
 
 
-def picked(lowering: Context, choice: Choice, numbers: Sequence[int]) -> int:
+def picked(lowering: Context, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
     """The number among some that the switch of a choice picks."""
     builder = lowering.builder
     switch = builder.coord(choice.switch, X)

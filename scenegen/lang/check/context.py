@@ -13,7 +13,7 @@ from scenegen.lang.check.scope import Area, Scope
 from scenegen.lang.check.values import Coercion, NumberValue, Value
 from scenegen.lang.formula.builder import CoreBuilder
 from scenegen.lang.formula.timed import Horizon
-from scenegen.lang.spec import Choice, Support
+from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import MOST_ERRORS
 from scenegen.things import Shape
@@ -27,7 +27,7 @@ MOST_VARIABLES = 4  # how many variables of quantifiers a note names
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Frame:
+class CallFrame:
     """The source of the text at hand, and the calls that led here, innermost first.
 
     `text` is the call being expanded, `body` the definition's formula; both are unset outside definitions. `where`
@@ -43,14 +43,14 @@ class Frame:
     rounds: int = 1
 
 
-def spans(node: ast.Node, frame: Frame, prelude: Source) -> tuple[Span, ...]:
+def spans(node: ast.Node, frame: CallFrame, prelude: Source) -> tuple[Span, ...]:
     """The user's places for a node, innermost first: the prelude's own lines are of no help to anybody."""
     places = (node.span(frame.source), *frame.calls)
     own = tuple(span for span in places if span.source is not prelude)
     return (own or places)[:MOST_CALLS]
 
 
-def origin(node: ast.Node, frame: Frame, prelude: Source) -> Span:
+def origin(node: ast.Node, frame: CallFrame, prelude: Source) -> Span:
     """The user's innermost place for a node."""
     if frame.source is prelude and frame.calls:
         return frame.calls[0]
@@ -58,7 +58,7 @@ def origin(node: ast.Node, frame: Frame, prelude: Source) -> Span:
 
 
 def error(
-    kind: Kind, node: ast.Node, frame: Frame, prelude: Source, where: Sequence[str], /, **facts: Any
+    kind: Kind, node: ast.Node, frame: CallFrame, prelude: Source, where: Sequence[str], /, **facts: Any
 ) -> SpecError:
     """A mistake at a node, told at the user's own place, with the way that led there; `where` says what the variables
     of quantifiers stand for: "i = 6"."""
@@ -112,7 +112,7 @@ class Context(Protocol):
     coerce: Coercion
     shapes: Sequence[Shape]
     supports: Mapping[int, Support]
-    choices: Mapping[int, Choice]
+    choices: Mapping[int, SurfaceChoice]
     heights: Sequence[float | None] | None
     steps: int
     inside: int
@@ -127,31 +127,31 @@ class Context(Protocol):
     horizon: Horizon | None
     noticed: list[Diagnostic]
 
-    def rounds(self, more: int, node: ast.Quantifier, frame: Frame, foreseen: int = 0) -> None:
+    def rounds(self, more: int, node: ast.Quantifier, frame: CallFrame, foreseen: int = 0) -> None:
         """Raises SpecError where a quantifier takes too many rounds."""
 
-    def spend(self, steps: int, frame: Frame) -> None:
-        """Counts what is expanded. Raises TooLarge."""
+    def spend(self, steps: int, frame: CallFrame) -> None:
+        """Counts what is expanded. Raises FormulaTooLarge."""
 
     def foresee(self, more: int) -> None:
-        """Raises TooLarge where so many more expressions are too many."""
+        """Raises FormulaTooLarge where so many more expressions are too many."""
 
     def use(self, builder: CoreBuilder) -> None:
         """Expands into another builder from now on."""
 
-    def spans(self, node: ast.Node, frame: Frame) -> tuple[Span, ...]:
+    def spans(self, node: ast.Node, frame: CallFrame) -> tuple[Span, ...]:
         """The place of an expression, and the calls that it was expanded in."""
 
-    def origin(self, node: ast.Node, frame: Frame) -> Span:
+    def origin(self, node: ast.Node, frame: CallFrame) -> Span:
         """Where the user wrote what an expression stands for."""
 
-    def error(self, kind: Kind, node: ast.Node, frame: Frame, /, **facts: Any) -> SpecError:
+    def error(self, kind: Kind, node: ast.Node, frame: CallFrame, /, **facts: Any) -> SpecError:
         """The diagnostic for an expression."""
 
-    def lower(self, node: ast.Expr, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
+    def lower(self, node: ast.Expr, env: Mapping[str, Value], frame: CallFrame) -> Call[Value]:
         """The value of an expression, as a call for `trampoline.run`."""
 
-    def at_once(self, node: ast.Expr, env: Mapping[str, Value], frame: Frame) -> Value | None:
+    def at_once(self, node: ast.Expr, env: Mapping[str, Value], frame: CallFrame) -> Value | None:
         """The value of an expression that needs no call; None for others."""
 
     def text(self, value: Value) -> str:
@@ -164,7 +164,7 @@ class Context(Protocol):
         args: Sequence[int],
         shapes: tuple[Footprint, ...],
         node: ast.Expr,
-        frame: Frame,
+        frame: CallFrame,
     ) -> NumberValue:
         """A primitive of numbers."""
 
@@ -186,14 +186,14 @@ def refusal(problems: Sequence[Diagnostic], main: Source) -> SpecError:
     return SpecError(*sorted(dict.fromkeys(problems), key=place)[:MOST_ERRORS])
 
 
-class Stage:
+class ErrorCollector:
     """Runs the steps of a stage and keeps what each found wrong, so that one mistake does not hide another."""
 
     def __init__(self, source: Source) -> None:
         self.source = source
         self.problems: list[Diagnostic] = []
 
-    def __enter__(self) -> Stage:
+    def __enter__(self) -> ErrorCollector:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:

@@ -30,12 +30,12 @@ from scenegen.errors.language import EMPTY_RANGE, NOT_A_PLAIN_NUMBER, NOT_AN_ANG
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
 from scenegen.geometry.units import ANGLE, BARE
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.check.context import Call, Frame, run
+from scenegen.lang.check.context import Call, CallFrame, run
 from scenegen.lang.check.families import MOST_COMBINATIONS, Category, Variants, category_of, is_category, variants
 from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import BUILT, FILES, SHAPES, bind
 from scenegen.lang.check.regions import SIGNATURES, Arguments, arguments, color, corners, number, point, size
-from scenegen.lang.check.scope import Point, Thing
+from scenegen.lang.check.scope import DeclaredObject, Point
 from scenegen.lang.check.values import ListValue, NumberValue
 from scenegen.lang.spec import Count, Pose
 from scenegen.lang.syntax import ast
@@ -44,7 +44,7 @@ from scenegen.pose import TWO_PI
 from scenegen.things import ASSETS, PLAIN, Shape, shape_of
 from scenegen.things.cabinet import DRAWERS, MOST, Cabinet
 from scenegen.things.library import cabinet_shape
-from scenegen.things.parts import Surface
+from scenegen.things.parts import SupportSurface
 from scenegen.things.surfaces import narrowest
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
     if "drawers" in given:
         value, expr = given["drawers"]
         what = "the number of drawers"
-        drawers = whole_number(lowering, lowering.coerce.number(value, what), expr, Frame(source), what)
+        drawers = whole_number(lowering, lowering.coerce.number(value, what), expr, CallFrame(source), what)
         if not 1 <= drawers <= MOST:
             raise SpecError(DRAWER_COUNT(expr.span(source), given=drawers, most=MOST))
     if "open" not in given:
@@ -91,7 +91,7 @@ def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
     return cabinet_shape(tuple(shares))
 
 
-def not_open(lowering: Lowering, upper: int, carrier: int, surface: Surface, here: Span) -> Diagnostic | None:
+def not_open(lowering: Lowering, upper: int, carrier: int, surface: SupportSurface, here: Span) -> Diagnostic | None:
     """What to say where an object would fit into a drawer that were open further, or that drawers above it did not
     hide; None of other surfaces, and where the object is too large for any drawer."""
     pull = surface.pull
@@ -165,7 +165,7 @@ OUTLINES: dict[str, Callable[[Sizes], Footprint]] = {
 
 
 def name_objects(
-    lowering: Lowering, things: Sequence[Thing], counts: Mapping[str, int] | None = None
+    lowering: Lowering, things: Sequence[DeclaredObject], counts: Mapping[str, int] | None = None
 ) -> tuple[dict[str, int], dict[str, range]]:
     """The places of single objects and elements by name, and those of each array. Where the number of elements is drawn
     it is that of `counts`, or else the most there can be. Raises SpecError."""
@@ -190,7 +190,7 @@ def name_objects(
 
 
 def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> int:
-    frame = Frame(source)
+    frame = CallFrame(source)
     value = lowering.coerce.number(run(lowering.lower(expr, {}, frame)), "the number of elements")
     count = whole_number(lowering, value, expr, frame, "the number of elements")
     if count < 1:
@@ -216,7 +216,7 @@ def _drawn(lowering: Lowering, name: str, drawn: ast.Range, source: Source, befo
     return Count(name, least, most)
 
 
-def shape(lowering: Lowering, thing: Thing, name: str, project: Project) -> Shape:
+def shape(lowering: Lowering, thing: DeclaredObject, name: str, project: Project) -> Shape:
     """What an object looks like: its name says it, or the shape it was declared with. Raises SpecError."""
     one = thing.declaration
     if one is None or one.shape is None:
@@ -321,7 +321,7 @@ def _notice(lowering: Lowering, shape: Shape, here: Span) -> None:
     lowering.noticed += [one for one in notes if one not in lowering.noticed]
 
 
-def pose(lowering: Lowering, thing: Thing, within: Workspace) -> tuple[Pose, ...]:
+def pose(lowering: Lowering, thing: DeclaredObject, within: Workspace) -> tuple[Pose, ...]:
     """Where an object is held, one pose per element of an array; empty where it is free. Raises SpecError."""
     one = thing.declaration
     if one is None or one.pose is None:
@@ -329,7 +329,7 @@ def pose(lowering: Lowering, thing: Thing, within: Workspace) -> tuple[Pose, ...
     count = len(lowering.scope.arrays.get(thing.name.id, (0,)))
     here = one.pose.span(thing.source)
     if thing.is_array and not isinstance(one.pose, ast.List):
-        value = run(lowering.lower(one.pose, {}, Frame(thing.source)))  # a constant may be a list of places
+        value = run(lowering.lower(one.pose, {}, CallFrame(thing.source)))  # a constant may be a list of places
         items = value.items if isinstance(value, ListValue) else (value,)
         _count_places(len(items), count, here)
         places = [point(lowering, item, "the place of an object") for item in items]
@@ -350,7 +350,7 @@ def _count_places(given: int, count: int, here: Span) -> None:
 
 
 def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace) -> Pose:
-    frame = Frame(source)
+    frame = CallFrame(source)
     theta = 0.0
     if isinstance(expr, ast.Point):
         x, y = (
@@ -373,7 +373,7 @@ def _refuse_outside(x: float, y: float, here: Span, within: Workspace) -> None:
 
 def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
     """A heading in [0, 2 pi). Raises SpecError."""
-    given = lowering.coerce.number(run(lowering.lower(expr, {}, Frame(source))), "a heading")
+    given = lowering.coerce.number(run(lowering.lower(expr, {}, CallFrame(source))), "a heading")
     amount = lowering.builder.value(given.node)
     if amount is None:
         raise SpecError(NOT_CONSTANT(expr.span(source), what="a heading"))

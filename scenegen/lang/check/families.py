@@ -38,7 +38,7 @@ from scenegen.errors.declarations import (
 from scenegen.lang.check.imports import Project
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.regions import SIGNATURES
-from scenegen.lang.check.scope import Scope, Thing
+from scenegen.lang.check.scope import DeclaredObject, Scope
 from scenegen.lang.spec import CheckedSpec, Count, Support
 from scenegen.lang.syntax import ast
 from scenegen.pose import X, row_of, rows_of
@@ -46,7 +46,7 @@ from scenegen.things import Shape
 from scenegen.things.library import INDEX
 
 if TYPE_CHECKING:
-    from scenegen.things.indexed import Entry
+    from scenegen.things.indexed import AssetEntry
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -228,7 +228,7 @@ def index_of(path: str) -> tuple[str, str]:
     return f"{folder}/{INDEX}" if folder else INDEX, name
 
 
-def entries_of(path: str, here: Span, project: Project) -> Mapping[str, Entry]:
+def entries_of(path: str, here: Span, project: Project) -> Mapping[str, AssetEntry]:
     """The entries of the index that `path` names. Raises SpecError."""
     from scenegen.things.indexed import IndexFileError, read_index
 
@@ -303,7 +303,9 @@ def is_category(expr: ast.Expr | None) -> bool:
     return isinstance(expr, ast.Call) and expr.function.id == WORD
 
 
-def category_of(thing: Thing, count: int, project: Project, outlined: Callable[[ast.Expr], Shape]) -> Category | None:
+def category_of(
+    thing: DeclaredObject, count: int, project: Project, outlined: Callable[[ast.Expr], Shape]
+) -> Category | None:
     """The category of an object, or of an array of `count`; None where it has another shape. `outlined` gives the shape
     of an asset with its outline. Raises SpecError."""
     one = thing.declaration
@@ -376,7 +378,7 @@ def variants(scope: Scope, found: Mapping[str, Category], counts: Mapping[str, i
     return made
 
 
-def refuse_surfaces(thing: Thing, options: Sequence[Sequence[Support]], here: Span) -> None:
+def refuse_surfaces(thing: DeclaredObject, options: Sequence[Sequence[Support]], here: Span) -> None:
     """Raises SpecError for an object of a category that stands on one of several surfaces."""
     kind = thing.declaration is not None and is_category(thing.declaration.shape)
     if kind and any(len(one) > 1 for one in options):
@@ -390,7 +392,7 @@ def picked(name: str, category: Category, arrayed: bool, counts: Mapping[str, in
     return tuple(pick or counts.get(one, 0) for pick, one in zip(category.picks, elements, strict=True))
 
 
-def _refuse_many(combinations: int, here: Span, thing: Thing) -> None:
+def _refuse_many(combinations: int, here: Span, thing: DeclaredObject) -> None:
     if combinations > MOST_COMBINATIONS:
         shown = min(combinations, 10**15)
         raise SpecError(TOO_MANY_COUNTS(here, combinations=shown, limit=MOST_COMBINATIONS, asset=thing.name.id))
@@ -414,7 +416,7 @@ def _some(names: Sequence[str], most: int, seed: int) -> list[str]:
     return [name for name in names if name in set(drawn)]
 
 
-def _number(expr: ast.Expr | None, thing: Thing, default: int) -> int:
+def _number(expr: ast.Expr | None, thing: DeclaredObject, default: int) -> int:
     if expr is None:
         return default
     written = expr.number if isinstance(expr, ast.Quantity) and not expr.unit else ""
@@ -423,7 +425,7 @@ def _number(expr: ast.Expr | None, thing: Thing, default: int) -> int:
     return int(written)
 
 
-def _picks(expr: ast.Expr | None, count: int, most: int, thing: Thing) -> tuple[int, ...]:
+def _picks(expr: ast.Expr | None, count: int, most: int, thing: DeclaredObject) -> tuple[int, ...]:
     items = (expr.items if isinstance(expr, ast.List) else (expr,)) if expr is not None else ()
     picks = tuple(_number(item, thing, 0) for item in items) or (0,) * count
     if len(picks) != count or max(picks) > most:
@@ -432,7 +434,7 @@ def _picks(expr: ast.Expr | None, count: int, most: int, thing: Thing) -> tuple[
     return picks
 
 
-def _written(expr: ast.Expr, thing: Thing, outlined: Callable[[ast.Expr], Shape]) -> tuple[Shape, ...]:
+def _written(expr: ast.Expr, thing: DeclaredObject, outlined: Callable[[ast.Expr], Shape]) -> tuple[Shape, ...]:
     """The assets of a canonical text."""
     found: list[Shape] = []
     for item in expr.items if isinstance(expr, ast.List) else ():

@@ -9,9 +9,9 @@ from typing import Literal
 from scenegen.errors import Diagnostic, SpecError
 from scenegen.errors.declarations import CONSTANT_LABEL, IMPOSSIBLE_REQUIREMENT, NO_FORMULA, STACKED_AND_APART
 from scenegen.geometry.units import BARE
-from scenegen.lang.check.context import Frame, Stage, run
+from scenegen.lang.check.context import CallFrame, ErrorCollector, run
 from scenegen.lang.check.functions import meant
-from scenegen.lang.check.imports import Placed
+from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.check.lower import Lowering
 from scenegen.lang.check.scope import LABEL
 from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder
@@ -107,7 +107,9 @@ def _split(lowering: Lowering, margin: int, atom: Atom, known: AbstractSet[int],
     return builder.atom_of(margin, builder.const(0.0), margin, text, atom.unit, atom.spans)
 
 
-def lower_labels(placed: Sequence[Placed], bare: ast.Expr | None, lowering: Lowering, stage: Stage) -> dict[str, int]:
+def lower_labels(
+    placed: Sequence[SourcedStatement], bare: ast.Expr | None, lowering: Lowering, stage: ErrorCollector
+) -> dict[str, int]:
     """The formula of each label; mistakes in one do not hide those in another."""
     formulas = [
         (one.source, one.statement.name.id, one.statement.formula)
@@ -125,7 +127,7 @@ def lower_labels(placed: Sequence[Placed], bare: ast.Expr | None, lowering: Lowe
         if stage.full:
             break
         with stage:
-            value = run(lowering.lower(formula, {}, Frame(source)))
+            value = run(lowering.lower(formula, {}, CallFrame(source)))
             labels[name] = lowering.coerce.formula(value, f"`{name}`")
     for source, name, formula in formulas:
         if labels.get(name, 0) < 0 and not stage.problems:
@@ -133,7 +135,9 @@ def lower_labels(placed: Sequence[Placed], bare: ast.Expr | None, lowering: Lowe
     return labels
 
 
-def lower_requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage, standing: Sequence[int]) -> int:
+def lower_requirement(
+    placed: Sequence[SourcedStatement], lowering: Lowering, stage: ErrorCollector, standing: Sequence[int]
+) -> int:
     """The conjunction of all `require` statements, after what supports require."""
     parts = [*standing]
     declared = lowering.supports or lowering.choices
@@ -141,7 +145,7 @@ def lower_requirement(placed: Sequence[Placed], lowering: Lowering, stage: Stage
     for one in placed:
         if isinstance(one.statement, ast.Require) and not stage.full:
             with stage:
-                value = run(lowering.lower(one.statement.formula, {}, Frame(one.source)))
+                value = run(lowering.lower(one.statement.formula, {}, CallFrame(one.source)))
                 part = lowering.coerce.formula(value, "what `require` demands")
                 here = one.statement.formula.span(one.source)
                 if part == FALSE or _never(part, lowering.builder):

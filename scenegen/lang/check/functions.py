@@ -12,7 +12,7 @@ from scenegen.errors.language import ADDED_TO_A_LIST, EMPTY_LIST, ONE_ARGUMENT, 
 from scenegen.geometry import PRIMITIVES, Footprint
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, SPEED, TURN_RATE, Unit
 from scenegen.lang.check.choices import of_options, options_of
-from scenegen.lang.check.context import Frame
+from scenegen.lang.check.context import CallFrame
 from scenegen.lang.check.template import FIRST
 from scenegen.lang.check.values import (
     LONGEST,
@@ -47,7 +47,7 @@ def key_of(value: Value) -> object:
     return value
 
 
-def list_function(lowering: Context, name: str, value: Value, node: ast.Call, frame: Frame) -> Value:
+def list_function(lowering: Context, name: str, value: Value, node: ast.Call, frame: CallFrame) -> Value:
     """A call of `consecutive` or `gaps` over a list. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if isinstance(value, AnyValue):
@@ -62,7 +62,7 @@ def list_function(lowering: Context, name: str, value: Value, node: ast.Call, fr
     return lowering.expansions[key][0].moved(origin)
 
 
-def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: Frame) -> Value | None:
+def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: CallFrame) -> Value | None:
     """The two lists on the sides of a `+` as one; None where neither is a list. Raises SpecError."""
     if not any(isinstance(value, ListValue) for value in values):
         return None
@@ -82,7 +82,7 @@ def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: Fram
     return lowering.expansions[key][0].moved(origin)
 
 
-def function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> NumberValue:
+def function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> NumberValue:
     """A call of an axis or a primitive: the number it is, of arguments whose kinds and units fit. Raises SpecError."""
     origin = lowering.origin(node, frame)
     what = f"an argument of `{name}`"
@@ -124,7 +124,7 @@ def function(lowering: Context, name: str, values: list[Value], node: ast.Call, 
 
 
 def _of_options(
-    lowering: Context, name: str, values: list[Value], at: int, node: ast.Call, frame: Frame
+    lowering: Context, name: str, values: list[Value], at: int, node: ast.Call, frame: CallFrame
 ) -> NumberValue:
     """A call of a primitive, one of whose arguments is what a choice picks."""
     chosen = values[at]
@@ -133,7 +133,7 @@ def _of_options(
     return of_options(lowering, chosen, lambda one: function(lowering, name, [*rest[0], one, *rest[1]], node, frame))
 
 
-def _spread(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> list[Value]:
+def _spread(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> list[Value]:
     """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
     if len(values) == 1 and isinstance(values[0], NumberValue):
         raise lowering.error(ONE_ARGUMENT, node, frame, name=name)
@@ -156,7 +156,7 @@ Pose = Sequence[int]  # the nodes of x, y and theta
 
 
 def step_function(
-    lowering: Context, name: str, values: Mapping[str, Value], node: ast.Call, frame: Frame
+    lowering: Context, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame
 ) -> NumberValue | FormulaValue:
     """A call of a function of a step. Raises SpecError."""
     origin = lowering.origin(node, frame)
@@ -230,7 +230,7 @@ def _seen_from(lowering: Context, frame: Pose, pose: Pose) -> Pose:
 OF_SUPPORT = ("restsOn", "insideOf")  # relations of the prelude: a on or in b
 
 
-def note_elsewhere(lowering: Context, name: str, values: Mapping[str, Value], node: ast.Call, frame: Frame) -> None:
+def note_elsewhere(lowering: Context, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame) -> None:
     """Notices a call of one of OF_SUPPORT that holds in no scene, since its first argument stands elsewhere. In
     rounds of quantifiers that is no mistake."""
     upper, lower = values["a"], values["b"]

@@ -29,10 +29,10 @@ from scenegen.geometry import Circle, Footprint
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD
 from scenegen.lang.check.choices import MOST_CASES, by_cases, height_in, level, of_cases, options_of, picked
-from scenegen.lang.check.context import Frame
+from scenegen.lang.check.context import CallFrame
 from scenegen.lang.check.functions import key_of
 from scenegen.lang.check.scope import CORNERS, MEMBERS, SIDES, SIZES, Area, Point, board_gap
-from scenegen.lang.check.template import FIRST, Depends
+from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (
     AnyValue,
     ChosenValue,
@@ -44,10 +44,10 @@ from scenegen.lang.check.values import (
     SurfaceValue,
     Value,
 )
-from scenegen.lang.spec import CheckedSpec, Choice, Support
+from scenegen.lang.spec import CheckedSpec, Support, SurfaceChoice
 from scenegen.lang.syntax import ast
 from scenegen.pose import FLAT, PLACE, X, row_of
-from scenegen.things.surfaces import Surface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
+from scenegen.things.surfaces import SupportSurface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.context import Context
@@ -64,7 +64,7 @@ def base(lowering: Context, which: int, origin: Span) -> Value:
 
     def value(under: Support) -> Value:
         if under.carrier is not None:
-            surface = Surface(under.name.partition(".")[2], under.outline, under.height, walled=under.walled)
+            surface = SupportSurface(under.name.partition(".")[2], under.outline, under.height, walled=under.walled)
             return SurfaceValue(under.carrier, surface, origin=origin)
         if under.height:
             return RegionValue(under.name, lowering.areas[under.name], origin=origin)
@@ -129,7 +129,7 @@ def _centre(lowering: Context, which: int, supports: Mapping[int, Support], axis
 ROUNDING = 1e-9  # metres: heights are sums along a chain of supports
 
 
-def height_function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: Frame) -> Value:
+def height_function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> Value:
     """A call of one of HEIGHTS. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if any(isinstance(value, AnyValue) for value in values):
@@ -139,7 +139,7 @@ def height_function(lowering: Context, name: str, values: list[Value], node: ast
         raise lowering.error(MEASURED_TOO_EARLY, node, frame, instead=named)
     value = values[0]
     if isinstance(value, ObjectValue) and value.index >= FIRST:
-        raise Depends
+        raise DependsOnValue
     if name in ("z", "height", "top"):
         return NumberValue(_height(lowering, name, value), LENGTH, origin=origin)
     if name == "apart":
@@ -157,7 +157,7 @@ def height_function(lowering: Context, name: str, values: list[Value], node: ast
         if len(values) > 1:
             items = lowering.coerce.items(values[1], "the argument `items` of `others`")
             if any(isinstance(one, ObjectValue) and one.index >= FIRST for one in items):
-                raise Depends
+                raise DependsOnValue
             return ListValue(tuple(one for one in items if one != value), origin=origin)
         rest = [one for one in range(len(lowering.heights)) if one != which]
         return ListValue(tuple(ObjectValue(one, origin=origin) for one in rest), origin=origin)
@@ -218,7 +218,7 @@ def _height(lowering: Context, name: str, value: Value) -> int:
             raise lowering.coerce.wrong(value, "an object", f"the argument of `{name}`")
 
 
-def _apart(lowering: Context, values: list[Value], node: ast.Call, frame: Frame) -> int:
+def _apart(lowering: Context, values: list[Value], node: ast.Call, frame: CallFrame) -> int:
     """min over the upright pieces of both bodies of the larger of their clearances, in the plane and along z."""
     first, second = values
     if isinstance(first, RegionValue) and isinstance(second, RegionValue):
@@ -228,7 +228,7 @@ def _apart(lowering: Context, values: list[Value], node: ast.Call, frame: Frame)
             return _from_board(lowering, _object(lowering, body, "apart"), board.area)
     one, other = _object(lowering, first, "apart"), _object(lowering, second, "apart")
     if max(one, other) >= FIRST:
-        raise Depends
+        raise DependsOnValue
     if one == other:
         raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name="apart")
     assert lowering.heights is not None
@@ -348,7 +348,7 @@ def _inside(lowering: Context, upper: int, lower: int, above: float, supports: M
 Array = npt.NDArray[np.float64]
 
 
-def chosen(choice: Choice, rows: Array) -> npt.NDArray[np.intp]:
+def chosen(choice: SurfaceChoice, rows: Array) -> npt.NDArray[np.intp]:
     """(n,): which option each scene has, counted from 0; `rows` are those of the core, (3M, n)."""
     return np.asarray(np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right"))
 
@@ -395,7 +395,7 @@ LIST_MEMBERS = ("first", "last", "count")
 SURFACE_SIZES = ("length", "depth")  # of a surface, beside `width` and `height`, which regions have, too
 
 
-def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: Frame) -> Value:
+def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: CallFrame) -> Value:
     """`base.name`. Raises SpecError."""
     origin = lowering.origin(node, frame)
     match base:
@@ -436,14 +436,14 @@ def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: F
 def _surface(lowering: Context, base: ObjectValue, index: int, name: str, origin: Span) -> Value | None:
     """The surface of that name of an object, or the list of those that are numbered; None where it has none."""
     if index >= FIRST:
-        raise Depends
+        raise DependsOnValue
     named = [one for one in surface_values(lowering, index, base) if one.surface.name.partition("[")[0] == name]
     if len(named) == 1 and named[0].surface.name == name:
         return named[0].moved(origin)
     return ListValue(tuple(named), origin=origin) if named else None
 
 
-def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: str, frame: Frame) -> Value:
+def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: str, frame: CallFrame) -> Value:
     area, origin = region.area, lowering.origin(node, frame)
 
     def point(place: Point) -> PointValue:
@@ -466,7 +466,7 @@ def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: s
     raise lowering.error(NO_SUCH_PART, node, frame, what=f"`{region.name}`", name=name, known=MEMBERS)
 
 
-def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, frame: Frame) -> Value:
+def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, frame: CallFrame) -> Value:
     """`base[place]`, counted from 1. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if isinstance(base, AnyValue):
@@ -487,7 +487,7 @@ def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, f
     return items[which - 1]
 
 
-def whole_number(lowering: Context, number: NumberValue, node: ast.Expr, frame: Frame, what: str) -> int:
+def whole_number(lowering: Context, number: NumberValue, node: ast.Expr, frame: CallFrame, what: str) -> int:
     """A number that counts. Raises SpecError for one that depends on the scene, has a unit or is not whole."""
     value = lowering.builder.value(number.node)
     if value is None:

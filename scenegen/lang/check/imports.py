@@ -38,7 +38,7 @@ MAX_FILES = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class SourcedStatement:
     """A statement and the source that it stands in."""
 
     source: Source
@@ -109,10 +109,10 @@ def _beside(wanted: Path) -> list[str]:
     return []
 
 
-def inline(module: ast.Module, project: Project) -> tuple[list[Placed], list[Diagnostic]]:
+def inline(module: ast.Module, project: Project) -> tuple[list[SourcedStatement], list[Diagnostic]]:
     """All statements in order, imports replaced by what they import, and what was wrong with the imports."""
     problems: list[Diagnostic] = []
-    out: list[Placed] = []
+    out: list[SourcedStatement] = []
     seen: set[Path] = set()
     characters = len(module.source.text)
     timed = any(isinstance(statement, ast.Time) for statement in module.statements)
@@ -127,7 +127,7 @@ def inline(module: ast.Module, project: Project) -> tuple[list[Placed], list[Dia
             open_files.pop()
             continue
         if not isinstance(statement, ast.Import):
-            out.append(Placed(source, statement))
+            out.append(SourcedStatement(source, statement))
             continue
         here = statement.path.span(source)
         try:

@@ -29,7 +29,7 @@ from scenegen.geometry import PRIMITIVES, Footprint, UnitMismatch
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, Unit, agree, quantity
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check import context as blame
-from scenegen.lang.check.context import Call, Context, Frame
+from scenegen.lang.check.context import Call, CallFrame, Context
 from scenegen.lang.check.functions import (
     OF_SUPPORT,
     function,
@@ -43,7 +43,7 @@ from scenegen.lang.check.heights import height_function, index, member
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.quantify import MAX_STEPS, MOST_FORESEEN, quantify, too_many
 from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Area, Declared, Scope
-from scenegen.lang.check.template import FIRST, Depends, placeholders
+from scenegen.lang.check.template import FIRST, DependsOnValue, placeholders
 from scenegen.lang.check.temporal import temporal
 from scenegen.lang.check.values import (
     AnyValue,
@@ -60,9 +60,9 @@ from scenegen.lang.check.values import (
     Value,
     check_alike,
 )
-from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, TooLarge
+from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.timed import Horizon
-from scenegen.lang.spec import Choice, Support
+from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.syntax_errors import UNITS_OF_TIME
@@ -73,7 +73,7 @@ from scenegen.things import Shape
 # What a name stands for: a bound value, objects, a region, a constant or a label.
 
 
-def refer(lowering: Context, node: ast.Name, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
+def refer(lowering: Context, node: ast.Name, env: Mapping[str, Value], frame: CallFrame) -> Call[Value]:
     if node.id in env:
         return env[node.id]
     origin = lowering.origin(node, frame)
@@ -92,7 +92,7 @@ def refer(lowering: Context, node: ast.Name, env: Mapping[str, Value], frame: Fr
     if node.id not in lowering.values:
         declared = lowering.scope.constants.get(node.id) or lowering.scope.labels[node.id]
         (expr,) = traversal.expressions(declared.statement)
-        value: Value = yield lowering.lower(expr, {}, Frame(declared.source))
+        value: Value = yield lowering.lower(expr, {}, CallFrame(declared.source))
         if isinstance(declared.statement, ast.Label):
             lowering.coerce.formula(value, f"`{node.id}`")
         lowering.values[node.id] = value
@@ -101,7 +101,7 @@ def refer(lowering: Context, node: ast.Name, env: Mapping[str, Value], frame: Fr
     return lowering.values[node.id].moved(origin)
 
 
-def _region(lowering: Context, node: ast.Name, frame: Frame) -> Call[None]:
+def _region(lowering: Context, node: ast.Name, frame: CallFrame) -> Call[None]:
     from scenegen.lang.check.regions import areas
 
     if node.id == "workspace":
@@ -109,7 +109,7 @@ def _region(lowering: Context, node: ast.Name, frame: Frame) -> Call[None]:
     yield areas(lowering, lowering.scope.regions[node.id])
 
 
-def objects(lowering: Context, node: ast.Name, frame: Frame, origin: Span) -> Value:
+def objects(lowering: Context, node: ast.Name, frame: CallFrame, origin: Span) -> Value:
     """An object, an array or all objects. Raises SpecError while the objects are still being declared."""
     if not lowering.scope.things:
         raise lowering.error(NO_OBJECTS, node, frame)
@@ -125,7 +125,7 @@ def objects(lowering: Context, node: ast.Name, frame: Frame, origin: Span) -> Va
 # Calls: definitions expanded once for each set of arguments, primitives, and functions of lists and heights.
 
 
-def call(lowering: Context, node: ast.Call, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
+def call(lowering: Context, node: ast.Call, env: Mapping[str, Value], frame: CallFrame) -> Call[Value]:
     name = node.function.id
     values: dict[str, Value] = {}
     for parameter, argument, role in _arguments(lowering, node, frame):
@@ -150,7 +150,7 @@ def call(lowering: Context, node: ast.Call, env: Mapping[str, Value], frame: Fra
     return lowering.expansions[key][0].moved(lowering.origin(node, frame))
 
 
-def _arguments(lowering: Context, node: ast.Call, frame: Frame) -> list[tuple[str, ast.Expr, str]]:
+def _arguments(lowering: Context, node: ast.Call, frame: CallFrame) -> list[tuple[str, ast.Expr, str]]:
     """Parameter, argument and the argument's role, for each argument of a call; worked out once per call."""
     known = lowering.calls.get(id(node))
     if known is None:
@@ -168,7 +168,7 @@ def _arguments(lowering: Context, node: ast.Call, frame: Frame) -> list[tuple[st
 
 
 def _expand(
-    lowering: Context, declared: Declared, values: dict[str, Value], node: ast.Call, frame: Frame
+    lowering: Context, declared: Declared, values: dict[str, Value], node: ast.Call, frame: CallFrame
 ) -> Call[Value]:
     definition = declared.statement
     assert isinstance(definition, ast.Definition)
@@ -178,7 +178,7 @@ def _expand(
     for parameter in definition.parameters:
         if parameter.name.id not in values:
             assert parameter.default is not None
-            value = yield lowering.lower(parameter.default, {}, Frame(declared.source, places))
+            value = yield lowering.lower(parameter.default, {}, CallFrame(declared.source, places))
             values[parameter.name.id] = value.moved(value.origin)
     if definition.name.id in OF_SUPPORT and declared.source is lowering.scope.prelude:
         note_elsewhere(lowering, definition.name.id, values, node, frame)
@@ -186,7 +186,7 @@ def _expand(
     key = (declared, *map(key_of, ordered))
     if key not in lowering.expansions:
         text = f"{definition.name.id}({', '.join(map(lowering.text, ordered))})"
-        inside = Frame(declared.source, places, text, definition.body, frame.where)
+        inside = CallFrame(declared.source, places, text, definition.body, frame.where)
         expanded: Value = yield lowering.lower(definition.body, values, inside)
         lowering.expansions[key] = (expanded, ordered)
     return lowering.expansions[key][0].moved(places[0])
@@ -218,7 +218,7 @@ class Lowering:
         self.levels: dict[str, int] = {}  # how many regions stand under the name of several
         self.shapes: Sequence[Shape] = ()  # of the objects
         self.supports: Mapping[int, Support] = {}  # what objects were declared to stand on
-        self.choices: Mapping[int, Choice] = {}  # likewise, where it is one of several
+        self.choices: Mapping[int, SurfaceChoice] = {}  # likewise, where it is one of several
         # of the objects' lowest points, once they are known; None where a choice says how high
         self.heights: Sequence[float | None] | None = None
         self.steps = 0  # rounds of quantifiers so far
@@ -233,25 +233,27 @@ class Lowering:
         self.noticed: list[Diagnostic] = []  # warnings
         self.calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
 
-    def rounds(self, more: int, node: ast.Quantifier, frame: Frame, foreseen: int = 0) -> None:
+    def rounds(self, more: int, node: ast.Quantifier, frame: CallFrame, foreseen: int = 0) -> None:
         """Raises SpecError where a quantifier takes too many rounds, with what is foreseen for those around it."""
         if self.steps + more > MAX_STEPS or foreseen > MOST_FORESEEN:
             raise too_many(self, node.domain, frame)
 
-    def spend(self, steps: int, frame: Frame) -> None:
-        """Counts what is expanded. Raises TooLarge."""
+    def spend(self, steps: int, frame: CallFrame) -> None:
+        """Counts what is expanded. Raises FormulaTooLarge."""
         self._work += steps
         if self._work > MAX_WORK:
-            raise TooLarge(f"takes more than {MAX_WORK:,} steps to expand")
+            raise FormulaTooLarge(f"takes more than {MAX_WORK:,} steps to expand")
         if frame.where or frame.text:
             self.inside += steps
             if self.inside > self.most_inside:
                 self.foresee(0)
 
     def foresee(self, more: int) -> None:
-        """Raises TooLarge where so many more expressions are too many."""
+        """Raises FormulaTooLarge where so many more expressions are too many."""
         if self.inside + more > self.most_inside:
-            raise TooLarge(f"takes more than {self.most_inside:,} steps to expand its quantifiers and definitions")
+            raise FormulaTooLarge(
+                f"takes more than {self.most_inside:,} steps to expand its quantifiers and definitions"
+            )
 
     def use(self, builder: CoreBuilder) -> None:
         """Expands into another builder from now on."""
@@ -259,20 +261,20 @@ class Lowering:
 
     # ---- where to put the blame
 
-    def spans(self, node: ast.Node, frame: Frame) -> tuple[Span, ...]:
+    def spans(self, node: ast.Node, frame: CallFrame) -> tuple[Span, ...]:
         return blame.spans(node, frame, self.scope.prelude)
 
-    def origin(self, node: ast.Node, frame: Frame) -> Span:
+    def origin(self, node: ast.Node, frame: CallFrame) -> Span:
         return blame.origin(node, frame, self.scope.prelude)
 
-    def error(self, kind: Kind, node: ast.Node, frame: Frame, /, **facts: Any) -> SpecError:
+    def error(self, kind: Kind, node: ast.Node, frame: CallFrame, /, **facts: Any) -> SpecError:
         where = [f"{name} = {self.text(value)}" for choice in frame.where for name, value in choice.items()]
         return blame.error(kind, node, frame, self.scope.prelude, where, **facts)
 
     # ---- expressions
 
-    def lower(self, node: ast.Expr, env: Environment, frame: Frame) -> Call[Value]:
-        """The value of an expression, as a call for `trampoline.run`. Raises SpecError, and TooLarge."""
+    def lower(self, node: ast.Expr, env: Environment, frame: CallFrame) -> Call[Value]:
+        """The value of an expression, as a call for `trampoline.run`. Raises SpecError, and FormulaTooLarge."""
         self.spend(1, frame)
         origin = self.origin(node, frame)
         value: Value
@@ -347,7 +349,7 @@ class Lowering:
                 raise self.error(STRAY_RANGE, node, frame)
         raise AssertionError(f"the resolver let {type(node).__name__} pass")
 
-    def at_once(self, node: ast.Expr, env: Environment, frame: Frame) -> Value | None:
+    def at_once(self, node: ast.Expr, env: Environment, frame: CallFrame) -> Value | None:
         """The value of an expression that is a variable, a number or an object: a call for it would cost more."""
         match node:
             case ast.Name(name):
@@ -361,13 +363,15 @@ class Lowering:
             case _:
                 return None
 
-    def _quantity(self, node: ast.Quantity, frame: Frame) -> NumberValue:
+    def _quantity(self, node: ast.Quantity, frame: CallFrame) -> NumberValue:
         amount, unit = quantity(node.number, node.unit)
         if not math.isfinite(amount):
             raise self.error(NUMBER_TOO_LARGE, node, frame)
         return NumberValue(self.builder.const(amount), unit, origin=self.origin(node, frame))
 
-    def _point(self, node: ast.Point, coordinates: tuple[ast.Expr, ...], env: Environment, frame: Frame) -> Call[Value]:
+    def _point(
+        self, node: ast.Point, coordinates: tuple[ast.Expr, ...], env: Environment, frame: CallFrame
+    ) -> Call[Value]:
         if len(coordinates) != 2:
             raise self.error(NOT_TWO_COORDINATES, node, frame, given=len(coordinates))
         numbers = []
@@ -380,7 +384,7 @@ class Lowering:
 
     # ---- arithmetic and comparisons
 
-    def _arithmetic(self, node: ast.Negative | ast.Binary, env: Environment, frame: Frame) -> Call[Value]:
+    def _arithmetic(self, node: ast.Negative | ast.Binary, env: Environment, frame: CallFrame) -> Call[Value]:
         parts = [node.value] if isinstance(node, ast.Negative) else [node.left, node.right]
         symbol = "-" if isinstance(node, ast.Negative) else node.operator
         values = []
@@ -410,7 +414,7 @@ class Lowering:
         args: Sequence[int],
         shapes: tuple[Footprint, ...],
         node: ast.Node,
-        frame: Frame,
+        frame: CallFrame,
     ) -> NumberValue:
         try:
             unit = PRIMITIVES[name].unit(*units)
@@ -424,7 +428,7 @@ class Lowering:
             raise self.error(NUMBER_TOO_LARGE, node, frame) from None
         return NumberValue(result, unit, origin=self.origin(node, frame))
 
-    def _mismatch(self, mismatch: UnitMismatch, verb: str, node: ast.Node, frame: Frame) -> SpecError:
+    def _mismatch(self, mismatch: UnitMismatch, verb: str, node: ast.Node, frame: CallFrame) -> SpecError:
         facts = {"left": mismatch.left.words, "verb": verb, "right": mismatch.right.words}
         if mismatch.left.time or mismatch.right.time:
             facts["times"] = UNITS_OF_TIME
@@ -439,13 +443,13 @@ class Lowering:
             if amount is not None and abs(amount) > TWO_PI:
                 raise SpecError(MORE_THAN_A_TURN(number.origin, amount=amount))
 
-    def agree(self, node: ast.Node, frame: Frame, verb: str, *units: Unit) -> Unit:
+    def agree(self, node: ast.Node, frame: CallFrame, verb: str, *units: Unit) -> Unit:
         try:
             return agree(*units)
         except UnitMismatch as mismatch:
             raise self._mismatch(mismatch, verb, node, frame) from None
 
-    def _different(self, node: ast.Compare, env: Environment, frame: Frame) -> Call[Value]:
+    def _different(self, node: ast.Compare, env: Environment, frame: CallFrame) -> Call[Value]:
         """`a != b`: whether two things, or two constants, are different ones. Names say that, not scenes."""
         if len(node.operands) > 2:
             raise self.error(EQUALITY, node, frame, instead="write a != b & b != c")
@@ -466,10 +470,10 @@ class Lowering:
             if not isinstance(value, ObjectValue | RegionValue | SurfaceValue):
                 raise self.coerce.wrong(value, "an object, a surface or a region", "each side of `!=`")
             if isinstance(value, ObjectValue) and value.index >= FIRST:
-                raise Depends
+                raise DependsOnValue
         return FormulaValue(TRUE if first != second else FALSE, True, origin=origin)
 
-    def _compare(self, node: ast.Compare, env: Environment, frame: Frame) -> Call[Value]:
+    def _compare(self, node: ast.Compare, env: Environment, frame: CallFrame) -> Call[Value]:
         if "!=" in node.operators:
             differ: Value = yield self._different(node, env, frame)
             return differ

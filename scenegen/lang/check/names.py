@@ -34,7 +34,7 @@ from scenegen.errors.language import (
     WRONG_NUMBER_OF_ARGUMENTS,
 )
 from scenegen.errors.time import TIME_MISSING
-from scenegen.lang.check.imports import Placed
+from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.check.scope import BUILT_IN, NO_NUMBERS, STEPS, Declared, Scope, Signature
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
@@ -54,7 +54,7 @@ LIST = ("items",)  # the parameters of a relation that takes one list
 AREAS = ("rect", "circle", "polygon")  # what a region can be
 
 
-def resolve(placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope) -> list[Diagnostic]:
+def resolve(placed: Sequence[SourcedStatement], bare: ast.Expr | None, scope: Scope) -> list[Diagnostic]:
     """The problems of a spec's names, in the order of the text, and the first MOST_ERRORS of a file: nobody
     reads more, and finding names like the unknown ones takes time."""
     problems: list[Diagnostic] = []
@@ -69,7 +69,7 @@ def resolve(placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope) -> li
     return problems or list(_cycles(scope))
 
 
-def _statement(one: Placed, scope: Scope) -> Iterator[Diagnostic]:
+def _statement(one: SourcedStatement, scope: Scope) -> Iterator[Diagnostic]:
     statement, source = one.statement, one.source
     if isinstance(statement, ast.Objects):
         yield from _declarations(statement, scope, source)

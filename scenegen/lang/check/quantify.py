@@ -16,11 +16,11 @@ from scenegen.errors.declarations import TOO_MANY_ROUNDS
 from scenegen.errors.language import EMPTY_LIST, EMPTY_RANGE, ONE_NEIGHBOUR, TOO_FEW_TO_CHOOSE
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.units import BARE
-from scenegen.lang.check.context import MOST_VARIABLES, Call, Frame
+from scenegen.lang.check.context import MOST_VARIABLES, Call, CallFrame
 from scenegen.lang.check.heights import whole_number
-from scenegen.lang.check.template import Depends, Template
+from scenegen.lang.check.template import DependsOnValue, Template
 from scenegen.lang.check.values import AnyValue, FormulaValue, NeighboursValue, NumberValue, ObjectValue, Value
-from scenegen.lang.formula.builder import TooLarge
+from scenegen.lang.formula.builder import FormulaTooLarge
 from scenegen.lang.formula.core import Apply, Atom, Const, Junction
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.pieces import print_expr
@@ -37,14 +37,14 @@ _EXACT = ("add", "sub", "mul", "div", "neg", "abs", "min", "max")  # rounded ali
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
+class MonotoneDependence:
     """The constant of a template that a number depends on alone, and whether it grows with it or falls."""
 
     constant: int
     grows: bool
 
 
-def chain(template: Template, margin: int) -> Chain | None:
+def chain(template: Template, margin: int) -> MonotoneDependence | None:
     """How a number hangs on the constants that differ from round to round, where it is one, in one place, and every
     step from there to the number is monotone; rounded, it then is, too."""
     grows = True
@@ -72,7 +72,7 @@ def chain(template: Template, margin: int) -> Chain | None:
             case _:
                 return None
         index = node.args[place]
-    return Chain(index, grows)
+    return MonotoneDependence(index, grows)
 
 
 def evaluate(template: Template, constant: int, given: npt.NDArray[np.float64]) -> Any:
@@ -100,7 +100,7 @@ Kind = tuple[object, ...]
 Array = npt.NDArray[np.float64]
 
 
-class Made(NamedTuple):
+class InstantiatedTemplate(NamedTuple):
     """A template with its result, the rounds of quantifiers inside, and the steps that count."""
 
     template: Template
@@ -109,12 +109,12 @@ class Made(NamedTuple):
     cost: int
 
 
-class Rounds:
+class QuantifierRounds:
     """The rounds of one quantifier, `count` of them, around a body. `formula` expands one, with a template for the
     kinds of choices (numbers with the same unit, free objects with the same footprint) that come up often."""
 
     def __init__(
-        self, lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], frame: Frame, count: int
+        self, lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame, count: int
     ) -> None:
         self.lowering = lowering
         self.node = node
@@ -123,7 +123,7 @@ class Rounds:
         self.frame = frame  # of the body, but for what the variables stand for
         self.left = count
         self.seen: dict[Kind, int] = {}
-        self.templates: dict[Kind, Made | None] = {}  # with its result, and rounds inside
+        self.templates: dict[Kind, InstantiatedTemplate | None] = {}  # with its result, and rounds inside
         self._kinds: dict[int, object] = {}  # of objects
 
     def made(self, choice: Sequence[Value]) -> int | None:
@@ -144,7 +144,7 @@ class Rounds:
         return made
 
     def formula(self, choice: Sequence[Value]) -> Call[int]:
-        """The formula of the body for one choice, expanded by itself. Raises SpecError, and TooLarge."""
+        """The formula of the body for one choice, expanded by itself. Raises SpecError, and FormulaTooLarge."""
         lowering = self.lowering
         self.left -= 1
         before = lowering.inside
@@ -164,7 +164,7 @@ class Rounds:
 
     def _body(self, chosen: Mapping[str, Value]) -> Call[Value]:
         frame = self.frame
-        inside = Frame(
+        inside = CallFrame(
             frame.source, frame.calls, frame.text, frame.body, (*frame.where, chosen)[-MOST_VARIABLES:], frame.rounds
         )
         return self.lowering.lower(self.node.body, {**self.env, **chosen}, inside)
@@ -187,10 +187,10 @@ class Rounds:
                 return None
         return tuple(kind)
 
-    def _template(self, choice: Sequence[Value], left: int) -> Call[Made | None]:
+    def _template(self, choice: Sequence[Value], left: int) -> Call[InstantiatedTemplate | None]:
         """The body for a choice of this kind. None where it has no template.
 
-        Raises SpecError and TooLarge for one that is too large for so many rounds.
+        Raises SpecError and FormulaTooLarge for one that is too large for so many rounds.
         """
         lowering = self.lowering
         below, steps = lowering.builder, lowering.steps
@@ -209,7 +209,7 @@ class Rounds:
         try:
             value = yield self._body(chosen)
             result = lowering.coerce.formula(value, "")
-        except (Depends, SpecError):
+        except (DependsOnValue, SpecError):
             return None  # a mistake shows again, where it belongs, in the round itself
         finally:
             lowering.use(below)
@@ -217,9 +217,9 @@ class Rounds:
         lowering.steps = steps
         cost = template.cost
         if lowering.made + cost * left > MAX_MADE:
-            raise TooLarge(f"takes more than {MAX_MADE:,} steps to expand the rounds of its quantifiers")
+            raise FormulaTooLarge(f"takes more than {MAX_MADE:,} steps to expand the rounds of its quantifiers")
         lowering.rounds(inner * left, self.node, self.frame)
-        return Made(template, result, inner, cost)
+        return InstantiatedTemplate(template, result, inner, cost)
 
     # ---- rounds over numbers, of which the hardest are enough
 
@@ -258,10 +258,10 @@ class Rounds:
         return formulas
 
 
-def _parts(template: Template, result: int, kind: str) -> list[tuple[int, Chain | None]] | None:
+def _parts(template: Template, result: int, kind: str) -> list[tuple[int, MonotoneDependence | None]] | None:
     """What a formula is the junction of: atoms that hang on one constant each, and what is the same in every round
     (None). None where there is anything else."""
-    found: list[tuple[int, Chain | None]] = []
+    found: list[tuple[int, MonotoneDependence | None]] = []
     waiting = [result]
     while waiting:
         index = waiting.pop()
@@ -277,7 +277,7 @@ def _parts(template: Template, result: int, kind: str) -> list[tuple[int, Chain 
     return found
 
 
-def _extreme(template: Template, hanging: Chain, kind: str, choices: Array) -> list[float] | None:
+def _extreme(template: Template, hanging: MonotoneDependence, kind: str, choices: Array) -> list[float] | None:
     """The numbers of the round whose constant makes a margin smallest ("min") or largest; None where that is not
     known. `choices` is (variables, K)."""
     with np.errstate(all="ignore"):
@@ -294,9 +294,9 @@ MOST_FORESEEN = 10 * MAX_STEPS  # refused at once, in case that later rounds of 
 LONGEST = 40  # characters of the domain that a sub-formula's name shows
 
 
-def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], frame: Frame) -> Call[Value]:
+def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame) -> Call[Value]:
     """The junction of the body over the domain. Several variables over a list take unordered groups of its members,
-    over `consecutive(list)` neighbours, over a range increasing numbers. Raises SpecError, and TooLarge."""
+    over `consecutive(list)` neighbours, over a range increasing numbers. Raises SpecError, and FormulaTooLarge."""
     names = [variable.id for variable in node.variables]
     domain: Value | range
     if isinstance(node.domain, ast.Range):
@@ -313,8 +313,8 @@ def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], 
     around = frame.rounds * count
     lowering.rounds(count, node, frame, around)
     lowering.steps += count
-    inside = Frame(frame.source, frame.calls, frame.text, frame.body, frame.where, around)
-    rounds = Rounds(lowering, node, env, inside, count)
+    inside = CallFrame(frame.source, frame.calls, frame.text, frame.body, frame.where, around)
+    rounds = QuantifierRounds(lowering, node, env, inside, count)
     formulas = (yield rounds.hardest(domain)) if isinstance(domain, range) else None
     if formulas is None:
         formulas = []
@@ -330,12 +330,12 @@ def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], 
     return FormulaValue(lowering.builder.junction(kind, formulas, text), origin=origin)
 
 
-def too_many(lowering: Context, node: ast.Expr, frame: Frame) -> SpecError:
+def too_many(lowering: Context, node: ast.Expr, frame: CallFrame) -> SpecError:
     """Nested quantifiers make a spec larger than its text shows."""
     return lowering.error(TOO_MANY_ROUNDS, node, frame, limit=MAX_STEPS)
 
 
-def _range(lowering: Context, node: ast.Range, env: Mapping[str, Value], frame: Frame) -> Call[range | AnyValue]:
+def _range(lowering: Context, node: ast.Range, env: Mapping[str, Value], frame: CallFrame) -> Call[range | AnyValue]:
     ends = []
     for end in (node.lowest, node.highest):
         value = yield lowering.lower(end, env, frame)
@@ -354,7 +354,7 @@ def _range(lowering: Context, node: ast.Range, env: Mapping[str, Value], frame: 
 
 
 def _choices(
-    lowering: Context, domain: Value | range, node: ast.Quantifier, frame: Frame
+    lowering: Context, domain: Value | range, node: ast.Quantifier, frame: CallFrame
 ) -> tuple[int, Iterator[tuple[Value, ...]]]:
     """How many ways there are to choose the variables, and the ways. Raises SpecError where there is none."""
     many = len(node.variables)
@@ -382,6 +382,6 @@ def _choices(
     return comb(len(items), many), combinations(items, many)
 
 
-def _may_be_empty(lowering: Context, frame: Frame) -> bool:
+def _may_be_empty(lowering: Context, frame: CallFrame) -> bool:
     """Relations of the prelude hold of too few things as they do of many: one object overlaps no other."""
     return frame.source is lowering.scope.prelude

@@ -28,7 +28,7 @@ from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.geometry.footprint import convex_hull, is_convex
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, FARTHEST, LARGEST, SMALLEST, Workspace
-from scenegen.lang.check.context import Call, Frame, run
+from scenegen.lang.check.context import Call, CallFrame, run
 from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import AREAS, SHAPES, bind
 from scenegen.lang.check.scope import Area, Declared, Point, Signature, board_gap, disc, polygon, rectangle
@@ -109,7 +109,7 @@ def arguments(lowering: Context, call: ast.Call, source: Source) -> Call[Argumen
             what = "a text" if isinstance(expr, ast.Text) else "a shape"
             usage = SIGNATURES[call.function.id].usage
             raise SpecError(MISPLACED_VALUE(expr.span(source), what=what, parameter=name, usage=usage))
-        value = yield lowering.lower(expr, {}, Frame(source))
+        value = yield lowering.lower(expr, {}, CallFrame(source))
         values[name] = (value, expr)
     return values
 
@@ -153,7 +153,7 @@ def workspace(lowering: Context, source: Source, statement: ast.Workspace) -> Wo
 def _interval(lowering: Context, source: Source, interval: ast.Interval, axis: str) -> tuple[float, float]:
     ends = []
     for expr in (interval.lowest, interval.highest):
-        value = run(lowering.lower(expr, {}, Frame(source)))
+        value = run(lowering.lower(expr, {}, CallFrame(source)))
         ends.append(number(lowering, value, expr, source, "the workspace"))
     lowest, highest = ends
     here = interval.span(source)
@@ -176,7 +176,7 @@ def areas(lowering: Context, declared: Declared) -> Call[None]:
     flat: Area = yield _area(lowering, declared)
     levels = []
     for expr in statement.levels:
-        value: Value = yield lowering.lower(expr, {}, Frame(source))
+        value: Value = yield lowering.lower(expr, {}, CallFrame(source))
         level = number(lowering, value, expr, source, "the height of a region")
         if not 0.0 <= level <= LARGEST:
             raise SpecError(LEVEL_OUT_OF_RANGE(expr.span(source), level=level, most=LARGEST))
@@ -188,8 +188,8 @@ def areas(lowering: Context, declared: Declared) -> Call[None]:
         return
     if isinstance(statement.count, ast.Range):
         raise SpecError(COUNT_OF_LEVELS(statement.count.span(source), name=name, levels=len(levels) or None))
-    given: Value = yield lowering.lower(statement.count, {}, Frame(source))
-    frame = Frame(source)
+    given: Value = yield lowering.lower(statement.count, {}, CallFrame(source))
+    frame = CallFrame(source)
     what = "the number of levels"
     count = whole_number(lowering, lowering.coerce.number(given, what), statement.count, frame, what)
     if count != len(levels):

@@ -15,7 +15,7 @@ from scenegen.errors.language import BUILT_IN_NAME, DEFINED_TWICE
 from scenegen.geometry import MATH, PRIMITIVES
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
 from scenegen.geometry.workspace import BOARD, Workspace
-from scenegen.lang.check.imports import Placed
+from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.spec import Count
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
@@ -55,7 +55,7 @@ class Declared:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Thing:
+class DeclaredObject:
     """An object, or an array of them, as declared; without a declaration it was inferred from its use."""
 
     source: Source
@@ -82,7 +82,7 @@ class Scope:
     definitions: dict[str, Declared] = field(default_factory=dict)
     labels: dict[str, Declared] = field(default_factory=dict)
     regions: dict[str, Declared] = field(default_factory=dict)
-    things: dict[str, Thing] = field(default_factory=dict)
+    things: dict[str, DeclaredObject] = field(default_factory=dict)
     objects: dict[str, int] = field(default_factory=dict)
     arrays: dict[str, range] = field(default_factory=dict)
     counts: dict[str, Count] = field(default_factory=dict)  # of the arrays whose number of elements is drawn
@@ -225,7 +225,9 @@ def prelude() -> ast.Module:
     return parse(Source("prelude.spec", grammar_file("prelude.spec").read_text(encoding="utf-8")))
 
 
-def collect(source: Source, placed: Sequence[Placed], bare: ast.Expr | None) -> tuple[Scope, list[Diagnostic]]:
+def collect(
+    source: Source, placed: Sequence[SourcedStatement], bare: ast.Expr | None
+) -> tuple[Scope, list[Diagnostic]]:
     """The scope of a spec's statements over the prelude, and a diagnostic for each name with two meanings."""
     base = prelude()
     scope = Scope(source, base.source)
@@ -286,7 +288,7 @@ def _names(statement: ast.Statement) -> Iterator[tuple[str, ast.Name, ast.Declar
 def _declare(scope: Scope, source: Source, name: ast.Name, node: ast.Declaration | ast.Statement) -> None:
     match node:
         case ast.Declaration():
-            scope.things[name.id] = Thing(source, name, node)
+            scope.things[name.id] = DeclaredObject(source, name, node)
         case ast.Constant():
             scope.constants[name.id] = Declared(source, name, node)
         case ast.Definition():
@@ -322,7 +324,7 @@ def _a(kind: str) -> str:
     return f"an {kind}" if kind[0] in "aeiou" else f"a {kind}"
 
 
-def _infer_objects(source: Source, placed: Sequence[Placed], bare: ast.Expr | None, scope: Scope) -> None:
+def _infer_objects(source: Source, placed: Sequence[SourcedStatement], bare: ast.Expr | None, scope: Scope) -> None:
     """Names that nothing else explains are objects, in the order in which the text mentions them."""
     roots: list[tuple[Source, ast.Expr, frozenset[str]]] = []
     for one in placed:
@@ -338,7 +340,7 @@ def _infer_objects(source: Source, placed: Sequence[Placed], bare: ast.Expr | No
     while stack:
         where, node, bound = stack.pop()
         if isinstance(node, ast.Name) and node.id not in known and node.id not in bound:
-            scope.things.setdefault(node.id, Thing(where, node))
+            scope.things.setdefault(node.id, DeclaredObject(where, node))
         if isinstance(node, ast.Quantifier):
             stack.append((where, node.body, bound | {variable.id for variable in node.variables}))
             stack.append((where, node.domain, bound))

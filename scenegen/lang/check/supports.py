@@ -31,17 +31,17 @@ from scenegen.geometry.footprint import POINT, Box
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, Workspace
 from scenegen.lang.check.choices import area_of, choose, cut_off, grouped
-from scenegen.lang.check.context import Frame, run
+from scenegen.lang.check.context import CallFrame, run
 from scenegen.lang.check.declare import not_open
-from scenegen.lang.check.scope import Area, Thing
+from scenegen.lang.check.scope import Area, DeclaredObject
 from scenegen.lang.check.values import ListValue, ObjectValue, RegionValue, SurfaceValue, Value
 from scenegen.lang.formula.builder import FALSE, TRUE
-from scenegen.lang.spec import Choice, Pose, Support
+from scenegen.lang.spec import Pose, Support, SurfaceChoice
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.foreign import one_list
 from scenegen.pose import FLAT, PLACE, X
 from scenegen.things import Shape
-from scenegen.things.surfaces import Surface, fits, reach_of, surfaces_of
+from scenegen.things.surfaces import SupportSurface, fits, reach_of, surfaces_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.lower import Lowering
@@ -55,13 +55,13 @@ Rectangle = tuple[tuple[float, float], tuple[float, float]]  # x, y
 Options = tuple[Support, ...]
 
 
-def supports(lowering: Lowering, thing: Thing, places: Sequence[int]) -> dict[int, Options]:
+def supports(lowering: Lowering, thing: DeclaredObject, places: Sequence[int]) -> dict[int, Options]:
     """What a declaration lets its objects stand on, by their places: one surface, or several of which each scene has
     one. Raises SpecError."""
     one = thing.declaration
     if one is None or one.support is None:
         return {}
-    here, frame = one.support.span(thing.source), Frame(thing.source)
+    here, frame = one.support.span(thing.source), CallFrame(thing.source)
     if one.choice:
         return _choices(lowering, one.support, places, here, frame)
     if thing.is_array and isinstance(one.support, ast.List):
@@ -75,7 +75,7 @@ def supports(lowering: Lowering, thing: Thing, places: Sequence[int]) -> dict[in
 
 
 def _choices(
-    lowering: Lowering, written: ast.Expr, places: Sequence[int], here: Span, frame: Frame
+    lowering: Lowering, written: ast.Expr, places: Sequence[int], here: Span, frame: CallFrame
 ) -> dict[int, Options]:
     """The surfaces of `on any of [...]`, the same for each object."""
     parts: list[tuple[Value, Span]]
@@ -110,9 +110,11 @@ def _choices(
     return found
 
 
-def choices(lowering: Lowering, found: Mapping[int, Options], things: Sequence[Thing]) -> dict[int, Choice]:
+def choices(
+    lowering: Lowering, found: Mapping[int, Options], things: Sequence[DeclaredObject]
+) -> dict[int, SurfaceChoice]:
     """The choices among the supports of several surfaces, whose switches come after the objects."""
-    chosen: dict[int, Choice] = {}
+    chosen: dict[int, SurfaceChoice] = {}
     count = len(lowering.shapes)
     for thing in things:
         one = thing.declaration
@@ -160,7 +162,7 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
     return Support(label, carrier, surface.outline, surface.height, surface.walled, far=surface.far)
 
 
-def _holds(surface: Surface, shape: Shape) -> bool:
+def _holds(surface: SupportSurface, shape: Shape) -> bool:
     return not surface.walled or fits(shape.footprint, surface.outline)
 
 
@@ -324,7 +326,7 @@ def _on(lowering: Lowering, which: int, under: Support, text: str, span: Span) -
     return builder.atom(*sides, text, LENGTH, (span,))
 
 
-def _on_one(lowering: Lowering, which: int, choice: Choice, span: Span) -> int:
+def _on_one(lowering: Lowering, which: int, choice: SurfaceChoice, span: Span) -> int:
     """An object is on the surface that its switch says."""
     builder, name = lowering.builder, lowering.builder.objects[which]
     switch = builder.coord(choice.switch, X)

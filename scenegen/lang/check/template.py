@@ -2,8 +2,8 @@
 
 A template is a builder whose variables are placeholders: it writes down what the expansion does instead of doing it,
 and `Template.make` then repeats that for each round, at a tenth of the cost. What the expansion does may depend on a
-variable's value (`block[i]`, a division by i): then `Depends` is raised, and every round is expanded by itself. So is a
-round whose constants simplify the formula, or where two placeholders stand for the same object.
+variable's value (`block[i]`, a division by i): then `DependsOnValue` is raised, and every round is expanded by itself.
+So is a round whose constants simplify the formula, or where two placeholders stand for the same object.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NUMBER_LENGTH = 13  # characters of a constant in a text, at most
 _MARK = re.compile("\ue000([on])([0-9]+)\ue001")  # a placeholder in a text: of an object's name, of a number
 
 
-class Depends(Exception):  # noqa: N818 - a signal to the quantifier
+class DependsOnValue(Exception):  # noqa: N818 - a signal to the quantifier
     """What the body means depends on the value of a variable."""
 
 
@@ -123,31 +123,31 @@ class Template(CoreBuilder):
         return self._step(("coord", index, axis), Coord(index, axis))
 
     def before(self, index: int, axis: int) -> int:
-        raise Depends  # which step is taken from which object: every round by itself
+        raise DependsOnValue  # which step is taken from which object: every round by itself
 
     def everywhere(self, holds: bool) -> int:
         return self.below.everywhere(holds)
 
     def window(self, kind: Literal["min", "max"], part: int, lowest: int, highest: int, text: str = "") -> int:
         if part in self.own or self._format(text)[1]:
-            raise Depends
+            raise DependsOnValue
         return self.below.window(kind, part, lowest, highest, text)
 
     def until(
         self, kind: Literal["min", "max"], left: int, right: int, lowest: int, highest: int, closed: bool, text: str
     ) -> int:
         if left in self.own or right in self.own or self._format(text)[1]:
-            raise Depends
+            raise DependsOnValue
         return self.below.until(kind, left, right, lowest, highest, closed, text)
 
     def moment(self, which: Literal["first", "last", "steps"], part: int, text: str = "") -> int:
         if part in self.own or self._format(text)[1]:
-            raise Depends
+            raise DependsOnValue
         return self.below.moment(which, part, text)
 
     def value(self, number: int) -> float | None:
         if number in self.constant:
-            raise Depends
+            raise DependsOnValue
         return None if number in self.own else self.below.value(number)
 
     def divisor(self, number: int) -> float | None:
@@ -204,7 +204,7 @@ class Template(CoreBuilder):
         marks = list(_MARK.finditer(text))
         more = sum((self._longest if mark[1] == "o" else NUMBER_LENGTH) - len(mark[0]) for mark in marks)
         if text.endswith("...") or (marks and len(text) + more > LONGEST):
-            raise Depends  # how much of it is shown depends on the round
+            raise DependsOnValue  # how much of it is shown depends on the round
         return text
 
     def _format(self, text: str) -> Text:

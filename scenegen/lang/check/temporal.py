@@ -20,7 +20,7 @@ from scenegen.errors.time import (
     WINDOW_IN_THE_PAST,
 )
 from scenegen.geometry.units import BARE, TIME
-from scenegen.lang.check.context import Call, Frame
+from scenegen.lang.check.context import Call, CallFrame
 from scenegen.lang.check.values import FormulaValue, NumberValue, Value
 from scenegen.lang.formula.timed import MAX_STEPS, Horizon, Movers
 from scenegen.lang.syntax import ast
@@ -34,7 +34,7 @@ NEARLY = 1e-9  # steps by which a time may miss a whole number of them: 0.3 s / 
 
 def horizon(lowering: Context, source: Source, statement: ast.Time) -> Call[Horizon]:
     """What a `time` statement says. Raises SpecError."""
-    frame = Frame(source)
+    frame = CallFrame(source)
     here = statement.span(source)
     if statement.span_ is None:
         word = statement.word
@@ -81,12 +81,12 @@ def movers(source: Source, statement: ast.Moves) -> Movers:
             raise SpecError(UNKNOWN_MOVERS(statement.which.span(source), name=other, known=["one", "all"]))
 
 
-def _constant(lowering: Context, expr: ast.Expr, frame: Frame, what: str) -> Call[tuple[float, Any]]:
+def _constant(lowering: Context, expr: ast.Expr, frame: CallFrame, what: str) -> Call[tuple[float, Any]]:
     value = yield lowering.lower(expr, {}, frame)
     return _amount(lowering, lowering.coerce.number(value, what), expr, frame, what)
 
 
-def _amount(lowering: Context, number: NumberValue, expr: ast.Expr, frame: Frame, what: str) -> tuple[float, Any]:
+def _amount(lowering: Context, number: NumberValue, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
     amount = lowering.builder.value(number.node)
     if amount is None:
         raise lowering.error(NOT_CONSTANT, expr, frame, what=what)
@@ -94,7 +94,7 @@ def _amount(lowering: Context, number: NumberValue, expr: ast.Expr, frame: Frame
 
 
 def temporal(
-    lowering: Context, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: Frame
+    lowering: Context, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: CallFrame
 ) -> Call[FormulaValue]:
     """A formula over later moments. Raises SpecError."""
     operator = node.operator
@@ -118,7 +118,7 @@ def temporal(
 
 
 def _window(
-    lowering: Context, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: Frame
+    lowering: Context, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: CallFrame
 ) -> Call[tuple[int, int]]:
     """The window of an operator in steps from now, cut at the horizon. Raises SpecError."""
     steps = lowering.horizon.steps if lowering.horizon is not None else 1
@@ -146,7 +146,7 @@ def _window(
     return lowest, min(highest, steps)
 
 
-def _moment(lowering: Context, number: NumberValue, expr: ast.Expr, frame: Frame) -> int:
+def _moment(lowering: Context, number: NumberValue, expr: ast.Expr, frame: CallFrame) -> int:
     """An end of a window in steps: a bare number is one of steps, a time as many as pass in it. Raises SpecError."""
     amount, unit = _amount(lowering, number, expr, frame, "an end of a window")
     if unit not in (BARE, TIME):

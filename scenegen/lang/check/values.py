@@ -15,7 +15,7 @@ from scenegen.geometry.units import BARE, LENGTH, Unit
 from scenegen.lang.check.scope import NO_NUMBERS, Area, Scope
 from scenegen.lang.formula.builder import TRUE, CoreBuilder
 from scenegen.lang.spec import Pose
-from scenegen.things.surfaces import Surface
+from scenegen.things.surfaces import SupportSurface
 
 LONGEST = 40  # characters of the user's text that a help line repeats
 
@@ -66,7 +66,7 @@ class SurfaceValue(Value):
 
     kind: ClassVar[str] = "a surface"
     carrier: int
-    surface: Surface
+    surface: SupportSurface
 
 
 @dataclass(frozen=True, slots=True)

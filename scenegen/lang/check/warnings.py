@@ -11,7 +11,7 @@ from scenegen.errors.declarations import STANDS_IN, UNLIKELY_SHAPE
 from scenegen.errors.language import HIDDEN_NAME, UNUSED_NAME
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.declare import LARGE, OUTLINES
-from scenegen.lang.check.imports import Placed
+from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.check.scope import Scope
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
@@ -22,7 +22,7 @@ SMALL = 0.5  # numbers below this are metres, whatever the others are
 
 
 def unused(
-    placed: Sequence[Placed],
+    placed: Sequence[SourcedStatement],
     bare: ast.Expr | None,
     scope: Scope,
     space: Workspace,
@@ -76,7 +76,7 @@ def _misspelt(scope: Scope) -> Iterator[Diagnostic]:
             yield STANDS_IN(thing.name.span(thing.source), name=name, meant=meant, inferred=inferred)
 
 
-def _centimetres(placed: Sequence[Placed], scope: Scope, space: Workspace) -> Iterator[Diagnostic]:
+def _centimetres(placed: Sequence[SourcedStatement], scope: Scope, space: Workspace) -> Iterator[Diagnostic]:
     """Shapes, regions and a workspace with bare numbers that are too large for metres."""
     far = max(LARGE, *map(abs, (*space.x, *space.y)))
     for one in placed:

@@ -12,6 +12,7 @@ from scenegen.geometry.units import Unit
 from scenegen.lang.formula.core import (
     Apply,
     Atom,
+    BoundedUntil,
     Const,
     Coord,
     Core,
@@ -19,7 +20,6 @@ from scenegen.lang.formula.core import (
     Junction,
     Moment,
     Node,
-    Until,
     Window,
     children,
     moved,
@@ -133,7 +133,7 @@ MAX_NODES = 1_000_000
 RIGHT_ANGLE = 1e-15  # sines and cosines of constants that are smaller count as 0
 
 
-class TooLarge(Exception):  # noqa: N818 - a signal to the checker, which words the diagnostic
+class FormulaTooLarge(Exception):  # noqa: N818 - a signal to the checker, which words the diagnostic
     """The spec that there is too much of: what it does, in words."""
 
 
@@ -153,7 +153,7 @@ class CoreBuilder:
         known = self._index.get(key)
         if known is None:
             if len(self.nodes) >= MAX_NODES:
-                raise TooLarge(f"expands to more than {MAX_NODES:,} parts")
+                raise FormulaTooLarge(f"expands to more than {MAX_NODES:,} parts")
             known = self._index[key] = len(self.nodes)
             self.nodes.append(node)
         return known
@@ -290,14 +290,14 @@ class CoreBuilder:
         """The negation of a formula whose parts have the negations `parts`."""
         if isinstance(node, Everywhere):
             return self.everywhere(not node.holds)
-        assert isinstance(node, Junction | Window | Until | Moment)
+        assert isinstance(node, Junction | Window | BoundedUntil | Moment)
         text = _negated(node.text) if node.text else ""
         if isinstance(node, Moment):
             return self.moment(node.which, parts[0], text)
         kind: Literal["min", "max"] = "max" if node.kind == "min" else "min"
         if isinstance(node, Window):
             return self.window(kind, parts[0], node.lowest, node.highest, text)
-        if isinstance(node, Until):
+        if isinstance(node, BoundedUntil):
             return self.until(kind, parts[0], parts[1], node.lowest, node.highest, node.closed, text)
         return self.junction(kind, parts, text)
 
@@ -325,7 +325,7 @@ class CoreBuilder:
         """`left` until `right`, or the dual of that."""
         left, right = (self.everywhere(part == TRUE) if part in (TRUE, FALSE) else part for part in (left, right))
         key = ("until", kind, left, right, lowest, highest, closed)
-        return self._add(Until(kind, left, right, lowest, highest, closed, text), key)
+        return self._add(BoundedUntil(kind, left, right, lowest, highest, closed, text), key)
 
     def moment(self, which: Literal["first", "last", "steps"], part: int, text: str = "") -> int:
         """A formula at the first or the last moment, or at all but the first."""

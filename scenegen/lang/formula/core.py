@@ -77,7 +77,7 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class Until:
+class BoundedUntil:
     """The largest value ("max"), over the moments t' from t + lowest to t + highest, of the minimum of `right` at t'
     and of `left` from t to before t'; where it is `closed`, to t' itself. "min" is its dual: minimum and maximum change
     places everywhere."""
@@ -108,11 +108,11 @@ class Everywhere:
     holds: bool
 
 
-Temporal = Window | Until | Moment | Everywhere
+Temporal = Window | BoundedUntil | Moment | Everywhere
 """Formulas over time. Only the core of a spec over time has them; scenegen.lang.formula.timed takes them out of it, and
 no reader of a core formula ever meets one."""
 
-Node = Const | Coord | Apply | Atom | Junction | Window | Until | Moment | Everywhere
+Node = Const | Coord | Apply | Atom | Junction | Window | BoundedUntil | Moment | Everywhere
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +176,7 @@ def moved(node: Node, place: Mapping[int, int]) -> Node:
         return Junction(node.kind, tuple([place[arg] for arg in node.args]), node.text)
     if isinstance(node, Window | Moment):
         return replace(node, arg=place[node.arg])
-    if isinstance(node, Until):
+    if isinstance(node, BoundedUntil):
         return replace(node, left=place[node.left], right=place[node.right])
     return node
 
@@ -189,7 +189,7 @@ def children(node: Node) -> Sequence[int]:
         return (node.margin,)
     if isinstance(node, Window | Moment):
         return (node.arg,)
-    return (node.left, node.right) if isinstance(node, Until) else ()
+    return (node.left, node.right) if isinstance(node, BoundedUntil) else ()
 
 
 def last_uses(core: Core, instead: Mapping[int, Sequence[int]] = MappingProxyType({})) -> list[list[int]]:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scenegen.geometry import MATH, NUMPY, PRIMITIVES, Namespace
 from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node
-from scenegen.lang.formula.nearest import SEVERAL, Groups, find_groups, minimum
+from scenegen.lang.formula.nearest import SEVERAL, GapMinima, find_groups, minimum
 from scenegen.pose import THETA, along
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -105,10 +105,10 @@ class Numbers(Algebra[Any]):
         return reduce(self.namespace.minimum if node.kind == "min" else self.namespace.maximum, args)
 
 
-class Fewer(Numbers):
+class PrunedNumbers(Numbers):
     """Arrays of numpy, (B,), of the nodes that are needed, without the gaps that cannot be the least of many."""
 
-    def __init__(self, namespace: Namespace, rows: Sequence[Any], groups: Groups, values: list[Any]) -> None:
+    def __init__(self, namespace: Namespace, rows: Sequence[Any], groups: GapMinima, values: list[Any]) -> None:
         super().__init__(namespace, rows)
         self.groups, self.values = groups, values
 
@@ -129,7 +129,7 @@ def evaluate(
     rows: Sequence[Any],
     namespace: Namespace = MATH,
     check: Callable[[], None] | None = None,
-    needed: Collection[int] | Groups | None = None,
+    needed: Collection[int] | GapMinima | None = None,
 ) -> list[Any]:
     """The value of every node. `rows` holds 3N coordinates, floats or equally shaped arrays of the namespace.
     `check` is called before every node: what it raises breaks off. With `needed`, other nodes than those may lack a
@@ -138,10 +138,10 @@ def evaluate(
     if namespace is not MATH:
         namespace = turning(namespace, rows[along(THETA)])
     if needed is not None and many:
-        groups = needed if isinstance(needed, Groups) else find_groups(core, needed)
+        groups = needed if isinstance(needed, GapMinima) else find_groups(core, needed)
         if groups.skipped:
             values: list[Any] = []
-            return fold(core.nodes, Fewer(namespace, rows, groups, values), before=check, values=values)
+            return fold(core.nodes, PrunedNumbers(namespace, rows, groups, values), before=check, values=values)
     return fold(core.nodes, Numbers(namespace, rows), before=check)
 
 

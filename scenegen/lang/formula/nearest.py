@@ -43,7 +43,7 @@ class Alike:
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class GapMinimum:
     """The gaps of one minimum: rows of the coordinates of both objects (2, 3, P), what is taken off each gap (P,), and
     the inner and outer radii of both together, with that, (P,). `rest` are the other arguments of the minimum."""
 
@@ -56,14 +56,14 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True)
-class Groups:
+class GapMinima:
     """The minima of a tape that are worth it, by node, and the nodes whose values nobody needs."""
 
-    by_node: Mapping[int, Group]
+    by_node: Mapping[int, GapMinimum]
     skipped: frozenset[int]
 
 
-def find_groups(core: Core, needed: Collection[int], fewest: int = FEWEST_GAPS, dozen: int = DOZEN) -> Groups:
+def find_groups(core: Core, needed: Collection[int], fewest: int = FEWEST_GAPS, dozen: int = DOZEN) -> GapMinima:
     """The groups of a tape where the values of the nodes `needed` will be read, and no others. Minima of fewer gaps
     than `fewest`, or than `dozen` for each pair of shapes, are none."""
     uses = [0] * len(core.nodes)
@@ -84,7 +84,7 @@ def find_groups(core: Core, needed: Collection[int], fewest: int = FEWEST_GAPS, 
         if len(found) >= dozen * len(group.alike):
             groups[index] = group
             skipped.update(found, *(nodes for nodes, _, _ in found.values()))
-    return Groups(groups, frozenset(skipped))
+    return GapMinima(groups, frozenset(skipped))
 
 
 _Found = tuple[tuple[int, ...], Apply, float]
@@ -110,7 +110,7 @@ def _gap_below(core: Core, index: int, uses: Sequence[int]) -> _Found | None:
     return (below, node, less) if all(isinstance(core.nodes[arg], Coord) for arg in node.args) else None
 
 
-def _make_group(core: Core, rest: tuple[int, ...], found: Mapping[int, _Found]) -> Group:
+def _make_group(core: Core, rest: tuple[int, ...], found: Mapping[int, _Found]) -> GapMinimum:
     gaps = [gap for _, gap, _ in found.values()]
     rows = np.array([[_row(core, arg) for arg in gap.args] for gap in gaps]).T.reshape(2, 3, len(gaps))
     less = np.array([constant for _, _, constant in found.values()])
@@ -125,7 +125,7 @@ def _make_group(core: Core, rest: tuple[int, ...], found: Mapping[int, _Found]) 
         inner[pairs] += sum(measures(shape).inner for shape in shapes)
         outer[pairs] += sum(measures(shape).outer for shape in shapes)
     alike = tuple(Alike(shapes, np.array(pairs)) for shapes, pairs in by_shapes.items())
-    return Group(rows, less, inner, outer, alike, rest)
+    return GapMinimum(rows, less, inner, outer, alike, rest)
 
 
 def _row(core: Core, arg: int) -> int:
@@ -134,7 +134,7 @@ def _row(core: Core, arg: int) -> int:
     return node.row
 
 
-def least_gap(group: Group, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]]) -> Floats:
+def least_gap(group: GapMinimum, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]]) -> Floats:
     """The least of a group's gaps, (B,). `rows` holds 3N coordinates, (B,) each; `turn` gives cosine and sine. All
     are computed of a scene with a number that is infinite or NaN."""
     used = np.unique(group.rows[:, :2])
@@ -154,7 +154,7 @@ def least_gap(group: Group, rows: Sequence[Any], turn: Callable[[Any], tuple[Any
     return out
 
 
-def _look(group: Group, at: npt.NDArray[np.intp], places: Floats, near: npt.NDArray[np.bool_]) -> None:
+def _look(group: GapMinimum, at: npt.NDArray[np.intp], places: Floats, near: npt.NDArray[np.bool_]) -> None:
     """Which pairs (P, b) can be the least, where `places` (R, b) are x and y, at the rows `at` (2, 2, P)."""
     across = places[at[1, 0]]
     across -= places[at[0, 0]]
@@ -170,7 +170,7 @@ def _look(group: Group, at: npt.NDArray[np.intp], places: Floats, near: npt.NDAr
 
 
 def _compute(
-    group: Group,
+    group: GapMinimum,
     alike: Alike,
     rows: Sequence[Any],
     turn: Callable[[Any], tuple[Any, Any]],
@@ -203,7 +203,7 @@ def _compute(
 
 
 def _compute_few(
-    group: Group,
+    group: GapMinimum,
     alike: Alike,
     rows: Sequence[Any],
     turn: Callable[[Any], tuple[Any, Any]],
@@ -232,12 +232,14 @@ def _compute_few(
     np.minimum.at(out, scene, np.where(less == 0.0, values, values - less))
 
 
-def minimum(group: Group, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]], values: Sequence[Any]) -> Any:
+def minimum(
+    group: GapMinimum, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]], values: Sequence[Any]
+) -> Any:
     """The value of the group's node, given those of the nodes before it."""
     return reduce(np.minimum, [values[arg] for arg in group.rest], least_gap(group, rows, turn))
 
 
-def negative(group: Group, rows: Floats) -> Floats:
+def negative(group: GapMinimum, rows: Floats) -> Floats:
     """The least of a group's gaps where it is negative, else infinity, of coordinates (3N, B). Gaps of objects that
     stand farther apart than their outer radii are not computed."""
     count = rows.shape[1]
@@ -278,7 +280,7 @@ FEWEST_PAIRS = 3  # pairs; the distances of fewer cost more than they save
 
 
 @dataclass(frozen=True, slots=True)
-class Closest:
+class ConjunctionTerms:
     """What a conjunction takes the least of: clearances, grouped by the footprints (pairs of nodes (x, y, theta, x, y,
     theta) for each two shapes), and the arguments `others`. `atoms` are the nodes of the clearances' atoms, one pair
     after another; `nodes` are the nodes that need no values of their own."""
@@ -303,7 +305,7 @@ class Closest:
         return sum(len(pairs) for _, pairs in self.groups)
 
 
-def find(core: Core) -> dict[int, Closest]:
+def find(core: Core) -> dict[int, ConjunctionTerms]:
     """The conjunctions of enough clearances, by node. Clearances that are wanted elsewhere, too, are no part of them,
     nor are those of two circles, which cost no more than a distance."""
     uses = Counter(child for node in core.nodes for child in children(node))
@@ -327,18 +329,18 @@ def find(core: Core) -> dict[int, Closest]:
             others = tuple(arg for arg in node.args if arg not in inner)
             pairs = tuple((key, tuple(of.values())) for key, of in groups.items())
             atoms = tuple(atom for of in groups.values() for atom in of)
-            found[index] = Closest(pairs, others, atoms, frozenset(inner))
+            found[index] = ConjunctionTerms(pairs, others, atoms, frozenset(inner))
     return found
 
 
-def last_uses_of(core: Core, found: dict[int, Closest]) -> list[list[int]]:
+def last_uses_of(core: Core, found: dict[int, ConjunctionTerms]) -> list[list[int]]:
     """last_uses(core), where the clearances in `found` are computed with their conjunctions."""
     instead: dict[int, tuple[int, ...]] = {node: () for closest in found.values() for node in closest.nodes}
     return last_uses(core, instead | {index: closest.instead for index, closest in found.items()})
 
 
 def least(
-    closest: Closest, values: Mapping[int, Any], gap: Callable[..., Array], which: Array | None = None
+    closest: ConjunctionTerms, values: Mapping[int, Any], gap: Callable[..., Array], which: Array | None = None
 ) -> Array | None:
     """(B,) the least of the clearances in each scene. `values` are those of the nodes `needs`, arrays (B,) or () of one
     dtype; gap(*shapes, *six arrays of any one length) computes clearances. None where most pairs may decide, so that
@@ -378,7 +380,7 @@ def _taken(values: Mapping[int, Any], pair: tuple[int, ...], scenes: Array) -> l
     return [values[arg].take(scenes) if values[arg].ndim else np.broadcast_to(values[arg], len(scenes)) for arg in pair]
 
 
-def _deciding(closest: Closest, squares: Array) -> list[Array]:
+def _deciding(closest: ConjunctionTerms, squares: Array) -> list[Array]:
     """For every pair, the scenes in which it may have the least clearance, given the squares of the distances."""
     radii = []
     for (a, b), _ in closest.groups:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import (
     Atom,
+    BoundedUntil,
     Coord,
     Core,
     Everywhere,
@@ -24,7 +25,6 @@ from scenegen.lang.formula.core import (
     Moment,
     Node,
     Temporal,
-    Until,
     Window,
     children,
     moved,
@@ -146,7 +146,7 @@ class Signal:
     place: int
 
 
-TimeNode = Signal | Junction | Window | Until | Moment | Everywhere
+TimeNode = Signal | Junction | Window | BoundedUntil | Moment | Everywhere
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +200,7 @@ def split(core: Core, horizon: Horizon, moves: Movers, count: int) -> Timed:
                 signal(arg)
         place[index] = len(made)
         timed = moved(node, place)
-        assert isinstance(timed, Junction | Window | Until | Moment | Everywhere)
+        assert isinstance(timed, Junction | Window | BoundedUntil | Moment | Everywhere)
         made.append(timed)
     roots = [*core.labels.values(), *(() if core.requirement is None else (core.requirement,))]
     for root in roots:
@@ -229,7 +229,7 @@ def over_time(of: Arrays, timed: Timed, signals: Sequence[Any], everywhere: Any)
                     value = step(value, values[arg])
             case Window(kind, arg, lowest, highest):
                 value = extreme(of, kind, values[arg], lowest, highest)
-            case Until(kind, left, right, lowest, highest, closed):
+            case BoundedUntil(kind, left, right, lowest, highest, closed):
                 if kind == "max":
                     value = until(of, values[left], values[right], lowest, highest, closed)
                 else:  # the dual: the negative of an until of negatives, which rounds nothing
@@ -295,7 +295,7 @@ def endless(timed: Timed) -> list[npt.NDArray[np.float64]]:
 Array = npt.NDArray[np.float64]
 
 
-class Decides(NamedTuple):
+class ActiveAtom(NamedTuple):
     """The atom whose margin is phi, and the moment at which it is: it alone would have to change for phi to change."""
 
     atom: Atom
@@ -303,7 +303,7 @@ class Decides(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Scored:
+class TimedValues:
     """The values of a motion: of every node of the state core and of every formula over time, each (T + 1,)."""
 
     timed: Timed
@@ -325,14 +325,14 @@ class Scored:
         """What is required, at every moment, (T + 1,): met where it is >= 0. None where nothing is."""
         return None if self.timed.requirement is None else self.values[self.timed.requirement]
 
-    def decides(self, label: str | None) -> Decides:
+    def decides(self, label: str | None) -> ActiveAtom:
         """What decides phi of a label; None: the requirement, where it is least."""
         if label is not None:
             return self._walk(self.timed.labels[label], 0)
         assert self.timed.requirement is not None
         return self._walk(self.timed.requirement, int(self.values[self.timed.requirement].argmin()))
 
-    def _walk(self, index: int, t: int) -> Decides:
+    def _walk(self, index: int, t: int) -> ActiveAtom:
         while True:
             node, values = self.timed.nodes[index], self.values
             value = values[index][t]
@@ -343,19 +343,19 @@ class Scored:
                     now = [float(one[t]) for one in self.states]
                     atom = core.nodes[deciding_atom(core, label, now)]
                     assert isinstance(atom, Atom)
-                    return Decides(atom, t)
+                    return ActiveAtom(atom, t)
                 case Junction(_, args):
                     index = next(arg for arg in args if values[arg][t] == value)
                 case Window(_, arg, lowest, highest):
                     index, t = arg, t + lowest + _first(values[arg][t + lowest : t + highest + 1], value)
                 case Moment(which, arg):
                     index, t = arg, {"first": 0, "last": len(values[arg]) - 1, "steps": t}[which]
-                case Until():
+                case BoundedUntil():
                     index, t = self._until(node, t, value)
                 case Everywhere():
                     raise ValueError("a value that is infinite in every motion has no atom")
 
-    def _until(self, node: Until, t: int, value: float) -> tuple[int, int]:
+    def _until(self, node: BoundedUntil, t: int, value: float) -> tuple[int, int]:
         sign = 1.0 if node.kind == "max" else -1.0
         left, right = (sign * self.values[part][t : t + node.highest + 1] for part in (node.left, node.right))
         held = np.minimum.accumulate(left)
@@ -372,7 +372,7 @@ def _first(values: Array, value: float) -> int:
     return int((values == value).argmax())
 
 
-def score(timed: Timed, poses: Array) -> Scored:
+def score(timed: Timed, poses: Array) -> TimedValues:
     """The values of a motion, (T + 1, N, 3)."""
     moments = len(poses)
     before = np.concatenate([poses[:1], poses[:-1]])
@@ -384,4 +384,4 @@ def score(timed: Timed, poses: Array) -> Scored:
         return np.full(moments, value)
 
     signals = [found[node] for node in timed.state.labels.values()]
-    return Scored(timed, found, over_time(Numpy(), timed, signals, everywhere))
+    return TimedValues(timed, found, over_time(Numpy(), timed, signals, everywhere))

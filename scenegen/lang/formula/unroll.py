@@ -9,8 +9,19 @@ from typing import Literal
 
 from scenegen.errors import SpecError
 from scenegen.errors.declarations import SPEC_TOO_LARGE
-from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, TooLarge
-from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Everywhere, Junction, Moment, Until, Window
+from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLarge
+from scenegen.lang.formula.core import (
+    Apply,
+    Atom,
+    BoundedUntil,
+    Const,
+    Coord,
+    Core,
+    Everywhere,
+    Junction,
+    Moment,
+    Window,
+)
 from scenegen.lang.formula.timed import Signal, Timed
 
 
@@ -25,7 +36,7 @@ def unroll(timed: Timed) -> Core:
         required = None
         if timed.requirement is not None:
             required = builder.junction("min", values[timed.requirement], "require")
-    except TooLarge as error:
+    except FormulaTooLarge as error:
         raise SpecError(SPEC_TOO_LARGE(file="the spec, unrolled,", reason=str(error))) from None
     return builder.finish(labels, None if required == TRUE else required)
 
@@ -54,7 +65,7 @@ class _Unrolled:
                     made.append([self._later(node, made, t) for t in range(self.last + 1)])
         return made
 
-    def _later(self, node: Junction | Window | Until, made: list[list[int]], t: int) -> int:
+    def _later(self, node: Junction | Window | BoundedUntil, made: list[list[int]], t: int) -> int:
         junction = self.builder.junction
         if isinstance(node, Junction):
             return junction(node.kind, [made[arg][t] for arg in node.args], _at(node.text, t))

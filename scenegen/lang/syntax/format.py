@@ -23,10 +23,10 @@ from scenegen.lang.syntax.pieces import (
     WIDTH,
     Break,
     Close,
+    ExpressionPart,
     Indent,
     Item,
-    Open,
-    Part,
+    OpenGroup,
     expand,
     statement_pieces,
 )
@@ -54,7 +54,7 @@ def break_lines(items: Sequence[Item], comments: Mapping[int, Sequence[tuple[str
     groups: list[tuple[bool, bool]] = []  # whether it is broken, whether it is filled
     for index, item in enumerate(items):
         match item:
-            case Open(fill):
+            case OpenGroup(fill):
                 groups.append((column + widths[index] > WIDTH, fill))
             case Close():
                 groups.pop()
@@ -95,7 +95,7 @@ def _widths(items: Sequence[Item], comments: Mapping[int, Sequence[tuple[str, bo
     widths = [0] * len(items)
     opened: list[tuple[int, int | None]] = []  # the group, its latest break
     for index, item in enumerate(items):
-        if isinstance(item, Open):
+        if isinstance(item, OpenGroup):
             opened.append((index, None))
         elif isinstance(item, Break) and opened:
             group, latest = opened.pop()
@@ -250,7 +250,7 @@ def _lines(module: ast.Module, text: _Text, raw: str) -> list[str]:
 def _statements(module: ast.Module) -> Iterator[list[Item]]:
     if module.bare is not None:
         joins = isinstance(module.bare, ast.And | ast.Or)
-        yield [*expand([OPEN, Part(module.bare, 0, indent=0, joins=joins), CLOSE])]
+        yield [*expand([OPEN, ExpressionPart(module.bare, 0, indent=0, joins=joins), CLOSE])]
     for statement in module.statements:
         yield [*expand(statement_pieces(statement))]
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import json
 import re
 from dataclasses import replace
 from functools import cache
 from itertools import islice
 from typing import Any, NamedTuple
 
+import lark
 from lark import Lark, Token
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
@@ -27,8 +30,124 @@ from scenegen.errors.language import (
 from scenegen.errors.time import TOO_MANY_OVER_TIME
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
-from scenegen.lang.syntax import parser_tables as tables
 from scenegen.lang.syntax.tokens import TEMPORAL, blank, has_time, next_opening, scan
+from scenegen.resources import grammar_file
+
+# --------------------------------------------------------------------------------------------------------------------
+# The parser, from tables that were computed ahead of time.
+#
+# Building an LALR parser from grammar/spec.lark takes Lark a quarter of a second, half of what `scenegen check` may
+# take in all; reading finished tables takes 10 ms. The tables are JSON beside the grammar, and are used only if they
+# were made from this very grammar text by this very version of Lark: otherwise the parser is built from the text.
+# `make tables` rewrites them and a test holds them equal to the grammar. See docs/adr/0001-parser-tables.md.
+
+
+TABLES = {False: "spec.tables.json", True: "time.tables.json"}  # without time, and with it
+UNBOUNDED = (1 << 32) - 1  # how long a text may be that a terminal matches: from Python 3.11.7 on, Lark says 2^64
+_TIMED, _UNTIMED = "//time ", "// untimed\n"  # what marks a line that counts with time only, without time only
+_OPTIONS: dict[str, Any] = {"parser": "lalr", "maybe_placeholders": False, "keep_all_tokens": True}
+
+
+def fingerprint(text: str) -> str:
+    """What finished tables must have been made from."""
+    return hashlib.sha256(f"lark {lark.__version__}\n{_OPTIONS}\n{text}".encode()).hexdigest()
+
+
+def build(text: str, **options: Any) -> lark.Lark:
+    """The parser of a grammar text, from scratch."""
+    return lark.Lark(text, **_OPTIONS, **options)
+
+
+def serialize(text: str) -> str:
+    """The tables of a grammar text as JSON."""
+    from lark.grammar import Rule
+    from lark.lexer import TerminalDef
+
+    data, memo = build(text).memo_serialize([TerminalDef, Rule])
+    data["parser"]["parser"] = _numbered(data["parser"]["parser"])
+    for entry in memo.values():
+        if "_width" in entry.get("pattern", ()):
+            entry["pattern"]["_width"] = [min(width, UNBOUNDED) for width in entry["pattern"]["_width"]]
+    tables = {"fingerprint": fingerprint(text), "data": data, "memo": memo}
+    return json.dumps(tables, separators=(",", ":"), sort_keys=True, ensure_ascii=True) + "\n"
+
+
+def _numbered(table: dict[str, Any]) -> dict[str, Any]:
+    """The parse table with tokens in alphabetical order and states as they are met from the start.
+
+    Lark numbers both as sets happen to be ordered, which differs from run to run.
+    """
+    names = table["tokens"]
+    moves = {
+        state: sorted(((names[token], action) for token, action in row.items()), key=lambda move: str(move[0]))
+        for state, row in table["states"].items()
+    }
+    order = dict.fromkeys(table["start_states"].values())
+    queue = list(order)
+    for state in queue:
+        for _, (kind, argument) in moves[state]:
+            if kind == 0 and argument not in order:  # a shift or goto, to that state
+                order[argument] = None
+                queue.append(argument)
+    number = {state: index for index, state in enumerate(order)}
+    token = {name: index for index, name in enumerate(sorted(names.values()))}
+    return table | {
+        "tokens": {index: name for name, index in token.items()},
+        "states": {
+            number[state]: {
+                token[name]: (kind, argument if kind else number[argument]) for name, (kind, argument) in moves[state]
+            }
+            for state in order
+        },
+        "start_states": {name: number[state] for name, state in table["start_states"].items()},
+        "end_states": {name: number[state] for name, state in table["end_states"].items()},
+    }
+
+
+def _whole_number_keys(pairs: dict[str, Any]) -> dict[Any, Any]:
+    """JSON turned Lark's integer keys (parser states, memo entries) into strings."""
+    return {int(key) if key.isdigit() else key: value for key, value in pairs.items()}
+
+
+@cache
+def grammar_text(timed: bool) -> str:
+    """The grammar of specs without time, or of those with it: some lines of the one file count in one of them only."""
+    lines = grammar_file("spec.lark").read_text(encoding="utf-8").splitlines(keepends=True)
+    if timed:
+        lines = [line for line in lines if not line.endswith(_UNTIMED)]
+    return "".join(line.removeprefix(_TIMED) if timed else line for line in lines)
+
+
+@cache
+def _finished(timed: bool) -> Any:
+    try:
+        raw = grammar_file(TABLES[timed]).read_text(encoding="utf-8")
+        tables = json.loads(raw, object_hook=_whole_number_keys)
+        return tables if tables["fingerprint"] == fingerprint(grammar_text(timed)) else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def parser(transformer: Any, timed: bool = False) -> lark.Lark:
+    """A parser that hands each reduced rule to the method of that name of `transformer`; `timed`, for a spec with
+    time."""
+    tables = _finished(timed)
+    if tables is None:
+        return build(grammar_text(timed), transformer=transformer)
+    load: Any = lark.Lark._load_from_dict  # what Lark's own standalone parsers call
+    loaded: lark.Lark = load(tables["data"], tables["memo"], transformer=transformer)
+    return loaded
+
+
+def main() -> None:
+    """Rewrite the tables (`make tables`)."""
+    for timed, name in TABLES.items():
+        grammar_file(name).write_text(serialize(grammar_text(timed)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
+
 
 # --------------------------------------------------------------------------------------------------------------------
 # From Lark's reductions to the syntax tree.
@@ -43,7 +162,7 @@ _COMPARE = {"≤": "<=", "≥": ">=", "≠": "!=", "<": "<=", ">": ">="}
 _NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)[ \t]*([a-z]*(?:/s)?)$")
 
 
-class _Part(NamedTuple):
+class _DeclarationPart(NamedTuple):
     """A piece of a declaration on its way to it."""
 
     kind: str
@@ -111,32 +230,34 @@ class Builder:
         return ast.Objects(tuple(_nodes(items)), **_at(items))
 
     def decl(self, items: list[Any]) -> ast.Declaration:
-        parts = {part.kind: part.value for part in items if isinstance(part, _Part)}
+        parts = {part.kind: part.value for part in items if isinstance(part, _DeclarationPart)}
         (name,) = _names(items)
         count, shape, pose, support = (parts.get(kind) for kind in ("count", "shape", "pose", "support"))
-        choice: ast.Chosen = next((part.choice for part in items if isinstance(part, _Part) and part.choice), "")
+        choice: ast.Chosen = next(
+            (part.choice for part in items if isinstance(part, _DeclarationPart) and part.choice), ""
+        )
         return ast.Declaration(name, count, shape, pose, support, choice, **_at(items))
 
-    def count(self, items: list[Any]) -> _Part:
-        return _Part("count", items[1], _start(items[0]), _end(items[-1]))
+    def count(self, items: list[Any]) -> _DeclarationPart:
+        return _DeclarationPart("count", items[1], _start(items[0]), _end(items[-1]))
 
-    def shape(self, items: list[Any]) -> _Part:
-        return _Part("shape", items[1], _start(items[0]), _end(items[-1]))
+    def shape(self, items: list[Any]) -> _DeclarationPart:
+        return _DeclarationPart("shape", items[1], _start(items[0]), _end(items[-1]))
 
-    def support(self, items: list[Any]) -> _Part:
+    def support(self, items: list[Any]) -> _DeclarationPart:
         words = {item.type for item in items if isinstance(item, Token)}
         choice: ast.Chosen = "area" if "BY_AREA" in words else "equal" if "ANY" in words else ""
         (surface,) = _nodes(items)
-        return _Part("support", surface, _start(items[0]), _end(items[-1]), choice)
+        return _DeclarationPart("support", surface, _start(items[0]), _end(items[-1]), choice)
 
-    def pose(self, items: list[Any]) -> _Part:
-        return _Part("pose", items[1], _start(items[0]), _end(items[-1]))
+    def pose(self, items: list[Any]) -> _DeclarationPart:
+        return _DeclarationPart("pose", items[1], _start(items[0]), _end(items[-1]))
 
     def region(self, items: list[Any]) -> ast.Region:
         parts = [item for item in items if not isinstance(item, Token)]
-        counts = [part.value for part in parts if isinstance(part, _Part)]
+        counts = [part.value for part in parts if isinstance(part, _DeclarationPart)]
         levels = next((tuple(part) for part in parts if isinstance(part, _Levels)), ())
-        (shape,) = (part for part in parts if not isinstance(part, _Part | _Levels))
+        (shape,) = (part for part in parts if not isinstance(part, _DeclarationPart | _Levels))
         count = counts[0] if counts else None
         return ast.Region(_name(items[1]), shape, count, levels, **_at(items))
 
@@ -309,12 +430,12 @@ def parse_tolerant(source: Source) -> tuple[ast.Module | None, list[Diagnostic]]
     problem = _unreadable(source)
     if problem is not None:
         return None, [problem]
-    builder = _Keeping()
+    builder = _RecoveringBuilder()
     timed = has_time(source.text)
     many = _too_many_over_time(source) if timed else None
     if many is not None:
         return None, [many]
-    tree, problems = _statement_by_statement(source, tables.parser(builder, timed), timed, builder.kept)
+    tree, problems = _statement_by_statement(source, parser(builder, timed), timed, builder.kept)
     module = _module(source, tree) if not problems else ast.Module(source, tuple(builder.kept), None)
     deep = _too_deep(module)
     if deep is not None:
@@ -347,7 +468,7 @@ def _module(source: Source, tree: Any) -> ast.Module:
     return ast.Module(source, tuple(tree), None) if isinstance(tree, list) else ast.Module(source, (), tree)
 
 
-class _Keeping:
+class _RecoveringBuilder:
     """A builder that keeps every finished statement: what stands before a mistake is not lost with it."""
 
     def __init__(self) -> None:
@@ -409,7 +530,7 @@ def _here(problem: Diagnostic, source: Source) -> Diagnostic:
 
 @cache
 def _parser(timed: bool) -> Lark:
-    return tables.parser(Builder(), timed)
+    return parser(Builder(), timed)
 
 
 def _has_content(text: str) -> bool:

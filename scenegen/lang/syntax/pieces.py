@@ -35,7 +35,7 @@ class Break:
 
 
 @dataclass(frozen=True, slots=True)
-class Open:
+class OpenGroup:
     """Opens a group: all its breaks are taken or none; in a `fill` group only those that the width asks for."""
 
     fill: bool = False
@@ -55,7 +55,7 @@ class Indent:
     flat: ClassVar[str] = ""
 
 
-class Part(NamedTuple):
+class ExpressionPart(NamedTuple):
     """An expression that is still to be taken apart, with the strength its place demands. Lines after its first are
     `indent` columns to the right of it; with `joins`, its breaks belong to the group around it."""
 
@@ -65,11 +65,11 @@ class Part(NamedTuple):
     joins: bool = False
 
 
-Mark = Filler | Break | Open | Close | Indent
+Mark = Filler | Break | OpenGroup | Close | Indent
 Item = str | Mark
-Pieces = Iterator[str | Mark | Part]
+Pieces = Iterator[str | Mark | ExpressionPart]
 
-SPACE, LINE, EDGE, OPEN, FILL, CLOSE = Filler(" "), Break(" "), Break(""), Open(), Open(fill=True), Close()
+SPACE, LINE, EDGE, OPEN, FILL, CLOSE = Filler(" "), Break(" "), Break(""), OpenGroup(), OpenGroup(fill=True), Close()
 INWARD, OUTWARD = Indent(INDENT), Indent(-INDENT)
 _PARENTHESIS = (OPEN, Filler("("), INWARD, Break("", free=False))
 _CLOSING = (OUTWARD, Break("", free=False), Filler(")"), CLOSE)
@@ -103,16 +103,16 @@ def strength(node: ast.Expr | ast.Argument) -> int:
             return POSTFIX
 
 
-def expand(pieces: Iterable[str | Mark | Part]) -> Iterator[Item]:
+def expand(pieces: Iterable[str | Mark | ExpressionPart]) -> Iterator[Item]:
     """Pieces with every part taken apart, down to tokens and marks; the depth of a formula is no concern."""
     stack = [*pieces]
     stack.reverse()
     while stack:
         piece = stack.pop()
-        if type(piece) is not Part:
+        if type(piece) is not ExpressionPart:
             yield piece  # type: ignore[misc]
         elif strength(piece.node) < piece.demands:
-            stack.extend(reversed((*_PARENTHESIS, Part(piece.node, 0, indent=0), *_CLOSING)))
+            stack.extend(reversed((*_PARENTHESIS, ExpressionPart(piece.node, 0, indent=0), *_CLOSING)))
         else:
             stack.extend(reversed([*_pieces(piece)]))
 
@@ -122,7 +122,9 @@ def flat(items: Iterable[Item]) -> str:
     return "".join(item if isinstance(item, str) else item.flat for item in items)
 
 
-def _operation(part: Part, operands: Iterable[Part], operators: Iterable[str], *, fill: bool = False) -> Pieces:
+def _operation(
+    part: ExpressionPart, operands: Iterable[ExpressionPart], operators: Iterable[str], *, fill: bool = False
+) -> Pieces:
     """Operands separated by operators; a line breaks before an operator."""
     if not part.joins:
         yield FILL if fill else OPEN
@@ -137,7 +139,7 @@ def _operation(part: Part, operands: Iterable[Part], operators: Iterable[str], *
 
 
 def _enclosed(
-    opening: str, items: Iterable[Iterable[str | Mark | Part]], closing: str, *, fill: bool = False
+    opening: str, items: Iterable[Iterable[str | Mark | ExpressionPart]], closing: str, *, fill: bool = False
 ) -> Pieces:
     """Items separated by commas, between brackets."""
     yield opening
@@ -151,7 +153,7 @@ def _enclosed(
         yield CLOSE
 
 
-def _listed(items: Iterable[Iterable[str | Mark | Part]]) -> Pieces:
+def _listed(items: Iterable[Iterable[str | Mark | ExpressionPart]]) -> Pieces:
     for number, item in enumerate(items):
         if number:
             yield from (",", LINE)
@@ -161,10 +163,10 @@ def _listed(items: Iterable[Iterable[str | Mark | Part]]) -> Pieces:
 def _argument(argument: ast.Argument) -> Pieces:
     if argument.name is not None:
         yield from (argument.name.id, SPACE, "=", SPACE)
-    yield Part(argument.value, 0)
+    yield ExpressionPart(argument.value, 0)
 
 
-def _pieces(part: Part) -> Pieces:
+def _pieces(part: ExpressionPart) -> Pieces:
     """A node as tokens, marks and smaller parts."""
     node = part.node
     match node:
@@ -177,54 +179,54 @@ def _pieces(part: Part) -> Pieces:
         case ast.Truth(value):
             yield "true" if value else "false"
         case ast.Point(coordinates):
-            yield from _enclosed("(", ([Part(one, 0)] for one in coordinates), ")")
+            yield from _enclosed("(", ([ExpressionPart(one, 0)] for one in coordinates), ")")
         case ast.List(items):
-            yield from _enclosed("[", ([Part(one, 0)] for one in items), "]", fill=True)
+            yield from _enclosed("[", ([ExpressionPart(one, 0)] for one in items), "]", fill=True)
         case ast.Call(function, arguments):
             yield function.id
             yield from _enclosed("(", map(_argument, arguments), ")")
         case ast.Argument():
             yield from _argument(node)
         case ast.Member(base, member):
-            yield from (Part(base, POSTFIX), ".", member.id)
+            yield from (ExpressionPart(base, POSTFIX), ".", member.id)
         case ast.Index(base, index):
             # `workspace [` opens a statement
-            yield Part(base, POSTFIX + (base == ast.Name("workspace")))
-            yield from ("[", Part(index, SUM), "]")
+            yield ExpressionPart(base, POSTFIX + (base == ast.Name("workspace")))
+            yield from ("[", ExpressionPart(index, SUM), "]")
         case ast.Negative(value):
-            yield from ("-", Part(value, UNARY, part.indent))
+            yield from ("-", ExpressionPart(value, UNARY, part.indent))
         case ast.Binary(operator, left, right):
             own = strength(node)  # left-associative
-            joined = Part(left, own, part.indent, joins=strength(left) == own)
-            yield from _operation(part, [joined, Part(right, own + 1)], [operator], fill=True)
+            joined = ExpressionPart(left, own, part.indent, joins=strength(left) == own)
+            yield from _operation(part, [joined, ExpressionPart(right, own + 1)], [operator], fill=True)
         case ast.Compare(operands, operators):
-            yield from _operation(part, [Part(one, SUM) for one in operands], operators)
+            yield from _operation(part, [ExpressionPart(one, SUM) for one in operands], operators)
         case ast.Not(value):
             # `!a <= b` means !(a <= b), but nobody reads it so
-            yield from ("!", Part(value, POSTFIX if isinstance(value, ast.Compare) else NOT, part.indent))
+            yield from ("!", ExpressionPart(value, POSTFIX if isinstance(value, ast.Compare) else NOT, part.indent))
         case ast.Temporal(word, window, value):
             yield from (word, *_window(window), SPACE)
-            yield Part(value, POSTFIX if isinstance(value, ast.Compare) else NOT, part.indent)
+            yield ExpressionPart(value, POSTFIX if isinstance(value, ast.Compare) else NOT, part.indent)
         case ast.Until(word, window, left, right):
-            last = Part(right, UNTIL, part.indent, joins=isinstance(right, ast.Until))
+            last = ExpressionPart(right, UNTIL, part.indent, joins=isinstance(right, ast.Until))
             if not part.joins:
                 yield OPEN
-            yield from (Part(left, UNTIL + 1), Indent(part.indent), LINE, word, *_window(window), SPACE, last)
+            yield from (ExpressionPart(left, UNTIL + 1), Indent(part.indent), LINE, word, *_window(window), SPACE, last)
             yield from (Indent(-part.indent), *(() if part.joins else (CLOSE,)))
         case ast.And(parts):
-            yield from _operation(part, [Part(one, AND + 1) for one in parts], ["&"] * len(parts))
+            yield from _operation(part, [ExpressionPart(one, AND + 1) for one in parts], ["&"] * len(parts))
         case ast.Or(parts):
-            yield from _operation(part, [Part(one, OR + 1) for one in parts], ["|"] * len(parts))
+            yield from _operation(part, [ExpressionPart(one, OR + 1) for one in parts], ["|"] * len(parts))
         case ast.Implies(condition, consequence):
-            after = Part(consequence, IMPLIES, part.indent, joins=isinstance(consequence, ast.Implies))
-            yield from _operation(part, [Part(condition, IMPLIES + 1), after], ["->"])
+            after = ExpressionPart(consequence, IMPLIES, part.indent, joins=isinstance(consequence, ast.Implies))
+            yield from _operation(part, [ExpressionPart(condition, IMPLIES + 1), after], ["->"])
         case ast.Range(lowest, highest):
-            yield from (Part(lowest, SUM), "..", Part(highest, SUM))
+            yield from (ExpressionPart(lowest, SUM), "..", ExpressionPart(highest, SUM))
         case ast.Quantifier(kind, variables, domain, body):
             yield from (OPEN, kind, SPACE)
             yield from _listed_flat(variable.id for variable in variables)
-            yield from (SPACE, "in", SPACE, Part(domain, 0 if isinstance(domain, ast.Range) else SUM), ":")
-            yield from (INWARD, LINE, Part(body, 0, indent=0), OUTWARD, CLOSE)
+            yield from (SPACE, "in", SPACE, ExpressionPart(domain, 0 if isinstance(domain, ast.Range) else SUM), ":")
+            yield from (INWARD, LINE, ExpressionPart(body, 0, indent=0), OUTWARD, CLOSE)
 
 
 def _listed_flat(names: Iterable[str]) -> Pieces:
@@ -257,7 +259,14 @@ def head(statement: ast.Statement) -> Pieces:
         case ast.Objects(declarations):
             yield from ("object", SPACE, FILL, INWARD, *_listed(map(_declaration, declarations)), OUTWARD, CLOSE)
         case ast.Region(name, _, count):
-            yield from ("region", SPACE, name.id, *(() if count is None else ("[", Part(count, SUM), "]")), SPACE, "=")
+            yield from (
+                "region",
+                SPACE,
+                name.id,
+                *(() if count is None else ("[", ExpressionPart(count, SUM), "]")),
+                SPACE,
+                "=",
+            )
         case ast.Constant(name):
             yield from ("const", SPACE, name.id, SPACE, "=")
         case ast.Definition(name, parameters):
@@ -269,22 +278,22 @@ def head(statement: ast.Statement) -> Pieces:
         case ast.Label(name):
             yield from (name.id, ":")
         case ast.Time(amount, word, span) if span is None:
-            yield from ("time", SPACE, Part(amount, SUM), SPACE, "steps" if word is None else word.id)
+            yield from ("time", SPACE, ExpressionPart(amount, SUM), SPACE, "steps" if word is None else word.id)
         case ast.Time(amount, _, span):
-            yield from ("time", SPACE, *_window(span), SPACE, "every", SPACE, Part(amount, SUM))
+            yield from ("time", SPACE, *_window(span), SPACE, "every", SPACE, ExpressionPart(amount, SUM))
         case ast.Moves(which):
             yield from ("moves", SPACE, which.id)
 
 
-def tail(statement: ast.Statement) -> Part | None:
+def tail(statement: ast.Statement) -> ExpressionPart | None:
     """The formula or value that a statement ends in."""
     match statement:
         case ast.Definition(_, _, formula) | ast.Require(formula) | ast.Label(_, formula):
-            return Part(formula, 0, indent=0, joins=isinstance(formula, ast.And | ast.Or))
+            return ExpressionPart(formula, 0, indent=0, joins=isinstance(formula, ast.And | ast.Or))
         case ast.Constant(_, value):
-            return Part(value, SUM, indent=0)
+            return ExpressionPart(value, SUM, indent=0)
         case ast.Region(_, shape):
-            return Part(shape, POSTFIX, indent=0)
+            return ExpressionPart(shape, POSTFIX, indent=0)
         case _:
             return None
 
@@ -296,12 +305,12 @@ def statement_pieces(statement: ast.Statement) -> Pieces:
     if end is not None:
         yield from (OPEN, INWARD, LINE, end, OUTWARD, CLOSE)
     if isinstance(statement, ast.Region) and statement.levels:
-        heights = ([Part(one, SUM)] for one in statement.levels)
+        heights = ([ExpressionPart(one, SUM)] for one in statement.levels)
         yield from (SPACE, "at", SPACE, FILL, INWARD, *_listed(heights), OUTWARD, CLOSE)
 
 
 def _interval(interval: ast.Interval) -> Pieces:
-    yield from ("[", Part(interval.lowest, SUM), ",", SPACE, Part(interval.highest, SUM), "]")
+    yield from ("[", ExpressionPart(interval.lowest, SUM), ",", SPACE, ExpressionPart(interval.highest, SUM), "]")
 
 
 def _window(window: ast.Interval | None) -> Pieces:
@@ -312,28 +321,28 @@ def _window(window: ast.Interval | None) -> Pieces:
 def _declaration(one: ast.Declaration) -> Pieces:
     yield one.name.id
     if one.count is not None:
-        yield from ("[", Part(one.count, 0 if isinstance(one.count, ast.Range) else SUM), "]")
+        yield from ("[", ExpressionPart(one.count, 0 if isinstance(one.count, ast.Range) else SUM), "]")
     if one.shape is not None:
         of = isinstance(one.shape, ast.Call) and one.shape.function.id == "category"
-        yield from (SPACE, "of" if of else "=", SPACE, Part(one.shape, POSTFIX))
+        yield from (SPACE, "of" if of else "=", SPACE, ExpressionPart(one.shape, POSTFIX))
     if one.support is not None:
         yield from (
             SPACE,
             "on",
             SPACE,
             *(("any", SPACE, "of", SPACE) if one.choice else ()),
-            Part(one.support, POSTFIX),
+            ExpressionPart(one.support, POSTFIX),
         )
         if one.choice == "area":
             yield from (SPACE, "by", SPACE, "area")
     if one.pose is not None:
-        yield from (SPACE, "at", SPACE, Part(one.pose, POSTFIX))
+        yield from (SPACE, "at", SPACE, ExpressionPart(one.pose, POSTFIX))
 
 
 def _parameter(one: ast.Parameter) -> Pieces:
     yield one.name.id
     if one.default is not None:
-        yield from (SPACE, "=", SPACE, Part(one.default, SUM))
+        yield from (SPACE, "=", SPACE, ExpressionPart(one.default, SUM))
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -346,7 +355,7 @@ def _parameter(one: ast.Parameter) -> Pieces:
 
 def print_expr(expr: ast.Expr, demanded: int = 0) -> str:
     """The canonical text of an expression, on one line; in parentheses where it binds more loosely than demanded."""
-    return flat(expand([Part(expr, demanded)]))
+    return flat(expand([ExpressionPart(expr, demanded)]))
 
 
 def print_statement(statement: ast.Statement) -> str:

@@ -20,7 +20,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.curriculum.goal import as_gymnasium, refused
 from scenegen.learn.curriculum.reset import Resets
 from scenegen.learn.curriculum.rules import Tables, load_spec, make_rules
-from scenegen.learn.curriculum.scene_stream import SceneStream
+from scenegen.learn.curriculum.scene_stream import LibraryStream
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.learn.model import Model
 from scenegen.needs import need
@@ -29,7 +29,7 @@ from scenegen.scenes.data import RequestData, SceneFile
 from scenegen.scenes.stage import heights_of, varying
 
 if TYPE_CHECKING:
-    from scenegen.show.render.live import Live
+    from scenegen.show.render.live import LiveRenderer
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -58,17 +58,17 @@ def check_render(mode: str | None, view: str, size: tuple[int, int]) -> None:
             need("pybullet", "to draw pictures")
 
 
-class Easel:
+class SceneRenderer:
     """Draws scenes of a spec, one at a time."""
 
     def __init__(self, spec: CheckedSpec, view: str, size: tuple[int, int]) -> None:
         self._spec, self._look = spec, (view, size)
-        self._live: Live | None = None
+        self._live: LiveRenderer | None = None
         self._header: SceneFile | None = None
 
     def draw(self, row: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
         """A scene (3N,) as (height, width, 3). The first one determines how high the camera looks."""
-        from scenegen.show.render.live import Live
+        from scenegen.show.render.live import LiveRenderer
 
         count = row_count(len(self._spec.objects))
         poses, on = as_poses(row[:count]), stored_rows(self._spec, row[:, None])[count:].T
@@ -77,7 +77,7 @@ class Easel:
                 header = make_header(self._spec, {"method": "environment"}, RequestData(phi={}, n=1, spread="base"))
                 self._header = header
                 shown = SceneSet(poses[None], {}, header, on=on if self._spec.choices else None).file()
-                self._live = Live(shown, *self._look)
+                self._live = LiveRenderer(shown, *self._look)
             if self._header is not None and varying(self._header):
                 heights = heights_of(self._header, on)
                 assert heights is not None
@@ -165,8 +165,8 @@ class TableTop(gymnasium.Env[npt.NDArray[np.float32], Any]):
         self.observation_space = self.views.space()  # type: ignore[assignment]
         self.render_mode = render_mode
         self.resets = Resets(self.scenes, self.rules, source, phi)
-        self.easel = Easel(self.scenes.drawn, view, size)
-        self._feed: SceneStream | None = None
+        self.easel = SceneRenderer(self.scenes.drawn, view, size)
+        self._feed: LibraryStream | None = None
         self._tables: Tables | None = None
         self._over = False
 

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from scenegen.api.feasibility import doubts
 from scenegen.api.reading import read_scenes
 from scenegen.api.sample import draw_scenes
-from scenegen.api.scene_arrays import Part, parts_of
+from scenegen.api.scene_arrays import SpecScenes, parts_of
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import DataError, RequestError
@@ -106,7 +106,7 @@ def stock(target: Goal, scenes: SceneSet) -> Scenes:
     return Scenes(np.ascontiguousarray(rows.T), Scorer(target)(rows)[: len(target.names)].T.copy())
 
 
-def _stored(spec: CheckedSpec, scenes: SceneSet) -> tuple[Array, list[Part]]:
+def _stored(spec: CheckedSpec, scenes: SceneSet) -> tuple[Array, list[SpecScenes]]:
     """Scenes as the core of the spec has them, (3N, n), NaN for objects that are not there; and by the ordinary specs
     that they are of. Raises DataError for other objects."""
     rows = np.full((row_count(len(spec.core.objects)), len(scenes)), np.nan)
@@ -194,7 +194,7 @@ def _share(low: float, high: float, least: float, most: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Index:
+class PhiIndex:
     """Scenes by cells of phi of some labels, `dims`: the ends of the G cells that have scenes, (G, K) each, and the
     numbers of their scenes."""
 
@@ -245,7 +245,7 @@ class Library:
     high: Array
     hard: float
     more: Draws | None
-    _indices: dict[tuple[int, ...], Index] = field(default_factory=dict)
+    _indices: dict[tuple[int, ...], PhiIndex] = field(default_factory=dict)
 
     @property
     def unsatisfied(self) -> PhiRanges:
@@ -276,7 +276,7 @@ class Library:
         """`low` and `high` as tuples, which Python reads fastest."""
         return self.low.tolist(), self.high.tolist()
 
-    def index(self, dims: tuple[int, ...]) -> Index:
+    def index(self, dims: tuple[int, ...]) -> PhiIndex:
         """The scenes by phi of some labels."""
         if dims not in self._indices:
             self._indices[dims] = self._make(dims)
@@ -292,7 +292,7 @@ class Library:
         away = np.maximum(np.maximum(np.array(ranges.low) - phi, phi - np.array(ranges.high)), 0.0)
         return np.asarray(phi[away.sum(axis=1).argmin()])
 
-    def _make(self, dims: tuple[int, ...]) -> Index:
+    def _make(self, dims: tuple[int, ...]) -> PhiIndex:
         at = list(dims)
         count = CELLS.get(len(dims), 8)
         width = (self.high[at] - self.low[at]) / count
@@ -304,7 +304,7 @@ class Library:
         borders = np.searchsorted(which.ravel()[order], np.arange(len(cells) + 1))
         members = tuple(inside[order[a:b]] for a, b in pairwise(borders))
         low = self.low[at] + cells * width
-        return Index(dims, low, np.where(cells == count - 1, self.high[at], low + width), members)
+        return PhiIndex(dims, low, np.where(cells == count - 1, self.high[at], low + width), members)
 
 
 def make_library(target: Goal, source: Sampler | Scenes) -> Library:

@@ -15,11 +15,11 @@ from gymnasium import error
 from scenegen.api.motions import MotionSet
 from scenegen.api.spec import Spec
 from scenegen.errors.learning import NO_EPISODE
-from scenegen.learn.curriculum.env import Easel, check_render
+from scenegen.learn.curriculum.env import SceneRenderer, check_render
 from scenegen.learn.curriculum.goal import refused
 from scenegen.learn.curriculum.motion_rules import MotionStream, make_motion_rules
 from scenegen.learn.curriculum.tasks import PhiBox
-from scenegen.sampling.motions.monitor import HIGH, LOW, Watch
+from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
 
 Array = npt.NDArray[np.float64]
 Seen = npt.NDArray[np.float32]
@@ -87,10 +87,10 @@ class MotionTable(gymnasium.Env[Seen, Any]):
         self.rules = rules = make_motion_rules(spec, goal, moves, share, reward, phi, source)
         self.scenes, self.goal, self.moves, self.names = rules.scenes, rules.goal, rules.moves, rules.names
         self.action_space, self.observation_space = rules.moves.space(), rules.space()
-        self.render_mode, self.easel = render_mode, Easel(self.scenes.declared, view, size)
+        self.render_mode, self.easel = render_mode, SceneRenderer(self.scenes.declared, view, size)
         self.metadata = {**self.metadata, "render_fps": 1.0 / rules.timed.horizon.dt}
         self._stream: MotionStream | None = None
-        self._watch: Watch | None = None
+        self._watch: BatchMonitor | None = None
         self._rows: list[Array] = []  # (3N, 1) each
         self._drawn: dict[str, float] = {}
         self._over = False
@@ -116,7 +116,7 @@ class MotionTable(gymnasium.Env[Seen, Any]):
             self._drawn = dict(zip(self.scenes.labels, phi.tolist(), strict=True))
         else:
             poses, self._drawn = wanted.given, dict.fromkeys(self.scenes.labels, math.nan)
-        self._watch = Watch(self.rules.timed, *self.scenes.declared.box(), True, 1)
+        self._watch = BatchMonitor(self.rules.timed, *self.scenes.declared.box(), True, 1)
         self._rows, self._over, self._paid = [poses.reshape(-1, 1)], False, 0.0
         self._possible(self._watch, self._rows[0])
         self._task = self.rules.task(wanted)
@@ -157,7 +157,7 @@ class MotionTable(gymnasium.Env[Seen, Any]):
         """End the process that draws, if there is one."""
         self.easel.close()
 
-    def _possible(self, watch: Watch, rows: Array) -> bool:
+    def _possible(self, watch: BatchMonitor, rows: Array) -> bool:
         """Whether the requirement can still hold with these poses (3N, 1) as the next moment."""
         _, required = watch.add(rows.reshape(1, len(self.scenes.objects), -1))
         return required is None or bool(required[HIGH, 0] >= 0.0)

@@ -26,10 +26,10 @@ from scenegen.learn.curriculum.goal import as_gymnasium, names, number, one_of, 
 from scenegen.learn.curriculum.goal import refused as refusal
 from scenegen.learn.curriculum.register import ID
 from scenegen.learn.curriculum.request import PhiRanges, check_options, read_ranges
-from scenegen.learn.curriculum.rules import Moves, Views, load_spec, make_views
+from scenegen.learn.curriculum.rules import ActionMoves, ObservationEncoder, load_spec, make_views
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.pose import LENGTHS, NAMES, PLACE, THETA, TWO_PI, along, axis_of, owner, row_of
-from scenegen.sampling.motions.monitor import HIGH, Watch
+from scenegen.sampling.motions.monitor import HIGH, BatchMonitor
 from scenegen.sampling.motions.problem import MotionProblem
 from scenegen.sampling.motions.scores import TraceScores, make_problem
 from scenegen.sampling.request import Range, SampleRequest
@@ -75,7 +75,9 @@ class MotionMoves:
                     names.append(f"{problem.names[thing]} {NAMES[axis]}{way}")
         if kind == "grid":  # waiting is a move of nothing
             rows, amounts, names = [rows[0], *rows], [0.0, *amounts], [WAIT, *names]
-        self._moves = Moves("grid" if kind == "grid" else "continuous", np.array(rows), np.array(amounts), tuple(names))
+        self._moves = ActionMoves(
+            "grid" if kind == "grid" else "continuous", np.array(rows), np.array(amounts), tuple(names)
+        )
         self.names: Sequence[str] = names
 
     def space(self) -> Space[int] | spaces.Box:
@@ -270,7 +272,7 @@ class MotionRules:
     final: bool
     starts: MotionStarts
     usual: PhiRanges
-    views: Views
+    views: ObservationEncoder
     nodes: tuple[int, ...]
     names: tuple[str, ...]
 
@@ -326,7 +328,7 @@ class MotionRules:
             if axis in LENGTHS or low[thing, axis] == high[thing, axis]:
                 reason = f"`{self.problem.names[thing]}` is outside of its limits"
                 raise refused(NOT_A_FIRST_SCENE(reason=reason))
-        _, required = Watch(self.timed, *self.scenes.declared.box(), True, 1).add(poses[None])
+        _, required = BatchMonitor(self.timed, *self.scenes.declared.box(), True, 1).add(poses[None])
         if required is not None and not required[HIGH, 0] >= 0.0:
             raise refused(NOT_A_FIRST_SCENE(reason="it violates what the spec requires"))
         return poses

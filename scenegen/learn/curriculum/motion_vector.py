@@ -17,11 +17,11 @@ from scenegen.learn.curriculum.goal import refused
 from scenegen.learn.curriculum.motion_env import MotionTable
 from scenegen.learn.curriculum.motion_rules import MotionStream
 from scenegen.learn.curriculum.tasks import PhiBox
-from scenegen.learn.curriculum.vector import Acted, Array, Many, Mask, Observations, masked
+from scenegen.learn.curriculum.vector import Array, BatchedTableEnv, Mask, Observations, StepOutcome, masked
 from scenegen.sampling.motions.monitor import HIGH, LOW, Watches
 
 
-class MotionVector(Many):
+class MotionVector(BatchedTableEnv):
     """`num_envs` tables of `scenegen/Motion-v0`. `autoreset_mode` is gymnasium's: "NextStep", "SameStep" or "Disabled"
     (reset with `options={"reset_mask": mask}`). `max_episode_steps` truncates, before the end of a motion if it is less
     than T; the other arguments are those of MotionTable.
@@ -82,7 +82,7 @@ class MotionVector(Many):
     def _checked(self, actions: Any) -> npt.NDArray[Any]:
         return self.moves.checked(actions, self.num_envs)
 
-    def _act(self, actions: npt.NDArray[Any], again: Mask) -> Acted:
+    def _act(self, actions: npt.NDArray[Any], again: Mask) -> StepOutcome:
         who = np.flatnonzero(~again)
         watches, before = self._watches, self._rows[-1][:, who]
         rows = self.moves.after(before, actions[who])
@@ -108,7 +108,7 @@ class MotionVector(Many):
         else:
             worth = np.where(np.isfinite(low), low, self._paid)  # nothing is certain yet
             reward, self._paid = worth - self._paid, worth
-        return Acted(reward, over & ~violated & (low >= 0.0), over, {"blocked": blocked, "violated": violated})
+        return StepOutcome(reward, over & ~violated & (low >= 0.0), over, {"blocked": blocked, "violated": violated})
 
     def _goal_ends(self) -> Array:
         """What phi of the goal can be at least and at most, (2, num_envs)."""

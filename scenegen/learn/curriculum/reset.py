@@ -17,7 +17,7 @@ from scenegen.learn.curriculum.goal import as_gymnasium, refused
 from scenegen.learn.curriculum.library import Library, check_source, open_library
 from scenegen.learn.curriculum.request import PhiRanges, check_options, everything, read_phi, read_scene
 from scenegen.learn.curriculum.rules import Rules, Tables
-from scenegen.learn.curriculum.scene_stream import SceneStream, StartScene
+from scenegen.learn.curriculum.scene_stream import LibraryStream, StartScene
 
 Array = npt.NDArray[np.float64]
 
@@ -52,9 +52,9 @@ class Resets:
                 self._library = open_library(self._target, self._spec, self._source)
         return self._library
 
-    def stream(self, rng: np.random.Generator) -> SceneStream:
+    def stream(self, rng: np.random.Generator) -> LibraryStream:
         """Scenes from the seed of a generator."""
-        return SceneStream(self.library, int(rng.integers(2**63)))
+        return LibraryStream(self.library, int(rng.integers(2**63)))
 
     def read(self, options: Mapping[str, Any] | None) -> StartRequest:
         """Check options. Raises gymnasium.error.Error, and InvalidBound for invalid ranges."""
@@ -82,7 +82,7 @@ class Resets:
             phi, slack = phi[:-1], np.minimum(phi[-1], 0.0)
         return Tables(rows, phi, slack)
 
-    def draw(self, stream: SceneStream, request: StartRequest) -> StartScene:
+    def draw(self, stream: LibraryStream, request: StartRequest) -> StartScene:
         """A scene in the requested range, and its phi. Raises gymnasium.error.InvalidBound if the range is out of
         reach."""
         ranges = self._ranges(request)

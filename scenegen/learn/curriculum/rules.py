@@ -77,7 +77,7 @@ LENIENT = 1e-6  # tolerance of the range for float32 actions
 
 
 @dataclass(frozen=True, slots=True)
-class Moves:
+class ActionMoves:
     """`rows` are the rows of (3N, B) storage that the K actions (grid) or components of an action (continuous) move,
     `amounts` by how much, in metres and radians, and `names` describe them."""
 
@@ -161,7 +161,7 @@ def headings_of(spec: CheckedSpec, requirement: bool = False) -> set[int]:
 
 def make_moves(
     spec: CheckedSpec, kind: str, move: str | Sequence[str] | None, step: float | None, turn: float | None
-) -> tuple[Moves, float]:
+) -> tuple[ActionMoves, float]:
     """The moves, and the step in metres. Raises gymnasium.error.Error for invalid arguments."""
     one_of("moves", kind, get_args(Kind))
     shorter = min(spec.workspace.width, spec.workspace.height)
@@ -183,7 +183,7 @@ def make_moves(
                 way = "" if kind == "continuous" else " +" if sign > 0 else " -"
                 called.append(f"{spec.objects[index]} {NAMES[axis]}{way}")
     literal: Kind = "grid" if kind == "grid" else "continuous"
-    return Moves(literal, np.array(rows, dtype=np.intp), np.array(amounts), tuple(called)), step
+    return ActionMoves(literal, np.array(rows, dtype=np.intp), np.array(amounts), tuple(called)), step
 
 
 def _movable(spec: CheckedSpec, move: str | Sequence[str] | None) -> list[int]:
@@ -213,7 +213,7 @@ ONE = np.float32(1.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Views:
+class ObservationEncoder:
     """Observations of a scene, float32 in [-1, 1]: for every object that the spec does not fix, x and y, from edge to
     edge of the workspace, and if phi or the requirement depends on its heading, the heading's cosine and sine; last,
     for every object that stands on one of several surfaces, which, as `on_numbers` say. `names` are their names:
@@ -262,7 +262,7 @@ def on_numbers(spec: CheckedSpec) -> dict[str, float]:
     return dict(zip(names, np.linspace(-1.0, 1.0, len(names)).tolist(), strict=True))
 
 
-def make_views(spec: CheckedSpec) -> Views:
+def make_views(spec: CheckedSpec) -> ObservationEncoder:
     """The observations for scenes of a spec."""
     depends = headings_of(spec, requirement=True)
     free = [index for index in range(len(spec.objects)) if index not in spec.fixed]
@@ -288,7 +288,7 @@ def make_views(spec: CheckedSpec) -> Views:
     at = np.array(places, dtype=np.intp)
     middle, half = (low[at] + high[at]) / 2.0, (high[at] - low[at]) / 2.0
     turned_ = np.array(turned, dtype=np.intp)
-    return Views(
+    return ObservationEncoder(
         at,
         middle[:, None],
         1.0 / half[:, None],
@@ -316,7 +316,7 @@ class Tables:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stepped:
+class Transition:
     """The tables after a step, and for each, (B,): the reward and how the step ended."""
 
     tables: Tables
@@ -333,9 +333,9 @@ class Rules:
 
     target: Goal
     score: Scorer
-    moves: Moves
+    moves: ActionMoves
     reward: Reward
-    views: Views
+    views: ObservationEncoder
     flat: npt.NDArray[np.intp]
     low: Array
     high: Array
@@ -345,7 +345,7 @@ class Rules:
         """Which scenes (B,) satisfy the goal."""
         return np.asarray(tables.phi[self.target.goal] >= 0.0)
 
-    def step(self, tables: Tables, actions: npt.NDArray[Any]) -> Stepped:
+    def step(self, tables: Tables, actions: npt.NDArray[Any]) -> Transition:
         """Do checked actions. An object that leaves the table stays at its edge and ends the episode; a move that would
         violate the requirement is not made at all."""
         rows = self.moves.apply(tables.rows, actions)
@@ -366,7 +366,7 @@ class Rules:
         goal = self.target.goal
         success = np.asarray((phi[goal] >= 0.0) & ~off)
         reward = self.reward(tables.phi[goal], phi[goal], success, off)
-        return Stepped(Tables(rows, phi, tables.slack), reward, success, off, blocked)
+        return Transition(Tables(rows, phi, tables.slack), reward, success, off, blocked)
 
 
 def load_spec(spec: Spec | str | Path | None) -> Spec:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from scenegen.errors import RequestError
 from scenegen.errors.learning import NO_SCENE_IN_FILE
-from scenegen.learn.curriculum.library import SECONDS, SHORTLY, Index, Library, Scenes
+from scenegen.learn.curriculum.library import SECONDS, SHORTLY, Library, PhiIndex, Scenes
 from scenegen.learn.curriculum.request import PhiRanges
 from scenegen.sampling.request import Range
 
@@ -78,7 +78,7 @@ class _Plan:
     """How a request is served: the cells of an index, the cumulative sum of their weights, the requested share of each,
     the number of requests, and whether it has its own draws."""
 
-    index: Index
+    index: PhiIndex
     cells: list[int]
     weights: list[float]
     shares: list[float]
@@ -86,7 +86,7 @@ class _Plan:
     alone: bool = field(default=False)
 
 
-class SceneStream:
+class LibraryStream:
     """Takes scenes from a library. `entropy` is the seed."""
 
     def __init__(self, library: Library, entropy: int) -> None:
@@ -139,7 +139,7 @@ class SceneStream:
         index = self.library.index(ranges.dims)
         return self._of_whole(index, index.nearest(ranges), ranges)
 
-    def _of_whole(self, index: Index, cell: int, ranges: PhiRanges) -> StartScene:
+    def _of_whole(self, index: PhiIndex, cell: int, ranges: PhiRanges) -> StartScene:
         """A scene of a cell, as a substitute for the request: one of the library's is used again if no others are
         found."""
         low, high = list(ranges.low), list(ranges.high)
@@ -194,7 +194,7 @@ class SceneStream:
             bucket = self._cell(plan.index, plan.cells[at])
         return None
 
-    def _cell(self, index: Index, cell: int) -> Bucket:
+    def _cell(self, index: PhiIndex, cell: int) -> Bucket:
         """The bucket of a cell, with the library's scenes to begin with."""
         key, members = (index.dims, cell), index.members[cell]
         bucket = self._buckets.get(key)
@@ -208,7 +208,7 @@ class SceneStream:
         scenes = Scenes(self.library.scenes.poses[members], self.library.scenes.phi[members])
         return Bucket(scenes, [-1] * len(members) if ids is None else ids, self._rng)
 
-    def _fill(self, index: Index, numbers: Sequence[int], count: int, patience: float) -> None:
+    def _fill(self, index: PhiIndex, numbers: Sequence[int], count: int, patience: float) -> None:
         """More scenes for some cells."""
         cells, dims = list(numbers), list(index.dims)
         self._fills[index.dims] = self._fills.get(index.dims, 0) + 1

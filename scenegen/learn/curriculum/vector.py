@@ -21,7 +21,7 @@ from scenegen.learn.curriculum.goal import count, refused
 from scenegen.learn.curriculum.request import check_options
 from scenegen.learn.curriculum.reset import StartRequest
 from scenegen.learn.curriculum.rules import Tables
-from scenegen.learn.curriculum.scene_stream import SceneStream, StartScene
+from scenegen.learn.curriculum.scene_stream import LibraryStream, StartScene
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.pose import row_count
 
@@ -40,7 +40,7 @@ Listener = Callable[[Array, Mask, Mask], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Acted:
+class StepOutcome:
     """What a step did, (num_envs,) each. Of tables whose episode was over before it means nothing. `flags` are further
     entries of the info."""
 
@@ -50,7 +50,7 @@ class Acted:
     flags: Mapping[str, Mask]
 
 
-class Many(VectorEnv[Observations, Any, Any]):
+class BatchedTableEnv(VectorEnv[Observations, Any, Any]):
     """`num_envs` tables. `chooser`, if set, gives the options for table k's next episode whenever one begins without
     options. `listener`, if set, is called after every step, before tables are reset, with the rewards, which episodes
     ended, and which of these were successful, (num_envs,) each."""
@@ -84,7 +84,7 @@ class Many(VectorEnv[Observations, Any, Any]):
         """The actions of all tables. Raises gymnasium.error.InvalidAction."""
 
     @abstractmethod
-    def _act(self, actions: npt.NDArray[Any], again: Mask) -> Acted:
+    def _act(self, actions: npt.NDArray[Any], again: Mask) -> StepOutcome:
         """Do checked actions; tables of `again` have no episode."""
 
     @abstractmethod
@@ -198,7 +198,7 @@ def masked(values: Mapping[str, Any], told: Mask) -> dict[str, Any]:
     return {key: value for name, array in values.items() for key, value in ((name, array), (f"_{name}", told.copy()))}
 
 
-class TableTopVector(Many):
+class TableTopVector(BatchedTableEnv):
     """`num_envs` tables. `autoreset_mode` is gymnasium's: "NextStep", "SameStep" or "Disabled" (reset with
     `options={"reset_mask": mask}`). `max_episode_steps` truncates; the other arguments are those of TableTop.
 
@@ -229,7 +229,7 @@ class TableTopVector(Many):
         self.action_space = batch_space(one.action_space, num_envs)
         self.observation_space = batch_space(one.observation_space, num_envs)
         self.names, self.about = self.rules.target.names[: self.rules.target.labels], "phi"
-        self._feeds: list[SceneStream | None] = [None] * num_envs
+        self._feeds: list[LibraryStream | None] = [None] * num_envs
         self._tables: Tables | None = None
         self._tasks = np.empty((num_envs, len(self.rules.target.names), 2))
 
@@ -253,12 +253,12 @@ class TableTopVector(Many):
     def _checked(self, actions: Any) -> npt.NDArray[Any]:
         return self.moves.checked(actions, self.num_envs)
 
-    def _act(self, actions: npt.NDArray[Any], again: Mask) -> Acted:
+    def _act(self, actions: npt.NDArray[Any], again: Mask) -> StepOutcome:
         assert self._tables is not None
         done = self.rules.step(self._tables, actions)
         self._tables = done.tables
         flags = {"off_table": done.off, "blocked": done.blocked}
-        return Acted(done.reward, done.success, done.success | done.off, flags)
+        return StepOutcome(done.reward, done.success, done.success | done.off, flags)
 
     def _seeded(self, number: int) -> None:
         self._feeds[number] = None

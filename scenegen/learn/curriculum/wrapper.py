@@ -23,7 +23,7 @@ from scenegen.learn.curriculum.motion_env import MotionTable
 from scenegen.learn.curriculum.motion_vector import MotionVector
 from scenegen.learn.curriculum.request import check_options
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy
-from scenegen.learn.curriculum.vector import Array, Many, Mask, TableTopVector
+from scenegen.learn.curriculum.vector import Array, BatchedTableEnv, Mask, TableTopVector
 
 CALLS = ("next_task", "report")  # of a strategy
 
@@ -142,7 +142,7 @@ class VectorCurriculum(VectorWrapper[Any, Any, Any, Any, Any]):
         _check(env, (TableTopVector, MotionVector), strategy)
         super().__init__(env)
         self.strategy = strategy
-        self._tables: Many = env.unwrapped
+        self._tables: BatchedTableEnv = env.unwrapped
         self._tables.chooser, self._tables.listener = self._next, self._hear
         self._fits = False
         self._names, self._about = self._tables.names, self._tables.about

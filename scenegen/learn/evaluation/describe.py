@@ -141,7 +141,7 @@ class ModelSpec(Protocol):
     def labels(self) -> tuple[str, ...]: ...
 
 
-class Model(Protocol):
+class EvaluatedModel(Protocol):
     """A trained model together with its spec."""
 
     trained: TrainedModel
@@ -156,7 +156,7 @@ DATA = {"balanced": "exact scenes, flat in phi", "uniform": "uniform scenes", "b
 TOLD = ("model", "recipe", "data", "scenes", "epochs", "hyper", "phi")  # training settings that are shown elsewhere
 
 
-def describe(model: Model, path: Path) -> list[tuple[str, str]]:
+def describe(model: EvaluatedModel, path: Path) -> list[tuple[str, str]]:
     """(what, value) pairs of a model whose file is `path`. Nothing in them depends on the machine."""
     card = model.trained.card
     facts = [
@@ -191,7 +191,7 @@ def describe(model: Model, path: Path) -> list[tuple[str, str]]:
     return facts
 
 
-def held_out(model: Model) -> dict[str, float]:
+def held_out(model: EvaluatedModel) -> dict[str, float]:
     """The mean of |phi - target phi| of each label for held-out targets, in the epoch of the file; empty if the file
     does not have it."""
     card = model.trained.card
@@ -203,12 +203,12 @@ def held_out(model: Model) -> dict[str, float]:
     return {name: values[place] for name, values in found.errors.items()}
 
 
-def weights(model: Model) -> int:
+def weights(model: EvaluatedModel) -> int:
     """The number of trained parameters."""
     return sum(parameter.numel() for parameter in model.trained.model.parameters())
 
 
-def speed(model: Model) -> float:
+def speed(model: EvaluatedModel) -> float:
     """Scenes a second that the network makes on one core of this machine, unrefined; takes a moment."""
     import time
 
@@ -227,7 +227,7 @@ def speed(model: Model) -> float:
     return TRIED / min(took)
 
 
-def as_json(model: Model, path: Path) -> dict[str, Any]:
+def as_json(model: EvaluatedModel, path: Path) -> dict[str, Any]:
     """All metadata of the file, and its size, number of parameters and speed."""
     return {
         "file": str(path),

@@ -17,7 +17,7 @@ Name = Annotated[str, Field(min_length=1, max_length=1000)]
 Setting = bool | int | FiniteFloat | str | None
 
 
-class _Strict(BaseModel):
+class _StrictCardModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
@@ -27,7 +27,7 @@ class SpecData(SpecRef):
     name: str
 
 
-class LabelData(_Strict):
+class LabelData(_StrictCardModel):
     """A label and the range of its phi in the training data, in metres and radians."""
 
     name: Name
@@ -35,14 +35,14 @@ class LabelData(_Strict):
     highest: FiniteFloat
 
 
-class LossData(_Strict):
+class LossData(_StrictCardModel):
     """Mean losses of some epochs, evenly chosen, the last one among them (epochs count from 1)."""
 
     epochs: list[int] = Field(max_length=1000)
     means: dict[Name, list[FiniteFloat]]
 
 
-class DataData(_Strict):
+class DataData(_StrictCardModel):
     """The scenes behind a model: how many trained it, how many were held out, and the checksum of them all."""
 
     scenes: int = Field(ge=1)
@@ -50,7 +50,7 @@ class DataData(_Strict):
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
-class ValidationData(_Strict):
+class ValidationData(_StrictCardModel):
     """Of some epochs, the last and the kept one among them (epochs count from 1): the mean of |phi - wanted phi| of
     each label at held-out labels, in metres and radians, and the energy score (scenegen.learn.training.validate)."""
 
@@ -65,8 +65,8 @@ class ValidationData(_Strict):
         return self
 
 
-class QualityData(_Strict):
-    """Measured when training was done, at some wanted values of one label or two (scenegen.learn.evaluation.measure):
+class QualityData(_StrictCardModel):
+    """Measured when training was done, at some wanted values of one label or two (scenegen.learn.evaluation.card):
     the mean of |phi - wanted phi|; coverage, and that of other exact scenes (`truth`); KS, sliced KS and energy
     distance; the share of the scenes that meet what the spec requires."""
 
@@ -80,7 +80,7 @@ class QualityData(_Strict):
     required: FiniteFloat
 
 
-class RangeData(_Strict):
+class RangeData(_StrictCardModel):
     """The scenes that `sample` returns for ranges of phi, low and high, None where there is no end, against exact ones:
     coverage, and that of other exact scenes (`truth`); KS of the phi that is furthest off, and of the worst coordinate;
     sliced KS and energy distance."""
@@ -94,7 +94,7 @@ class RangeData(_Strict):
     energy: FiniteFloat
 
 
-class ModelCard(_Strict):
+class ModelCard(_StrictCardModel):
     """What a model file says about itself. `hyper` are the model's own settings, `training` the training's. Where
     training was told to keep the best epoch, `kept_epoch` is the one whose weights these are; else it was the last.
     `corrected`: the last step of a scene is the spec's (scenegen.learn.models.correction). `quality` is

@@ -90,7 +90,7 @@ KNOTS = 65  # quantiles of a label that are kept
 NARROW = 1e-6  # of the workspace: a coordinate that varies less is as good as constant
 
 
-class View(nn.Module):
+class DataScaling(nn.Module):
     """Buffers only. `fit` sets them from training data; they travel in the model file."""
 
     low: Tensor
@@ -181,7 +181,7 @@ def _inverse(rows: list[int]) -> list[int]:
 
 
 class ConditionedModel(SceneModel):
-    """A model that sees scenes through a View and knows the branch, which a Selector draws when it samples.
+    """A model that sees scenes through its DataScaling and knows the branch, which a Selector draws when it samples.
 
     Subclasses make their networks in __init__ and say in `make` how noise becomes a scene.
     """
@@ -194,7 +194,7 @@ class ConditionedModel(SceneModel):
 
     def __init__(self, layout: Layout, hyper: Hyper) -> None:
         super().__init__(layout, hyper)
-        self.view = View(layout)
+        self.view = DataScaling(layout)
         self.selector = Selector(layout)
         self.register_buffer("label_scale", torch.empty(layout.labels, device="meta"))
 

@@ -50,7 +50,7 @@ Array = npt.NDArray[np.float64]
 Move = tuple[Tensor, Tensor]
 
 
-class Stir:
+class McmcMoves:
     """Of one spec; `tolerance` (L, 1) or (L, B) is how far phi may be from where it is wanted, `box` (3N,) each where
     poses may lie, if not all over the spec's. `count` moves are made, if there is anything `moving`."""
 
@@ -221,7 +221,7 @@ class Correction:
         self._low, self._high = low, high
         self._scale = high - low
         self._scale[TURNS] = (self._scale[TURNS] > 0.0).to(low)  # a radian; what is held does not move
-        self._stir = Stir(spec, self._most)
+        self._stir = McmcMoves(spec, self._most)
 
     def __call__(self, make: Make, wanted: Tensor, generator: torch.Generator) -> Tensor:
         """Corrected scenes (3N, n) for wanted phi (L, n), NaN where a label is free."""

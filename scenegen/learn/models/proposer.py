@@ -53,12 +53,12 @@ class ModelProposer:
     def stirred(self, rows: Tensor, ends: tuple[Tensor, Tensor], box: tuple[Array, Array], seed: int) -> Tensor:
         import torch
 
-        from scenegen.learn.models.correction import Stir
+        from scenegen.learn.models.correction import McmcMoves
 
         network = _network(self)
         if network.correction is None or len(ends[0]) != self.labels:  # labels that were added are not known here
             return rows
-        stir = Stir(network.correction.spec, torch.zeros(self.labels, 1), box)
+        stir = McmcMoves(network.correction.spec, torch.zeros(self.labels, 1), box)
         old, low, high = (one.to(torch.float32) for one in (rows, *ends))
         moves = max(LEAST, min(MOST, EACH * len(network.correction.spec.core.nodes)))
         random = torch.Generator().manual_seed(seed)

@@ -21,7 +21,7 @@ from scenegen.lang.formula.core import Core, read_rows
 from scenegen.lang.formula.headings import bare_rows
 from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.learn.native.functions import DOUBLE, SINGLE, preamble
-from scenegen.learn.native.numbers import Functions, Lines, Number, made
+from scenegen.learn.native.numbers import CodeLines, Functions, Number, made
 from scenegen.pose import THETA, axis_of, row_count
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -32,7 +32,7 @@ MOST_LINES = 4_000  # operations of a function
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class KernelSource:
     """The text of `long phi(const number *const *rows, number *const *phi, long count)`. `rows` are those of the
     storage that it reads, in this order, and `phi` a row for each of the labels. It returns 0, or something else where
     a coordinate was NaN or an angle too large for it, and phi is not to be used."""
@@ -42,10 +42,10 @@ class Source:
     labels: int
 
 
-def write(core: Core, *, single: bool) -> Source:
+def write(core: Core, *, single: bool) -> KernelSource:
     """The function for float64, or for float32 if `single`. Raises TooLargeError."""
     read = sorted(read_rows(core))
-    lines = Lines(MOST_LINES)
+    lines = CodeLines(MOST_LINES)
     functions = Functions(lines)
     bare = bare_rows(core)
     rows = [Number(lines, f"row{row}") for row in range(row_count(len(core.objects)))]
@@ -74,7 +74,7 @@ def write(core: Core, *, single: bool) -> Source:
             "}\n",
         )
     )
-    return Source(text, tuple(read), len(results))
+    return KernelSource(text, tuple(read), len(results))
 
 
 def _bad(rows: list[str], angles: list[str]) -> str:
@@ -142,7 +142,7 @@ BLOCK = 4096  # scenes whose coordinates are gathered at a time where they lie a
 class Kernel:
     """The formula's function for one dtype."""
 
-    def __init__(self, source: Source, dtype: np.dtype[Any]) -> None:
+    def __init__(self, source: KernelSource, dtype: np.dtype[Any]) -> None:
         self.rows, self._labels, self._dtype = source.rows, source.labels, dtype
         self._phi = build(source.text, "phi")
         self._phi.restype = ctypes.c_long

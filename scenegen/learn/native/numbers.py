@@ -9,7 +9,7 @@ from typing import Any
 from scenegen.geometry.namespace import MATH
 
 
-class Lines:
+class CodeLines:
     """The lines of a function's body so far."""
 
     def __init__(self, most: int) -> None:
@@ -32,7 +32,7 @@ class TooLargeError(Exception):
     """A formula of more operations than are compiled."""
 
 
-class Condition:
+class ComparisonResult:
     """The result of a comparison."""
 
     def __init__(self, name: str) -> None:
@@ -42,7 +42,7 @@ class Condition:
 class Number:
     """A number of the scene that the function works on. Floats mix with it as they do with arrays."""
 
-    def __init__(self, lines: Lines, name: str) -> None:
+    def __init__(self, lines: CodeLines, name: str) -> None:
         self.lines, self._name = lines, name
 
     @property
@@ -74,14 +74,14 @@ class Number:
     def __neg__(self) -> Number:
         return made(self.lines, "-{}", self)
 
-    def __lt__(self, other: Any) -> Condition:
+    def __lt__(self, other: Any) -> ComparisonResult:
         return self._compared("<", other)
 
-    def __gt__(self, other: Any) -> Condition:
+    def __gt__(self, other: Any) -> ComparisonResult:
         return self._compared(">", other)
 
-    def _compared(self, sign: str, other: Any) -> Condition:
-        return Condition(self.lines.name("int", f"{self.name} {sign} {_text(other)}"))
+    def _compared(self, sign: str, other: Any) -> ComparisonResult:
+        return ComparisonResult(self.lines.name("int", f"{self.name} {sign} {_text(other)}"))
 
 
 class _Root(Number):
@@ -97,7 +97,7 @@ class _Root(Number):
         return made(self.lines, "COPYSIGN(SQRT(FABS({0})), {0})", self.square).name
 
 
-def made(lines: Lines, expression: str, *numbers: Any) -> Number:
+def made(lines: CodeLines, expression: str, *numbers: Any) -> Number:
     """What an expression in C says of these numbers."""
     return Number(lines, lines.name("number", expression.format(*map(_text, numbers))))
 
@@ -114,7 +114,7 @@ def _function(name: str, expression: str) -> Callable[..., Any]:
     """A function of the namespace: of floats alone, what the scalar interpreter says."""
 
     def call(self: Functions, *values: Any) -> Any:
-        if not any(isinstance(value, (Number, Condition)) for value in values):
+        if not any(isinstance(value, (Number, ComparisonResult)) for value in values):
             return getattr(MATH, name)(*values)
         return made(self.lines, expression, *values)
 
@@ -125,7 +125,7 @@ class Functions:
     """The functions that primitives may use (scenegen.geometry.Namespace). `angles` are all whose sine or cosine was
     taken: they must not be too large."""
 
-    def __init__(self, lines: Lines) -> None:
+    def __init__(self, lines: CodeLines) -> None:
         self.lines = lines
         self.angles: list[Number] = []
 
@@ -156,7 +156,7 @@ class Functions:
         return MATH.signed_root(square, signed)
 
     def where(self, condition: Any, a: Any, b: Any) -> Any:
-        if not isinstance(condition, Condition):
+        if not isinstance(condition, ComparisonResult):
             return a if condition else b
         return made(self.lines, f"{condition.name} ? {{}} : {{}}", a, b)
 

@@ -22,7 +22,7 @@ from scenegen.geometry.namespace import Turning
 from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction, last_uses, part_of
 from scenegen.lang.formula.headings import bare_rows
 from scenegen.lang.formula.interpret import Numbers, fold
-from scenegen.lang.formula.nearest import Closest, find, last_uses_of, least
+from scenegen.lang.formula.nearest import ConjunctionTerms, find, last_uses_of, least
 from scenegen.learn.robustness.fused import fused
 from scenegen.learn.robustness.namespace import TORCH
 from scenegen.pose import AXES, NAMES, SIZE, THETA, TWO_PI, axis_of, owner, row_count, row_of
@@ -69,7 +69,7 @@ def run(
     coordinate: Callable[[int], Any],
     constant: Callable[[float], Any],
     beta: float | None = None,
-    closest: Mapping[int, Closest] = MappingProxyType({}),
+    closest: Mapping[int, ConjunctionTerms] = MappingProxyType({}),
 ) -> list[Any]:
     """phi of every label: tensors (B,), or () where no coordinate decides.
 
@@ -92,7 +92,7 @@ class _Tensors(Numbers):
         coordinate: Callable[[int], Any],
         constant: Callable[[float], Any],
         beta: float | None,
-        closest: Mapping[int, Closest],
+        closest: Mapping[int, ConjunctionTerms],
         values: list[Any],
     ) -> None:
         self._turning = Turning(TORCH)
@@ -122,7 +122,7 @@ class _Tensors(Numbers):
         return _junction(node.kind, args, self._beta)
 
 
-def _least(closest: Closest, values: list[Any], namespace: Namespace) -> Tensor:
+def _least(closest: ConjunctionTerms, values: list[Any], namespace: Namespace) -> Tensor:
     """The conjunction of clearances and whatever else is in it."""
     needed = {arg: values[arg].detach().numpy() for arg in closest.needs}
     gap = PRIMITIVES["gap"].evaluate

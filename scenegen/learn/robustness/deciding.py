@@ -17,7 +17,7 @@ from scenegen.geometry.namespace import Turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, last_uses, part_of
 from scenegen.lang.formula.headings import bare_rows
 from scenegen.lang.formula.interpret import Algebra, fold
-from scenegen.lang.formula.nearest import Closest, find, last_uses_of, least
+from scenegen.lang.formula.nearest import ConjunctionTerms, find, last_uses_of, least
 from scenegen.learn.robustness.compile import coordinates, run
 from scenegen.learn.robustness.namespace import TORCH
 from scenegen.pose import SIZE, THETA
@@ -43,13 +43,13 @@ def decided(
     dead: list[list[int]],
     coordinate: Callable[[int], Tensor],
     rows: Tensor,
-    closest: Mapping[int, Closest] = MappingProxyType({}),
+    closest: Mapping[int, ConjunctionTerms] = MappingProxyType({}),
 ) -> tuple[Tensor, Tensor]:
     """phi (L, B) of storage (3N, B), and the node of the atom that decides it, (L, B) int32. coordinate(row) is a row
     of the storage. Of the clearances in `closest`, only those that may decide are computed, on the CPU; `dead` is as
     in scenegen.learn.robustness.compile. Which of several atoms decides is then open."""
     values: list[_Value] = []
-    algebra = _Winners(coordinate, rows, closest, values)
+    algebra = _ActiveAtoms(coordinate, rows, closest, values)
     fold(core.nodes, algebra, dead=dead, free=algebra.free, values=values)
     found = [values[node] for node in core.labels.values()]
     phi, atoms = ([value.expand(rows.shape[1]) for value in each] for each in zip(*found, strict=True))
@@ -60,14 +60,14 @@ _Value = tuple[Tensor, Tensor]
 """A node's number and, of a formula, the atom that it comes from."""
 
 
-class _Winners(Algebra[_Value]):
+class _ActiveAtoms(Algebra[_Value]):
     """See `decided`; `values` are those of the nodes so far."""
 
     def __init__(
         self,
         coordinate: Callable[[int], Tensor],
         rows: Tensor,
-        closest: Mapping[int, Closest],
+        closest: Mapping[int, ConjunctionTerms],
         values: list[_Value],
     ) -> None:
         self._coordinate, self._rows, self._closest, self._values = coordinate, rows, closest, values
@@ -106,7 +106,7 @@ class _Winners(Algebra[_Value]):
             value, winner = torch.where(better, other, value), torch.where(better, its, winner)
         return value, winner
 
-    def _least(self, closest: Closest) -> list[_Value]:
+    def _least(self, closest: ConjunctionTerms) -> list[_Value]:
         """The least clearance with its atom, or all of them."""
         of, gap = self._values, PRIMITIVES["gap"].evaluate
 
@@ -142,7 +142,7 @@ class Slopes:
         self._dead = last_uses_of(self._core, self._closest)
         self._bare = bare_rows(self._core)
         self._forms: dict[tuple[Node, ...], _Form] = {}
-        self._pieces: dict[int, _Piece] = {}
+        self._pieces: dict[int, _MarginForm] = {}
 
     def __call__(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """(3N, B) storage -> phi (L, B), and the node of the atom that decides it, (L, B) int32."""
@@ -154,7 +154,7 @@ class Slopes:
         wanted = where.nonzero()[:, 0]
         wanted = wanted[atoms[wanted].argsort(stable=True)]
         counts = torch.bincount(atoms[wanted], minlength=1)
-        together: dict[int, list[tuple[_Piece, Tensor]]] = {}
+        together: dict[int, list[tuple[_MarginForm, Tensor]]] = {}
         found = counts.nonzero()[:, 0]
         for atom, scenes in zip(found.tolist(), torch.split(wanted, counts[found].tolist()), strict=True):
             piece = self._piece(atom)
@@ -180,7 +180,7 @@ class Slopes:
             stored.scatter_(0, place, slope.reshape(-1))
         return result
 
-    def _piece(self, atom: int) -> _Piece:
+    def _piece(self, atom: int) -> _MarginForm:
         """The margin of an atom as a formula of its own objects alone."""
         if atom not in self._pieces:
             margin = cast(Atom, self._core.nodes[atom]).margin
@@ -191,7 +191,7 @@ class Slopes:
             if nodes not in self._forms:
                 self._forms[nodes] = _form(nodes, tuple(map(str, range(len(objects)))), len(self._forms))
             reads = [SIZE * which + axis for which in objects for axis in range(SIZE)]
-            self._pieces[atom] = _Piece(self._forms[nodes], reads, sizes)
+            self._pieces[atom] = _MarginForm(self._forms[nodes], reads, sizes)
         return self._pieces[atom]
 
 
@@ -219,7 +219,7 @@ def _form(nodes: tuple[Node, ...], objects: tuple[str, ...], number: int) -> _Fo
 
 
 @dataclass(frozen=True, slots=True)
-class _Piece:
+class _MarginForm:
     """An atom's margin: its form, the rows of the storage that it reads, and the sizes of its circles and boxes."""
 
     form: _Form
@@ -253,7 +253,7 @@ class _Circles(Circle):
     __eq__, __hash__ = object.__eq__, object.__hash__
 
 
-class _Boxes(Box):
+class _MixedBoxes(Box):
     """Boxes of many sizes; the numbers of one and of another are not compared."""
 
     __slots__ = ()
@@ -269,6 +269,6 @@ def _sized(node: Node, sizes: Iterator[Tensor]) -> Node:
         if isinstance(shape, Circle):
             shape = _Circles(cast(float, next(sizes)))
         elif isinstance(shape, Box):
-            shape = _Boxes(cast(float, next(sizes)), cast(float, next(sizes)))
+            shape = _MixedBoxes(cast(float, next(sizes)), cast(float, next(sizes)))
         shapes.append(shape)
     return Apply(node.primitive, node.args, tuple(shapes))

@@ -58,7 +58,7 @@ def _where(condition: Tensor, a: Tensor, b: Tensor) -> Tensor:
     return torch.where(condition, a, b)
 
 
-class _Torch:
+class _TorchNamespace:
     minimum = staticmethod(torch.minimum)
     maximum = staticmethod(torch.maximum)
     absolute = staticmethod(torch.abs)
@@ -76,4 +76,4 @@ class _Torch:
     where = staticmethod(_where)
 
 
-TORCH: Namespace = _Torch()
+TORCH: Namespace = _TorchNamespace()

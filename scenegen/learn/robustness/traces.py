@@ -85,7 +85,7 @@ class TraceRobustness:
         def everywhere(value: float) -> Tensor:
             return poses.new_full((batch, moments), value)
 
-        values = over_time(_Torch(), self.timed, signals.unbind(0), everywhere)
+        values = over_time(_TorchTraces(), self.timed, signals.unbind(0), everywhere)
         return [values[node] for node in wanted]
 
     def _refuse(self, poses: Tensor) -> None:
@@ -118,7 +118,7 @@ def _again(timed: Timed, compiled: bool, held: Held) -> TraceRobustness:
     return TraceRobustness(timed, compiled=compiled, held=held)
 
 
-class _Torch:
+class _TorchTraces:
     """Arrays of torch, for scenegen.lang.formula.timed."""
 
     minimum = staticmethod(torch.minimum)

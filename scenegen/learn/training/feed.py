@@ -66,7 +66,7 @@ class Feed(ABC):
             yield shuffled.take(slice(start, start + self.size))
 
 
-class Memory(Feed):
+class MemoryFeed(Feed):
     """All scenes at once, on the device."""
 
     def __init__(self, spec: CheckedSpec, config: TrainConfig, data: Dataset, held: int) -> None:
@@ -133,7 +133,7 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
             make = partial(balanced, phi=asked)
         data = make(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
         gathering.save(long_ones=True)
-        return Memory(spec, config, data, held)
+        return MemoryFeed(spec, config, data, held)
     path = Path(config.data)
     if path.suffix.lower() == ".parquet" and not read_scenes(path).header.counts:
         sizes: tuple[int, ...] = format_of(path).group_sizes(path)
@@ -142,7 +142,7 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
     gathering.begin(f"reading {path}")
     data = whole_file(spec, path, config.scenes)
     gathering.check()
-    return Memory(spec, config, data, held_count(len(data)))
+    return MemoryFeed(spec, config, data, held_count(len(data)))
 
 
 def regions_of(data: Dataset) -> tuple[Tensor, ...]:

@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.processes.ahead import Reserve
-from scenegen.processes.pool import Underway, run_pieces
+from scenegen.processes.ahead import IdleWorkers
+from scenegen.processes.pool import PendingItem, run_pieces
 from scenegen.sampling.plan import Plan
 from scenegen.scenes.blocks import BLOCK, Array, Block, joined
 
@@ -59,14 +59,14 @@ class Drawing:
 
 
 def draw_pieces(
-    drawing: Drawing, numbers: Iterable[int], workers: int, reserve: Reserve | None
+    drawing: Drawing, numbers: Iterable[int], workers: int, reserve: IdleWorkers | None
 ) -> Generator[tuple[Block, Cells, Array], None, None]:
     """The pieces of these numbers, in their order: see `run_pieces`. Those that other processes draw already are left
     to them."""
     if workers == 1:
         return run_pieces(drawing, numbers)
     job = replace(drawing, plan=drawing.plan.alone())
-    underway = {k: Underway(beside, partial(drawing, k)) for k, beside in drawing.plan.underway().items()}
+    underway = {k: PendingItem(beside, partial(drawing, k)) for k, beside in drawing.plan.underway().items()}
     return run_pieces(job, numbers, workers, reserve, underway)
 
 

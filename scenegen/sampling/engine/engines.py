@@ -18,7 +18,7 @@ import numpy as np
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import ADDRESS_WITHOUT_RAY, UNKNOWN_ENGINE
 from scenegen.errors.program import PROCESS_DIED
-from scenegen.processes.ahead import Reserve
+from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.pool import check_workers, one_thread, run_pieces
 from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import Cells, Drawing
@@ -28,7 +28,7 @@ from scenegen.scenes.data import SceneFile
 from scenegen.scenes.sets import Shard, make_shard
 from scenegen.scenes.stores import Store
 
-Held = Any
+SceneHandle = Any
 """Scenes that an engine holds, here or elsewhere: only the engine looks into it."""
 
 ENGINES = {
@@ -38,17 +38,17 @@ ENGINES = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drawn:
+class DrawnPiece:
     """A piece without its candidates out of range: the cell of each candidate (m,), the piece's facts, and the
     candidates, held by the engine."""
 
     cell: Cells
     facts: Array
-    scenes: Held
+    scenes: SceneHandle
 
 
 @dataclass(frozen=True, slots=True)
-class Writing:
+class ShardWriter:
     """The work of writing a shard from blocks of scenes: every scene is checked once more, then the file is written. It
     is sent to other processes. Raises AssertionError for a scene that fails the check, OutputError."""
 
@@ -103,31 +103,31 @@ class Engine(ABC):
         """`pieces` will be asked for this from piece 0 on: it may begin."""
 
     @abstractmethod
-    def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
+    def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
         """The pieces from number `first` on, in order, without end. Raises what drawing raises."""
 
     @abstractmethod
-    def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
+    def choose(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
         """Scenes of several parts as one: see `chosen`."""
 
-    def pick(self, which: Array, parts: Mapping[int, Held]) -> Held:
+    def pick(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
         """The same for `write` alone: they may stay where they are until then."""
         return self.choose(which, parts)
 
-    def pack(self, writing: Writing, number: int, block: Held) -> Held:
+    def pack(self, writing: ShardWriter, number: int, block: SceneHandle) -> SceneHandle:
         """One more block of shard `number`, which may be packed already. Returns what `write` needs of it."""
         return block
 
     @abstractmethod
-    def fetch(self, scenes: Held) -> Block:
+    def fetch(self, scenes: SceneHandle) -> Block:
         """Scenes that the engine holds, in this process."""
 
     @abstractmethod
-    def hold(self, scenes: Block) -> Held:
+    def hold(self, scenes: Block) -> SceneHandle:
         """Scenes of this process, for the engine to hold."""
 
     @abstractmethod
-    def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
+    def write(self, writing: ShardWriter, number: int, pieces: int, blocks: Sequence[SceneHandle]) -> None:
         """Begin to write shard `number`; `blocks` are what `pack` has returned. Waits if too many are being
         written."""
 
@@ -161,7 +161,7 @@ def check_engine(name: str, address: str | None = None) -> str:
 
 
 def open_engine(
-    name: str, workers: int | None, plan: Plan, address: str | None = None, reserve: Reserve | None = None
+    name: str, workers: int | None, plan: Plan, address: str | None = None, reserve: IdleWorkers | None = None
 ) -> Engine:
     """An engine by its name. `workers` is the number of processes, None for as many as serve; local ones are taken from
     the reserve. Raises RequestError for an unknown name, a package that is not installed, and a cluster that cannot be
@@ -184,7 +184,7 @@ Named = tuple[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class JobResult:
     """A job that is over: its value, or why it failed."""
 
     name: str
@@ -198,22 +198,22 @@ class Attempt:
 
     job: Callable[[Any], Any]
 
-    def __call__(self, named: Named) -> Ended:
+    def __call__(self, named: Named) -> JobResult:
         name, item = named
         try:
             with one_thread():
-                return Ended(name, self.job(item))
+                return JobResult(name, self.job(item))
         except ScenegenError as error:
-            return Ended(name, errors=tuple(error.diagnostics))
+            return JobResult(name, errors=tuple(error.diagnostics))
 
 
-def here(job: Callable[[Any], Any], items: Iterable[Named]) -> Generator[Ended, None, None]:
+def here(job: Callable[[Any], Any], items: Iterable[Named]) -> Generator[JobResult, None, None]:
     """Every job in this process, one after the other: for jobs that use all processes themselves."""
     for name, item in items:
         try:
-            ended = Ended(name, job(item))
+            ended = JobResult(name, job(item))
         except ScenegenError as error:
-            ended = Ended(name, errors=tuple(error.diagnostics))
+            ended = JobResult(name, errors=tuple(error.diagnostics))
         yield ended
 
 
@@ -223,14 +223,14 @@ def each(
     engine: str = "local",
     workers: int | None = None,
     address: str | None = None,
-) -> Generator[Ended, None, None]:
+) -> Generator[JobResult, None, None]:
     """job(item) of every named item, in their order, by an engine; `job`, items and results must be picklable.
 
     `workers` is the number of processes, by default one per core; a job that ends its process twice has failed like any
     other. Raises RequestError for an unknown engine, a package that is not installed, a cluster that cannot be reached
     and a wrong number of workers; ScenegenError where processes cannot start or the cluster fails.
     """
-    lost: dict[int, Ended] = {}  # whose process died, by place
+    lost: dict[int, JobResult] = {}  # whose process died, by place
     place = 0
     while place < len(items):
         rest = [index for index in range(place, len(items)) if index not in lost]
@@ -245,7 +245,7 @@ def each(
             if which is None:
                 raise
             index = rest[which]
-            lost[index] = Ended(items[index][0], errors=tuple(error.diagnostics))
+            lost[index] = JobResult(items[index][0], errors=tuple(error.diagnostics))
             continue
         yield from (lost[index] for index in range(place, len(items)))
         return
@@ -253,7 +253,7 @@ def each(
 
 def _results(
     job: Attempt, items: list[Named], engine: str, workers: int | None, address: str | None
-) -> Generator[Ended, None, None]:
+) -> Generator[JobResult, None, None]:
     if engine == "local" and address is None:  # needs no pyarrow
         count = check_workers(workers) if workers is not None else cores()
         return run_pieces(job, items, max(1, min(count, len(items))))

@@ -17,13 +17,13 @@ from functools import partial
 from itertools import count
 from typing import Any
 
-from scenegen.processes.ahead import Reserve
+from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.pool import check_workers, run_pieces
 from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import Cells, Drawing, draw_pieces
-from scenegen.sampling.engine.engines import Drawn, Engine, Held, Writing, chosen
+from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, chosen
 from scenegen.sampling.engine.run import jobs
-from scenegen.sampling.engine.stream import Packing, Room
+from scenegen.sampling.engine.stream import BlockPacker, ByteBudget
 from scenegen.sampling.plan import Plan
 from scenegen.scenes.blocks import Array, Block
 from scenegen.scenes.sets import Shard
@@ -38,47 +38,47 @@ Written = tuple[Shard, list[str]]
 class Local(Engine):
     """Holds scenes as blocks in memory. A single worker is this process, which then writes shards before it goes on."""
 
-    def __init__(self, workers: int, reserve: Reserve | None = None) -> None:
+    def __init__(self, workers: int, reserve: IdleWorkers | None = None) -> None:
         self._workers, self._reserve = workers, reserve
         self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
         self._results: Generator[tuple[Block, Cells, Array], None, None] | None = None
-        self._room = Room()
+        self._room = ByteBudget()
         self._tell: Tell | None = None
-        self._packing: Packing[Written] | None = None  # the shard that is being filled
-        self._packed: deque[tuple[Packing[Written], int]] = deque()  # those that are full, and their pieces
+        self._packing: BlockPacker[Written] | None = None  # the shard that is being filled
+        self._packed: deque[tuple[BlockPacker[Written], int]] = deque()  # those that are full, and their pieces
         self._shards: deque[Shard] = deque()  # written by this process, in order
 
     def prepare(self, drawing: Drawing) -> None:
         self._results = self._drawn(drawing, 0)
 
-    def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
+    def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
         if self._results is None:
             self._results = self._drawn(drawing, first)
         with closing(self._results) as results:
             for scenes, cell, facts in results:
-                yield Drawn(cell, facts, scenes)
+                yield DrawnPiece(cell, facts, scenes)
 
     def _drawn(self, drawing: Drawing, first: int) -> Generator[tuple[Block, Cells, Array], None, None]:
         return draw_pieces(drawing, count(first), self._workers, self._reserve)
 
-    def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
+    def choose(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
         return chosen(which, parts)
 
-    def fetch(self, scenes: Held) -> Block:
+    def fetch(self, scenes: SceneHandle) -> Block:
         assert isinstance(scenes, Block)
         return scenes
 
-    def hold(self, scenes: Block) -> Held:
+    def hold(self, scenes: Block) -> SceneHandle:
         return scenes
 
-    def pack(self, writing: Writing, number: int, block: Held) -> Held:
+    def pack(self, writing: ShardWriter, number: int, block: SceneHandle) -> SceneHandle:
         if self._threads is None:
             return block
-        self._packing = self._packing or Packing(self._threads, self._room, partial(_written, writing, number))
+        self._packing = self._packing or BlockPacker(self._threads, self._room, partial(_written, writing, number))
         self._packing.add(writing.ready(block))
         return None
 
-    def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
+    def write(self, writing: ShardWriter, number: int, pieces: int, blocks: Sequence[SceneHandle]) -> None:
         self._tell = writing.store.tell
         if self._threads is None:
             self._shards.append(writing(number, pieces, blocks))
@@ -110,7 +110,7 @@ class Local(Engine):
             self._threads.shutdown(cancel_futures=True)
 
 
-def _written(writing: Writing, number: int, blocks: Iterator[Block]) -> Written:
+def _written(writing: ShardWriter, number: int, blocks: Iterator[Block]) -> Written:
     """Runs in a thread."""
     said: list[str] = []
     return replace(writing, store=writing.store.told_to(said.append)).write(number, 0, blocks, beside=True), said
@@ -125,6 +125,6 @@ def map_each(
     return run_pieces(job, items, count)
 
 
-def start(workers: int | None, plan: Plan, address: str | None, reserve: Reserve | None) -> Engine:
+def start(workers: int | None, plan: Plan, address: str | None, reserve: IdleWorkers | None) -> Engine:
     """`workers` is that of the plan's request, if it has one."""
     return Local(jobs(plan), reserve)

@@ -20,12 +20,12 @@ from typing import Any
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.processes.ahead import Reserve
+from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.process import SAFE_PATH
 from scenegen.processes.worker import VARIABLES
 from scenegen.sampling.engine import ray_tasks
 from scenegen.sampling.engine.blocks import Drawing
-from scenegen.sampling.engine.engines import Drawn, Engine, Held, Writing, parts_of
+from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, parts_of
 from scenegen.sampling.plan import Plan
 from scenegen.scenes.blocks import Array, Block
 from scenegen.scenes.sets import Shard
@@ -71,7 +71,7 @@ class Cluster(Engine):
         self._jobs: dict[int, tuple[object, Any]] = {}  # what was sent once, by identity
         self._candidates = self._picked = 0  # of this run, so far
 
-    def pieces(self, drawing: Drawing, first: int) -> Generator[Drawn, None, None]:
+    def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
         job = self._sent(drawing)
         waiting: deque[tuple[Any, Any]] = deque()
         k, together = first, 1
@@ -88,16 +88,16 @@ class Cluster(Engine):
                 cell, facts, seconds = found
                 together = max(1, min(TOGETHER, round(TASK / max(seconds, 1e-3))))
                 self._candidates += len(cell)
-                yield Drawn(cell, facts.copy(), _Stored(scenes))
+                yield DrawnPiece(cell, facts.copy(), _Stored(scenes))
         finally:
             for counts, _ in waiting:
                 self._ray.cancel(counts, force=False)
 
-    def choose(self, which: Array, parts: Mapping[int, Held]) -> Held:
+    def choose(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
         mine = _parts(which, parts)
         return _Stored(self._choose.remote(which, list(mine), *mine.values()))
 
-    def pick(self, which: Array, parts: Mapping[int, Held]) -> Held:
+    def pick(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
         """The task that writes them chooses them, which saves storing them twice; unless few candidates become scenes:
         pieces would take much memory until then."""
         self._picked += which.shape[1]
@@ -105,14 +105,14 @@ class Cluster(Engine):
             return self.choose(which, parts)
         return _Picked(which, _parts(which, parts))
 
-    def fetch(self, scenes: Held) -> Block:
+    def fetch(self, scenes: SceneHandle) -> Block:
         block: Block = self._get(scenes.reference, "scenes")
         return block
 
-    def hold(self, scenes: Block) -> Held:
+    def hold(self, scenes: Block) -> SceneHandle:
         return _Stored(self._ray.put(scenes))
 
-    def write(self, writing: Writing, number: int, pieces: int, blocks: Sequence[Held]) -> None:
+    def write(self, writing: ShardWriter, number: int, pieces: int, blocks: Sequence[SceneHandle]) -> None:
         if len(self._writing) >= SHARDS:
             self._ray.wait([self._writing[0]])
         if writing.store.tell is not None:  # listeners stay here
@@ -139,7 +139,7 @@ class Cluster(Engine):
 
     def _sent(self, job: object) -> Any:
         if id(job) not in self._jobs:
-            sent = replace(job, store=job.store.told_to(None)) if isinstance(job, Writing) else job
+            sent = replace(job, store=job.store.told_to(None)) if isinstance(job, ShardWriter) else job
             self._jobs[id(job)] = job, self._ray.put(ray_tasks.packed(sent))
         return self._jobs[id(job)][1]
 
@@ -147,7 +147,7 @@ class Cluster(Engine):
         return result_of(self._ray, reference, what)
 
 
-def _parts(which: Array, parts: Mapping[int, Held]) -> dict[int, Any]:
+def _parts(which: Array, parts: Mapping[int, SceneHandle]) -> dict[int, Any]:
     """References to the parts that these scenes are in, by number."""
     first, numbers = parts_of(which)
     return {number: parts[number].reference for number in (first + numbers).tolist()}
@@ -199,7 +199,7 @@ def map_each(
             yield result_of(ray, waiting.popleft(), "a shard")
 
 
-def start(workers: int | None, plan: Plan, address: str | None, reserve: Reserve | None) -> Engine:
+def start(workers: int | None, plan: Plan, address: str | None, reserve: IdleWorkers | None) -> Engine:
     """An engine of the cluster: see `joined_cluster`. Raises RequestError."""
     stack = contextlib.ExitStack()
     return Cluster(stack.enter_context(joined_cluster(workers, address)), workers, stack.close)

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
-from scenegen.processes.ahead import Reserve
+from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import cores
 from scenegen.sampling.engine.stream import run_blocks, stream_scenes
@@ -45,7 +45,7 @@ Header = Callable[[dict[str, object]], SceneFile]
 
 
 @dataclass(frozen=True, slots=True)
-class Sampled:
+class SampledScenes:
     """Scenes: rows (3N, n) and phi (L, n) in float64, how they were made, and warnings.
 
     `info` goes into the scene file's `sampler` (no timings: the same seed gives the same bytes). `shortfall` is set if
@@ -73,7 +73,7 @@ def jobs(plan: Plan) -> int:
     return 1 if work < SMALL else max(1, min(cores(), plan.shared_by, math.floor(work / AT_LEAST)))
 
 
-def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> Sampled:
+def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> SampledScenes:
     """The scenes of a plan, or as many as the budget allows: `shortfall` then says why. Raises what `run_blocks`
     raises, and AssertionError for a scene that fails the check."""
     labels = len(plan.problem.spec.labels)
@@ -94,7 +94,7 @@ def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> S
             rows[:, part], phi[:, part] = block.rows, block.phi
             count += block.count
         info, warnings = summed_up(plan, tally)
-        return Sampled(rows[:, :count], phi[:, :count], info, warnings, fell_short(plan, tally))
+        return SampledScenes(rows[:, :count], phi[:, :count], info, warnings, fell_short(plan, tally))
 
 
 def to_file(
@@ -156,7 +156,7 @@ def request_of(problem: Problem, versions: Mapping[str, str]) -> dict[str, objec
 
 def draw(
     problem: Problem, budget: Budget | None = None, progress: Progress | None = None, *, method: str | None = None
-) -> Sampled:
+) -> SampledScenes:
     """Exact scenes for a problem, by the request's method or another one; in this process, unless the request gives a
     number of workers. Raises RequestError if it is known that there are none."""
     budget = Budget(problem.request.timeout) if budget is None else budget
@@ -177,20 +177,20 @@ MODELS = ("scenegen.sampling.engine.blocks", "scenegen.learn.guided", "scenegen.
 
 def start_processes(
     workers: int | None, engine: str = "local", *, settle: bool = False, load: tuple[str, ...] = SCENES
-) -> Reserve:
+) -> IdleWorkers:
     """If a request asks for several processes, they start at once and load what most plans need, but as long as this
     one loads it has a core of its own; none if another engine draws its pieces, or a simulator settles them. Raises
     RequestError for an invalid number."""
     count = 1 if workers is None else check_workers(workers)
     if count == 1 or engine != "local" or settle:
-        return Reserve()
+        return IdleWorkers()
     now = max(1, min(count, cores() - 1))
-    return Reserve(now, load, later=min(count, cores()) - now)
+    return IdleWorkers(now, load, later=min(count, cores()) - now)
 
 
 @contextlib.contextmanager
 def open_budget(
-    request: SampleRequest, engine: str = "local", *, load: tuple[str, ...] = SCENES, reserve: Reserve | None = None
+    request: SampleRequest, engine: str = "local", *, load: tuple[str, ...] = SCENES, reserve: IdleWorkers | None = None
 ) -> Iterator[Budget]:
     """The budget of a request, as a context manager. Its processes start now, unless there is a `reserve` already."""
     from scenegen.sampling.problem import Budget

@@ -22,8 +22,8 @@ from scenegen.errors import OutputError, ScenegenError
 from scenegen.errors.program import INTERRUPTED
 from scenegen.processes.process import stop_signals
 from scenegen.sampling.engine.blocks import BlockAssembler, Drawing
-from scenegen.sampling.engine.engines import Drawn, Engine, Held, Writing
-from scenegen.sampling.engine.stream import Standing
+from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter
+from scenegen.sampling.engine.stream import RunProgress
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Array, Block
@@ -39,7 +39,7 @@ def write_set(
     plan: Plan,
     engine: Engine,
     manifest: Manifest,
-    writing: Writing,
+    writing: ShardWriter,
     account: Callable[[Tally], Mapping[str, Any]],
     *,
     resume: bool = False,
@@ -57,7 +57,7 @@ def write_set(
     `begin` and the engine raise.
     """
     found = begin(store, manifest, resume=resume)
-    run = _Run(store, plan, engine, found, writing, block)
+    run = _SetRun(store, plan, engine, found, writing, block)
     if found.complete:
         return None, found
     if found.checkpoint is not None:
@@ -97,22 +97,22 @@ class _Moment:
     """A run between two pieces: its state, the scenes that wait, if any, and the cells of these, (1, m)."""
 
     state: dict[str, object]
-    waiting: Held | None
+    waiting: SceneHandle | None
     cells: Array
 
 
 @dataclass(slots=True)
-class _Run:
+class _SetRun:
     store: Store
     plan: Plan
     engine: Engine
     manifest: Manifest
-    writing: Writing
+    writing: ShardWriter
     block: int
-    standing: Standing = field(init=False)
-    _parts: dict[int, Held] = field(default_factory=dict)
+    standing: RunProgress = field(init=False)
+    _parts: dict[int, SceneHandle] = field(default_factory=dict)
     _sizes: dict[int, int] = field(default_factory=dict)
-    _blocks: list[Held] = field(default_factory=list)  # of the unfinished shard
+    _blocks: list[SceneHandle] = field(default_factory=list)  # of the unfinished shard
     _count: int = 0  # scenes in them
     _done: int = 0  # scenes in complete and begun shards
     # from which a run goes on when the shards that were begun are complete
@@ -121,7 +121,7 @@ class _Run:
 
     def __post_init__(self) -> None:
         plan = self.plan
-        self.standing = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, self.block, plan.groups))
+        self.standing = RunProgress(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, self.block, plan.groups))
         self._done = self.manifest.scenes
 
     def restore(self, checkpoint: Checkpoint) -> None:
@@ -132,7 +132,7 @@ class _Run:
         cells = waiting[-1:] if waiting.size else waiting
         self.standing.restore(checkpoint.state, np.concatenate([places, cells]) if waiting.size else waiting, 2)
 
-    def take(self, drawn: Drawn) -> None:
+    def take(self, drawn: DrawnPiece) -> None:
         """One more piece."""
         count = len(drawn.cell)
         before = self.standing.state() if self._can_end_a_shard(count) else None
@@ -179,7 +179,7 @@ class _Run:
         return assembler.found + count >= end
 
     def _moment(self, state: dict[str, object], waiting: Array) -> _Moment:
-        """What `Standing.state` returned before the piece that is being taken; the parts of then are still there."""
+        """What `RunProgress.state` returned before the piece that is being taken; the parts of then are still there."""
         if not waiting.size:
             return _Moment(state, None, np.empty((1, 0)))
         return _Moment(state, self.engine.choose(waiting[:2], self._parts), waiting[2:])

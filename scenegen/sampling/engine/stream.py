@@ -18,7 +18,7 @@ from typing import IO, Any, Generic, TypeVar
 import numpy as np
 
 from scenegen.errors.program import INTERRUPTED
-from scenegen.processes.ahead import Reserve
+from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.pool import run_pieces
 from scenegen.processes.process import stop_signals
 from scenegen.sampling.engine.blocks import BlockAssembler, Cells, Drawing, draw_pieces
@@ -51,7 +51,7 @@ class JoinedFile:
         joining: Callable[[Block], None] | None,
         stored: Callable[[Block], Block] | None,
         workers: int,
-        reserve: Reserve | None,
+        reserve: IdleWorkers | None,
         scenes: int,
     ) -> None:
         self._shards, self._labels = shards, labels
@@ -108,7 +108,7 @@ AHEAD = 1 << 26  # bytes of blocks that wait to be packed
 WAIT = 0.5  # seconds after which a thread that waits looks whether all is over
 
 
-class Room:
+class ByteBudget:
     """For blocks that wait: at most AHEAD bytes, or a single block."""
 
     def __init__(self) -> None:
@@ -129,10 +129,10 @@ class Room:
             self._changed.notify_all()
 
 
-class Packing(Generic[T]):
+class BlockPacker(Generic[T]):
     """`work` gets the blocks in a thread, as they are added. Several can share the room for those that wait."""
 
-    def __init__(self, threads: ThreadPoolExecutor, room: Room, work: Callable[[Iterator[Block]], T]) -> None:
+    def __init__(self, threads: ThreadPoolExecutor, room: ByteBudget, work: Callable[[Iterator[Block]], T]) -> None:
         self._room = room
         self._blocks: queue.SimpleQueue[Block | None] = queue.SimpleQueue()
         self._current: Block | None = None  # is being packed
@@ -210,7 +210,7 @@ CHECKPOINT = 5.0  # seconds of work that kill -9 may cost; the times of checkpoi
 
 
 @dataclass(slots=True)
-class Standing:
+class RunProgress:
     """The progress of a run. `used` pieces have given the sums `facts`; the last `idle` of them gave no new scene.
     `cut` says how far the piece had come that the time limit cut short."""
 
@@ -270,7 +270,7 @@ def run_blocks(
     labels: int,
     *,
     workers: int = 1,
-    reserve: Reserve | None = None,
+    reserve: IdleWorkers | None = None,
     spent: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
     size: int = BLOCK,
@@ -280,7 +280,7 @@ def run_blocks(
     `labels` is the number of the spec's labels. `spent` is called after each piece; if it returns True, the run ends
     with fewer scenes than requested. Raises what `run_pieces` raises.
     """
-    run = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
+    run = RunProgress(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
     with closing(draw_pieces(Drawing(plan, labels), itertools.count(), workers, reserve)) as results:
         while not run.over:
             try:
@@ -308,7 +308,7 @@ def stream_scenes(
     *,
     request: Mapping[str, object],
     workers: int = 1,
-    reserve: Reserve | None = None,
+    reserve: IdleWorkers | None = None,
     resume: bool = False,
     keep_partial: bool = False,
     spent: Callable[[], bool] = lambda: False,
@@ -344,7 +344,7 @@ def stream_scenes(
     format_of(path).write(io.BytesIO(), trial, labels, [])
     coordinates = len(plan.problem.lowest)
     with contextlib.ExitStack() as ending:
-        standing = Standing(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
+        standing = RunProgress(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
         drawing = Drawing(plan, len(labels))
 
         def drawn(first: int) -> Generator[tuple[Block, Cells, Array], None, None]:
@@ -356,7 +356,7 @@ def stream_scenes(
         shards = ending.enter_context(open_shards(path, facts, coordinates, resume=resume))
         ending.enter_context(_saying_how_to_go_on(path, shards))
         file = JoinedFile(shards, path, labels, joining, stored, workers, reserve, plan.wanted)
-        run = _Run(shards, standing, inspect)
+        run = _StoredRun(shards, standing, inspect)
         if shards.state:
             waiting = np.empty((0, 0)) if shards.joined else shards.pool()
             standing.restore(shards.state, waiting, coordinates)
@@ -414,15 +414,15 @@ def _saying_how_to_go_on(path: Path, shards: Shards) -> Iterator[None]:
         raise KeyboardInterrupt(INTERRUPTED(folder=folder_of(path), scenes=shards.state["found"])) from error
 
 
-class _Run:
+class _StoredRun:
     """A run that stores its blocks. `settled` is False while a piece is processed or a checkpoint is written."""
 
-    def __init__(self, shards: Shards, standing: Standing, inspect: Callable[[Block], None] | None) -> None:
+    def __init__(self, shards: Shards, standing: RunProgress, inspect: Callable[[Block], None] | None) -> None:
         self.settled = True
         self.standing = standing
         self._shards, self._inspect = shards, inspect
         self._last = time.monotonic()
-        self._packing: Packing[None] | None = None  # the file, if it is packed while the run goes on
+        self._packing: BlockPacker[None] | None = None  # the file, if it is packed while the run goes on
         self._header: SceneFile | None = None
 
     @property
@@ -441,8 +441,8 @@ class _Run:
 
         before = self._shards.blocks()  # of a run that is resumed
         with ThreadPoolExecutor(1) as threads:
-            self._packing = Packing(
-                threads, Room(), lambda added: file.write(header, itertools.chain(before, added), final=final)
+            self._packing = BlockPacker(
+                threads, ByteBudget(), lambda added: file.write(header, itertools.chain(before, added), final=final)
             )
             try:
                 yield

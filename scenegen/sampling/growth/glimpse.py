@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.pose import BELOW_TURN, THETA, along
-from scenegen.sampling.growth.grow import HITS, Stuck, explore
+from scenegen.sampling.growth.grow import HITS, PlacementFailed, explore
 from scenegen.sampling.growth.machine import make_machine
 from scenegen.sampling.growth.particles import MoveTally
 from scenegen.sampling.growth.population import GROWTH
@@ -49,7 +49,7 @@ def _glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int])
         quick = size < sizes[-1]
         hits = QUICK if quick else HITS
         grown, _ = explore(machine, cells[island], island, rng, MoveTally(), hits=hits, moves=not quick)
-        if not isinstance(grown, Stuck):
+        if not isinstance(grown, PlacementFailed):
             _, first = np.unique(grown.particles.island, return_index=True)
             rows = grown.particles.scenes[:, first].copy()
             break

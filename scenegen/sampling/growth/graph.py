@@ -5,7 +5,8 @@ ends. A clause depends on the poses of a few objects only; growth scores it as s
 and a move scores the clauses of what it moves. There are three kinds:
 
 * a `Pair` keeps two footprints (or two points) at a distance. Only neighbours matter, and there may be thousands;
-* a `Choice` is a disjunction over several objects: one of its `Way`s must hold, and what is placed first says which
+* a `Disjunction` is a disjunction over several objects: one of its `Way`s must hold, and what is placed first says
+which
   ways are still open;
 * every other clause is evaluated as it is.
 
@@ -165,7 +166,7 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Choice:
+class Disjunction:
     """At least one way holds: `whole` does."""
 
     whole: Clause
@@ -183,7 +184,7 @@ class Graph:
     core: Core
     clauses: tuple[Clause, ...]
     pairs: tuple[Pair, ...]
-    choices: tuple[Choice, ...]
+    choices: tuple[Disjunction, ...]
     rows: frozenset[int]
     low: Array
     high: Array
@@ -208,7 +209,7 @@ def make_graph(problem: Problem, rounds: int = ROUNDS, effort: Effort | None = N
     builder = _Builder(problem, rounds, stands, effort)
     clauses: list[Clause] = []
     pairs: list[Pair] = []
-    choices: list[Choice] = []
+    choices: list[Disjunction] = []
     narrowing: list[Clause] = []
     for clause in builder.clauses(builder.demands()):
         pair = builder.pair(clause)
@@ -355,7 +356,7 @@ class _Builder:
             return float(lowest[node.row])
         return node.value if isinstance(node, Const) else None
 
-    def choice(self, clause: Clause) -> Choice | None:
+    def choice(self, clause: Clause) -> Disjunction | None:
         """The clause as a choice, where it is a disjunction that says something before all of its objects are
         placed."""
         node = self._core.nodes[clause.node]
@@ -370,7 +371,7 @@ class _Builder:
             ways.append(Way(whole, tuple(self.clauses(asked(self._core, whole)))))
         if len(clause.objects) <= LOCAL and all(way.whole.objects == clause.objects for way in ways):
             return None
-        return Choice(clause, tuple(self._possible(ways) or ways), clause.objects)
+        return Disjunction(clause, tuple(self._possible(ways) or ways), clause.objects)
 
     def _of_surfaces(self, clause: Clause) -> bool:
         """Whether a disjunction says on which surface an object stands, or what keeps two bodies clear of each other

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.pose import PLACE, is_angle, row_of
-from scenegen.sampling.growth.insert import Placed, place
+from scenegen.sampling.growth.insert import InsertionTally, place
 from scenegen.sampling.growth.machine import Machine
-from scenegen.sampling.growth.moves import Settings, sweep
+from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.particles import MoveTally, Particles, resample
 from scenegen.sampling.growth.touch import make_values
 
@@ -47,13 +47,13 @@ class Grown:
 
 
 @dataclass(frozen=True, slots=True)
-class Stuck:
+class PlacementFailed:
     """No scene has room for the object of stage `stage`; `placed` tells what its tries came to, `particles` are the
     scenes before it."""
 
     particles: Particles
     stage: int
-    placed: Placed
+    placed: InsertionTally
 
 
 def grow(
@@ -61,9 +61,9 @@ def grow(
     cell: Index,
     island: Index,
     steps: Sequence[Step],
-    settings: Settings,
+    settings: MoveSettings,
     rng: np.random.Generator,
-) -> Grown | Stuck:
+) -> Grown | PlacementFailed:
     """Scenes for the given cells and islands, (P,) each, by a plan. There may be fewer in the end: they can die out."""
     particles = Particles.start(machine, cell, island, rng)
     return _grow(particles, settings, lambda particles: _by_plan(particles, steps))
@@ -78,13 +78,13 @@ def explore(
     *,
     hits: float = HITS,
     moves: bool = True,
-) -> tuple[Grown | Stuck, list[Step]]:
+) -> tuple[Grown | PlacementFailed, list[Step]]:
     """Scenes as `grow` makes them, while the steps of a plan are found out. `hits` poses that meet all clauses are
     wanted of each scene and object; without `moves`, scenes are as alike as resampling makes them."""
     steps: list[Step] = []
-    settings = Settings({})
+    settings = MoveSettings({})
 
-    def advance(particles: Particles) -> tuple[Placed, int]:
+    def advance(particles: Particles) -> tuple[InsertionTally, int]:
         placed = _with_enough_tries(particles, hits)
         steps.append(Step(placed.tries // particles.count, 0))
         return placed, -1 if moves else 0
@@ -93,12 +93,12 @@ def explore(
     return _grow(particles, settings, advance, tally, steps), steps
 
 
-def _by_plan(particles: Particles, steps: Sequence[Step]) -> tuple[Placed, int]:
+def _by_plan(particles: Particles, steps: Sequence[Step]) -> tuple[InsertionTally, int]:
     step = steps[particles.stage + 1]
     return place(particles, step.tries), step.sweeps
 
 
-def _with_enough_tries(particles: Particles, hits: float) -> Placed:
+def _with_enough_tries(particles: Particles, hits: float) -> InsertionTally:
     stage, tries, most = particles.stage, FIRST_TRIES, max(FIRST_TRIES, MOST_POSES // particles.count)
     held, chances = list(particles.held), particles.chances.copy()
     while True:
@@ -113,11 +113,11 @@ def _with_enough_tries(particles: Particles, hits: float) -> Placed:
 
 def _grow(
     particles: Particles,
-    settings: Settings,
-    advance: Callable[[Particles], tuple[Placed, int]],
+    settings: MoveSettings,
+    advance: Callable[[Particles], tuple[InsertionTally, int]],
     tally: MoveTally | None = None,
     steps: list[Step] | None = None,
-) -> Grown | Stuck:
+) -> Grown | PlacementFailed:
     machine, rng = particles.machine, particles.rng
     log_share = np.full((int(particles.island.max()) + 1, machine.cells), -np.inf)
     log_share[particles.island, particles.cell] = 0.0
@@ -130,7 +130,7 @@ def _grow(
             factor[particles.island, particles.cell] = np.log(mean)
         log_share += factor
         if not len(keep):
-            return Stuck(particles, stage, placed)
+            return PlacementFailed(particles, stage, placed)
         if sweeps < 0:
             even = float(placed.weights.sum() ** 2 / (particles.count * (placed.weights**2).sum()))
             sweeps = 0 if even > EVEN or stage == last else _sweeps(even)
@@ -165,7 +165,7 @@ PAIRS = 24  # pairs of objects whose differences are watched
 CLAUSES = 48  # clauses, and ways of choices, whose margins are watched
 
 
-class Kinship:
+class AncestorEffect:
     """The design effect of common ancestors: by how much the mean of a statistic varies more than that of independent
     scenes.
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scenegen.geometry import Circle, Footprint, Polygon
 from scenegen.geometry.footprint import measures
 from scenegen.lang.check.choices import options_of
-from scenegen.lang.spec import CheckedSpec, Choice
+from scenegen.lang.spec import CheckedSpec, SurfaceChoice
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, row_of
 from scenegen.sampling.growth.insert import attempt
 from scenegen.sampling.growth.machine import Machine
@@ -33,7 +33,7 @@ class Hop:
 
     thing: int
     riders: tuple[int, ...]
-    choice: Choice | None = None
+    choice: SurfaceChoice | None = None
     boxes: tuple[tuple[float, float, float, float], ...] = ()
 
 
@@ -213,7 +213,7 @@ def _anywhere(particles: Particles, row: int) -> Array:
     return out
 
 
-def _frames(particles: Particles, choice: Choice) -> tuple[Array, Array, Array]:
+def _frames(particles: Particles, choice: SurfaceChoice) -> tuple[Array, Array, Array]:
     """x, y and heading of what carries the object on each surface, (K, P) each."""
     count = particles.count
     poses = [
@@ -226,7 +226,7 @@ def _frames(particles: Particles, choice: Choice) -> tuple[Array, Array, Array]:
     return x, y, theta
 
 
-def _option(choice: Choice, number: Array) -> Index:
+def _option(choice: SurfaceChoice, number: Array) -> Index:
     return np.minimum(np.searchsorted(np.array(choice.ends), number), len(choice.ends) - 1)
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from scenegen.pose import FLAT, axis_of, owner, row_of
 from scenegen.sampling.growth.graph import Clause
-from scenegen.sampling.growth.machine import Machine, Places, chance
+from scenegen.sampling.growth.machine import Machine, SurfacePlaces, chance
 from scenegen.sampling.growth.particles import Particles
 from scenegen.sampling.growth.room import Boxes, make_room
 from scenegen.sampling.growth.touch import within
@@ -94,7 +94,7 @@ MOST = 48  # boxes of a mixture; beyond these, ways get none of their own
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class New:
+class NewClauses:
     """Ways `numbers` of choice `choice` which ask for `clauses` of an object that comes now, one entry for each way."""
 
     choice: int
@@ -102,7 +102,7 @@ class New:
     clauses: tuple[tuple[Clause, ...], ...]
 
 
-def newly(machine: Machine, stage: int) -> tuple[New, ...]:
+def newly(machine: Machine, stage: int) -> tuple[NewClauses, ...]:
     """What choices newly ask of the object of a stage."""
     key = "newly", stage
     if key not in machine.notes:
@@ -120,13 +120,13 @@ def newly(machine: Machine, stage: int) -> tuple[New, ...]:
             }
             asked = {number: clauses for number, clauses in asked.items() if clauses}
             if asked:
-                found.append(New(index, tuple(asked), tuple(asked.values())))
+                found.append(NewClauses(index, tuple(asked), tuple(asked.values())))
         machine.notes[key] = tuple(found)
-    known: tuple[New, ...] = machine.notes[key]
+    known: tuple[NewClauses, ...] = machine.notes[key]
     return known
 
 
-def aimed(particles: Particles, boxes: Boxes, new: Sequence[New], stage: int) -> Boxes:
+def aimed(particles: Particles, boxes: Boxes, new: Sequence[NewClauses], stage: int) -> Boxes:
     """The mixture for an object whose room under the clauses alone is `boxes`."""
     if not new:
         return boxes
@@ -164,7 +164,9 @@ def aimed(particles: Particles, boxes: Boxes, new: Sequence[New], stage: int) ->
     )
 
 
-def _gains(particles: Particles, new: Sequence[New], parts: Sequence[tuple[New, int]], stage: int) -> list[Array]:
+def _gains(
+    particles: Particles, new: Sequence[NewClauses], parts: Sequence[tuple[NewClauses, int]], stage: int
+) -> list[Array]:
     """By how much each part raises the chance of its choice, relative to a pose that meets none of its new clauses:
     (P,) each, 0 for ways that are ruled out."""
     machine, cell = particles.machine, particles.cell
@@ -184,7 +186,7 @@ def _gains(particles: Particles, new: Sequence[New], parts: Sequence[tuple[New, 
 
 
 def chances_of(
-    particles: Particles, new: Sequence[New], poses: Mapping[int, Array], column: Index, stage: int
+    particles: Particles, new: Sequence[NewClauses], poses: Mapping[int, Array], column: Index, stage: int
 ) -> Array:
     """The product of the chances of the choices that newly ask for something, (B,), for poses of the object (row ->
     (B,)) in scenes `column` (B,)."""
@@ -205,7 +207,7 @@ def chances_of(
     return out
 
 
-def look_out(particles: Particles, new: Sequence[New]) -> Array:
+def look_out(particles: Particles, new: Sequence[NewClauses]) -> Array:
     """Note which ways hold now that an object is placed, and the chances of the choices begun by now; by what weights
     change (P,): one over the chances so far, times the present ones of choices that ask for nothing new."""
     machine, stage = particles.machine, particles.stage
@@ -236,7 +238,7 @@ WIDE = 0.6  # share of an object's box from which on its room is not worth contr
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class InsertionTally:
     """`weights` (P,): the share of the object's box that its scene leaves free, as estimated by the tries. `hits` is
     the number of tries that met all clauses, `attracted` of those that met all but the pairs, among `tries`."""
 
@@ -246,7 +248,7 @@ class Placed:
     tries: int
 
 
-def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed:
+def place(particles: Particles, tries: int, *, planning: bool = False) -> InsertionTally:
     """Place the next object: `tries` poses for every scene, of which one that meets all clauses is taken. The weight is
     an unbiased estimate of the share of the object's box in which they are met, times how the chances of the choices
     change by that. While `planning`, rooms that are nearly as large as the box are noted: they are not contracted from
@@ -285,11 +287,11 @@ def place(particles: Particles, tries: int, *, planning: bool = False) -> Placed
     particles.scenes[list(rows)] = pose
     particles.stage = stage
     factor = look_out(particles, new)
-    return Placed(total / tries * factor, hits, attracted, tries * count)
+    return InsertionTally(total / tries * factor, hits, attracted, tries * count)
 
 
 def _score(
-    particles: Particles, boxes: Boxes | Places, poses: Array, new: Sequence[New], stage: int
+    particles: Particles, boxes: Boxes | SurfacePlaces, poses: Array, new: Sequence[NewClauses], stage: int
 ) -> tuple[Array, int]:
     """What each pose (R, M, P) of the stage's object counts, (M, P): 0 where a clause is not met, else the chance that
     choices are met which it touches, over the density with which it was drawn; and how many meet all clauses but the
@@ -304,7 +306,9 @@ def _score(
     return value, attracted
 
 
-def scored(particles: Particles, boxes: Boxes | Places, poses: Array, thing: int, stage: int) -> tuple[Array, int]:
+def scored(
+    particles: Particles, boxes: Boxes | SurfacePlaces, poses: Array, thing: int, stage: int
+) -> tuple[Array, int]:
     """What each pose (R, M, P) of an object counts, choices apart, (M, P): 0 where a clause over it and objects placed
     by a stage is not met, else one over the density with which it was drawn; and how many meet all but the pairs."""
     machine, cell = particles.machine, particles.cell

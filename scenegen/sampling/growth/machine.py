@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from scenegen.geometry.footprint import measures
 from scenegen.pose import TWO_PI, axis_of, is_angle, owner, rows_of
-from scenegen.sampling.growth.graph import Choice, Clause, Graph, make_graph, strengthened
-from scenegen.sampling.growth.room import Room, make_room
+from scenegen.sampling.growth.graph import Clause, Disjunction, Graph, make_graph, strengthened
+from scenegen.sampling.growth.room import FreePoses, make_room
 from scenegen.sampling.growth.touch import Touch, Values, make_values, touches, within
 from scenegen.sampling.problem import Problem
 from scenegen.search.contract import ROUNDS
@@ -189,7 +189,7 @@ def without_easy_ends(problem: Problem, graph: Graph) -> tuple[Graph, Array | No
     return replace(graph, choices=tuple(one for one in graph.choices if one.whole.node not in easy)), begin
 
 
-def _met_anyway(problem: Problem, choice: Choice, lower: Mapping[int, Array], scenes: Array, cells: int) -> Array:
+def _met_anyway(problem: Problem, choice: Disjunction, lower: Mapping[int, Array], scenes: Array, cells: int) -> Array:
     """About which share of the scenes that meet the lower ends meet some way of an upper end, in each cell, (C,)."""
     missed = np.ones(cells)
     with np.errstate(all="ignore"):
@@ -213,7 +213,7 @@ def _random(problem: Problem, graph: Graph) -> Array:
 
 
 def _outlook(
-    problem: Problem, choice: Choice, at: Mapping[int, int], scenes: Array, cells: int, effort: Effort
+    problem: Problem, choice: Disjunction, at: Mapping[int, int], scenes: Array, cells: int, effort: Effort
 ) -> Array:
     clauses = {(clause.node, id(clause)): clause for way in choice.ways for clause in way.clauses if clause.objects}
     same = all((ends == ends[0]).all() for one in clauses.values() for ends in (one.low, one.high))
@@ -260,7 +260,7 @@ def chance(held: Bool, table: Array, cell: Index) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Places:
+class SurfacePlaces:
     """The places of an object on its surfaces in P scenes: `low`, `width` (R, P) is its box, `volumes` (1, P) the share
     of it that the places take."""
 
@@ -292,7 +292,7 @@ class Places:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Standing:
+class SupportPoses:
     """The room of what stands. It has no `nodes` to contract, and one branch."""
 
     touch: Touch
@@ -301,7 +301,7 @@ class Standing:
     nodes: tuple[()] = ()
     branches: tuple[None] = (None,)
 
-    def boxes(self, scenes: Array, cell: Index, effort: Effort) -> Places:
+    def boxes(self, scenes: Array, cell: Index, effort: Effort) -> SurfacePlaces:
         """Its places in each of P scenes, `scenes` (3N, P), `cell` (P,). Raises what `effort` raises."""
         effort.check()
         graph, rows = self.touch.graph, self.touch.rows
@@ -311,14 +311,14 @@ class Standing:
         share = math.exp(self.step.log_volume) / np.prod(
             [wide for row, wide in zip(rows, width, strict=True) if row in drawn], axis=0
         )
-        return Places(self.step, rows, scenes, low, width, share[None])
+        return SurfacePlaces(self.step, rows, scenes, low, width, share[None])
 
 
-def make_standing(stand: Stand, touch: Touch) -> Standing | None:
+def make_standing(stand: Stand, touch: Touch) -> SupportPoses | None:
     """The places of what stands; None where it has none, or where not all of its rows are read."""
     graph = touch.graph
     step = step_for(stand, lambda row: (float(graph.low[row].min()), float(graph.high[row].max())))
-    return Standing(touch, step) if step is not None and {*step.rows} <= {*touch.rows} else None
+    return SupportPoses(touch, step) if step is not None and {*step.rows} <= {*touch.rows} else None
 
 
 @dataclass(slots=True, eq=False)
@@ -345,8 +345,8 @@ class Machine:
     outlooks: tuple[Array, ...]
     evaluators: dict[object, Values] = field(default_factory=dict)
     notes: dict[object, Any] = field(default_factory=dict)
-    rooms: dict[object, Room] = field(default_factory=dict)
-    standing: Mapping[int, Standing] = field(default_factory=dict)
+    rooms: dict[object, FreePoses] = field(default_factory=dict)
+    standing: Mapping[int, SupportPoses] = field(default_factory=dict)
     whole: set[int] = field(default_factory=set)
     begin: Array | None = None
     work: float = 0.0
@@ -371,7 +371,7 @@ class Machine:
         """Work that is stopped once the deadline has passed."""
         return until(self.deadline)
 
-    def room(self, thing: int, stage: int) -> Room | Standing:
+    def room(self, thing: int, stage: int) -> FreePoses | SupportPoses:
         """The room of an object under the clauses in force at a stage; of what stands, its surfaces."""
         if thing in self.standing:
             return self.standing[thing]

@@ -17,9 +17,9 @@ from scenegen.pose import FLAT, PLACE, THETA, X, Y, owner, row_of
 from scenegen.sampling.growth.graph import Clause
 from scenegen.sampling.growth.hop import carry, hop, hops, ready
 from scenegen.sampling.growth.insert import NUMBERS, attempt, held_of_all, scored
-from scenegen.sampling.growth.machine import Machine, Standing, chance
+from scenegen.sampling.growth.machine import Machine, SupportPoses, chance
 from scenegen.sampling.growth.particles import MoveTally, Particles
-from scenegen.sampling.growth.room import Room, make_room
+from scenegen.sampling.growth.room import FreePoses, make_room
 
 # --------------------------------------------------------------------------------------------------------------------
 # Moves that lift something off the table and put it down elsewhere: several places are tried in every scene at once.
@@ -35,7 +35,9 @@ Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
 
-def reinsert(particles: Particles, thing: int, room: Room | Standing, tries: int, tally: MoveTally | None) -> None:
+def reinsert(
+    particles: Particles, thing: int, room: FreePoses | SupportPoses, tries: int, tally: MoveTally | None
+) -> None:
     """Move one object to one of `tries` poses in its room."""
     machine, rng, stage = particles.machine, particles.rng, particles.stage
     rows = list(machine.touch[thing].rows)
@@ -215,7 +217,7 @@ def jump(particles: Particles, thing: int, tally: MoveTally | None) -> None:
         tally.note("jump", len(good), int(good.sum()))
 
 
-def _room(machine: Machine, thing: int, clauses: tuple[Clause, ...], branches: list[tuple[Clause, ...]]) -> Room:
+def _room(machine: Machine, thing: int, clauses: tuple[Clause, ...], branches: list[tuple[Clause, ...]]) -> FreePoses:
     key = "jump", thing, len(clauses), *(id(one) for branch in branches for one in branch)
     if key not in machine.rooms:
         machine.rooms[key] = make_room(machine.problem, machine.touch[thing], clauses, branches)
@@ -271,7 +273,7 @@ SWAPS = 0.5  # swaps for each object that has kin
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class MoveSettings:
     """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
     of move made besides walks: those of KINDS, `hop` (with carrying, see hop.py), `swap c` and `shuffle c` for class c
     of kin. None: all but shuffles.
@@ -292,7 +294,9 @@ class Settings:
         return np.full(FINEST + 1, 1.0 / (FINEST + 1)) if found is None else found
 
 
-def sweep(particles: Particles, settings: Settings, tally: MoveTally | None = None, most: int | None = None) -> float:
+def sweep(
+    particles: Particles, settings: MoveSettings, tally: MoveTally | None = None, most: int | None = None
+) -> float:
     """Every placed object gets its turn, or `most` of them; returns the mean share of scenes that took a walk."""
     machine, rng, placed = particles.machine, particles.rng, particles.placed
     taken = 0.0
@@ -341,7 +345,7 @@ def sweep(particles: Particles, settings: Settings, tally: MoveTally | None = No
     return taken / max(1, len(turns))
 
 
-def _walk(particles: Particles, thing: int, settings: Settings, tally: MoveTally | None) -> float:
+def _walk(particles: Particles, thing: int, settings: MoveSettings, tally: MoveTally | None) -> float:
     machine, rng = particles.machine, particles.rng
     rows = [row for row in machine.touch[thing].rows if owner(row) == thing]  # its switch is left to hops
     if len(rows) == 3:  # place and heading together, or one of them
@@ -411,7 +415,9 @@ def _trade(
         tally.note(kind, len(good), int(good.sum()))
 
 
-def _shift(particles: Particles, thing: int, group: Sequence[int], settings: Settings, tally: MoveTally | None) -> None:
+def _shift(
+    particles: Particles, thing: int, group: Sequence[int], settings: MoveSettings, tally: MoveTally | None
+) -> None:
     """An object and all that hang from it by one step."""
     rng, count = particles.rng, particles.count
     factor = 0.5 * 2.0 ** -(FINEST * rng.random())

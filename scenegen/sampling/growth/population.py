@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.pose import PLACE, X, Y, row_of
-from scenegen.processes.ahead import Beside
+from scenegen.processes.ahead import BackgroundTask
 from scenegen.processes.process import cores
-from scenegen.sampling.growth.grow import HITS, Grown, Kinship, Step, Stuck, explore
+from scenegen.sampling.growth.grow import HITS, AncestorEffect, Grown, PlacementFailed, Step, explore
 from scenegen.sampling.growth.machine import Machine, make_machine
-from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, LIFTS, Settings, sweep
+from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, LIFTS, MoveSettings, sweep
 from scenegen.sampling.growth.particles import MoveTally, Particles
 from scenegen.sampling.growth.room import too_full
 from scenegen.sampling.problem import Budget, Problem
@@ -50,7 +50,7 @@ FAR, DEARER, STILL = 4.0, 1.2, 2.0  # times the best number and cost at which th
 
 
 @dataclass(frozen=True, slots=True)
-class Settled:
+class BurnIn:
     """`sweeps` are made, then one scene in `thin` is taken at random. `effect` is the design effect of common ancestors
     that is left among all scenes by then, `cost` what a sweep takes, in evaluations."""
 
@@ -71,7 +71,7 @@ def settle(
     alike: Callable[[Particles], float],
     grown: float,
     wanted: float,
-) -> tuple[Settled, Settled]:
+) -> tuple[BurnIn, BurnIn]:
     """What is best for the pieces of a plan, and how the given particles stand in the end: they are its first piece.
 
     `sweep` moves the particles once, `alike` gives their design effect; growing them took `grown` evaluations, and
@@ -81,8 +81,8 @@ def settle(
     """
     machine = particles.machine
     begun, done = machine.work, 0
-    best: Settled | None = None
-    sure: Settled | None = None
+    best: BurnIn | None = None
+    sure: BurnIn | None = None
     cheapest, surest, slowest = np.inf, np.inf, 0.0
     while True:
         block = max(1, done // 3)
@@ -94,7 +94,7 @@ def settle(
         effect = alike(particles)
         thin = max(1.0, (effect - 1.0) / (ALIKE - 1.0), partners(particles) / (2.0 * LOST))
         each = (machine.work - begun) / done
-        now = Settled(done, thin, effect, each)
+        now = BurnIn(done, thin, effect, each)
         pieces = wanted * thin / particles.count - 1.0
         rest = 0.0 if pieces <= 0.0 else SET_UP + pieces
         cost = each * done + rest * (grown + each * done)
@@ -193,7 +193,7 @@ class Size:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Taken:
+class PopulationSample:
     """What a population brings, a piece: `scenes` (3N, m), rows that no clause reads left open; `log_share` (islands,
     C) as in Grown, `accepted` the share of walks taken, `copies` that of scenes left out, `effect` the design effect,
     `work` the evaluations that it took; `even` scenes fill the cells evenly."""
@@ -221,9 +221,9 @@ class Population:
     steps: tuple[Step, ...]
     cells: tuple[int, ...]
     cost: float
-    settings: Settings
-    settled: Settled | None = None
-    taken: Taken | None = None
+    settings: MoveSettings
+    settled: BurnIn | None = None
+    taken: PopulationSample | None = None
     share: float = 1.0
 
 
@@ -239,8 +239,9 @@ def spread_over(machine: Machine, cells: Sequence[int], count: int) -> tuple[Ind
     ], number % ISLANDS
 
 
-def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> Population | Stuck:
-    """Grows it, as large as it has to be; Stuck where there is no room for some object. Raises StoppedError."""
+def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> Population | PlacementFailed:
+    """Grows it, as large as it has to be; PlacementFailed where there is no room for some object. Raises
+    StoppedError."""
     possible = tuple(sorted(machine.problem.possible))
     count = size.count if machine.begin is None else max(size.count, _enough(machine.begin[list(possible)], size))
     for attempt in range(size.again + 1):
@@ -249,7 +250,7 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
         hits = HITS if attempt == 0 else MORE_HITS
         grown, steps = explore(machine, *spread_over(machine, possible, count), rng, tally, hits=hits)
         last = attempt == size.again or count >= size.most
-        if isinstance(grown, Stuck):
+        if isinstance(grown, PlacementFailed):
             if last or not grown.placed.attracted:
                 return grown
         elif last or _ancestors(grown.particles) >= FAMILIES:
@@ -261,7 +262,7 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
     reached = tuple(map(int, np.unique(found[found >= 0])))
     share = 1.0 if machine.begin is None else _even(found) / len(found)
     if _ancestors(grown.particles) < size.fewest or share < KEPT:
-        return Population(count, tuple(steps), reached, cost, Settings({}), share=share)
+        return Population(count, tuple(steps), reached, cost, MoveSettings({}), share=share)
     scenes = wanted_scenes(reached, size.wanted) / size.populations / share
     settings, settled, now, accepted = _settle(grown.particles, tally, cost, scenes)
     taken = take(grown, max(now.thin, count / scenes), now.effect, accepted, rng)
@@ -288,16 +289,16 @@ def _ancestors(particles: Particles) -> float:
 
 def _settle(
     particles: Particles, tally: MoveTally, cost: float, wanted: float
-) -> tuple[Settings, Settled, Settled, float]:
+) -> tuple[MoveSettings, BurnIn, BurnIn, float]:
     """The settings tuned on whole scenes, how long these are moved, and the share of walks taken.
     Growing them took `cost`."""
     final = MoveTally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
     lift = dict.fromkeys(particles.placed, (TRIED, MOST_TRIES // 4))
-    trial = Settings({}, redraws=lift, relocations=lift)
+    trial = MoveSettings({}, redraws=lift, relocations=lift)
     for _ in range(2):
         sweep(particles, trial, final)
     settings = tuned(final)
-    alike = Kinship(particles.machine)
+    alike = AncestorEffect(particles.machine)
     taken: list[float] = []
     best, now = settle(particles, lambda: taken.append(sweep(particles, settings)), alike, cost, wanted)
     return settings, best, now, float(np.mean(taken))
@@ -318,7 +319,7 @@ def _even(cells: Index) -> float:
     return float(len(counts) * counts.min(initial=len(cells)))
 
 
-def take(grown: Grown, thin: float, effect: float, accepted: float, rng: np.random.Generator) -> Taken:
+def take(grown: Grown, thin: float, effect: float, accepted: float, rng: np.random.Generator) -> PopulationSample:
     """One in `thin` of whole scenes, without copies. `effect` is the design effect of common ancestors among all."""
     particles = grown.particles
     some = part_of(particles.cell, thin, rng)
@@ -335,10 +336,12 @@ def take(grown: Grown, thin: float, effect: float, accepted: float, rng: np.rand
             log_share = log_share + np.log(mine / np.maximum(all_, 1.0))
         taken = taken[cells[taken] >= 0]
     even = float(len(taken)) if particles.machine.begin is None else _even(cells[taken])
-    return Taken(particles.scenes[:, taken], log_share, accepted, copies, effect, particles.machine.work, even)
+    return PopulationSample(
+        particles.scenes[:, taken], log_share, accepted, copies, effect, particles.machine.work, even
+    )
 
 
-def tuned(tally: MoveTally) -> Settings:
+def tuned(tally: MoveTally) -> MoveSettings:
     """Step lengths by how far they bring an object, a third of them spread over all lengths; and the kinds of move that
     scenes take."""
     odds = {}
@@ -361,7 +364,9 @@ def tuned(tally: MoveTally) -> Settings:
         if (rate := tally.rate(f"relocate of {thing}")) is not None:
             relocations[thing] = lifted(rate, RELOCATED)
     jumps = tally.rate("jump")
-    return Settings(odds, tuple(kinds), redraws, relocations, 1.0 if jumps is not None and jumps >= TAKEN else JUMPS)
+    return MoveSettings(
+        odds, tuple(kinds), redraws, relocations, 1.0 if jumps is not None and jumps >= TAKEN else JUMPS
+    )
 
 
 def lifted(free: float, often: float) -> tuple[float, int]:
@@ -388,12 +393,12 @@ WORTH = 8e4  # moving ones from which on a population costs about twice as much 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stalled:
+class GrowthFailed:
     """No plan: time was up (`stuck` is None), there was no room for an object, a `proof` (facts of
     TABLE_TOO_FULL) says that there is none for all of them, or it is `dear`: it takes longer than was allowed."""
 
     machine: Machine | None
-    stuck: Stuck | None
+    stuck: PlacementFailed | None
     evaluations: float
     proof: Mapping[str, str] = field(default_factory=dict)
     dear: bool = False
@@ -405,7 +410,7 @@ class Stalled:
 
 
 @dataclass(frozen=True, slots=True)
-class First:
+class FirstPopulationJob:
     """The machine and the first population of a problem, in any process; in at most `longest` seconds, as the machine
     counts them."""
 
@@ -413,46 +418,46 @@ class First:
     budget: Budget
     longest: float = math.inf
 
-    def __call__(self, size: Size) -> tuple[Machine, Population] | Stalled:
+    def __call__(self, size: Size) -> tuple[Machine, Population] | GrowthFailed:
         machine = None
         with np.errstate(all="ignore"):
             try:
                 machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
                 proof = too_full(machine.graph, self.problem.spec)
                 if proof:
-                    return Stalled(machine, None, 0.0, proof)
+                    return GrowthFailed(machine, None, 0.0, proof)
                 machine.longest = self.longest
                 machine, made = _population(machine, size, 0)
             except StoppedError:
-                return Stalled(machine, None, 0.0 if machine is None else machine.work)
+                return GrowthFailed(machine, None, 0.0 if machine is None else machine.work)
             except TooMuchError:
-                return Stalled(machine, None, 0.0 if machine is None else machine.work, dear=True)
-        return Stalled(machine, made, machine.work) if isinstance(made, Stuck) else (machine, made)
+                return GrowthFailed(machine, None, 0.0 if machine is None else machine.work, dear=True)
+        return GrowthFailed(machine, made, machine.work) if isinstance(made, PlacementFailed) else (machine, made)
 
 
 @dataclass(frozen=True, slots=True)
-class Second:
+class SecondPopulationJob:
     """The second population of a problem, in any process; without scenes where there was no room for them. Raises
     StoppedError with the number of objects placed by then, if any could be."""
 
     problem: Problem
     budget: Budget
 
-    def __call__(self, size: Size) -> Taken:
+    def __call__(self, size: Size) -> PopulationSample:
         with np.errstate(all="ignore"):
             machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
             try:
                 machine, made = _population(machine, replace(size, fewest=0.0), 1)
             except StoppedError:
                 raise StoppedError(placed_of(machine, size.count)) from None
-        if isinstance(made, Stuck) or made.taken is None:
+        if isinstance(made, PlacementFailed) or made.taken is None:
             none = np.empty((len(self.problem.lowest), 0)), np.full((ISLANDS, self.problem.cells.count), -np.inf)
-            return Taken(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
+            return PopulationSample(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
         return made.taken
 
 
 @dataclass(slots=True)
-class Started:
+class StartedGrowth:
     """The two populations of a problem, as far as other processes have begun with them. A context manager, at the end
     of which they are given up, unless they are `kept` by the plan that was chosen."""
 
@@ -461,10 +466,10 @@ class Started:
     size: Size
     given_up: bool = False
     kept: bool = False
-    _first: Beside[Size, tuple[Machine, Population] | Stalled] | None = None
-    _second: Beside[Size, Taken] | None = None
+    _first: BackgroundTask[Size, tuple[Machine, Population] | GrowthFailed] | None = None
+    _second: BackgroundTask[Size, PopulationSample] | None = None
 
-    def __enter__(self) -> Started:
+    def __enter__(self) -> StartedGrowth:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -472,28 +477,30 @@ class Started:
             self.give_up()
 
     def begin_first(self) -> None:
-        self._first = Beside(First(self.problem, self.budget), self.size, self.budget.reserve)
+        self._first = BackgroundTask(FirstPopulationJob(self.problem, self.budget), self.size, self.budget.reserve)
 
     def begin_second(self) -> None:
         """Now, if it has not begun yet."""
         if self._second is None:
-            self._second = Beside(Second(self.problem, self.budget), self.size, self.budget.reserve)
+            self._second = BackgroundTask(
+                SecondPopulationJob(self.problem, self.budget), self.size, self.budget.reserve
+            )
 
-    def first(self) -> tuple[Machine, Population] | Stalled:
+    def first(self) -> tuple[Machine, Population] | GrowthFailed:
         """Waits for it; if no other process has begun with it, this one makes it."""
         if self._first is None:
-            return First(self.problem, self.budget)(self.size)
+            return FirstPopulationJob(self.problem, self.budget)(self.size)
         with self._first:  # then its process is free
             return self._first.result()
 
-    def second(self) -> Taken | None:
+    def second(self) -> PopulationSample | None:
         """Waits for it; None if it has not begun, or time is up."""
         try:
             return None if self._second is None else self._second.result()
         except StoppedError:
             return None
 
-    def going(self) -> Beside[Size, Taken] | None:
+    def going(self) -> BackgroundTask[Size, PopulationSample] | None:
         """The work on the second one, if it has begun and is not given up."""
         return None if self.given_up else self._second
 
@@ -506,13 +513,13 @@ class Started:
                     one.__exit__()
 
 
-def start_growth(problem: Problem, budget: Budget, size: Size | None = None) -> Started | None:
+def start_growth(problem: Problem, budget: Budget, size: Size | None = None) -> StartedGrowth | None:
     """The populations of a large request, to be begun in other processes; those of a plan that is not `patient` while
     it is found out whether growth is the method. None for small requests, or where there are no further processes."""
     size = size_of(problem) if size is None else size
     workers = problem.request.workers
     several = (cores() if workers is None else workers) > 1
-    return Started(problem, budget, size) if several and size.populations > 1 else None
+    return StartedGrowth(problem, budget, size) if several and size.populations > 1 else None
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
@@ -520,12 +527,12 @@ def generator(seed: int, piece: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH, piece + 1])))
 
 
-def _population(machine: Machine, size: Size, which: int) -> tuple[Machine, Population | Stuck]:
+def _population(machine: Machine, size: Size, which: int) -> tuple[Machine, Population | PlacementFailed]:
     """A population of the plan, and its machine: one that holds scenes in their cells where too many of a loose one's
     have left them."""
     problem = machine.problem
     made = make_population(machine, size, _of_plan(problem.request.seed, which))
-    if isinstance(made, Stuck) or machine.begin is None or made.share >= KEPT:
+    if isinstance(made, PlacementFailed) or machine.begin is None or made.share >= KEPT:
         return machine, made
     strict = replace(
         make_machine(problem), work=machine.work, steps_done=machine.steps_done, deadline=machine.deadline,

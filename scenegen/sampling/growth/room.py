@@ -114,7 +114,7 @@ class Boxes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Room:
+class FreePoses:
     """The room of one object under some clauses. `nodes` is the part of the tape that is contracted, `dims` its nodes
     of the object's rows, `others` those of other objects' rows. `branches` say, for each branch, which half of the
     circle (-1: all of it) and which ends it adds."""
@@ -183,7 +183,7 @@ def make_room(
     choice: Sequence[tuple[Clause, ...]] = (),
     *,
     halved: bool = False,
-) -> Room:
+) -> FreePoses:
     """The room of an object under clauses whose other objects are placed, with a branch for each way of a `choice`; or
     one for each half of the circle of headings and each way of a choice, where it is to be `halved`."""
     tape, rows = problem.tape, touch.rows
@@ -205,12 +205,12 @@ def make_room(
     ]
     wanted = [tape.where[clause.node] for clause in imposed]
     if not wanted:
-        return Room(touch, (), (), (), (), {}, ((-1, ()),), scale)
+        return FreePoses(touch, (), (), (), (), {}, ((-1, ()),), scale)
     dims = [tape.rows[row] for row in rows]
     nodes, number = tape.restrict([*wanted, *dims])
     mine = {number[node] for node in dims}
     others = [(place, node.row) for place, node in enumerate(nodes) if isinstance(node, Coord) and place not in mine]
-    return Room(
+    return FreePoses(
         touch,
         tuple(clauses),
         nodes,
@@ -258,7 +258,7 @@ SEAM = 1e-8  # taken off either end of a choice's part of the switch: there both
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class SupportArea:
     """Where some objects are: on the surfaces that are `named`, else on the table. `parts` are the outlines of the
     surfaces, or the box of the centres; all of a footprint is inside those that are walled, elsewhere the centre."""
 
@@ -305,7 +305,7 @@ def too_full(graph: Graph, spec: CheckedSpec) -> Mapping[str, str]:
     for rectangle in dict.fromkeys([*places.values(), _around(places.values())] if places else ()):
         inside = [thing for thing, place in places.items() if _within(place, rectangle)]
         width, height = rectangle[2] - rectangle[0], rectangle[3] - rectangle[1]
-        room = Ground(f"in {100 * width:.3g} x {100 * height:.3g} cm", ((Box(width, height), False),))
+        room = SupportArea(f"in {100 * width:.3g} x {100 * height:.3g} cm", ((Box(width, height), False),))
         if proof := _overfull(spec, room, inside, apart, clear, of_all):
             return {"proof": proof}
     return {}
@@ -313,7 +313,7 @@ def too_full(graph: Graph, spec: CheckedSpec) -> Mapping[str, str]:
 
 def _overfull(
     spec: CheckedSpec,
-    room: Ground,
+    room: SupportArea,
     things: Sequence[int],
     apart: Distances,
     clear: Distances,
@@ -344,7 +344,7 @@ def _overfull(
     return ""
 
 
-def _surfaces(spec: CheckedSpec, free: Collection[int]) -> Iterator[tuple[list[int], list[Support], Ground]]:
+def _surfaces(spec: CheckedSpec, free: Collection[int]) -> Iterator[tuple[list[int], list[Support], SupportArea]]:
     """Free objects that stand on one of the same surfaces, or of some of these, with the surfaces."""
     options = {one: options_of(one, spec.supports, spec.choices) for one in sorted(free)}
     for surfaces in dict.fromkeys(filter(None, options.values())):
@@ -352,7 +352,7 @@ def _surfaces(spec: CheckedSpec, free: Collection[int]) -> Iterator[tuple[list[i
         named = quoted([one.name for one in surfaces])
         if len(things) > 1:
             parts = tuple((one.outline, one.walled) for one in surfaces)
-            yield things, list(surfaces), Ground(f"on {named}", parts, named)
+            yield things, list(surfaces), SupportArea(f"on {named}", parts, named)
 
 
 def _on_each(

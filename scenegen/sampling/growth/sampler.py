@@ -18,10 +18,10 @@ from scenegen.geometry.footprint import POINT
 from scenegen.lang.check.choices import options_of
 from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction
 from scenegen.pose import BELOW_TURN, FLAT, THETA, along, row_of
-from scenegen.processes.ahead import Beside
-from scenegen.sampling.growth.grow import Grown, Kinship, Step, Stuck, explore, grow
+from scenegen.processes.ahead import BackgroundTask
+from scenegen.sampling.growth.grow import AncestorEffect, Grown, PlacementFailed, Step, explore, grow
 from scenegen.sampling.growth.machine import Machine, make_machine
-from scenegen.sampling.growth.moves import Settings, sweep
+from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.particles import MoveTally
 from scenegen.sampling.growth.population import (
     GROWTH,
@@ -30,13 +30,13 @@ from scenegen.sampling.growth.population import (
     OF_A_CELL,
     SPARE,
     WORTH,
-    First,
+    FirstPopulationJob,
+    GrowthFailed,
     Population,
-    Second,
+    PopulationSample,
+    SecondPopulationJob,
     Size,
-    Stalled,
-    Started,
-    Taken,
+    StartedGrowth,
     generator,
     placed_of,
     size_of,
@@ -78,7 +78,7 @@ class Recipe:
     `size`; those that are known are in `taken`."""
 
     steps: tuple[Step, ...]
-    settings: Settings
+    settings: MoveSettings
     cells: tuple[int, ...]
     count: int
     settle: int
@@ -87,7 +87,7 @@ class Recipe:
     evaluations: float
     piece: float
     size: Size
-    taken: tuple[Taken, ...] = ()
+    taken: tuple[PopulationSample, ...] = ()
     share: float = 1.0
     seconds: tuple[float, float] = math.inf, math.inf
 
@@ -112,11 +112,11 @@ def make_recipe(
     budget: Budget,
     *,
     patient: bool,
-    started: Started | None = None,
+    started: StartedGrowth | None = None,
     longest: float = math.inf,
-) -> tuple[Machine, Recipe, Started | None] | Stalled:
-    """The plan for a problem; Stalled where there is no room for its objects, or time is up. Unless `patient`, small
-    populations must do: the design effect is infinite where few ancestors are left of the first one. `started`
+) -> tuple[Machine, Recipe, StartedGrowth | None] | GrowthFailed:
+    """The plan for a problem; GrowthFailed where there is no room for its objects, or time is up. Unless `patient`,
+    small populations must do: the design effect is infinite where few ancestors are left of the first one. `started`
     is what other processes have begun; what is returned of it has the second population, too, if there are any."""
     size = size_of(problem, AGAIN if patient else 0)
     with ExitStack() as stack:
@@ -126,8 +126,8 @@ def make_recipe(
                 stack.enter_context(started)
         if started is not None:
             started.begin_second()
-        found = First(problem, budget, longest)(size) if started is None else started.first()
-        if isinstance(found, Stalled):
+        found = FirstPopulationJob(problem, budget, longest)(size) if started is None else started.first()
+        if isinstance(found, GrowthFailed):
             return found
         machine, made = found
         machine.deadline, machine.longest = budget.ends, math.inf  # by this process's clock
@@ -182,7 +182,7 @@ MORE = 3  # further objects of which it is seen whether they are refused, too
 SCENES, EFFORT = 256, 1e5  # scenes for that, and evaluations that each may take at least
 
 
-def others(problem: Problem, machine: Machine, end: Stuck) -> tuple[int, tuple[int, ...]]:
+def others(problem: Problem, machine: Machine, end: PlacementFailed) -> tuple[int, tuple[int, ...]]:
     """How many objects can be placed at once, and which are refused then: those that have been are left to the last, as
     far as a little work goes."""
     refused = [machine.order[end.stage]]
@@ -210,7 +210,7 @@ def others(problem: Problem, machine: Machine, end: Stuck) -> tuple[int, tuple[i
     return most, tuple(refused)
 
 
-def why_stuck(machine: Machine, end: Stuck, placed: tuple[int, tuple[int, ...]], tried: str) -> Diagnostic:
+def why_stuck(machine: Machine, end: PlacementFailed, placed: tuple[int, tuple[int, ...]], tried: str) -> Diagnostic:
     """The objects that could be `placed`, see `others`; the clauses that refuse the first one that could not be; and
     how full the table is."""
     problem, order = machine.problem, machine.order
@@ -259,7 +259,7 @@ def _filled(machine: Machine, thing: int) -> dict[str, Any]:
     return {"standing": len(things), "filled": filled, "where": where}
 
 
-def _in_the_way(machine: Machine, end: Stuck) -> tuple[float, list[tuple[str, Span | None, float]]]:
+def _in_the_way(machine: Machine, end: PlacementFailed) -> tuple[float, list[tuple[str, Span | None, float]]]:
     """The share of the poses in the object's room that footprints refuse; and of those that distances do which the
     spec asks for by name, with the text of each clause."""
     thing, particles = machine.order[end.stage], end.particles
@@ -286,7 +286,7 @@ def _in_the_way(machine: Machine, end: Stuck) -> tuple[float, list[tuple[str, Sp
     return float(np.mean(by_footprints)), sorted(found, key=lambda one: -one[2])
 
 
-def _refused(machine: Machine, end: Stuck) -> list[tuple[str, Span | None, float]]:
+def _refused(machine: Machine, end: PlacementFailed) -> list[tuple[str, Span | None, float]]:
     """The clauses other than pairs that touch the object, with the share of poses of its box that each refuses."""
     thing = machine.order[end.stage]
     touch = machine.touch[thing]
@@ -339,7 +339,9 @@ class Growth(Plan):
     machine: Machine
     recipe: Recipe
     budget: Budget
-    started: Started | None = field(default=None, kw_only=True)  # whose second population is piece 1; ends with `close`
+    started: StartedGrowth | None = field(
+        default=None, kw_only=True
+    )  # whose second population is piece 1; ends with `close`
 
     method: ClassVar[str] = "growth"
     patience: ClassVar[int] = BARREN
@@ -419,7 +421,7 @@ class Growth(Plan):
             taken = self.started.second()
         if taken is None:
             try:
-                taken = Second(self.problem, self.budget)(recipe.size)
+                taken = SecondPopulationJob(self.problem, self.budget)(recipe.size)
             except StoppedError as error:
                 none = placed_of(with_deadline(self.machine, self.budget.ends), recipe.size.count)
                 raise StoppedError(error.how_far or none) from error
@@ -436,13 +438,15 @@ class Growth(Plan):
     def _grow(self, machine: Machine, k: int, rng: np.random.Generator) -> Piece:
         recipe = self.recipe
         grown = grow(machine, *spread_over(machine, recipe.cells, recipe.count), recipe.steps, recipe.settings, rng)
-        if isinstance(grown, Stuck):
+        if isinstance(grown, PlacementFailed):
             return self._nothing(machine.work)
         particles = grown.particles
         accepted = float(np.mean([sweep(particles, recipe.settings) for _ in range(recipe.settle)]))
-        return self._made(take(grown, recipe.thin, Kinship(machine)(particles), accepted, _aside(self.seed, k)), rng)
+        return self._made(
+            take(grown, recipe.thin, AncestorEffect(machine)(particles), accepted, _aside(self.seed, k)), rng
+        )
 
-    def _made(self, taken: Taken, rng: np.random.Generator) -> Piece:
+    def _made(self, taken: PopulationSample, rng: np.random.Generator) -> Piece:
         """A piece of these scenes, in which rows that no clause reads are drawn afresh."""
         lowest, highest = self.problem.lowest, self.problem.highest
         rows = taken.scenes.copy()
@@ -458,7 +462,7 @@ class Growth(Plan):
         facts = taken.accepted, taken.copies, taken.effect, taken.work
         return Piece(rows, phi, self.cells.find(phi), np.array([*shares, *logs, *facts]))
 
-    def underway(self) -> Mapping[int, Beside[Any, Any]]:
+    def underway(self) -> Mapping[int, BackgroundTask[Any, Any]]:
         going = None if self.started is None else self.started.going()
         return {} if going is None else {1: going}
 
@@ -514,16 +518,16 @@ def plan_growth(
     budget: Budget,
     *,
     patient: bool = True,
-    started: Started | None = None,
+    started: StartedGrowth | None = None,
     longest: float = math.inf,
-) -> Growth | Stalled:
-    """The plan of a problem; Stalled where there is no room for some object, or time is up. Unless `patient`, little is
-    spent on it, and its design effect may be infinite: such a plan is not to be used. Other processes may begin to
-    draw meanwhile, and `close` ends them; `started` is what they have: see `start_growth`. The plan is the same
-    without. It takes at most `longest` seconds, as a machine counts them, unless other processes have begun."""
+) -> Growth | GrowthFailed:
+    """The plan of a problem; GrowthFailed where there is no room for some object, or time is up. Unless `patient`,
+    little is spent on it, and its design effect may be infinite: such a plan is not to be used. Other processes may
+    begin to draw meanwhile, and `close` ends them; `started` is what they have: see `start_growth`. The plan is the
+    same without. It takes at most `longest` seconds, as a machine counts them, unless other processes have begun."""
     with np.errstate(all="ignore"):
         made = make_recipe(problem, budget, patient=patient, started=started, longest=longest)
-    if isinstance(made, Stalled):
+    if isinstance(made, GrowthFailed):
         return made
     machine, recipe, started = made
     plan = Growth(problem, machine, recipe, budget, started=started)
@@ -540,12 +544,12 @@ def _restored(problem: Problem, machine: Machine, recipe: Recipe, budget: Budget
 def make_plan(problem: Problem, budget: Budget) -> Growth:
     """The plan of a problem. Raises RequestError where growth comes to nothing."""
     plan = plan_growth(problem, budget)
-    if isinstance(plan, Stalled):
+    if isinstance(plan, GrowthFailed):
         raise no_growth(problem, plan)
     return plan
 
 
-def no_growth(problem: Problem, end: Stalled) -> RequestError:
+def no_growth(problem: Problem, end: GrowthFailed) -> RequestError:
     """What to say where growth came to nothing."""
     tried = f"{int(end.evaluations):,} evaluations of growth"
     if end.proof:

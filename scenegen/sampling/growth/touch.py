@@ -148,7 +148,7 @@ ROUNDING = 1e-9  # by how much smaller discs within footprints are taken than th
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layer:
+class DistancePairs:
     """What one object keeps a distance from, at most one pair with each of N things: other objects of the spec, or
     fixed poses `fixed` (N, 3). `stages` (N,) is when a pair comes into force, past all stages where there is none.
     `low` is the least clearance, `square` the square of the distance of the centres beyond which it is met, `inner`
@@ -176,7 +176,7 @@ class Touch:
     graph: Graph
     clauses: tuple[Clause, ...]
     clause_stages: tuple[int, ...]
-    layers: tuple[Layer, ...]
+    layers: tuple[DistancePairs, ...]
     shapes: frozenset[Footprint]
     ways: Mapping[int, tuple[int, ...]]
     cache: dict[object, Values] = field(default_factory=dict)
@@ -237,7 +237,7 @@ def within(value: Any, clause: Clause, cell: Index) -> Bool | None:
 
 
 def _clear(
-    layer: Layer,
+    layer: DistancePairs,
     pose: tuple[Array, Array, Array],
     scenes: Array,
     cell: Index,
@@ -294,7 +294,7 @@ def _clear(
             good[here[~clear]] = False
 
 
-def _coordinates(layer: Layer, axis: int, part: slice, scenes: Array, columns: Index | None) -> Array:
+def _coordinates(layer: DistancePairs, axis: int, part: slice, scenes: Array, columns: Index | None) -> Array:
     """x (axis 0) or y (1) of some things at some columns, (m, B) or (m, 1)."""
     if layer.fixed is not None:
         return layer.fixed[part, axis, None]
@@ -339,7 +339,7 @@ def touches(graph: Graph, order: Sequence[int], effort: Effort) -> dict[int, Tou
     return found
 
 
-def _layers(pairs: Sequence[tuple[Pair, bool]], at: Mapping[int, int], count: int) -> tuple[Layer, ...]:
+def _layers(pairs: Sequence[tuple[Pair, bool]], at: Mapping[int, int], count: int) -> tuple[DistancePairs, ...]:
     """The pairs of one of `count` objects: those with other objects in as few layers as may be, then the others."""
     layers: list[dict[int, tuple[Pair, bool]]] = []
     fixed: list[tuple[Pair, bool]] = []
@@ -359,7 +359,9 @@ def _layers(pairs: Sequence[tuple[Pair, bool]], at: Mapping[int, int], count: in
     return tuple(made)
 
 
-def _layer(members: Mapping[int, tuple[Pair, bool]], at: Mapping[int, int], count: int, fixed: Array | None) -> Layer:
+def _layer(
+    members: Mapping[int, tuple[Pair, bool]], at: Mapping[int, int], count: int, fixed: Array | None
+) -> DistancePairs:
     cells = max(len(pair.low) for pair, _ in members.values())
     low, square, inner = np.zeros((count, cells)), np.full((count, cells), -1.0), np.full((count, cells), -1.0)
     stages, kind = np.full(count, NEVER, dtype=np.intp), np.full(count, -1, dtype=np.intp)
@@ -377,4 +379,4 @@ def _layer(members: Mapping[int, tuple[Pair, bool]], at: Mapping[int, int], coun
             kind[place] = kinds.setdefault((pair.shapes, first), len(kinds))
     if (low == low[:, :1]).all():
         low, square, inner = low[:, :1], square[:, :1], inner[:, :1]
-    return Layer(fixed, stages, low, square, inner, kind, tuple(kinds))
+    return DistancePairs(fixed, stages, low, square, inner, kind, tuple(kinds))

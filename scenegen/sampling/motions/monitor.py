@@ -30,7 +30,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reach:
+class MotionLimits:
     """Of a spec over time, with the limits of poses `lowest` and `highest`, (3N,)."""
 
     timed: Timed
@@ -77,8 +77,8 @@ LOW, HIGH = 0, 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mark:
-    """What a Watch knew after so many moments."""
+class MonitorSnapshot:
+    """What a BatchMonitor knew after so many moments."""
 
     seen: int
     signals: Array
@@ -98,7 +98,7 @@ def state_values(timed: Timed, state: Array) -> Array:
 
 
 @dataclass(slots=True)
-class Watch:
+class BatchMonitor:
     """B motions side by side, moment by moment. `lowest` and `highest` (3N,) are the limits of poses; with `reach`
     later poses are also within the steps that the requirement allows."""
 
@@ -110,12 +110,12 @@ class Watch:
     seen: int = 0
     _signals: Array = field(init=False)  # (S, 2, B, T + 1)
     _before: Array = field(init=False)  # (3N, B)
-    _reach: Reach = field(init=False)
+    _reach: MotionLimits = field(init=False)
     _values: list[Array] = field(init=False)  # of every node over time, (2, B, T + 1)
 
     def __post_init__(self) -> None:
         timed, moments = self.timed, self.timed.horizon.moments
-        self._reach = Reach(timed, self.lowest, self.highest)
+        self._reach = MotionLimits(timed, self.lowest, self.highest)
         far = np.stack(self._reach.bounds(self.lowest[:, None], self.highest[:, None]), axis=1)  # (S, 2, 1)
         self._signals = np.broadcast_to(far[..., None], (len(far), 2, self.count, moments)).copy()
 
@@ -134,11 +134,11 @@ class Watch:
         """The least and the largest value that nodes of the spec can still have at moment 0, (K, 2, B)."""
         return np.stack([self._values[node][..., 0] for node in nodes])
 
-    def mark(self) -> Mark:
+    def mark(self) -> MonitorSnapshot:
         """Where the monitor stands, for `back`."""
-        return Mark(self.seen, self._signals.copy(), self._before.copy(), list(self._values))
+        return MonitorSnapshot(self.seen, self._signals.copy(), self._before.copy(), list(self._values))
 
-    def back(self, mark: Mark) -> None:
+    def back(self, mark: MonitorSnapshot) -> None:
         """Forget what was seen since."""
         self.seen, self._signals, self._before, self._values = mark.seen, mark.signals, mark.before, mark.values
 
@@ -181,8 +181,8 @@ Places = npt.NDArray[np.intp]
 
 @dataclass(slots=True)
 class Watches:
-    """B motions, with the bounds that a `Watch` with `reach` has of each, to the last bit. `lowest` and `highest` (3N,)
-    are the limits of poses."""
+    """B motions, with the bounds that a `BatchMonitor` with `reach` has of each, to the last bit. `lowest` and
+    `highest` (3N,) are the limits of poses."""
 
     timed: Timed
     lowest: Array
@@ -193,12 +193,12 @@ class Watches:
     _signals: Array = field(init=False)  # (S, 2, B, T + 1)
     _before: Array = field(init=False)  # (3N, B)
     _ends: Array = field(init=False)  # of every node over time, at moment 0: (K, 2, B)
-    _reach: Reach = field(init=False)
+    _reach: MotionLimits = field(init=False)
 
     def __post_init__(self) -> None:
         timed, count = self.timed, self.count
         self.seen, self.possible = np.zeros(count, dtype=np.intp), np.ones(count, dtype=np.bool_)
-        self._reach = Reach(timed, self.lowest, self.highest)
+        self._reach = MotionLimits(timed, self.lowest, self.highest)
         self._signals = np.zeros((len(timed.state.labels), 2, count, timed.horizon.moments))
         self._before = np.zeros((len(self.lowest), count))
         self._ends = np.zeros((len(timed.nodes), 2, count))

@@ -53,7 +53,7 @@ class Pairs:
 
 
 @dataclass(frozen=True, slots=True)
-class Starts:
+class PairStarts:
     """Which scenes are starts: those of a problem's range, or, with `unless`, those of it that are not in the goal's
     range."""
 
@@ -69,7 +69,7 @@ class Starts:
         return flags, phi
 
 
-def draw_pairs(goal: Problem, starts: Starts, moved: int | None, budget: Budget) -> Pairs:
+def draw_pairs(goal: Problem, starts: PairStarts, moved: int | None, budget: Budget) -> Pairs:
     """The pairs of two requests for the same spec: as many as the goal's. Raises RequestError where there is no scene,
     and for more moved objects than can move; AssertionError for a pair that fails the last check."""
     wanted = goal.request.n
@@ -92,7 +92,7 @@ def draw_pairs(goal: Problem, starts: Starts, moved: int | None, budget: Budget)
 
 
 def _rounds(
-    goal: Problem, starts: Starts, free: Index, moved: int, budget: Budget, rng: np.random.Generator
+    goal: Problem, starts: PairStarts, free: Index, moved: int, budget: Budget, rng: np.random.Generator
 ) -> tuple[Array, Array, int, str]:
     """Starts and goals; goals without a start are replaced by others. Returns how many there were, and why there are
     too few."""
@@ -117,7 +117,7 @@ def _moves(problem: Problem, thing: int) -> bool:
     return any(problem.lowest[row_of(thing, axis)] < problem.highest[row_of(thing, axis)] for axis in PLACE)
 
 
-def _independent(starts: Starts, wanted: int, budget: Budget, rng: np.random.Generator) -> tuple[Array, str]:
+def _independent(starts: PairStarts, wanted: int, budget: Budget, rng: np.random.Generator) -> tuple[Array, str]:
     """Starts that know nothing of the goals, (3N, m), and why there are too few."""
     problem, count, drawn = starts.problem, 0, 0
     parts = [np.empty((len(problem.lowest), 0))]  # the goals may have taken all the time
@@ -136,7 +136,7 @@ def _independent(starts: Starts, wanted: int, budget: Budget, rng: np.random.Gen
 
 
 def _moved(
-    starts: Starts, goals: Array, free: Index, moved: int, budget: Budget, rng: np.random.Generator
+    starts: PairStarts, goals: Array, free: Index, moved: int, budget: Budget, rng: np.random.Generator
 ) -> tuple[Array, Index, str]:
     """Starts in which so many objects stand elsewhere than in the goal; the goals that have one, in order; why the
     others have none."""
@@ -174,7 +174,7 @@ def _elsewhere(problem: Problem, rows: Array, free: Index, moved: int, rng: np.r
 
 def _checked(
     goal: Problem,
-    starts: Starts,
+    starts: PairStarts,
     start: Array,
     ends: Array,
     moved: int | None,

@@ -12,16 +12,16 @@ import numpy.typing as npt
 
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.motions.problem import GATES, MotionProblem, cost
-from scenegen.sampling.motions.schedule import Chains
+from scenegen.sampling.motions.schedule import MotionChains
 from scenegen.sampling.motions.scores import make_problem
 from scenegen.sampling.rarity import (
     COUNTED,
     ISLANDS,
     KEPT,
     ROUNDS,
-    OutOfReach,
+    PhiDistribution,
     Rarity,
-    Reach,
+    RequirementUnmet,
     climb,
     margins,
     next_level,
@@ -42,7 +42,7 @@ CAREFUL, SETTLE = 2, 4  # rounds of moves on a level of the requirement, and onc
 
 def measure(
     spec: CheckedSpec, labels: Sequence[str], seed: int = 0, check: Callable[[], None] | None = None, stop: Stop = NEVER
-) -> Rarity | OutOfReach:
+) -> Rarity | RequirementUnmet:
     """P(phi >= t) and P(phi <= t) of each of the labels of a spec over time, among the motions that meet its
     requirement and stay within the limits. The same arguments give the same numbers. `check` is called between
     levels. Where `stop` raises StoppedError, runs end with what they have. Raises what `make_problem` raises, and
@@ -56,8 +56,8 @@ def measure(
         count = problem.at_once(min(max(count, FEWEST), MOST), 4 * ISLANDS) // ISLANDS * ISLANDS
         base, weights, best = _require(problem, count, moves, seed, work, check, stop)
         if not weights.any():
-            return OutOfReach(best, base.evaluations)
-        reaches, spent = dict[str, Reach](), base.evaluations
+            return RequirementUnmet(best, base.evaluations)
+        reaches, spent = dict[str, PhiDistribution](), base.evaluations
         for label in labels:
             row, tails = problem.labels.index(label), []
             for sign in (1, -1):
@@ -67,7 +67,7 @@ def measure(
                 )
                 tails.append(tail)
                 spent += made
-            reaches[label] = Reach(tails[0], tails[1], spent)
+            reaches[label] = PhiDistribution(tails[0], tails[1], spent)
     return Rarity(reaches, _required(weights, problem.log_excess), spent)
 
 
@@ -84,11 +84,11 @@ def _required(weights: Array, excess: float) -> Estimate | None:
 
 def _require(
     problem: MotionProblem, count: int, moves: int, seed: int, work: int, check: Callable[[], None], stop: Stop
-) -> tuple[Chains, Array, float]:
+) -> tuple[MotionChains, Array, float]:
     """Chains that meet the limits, then the requirement, with the weights of their islands (0 if they do not), and the
     largest margin."""
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM])))
-    chains, weights, best = Chains.start(problem, count, rng, stop), np.ones(ISLANDS), np.inf
+    chains, weights, best = MotionChains.start(problem, count, rng, stop), np.ones(ISLANDS), np.inf
     for row in reversed(range(len(problem.labels), len(problem.labels) + len(GATES))):
         met = bool((margins(chains, 1, row) >= 0.0).all())
         while not met and chains.evaluations < work:

@@ -33,7 +33,7 @@ FIRST, LAST = 0.15, 0.25  # shares of the first and the last moment among those 
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class ObjectGroup:
     """Of each of P motions: some objects that stand together at a `moment` (P,), `members` (N, P), around `seed` (P,),
     which then is at `place` (2, P); `apart` (N, 2, P) is how far all are from it, and `reach` (P,) how far members
     are."""
@@ -65,7 +65,7 @@ def _places(problem: MotionProblem, now: Variables, moment: Index) -> Array:
     return out
 
 
-def find_group(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> Group:
+def find_group(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> ObjectGroup:
     """An object that can stand elsewhere, and some number of nearest ones: few more often."""
     count, steps = now.count, problem.steps
     moment, luck = rng.integers(steps + 1, size=count), rng.random(count)
@@ -81,7 +81,7 @@ def find_group(problem: MotionProblem, now: Variables, rng: np.random.Generator)
     reach = np.sort(distance, axis=0)[size - 1, motion]
     members: Flags = np.asarray(distance <= reach)
     apart[~free] = np.inf
-    return Group(members, moment, seed, place, apart, reach)
+    return ObjectGroup(members, moment, seed, place, apart, reach)
 
 
 def _sizes(rng: np.random.Generator, count: int) -> Array:
@@ -97,7 +97,7 @@ def _axes(rng: np.random.Generator, count: int) -> Array:
     return np.stack([kind != 0, kind != 1]).astype(np.float64)
 
 
-def _way(problem: MotionProblem, group: Group, rng: np.random.Generator, before: Before, after: After) -> Array:
+def _way(problem: MotionProblem, group: ObjectGroup, rng: np.random.Generator, before: Before, after: After) -> Array:
     """By how much a group is moved, (2, P)."""
     low, width = problem.lowest[group.seed, :2].T, (problem.highest - problem.lowest)[group.seed, :2].T
     count = len(group.seed)
@@ -140,7 +140,13 @@ def relocate(
 
 
 def _by_steps(
-    problem: MotionProblem, now: Variables, group: Group, unit: Array, by: Array, rng: np.random.Generator, early: bool
+    problem: MotionProblem,
+    now: Variables,
+    group: ObjectGroup,
+    unit: Array,
+    by: Array,
+    rng: np.random.Generator,
+    early: bool,
 ) -> tuple[Flags, Flags]:
     """Adds `by` to one step of each member, before the moment or after it. Returns which had one (N, P), and the
     motions in which all changed steps are legal."""
@@ -168,7 +174,13 @@ def _by_steps(
 
 
 def _redraw(
-    problem: MotionProblem, now: Variables, group: Group, unit: Array, rng: np.random.Generator, early: bool, late: bool
+    problem: MotionProblem,
+    now: Variables,
+    group: ObjectGroup,
+    unit: Array,
+    rng: np.random.Generator,
+    early: bool,
+    late: bool,
 ) -> Array:
     """Redraws the members' steps until a time before the moment, and from a time after it. Returns how much farther
     they go before, (N, 3, P)."""

@@ -247,7 +247,7 @@ def make_plan(
 
 
 @dataclass(frozen=True, slots=True)
-class Sampled:
+class SampledMotions:
     """Motions: `poses` (n, T + 1, N, 3) in metres and radians, `movers` (n, T), an object's index or -1 where all
     move, and `phi` (n, L). `info` says how they were drawn; `complete` is False if time, or the search, ended with
     fewer than the request's n."""
@@ -265,7 +265,7 @@ class Sampled:
 
 def sample(
     problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto", watch: Watch | None = None
-) -> Sampled:
+) -> SampledMotions:
     """The request's motions. `method` is "auto", "rejection" or "splitting". Motions do not depend on the request's
     `workers`. If the range is not reached there are none. `watch` is shown motions until they are there: at first any.
     Raises RequestError if time is up before the plan is made, AssertionError for a motion that fails the check."""
@@ -300,7 +300,7 @@ def sample(
         scores = problem.scores(poses)
     assert (cells.find(scores) >= 0).all(), "a motion is out of range"
     motions = np.ascontiguousarray(poses.transpose(3, 2, 0, 1))
-    return Sampled(motions, movers, scores[:labels].T, info, len(motions) >= problem.request.n)
+    return SampledMotions(motions, movers, scores[:labels].T, info, len(motions) >= problem.request.n)
 
 
 def _split(problem: MotionProblem, rows: Array) -> tuple[Array, Index]:

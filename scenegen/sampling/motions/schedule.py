@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from scenegen.processes.ahead import Ahead
+from scenegen.processes.ahead import Lookahead
 from scenegen.sampling.motions.moves import changes
 from scenegen.sampling.motions.problem import (
     GATES,
@@ -50,7 +50,7 @@ def systematic(share: Array, rng: np.random.Generator) -> Index:
 
 
 @dataclass(slots=True)
-class Chains:
+class MotionChains:
     """P chains: their variables, scores (L + 2, P), the region in which they are, and their weights there (P,).
     `evaluations` counts motions scored."""
 
@@ -64,7 +64,7 @@ class Chains:
     evaluations: int = 0
 
     @classmethod
-    def start(cls, problem: MotionProblem, count: int, rng: np.random.Generator, stop: Stop = NEVER) -> Chains:
+    def start(cls, problem: MotionProblem, count: int, rng: np.random.Generator, stop: Stop = NEVER) -> MotionChains:
         """Chains at the base distribution, allowed everywhere."""
         now = draw(problem, count, rng)
         anywhere = np.full(len(problem.cells.low), -np.inf)
@@ -80,7 +80,7 @@ class Chains:
         """The scores, a row each."""
         return list(self.scores)
 
-    def copy(self) -> Chains:
+    def copy(self) -> MotionChains:
         """Chains that go on from the same motions."""
         return replace(self, now=self.now.take(np.arange(self.count)), scores=self.scores.copy(), evaluations=0)
 
@@ -169,11 +169,11 @@ def generator(seed: int, piece: int) -> np.random.Generator:
 
 
 @dataclass(slots=True)
-class Begun:
+class PartialMotionPiece:
     """A piece after its first `stages` stages. `probability` is its estimate of that of their regions: 0 if no chain
     survived; `taken` is how many moves each chain took in the last stage, on average."""
 
-    chains: Chains
+    chains: MotionChains
     stages: int = 0
     probability: float = 1.0
     taken: float = 0.0
@@ -189,14 +189,14 @@ class Begun:
             self.taken = self.chains.run(stage.moves, stage.mixture)
 
 
-def begin(problem: MotionProblem, chains: int, number: int, stop: Stop = NEVER) -> Begun:
+def begin(problem: MotionProblem, chains: int, number: int, stop: Stop = NEVER) -> PartialMotionPiece:
     """Piece `number`, of so many chains, before its first stage."""
-    return Begun(Chains.start(problem, chains, generator(problem.request.seed, number), stop))
+    return PartialMotionPiece(MotionChains.start(problem, chains, generator(problem.request.seed, number), stop))
 
 
-def go_on(stored: bytes, stop: Stop = NEVER) -> Begun:
+def go_on(stored: bytes, stop: Stop = NEVER) -> PartialMotionPiece:
     """A piece that was begun before, perhaps in another process."""
-    begun: Begun = pickle.loads(stored)  # noqa: S301 - from our own process
+    begun: PartialMotionPiece = pickle.loads(stored)  # noqa: S301 - from our own process
     begun.chains.stop = stop  # the time that is left is another one now
     return begun
 
@@ -239,7 +239,7 @@ class Schedule:
 def make_schedule(problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> Schedule | None:
     """The schedule of a problem; None if its range is not reached. With several workers, pieces are begun meanwhile.
     `watch` is shown the motions of each level. Raises StoppedError when time is up."""
-    planner = _Planner(problem, budget, watch)
+    planner = _MotionPlanner(problem, budget, watch)
     if (problem.request.workers or 1) < 2:
         return planner.plan()
     with planner.pieces() as ahead:
@@ -247,7 +247,7 @@ def make_schedule(problem: MotionProblem, budget: Budget, watch: Watch | None = 
         return None if found is None else replace(found, begun=ahead.states())
 
 
-class _Planner:
+class _MotionPlanner:
     """One descent of one ensemble of chains, which records its stages."""
 
     def __init__(self, problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> None:
@@ -255,21 +255,21 @@ class _Planner:
         self._piece = problem.at_once(min(wanted, 4096), AT_LEAST)
         self._moves = 10 + problem.steps + len(problem.names)
         many = problem.at_once(max(512, self._piece), AT_LEAST)
-        self._chains = Chains.start(problem, many, generator(problem.request.seed, -1), budget)
+        self._chains = MotionChains.start(problem, many, generator(problem.request.seed, -1), budget)
         kinds = len(changes(problem))
         self._meter, self._mixture = Meter(kinds), np.full(kinds, 1.0 / max(1, kinds))
         self._stages: list[Stage] = []
         self._budget = budget
-        self._ahead: Ahead[Stage] | None = None
+        self._ahead: Lookahead[Stage] | None = None
         self._watch = watch
 
-    def pieces(self) -> Ahead[Stage]:
+    def pieces(self) -> Lookahead[Stage]:
         """Pieces that begin in another process."""
         problem, budget = self._chains.problem, self._budget
         job = Pieces[Stage](partial(begin, problem, self._piece, stop=budget))
-        return Ahead(job, PIECES, budget.reserve)
+        return Lookahead(job, PIECES, budget.reserve)
 
-    def plan(self, ahead: Ahead[Stage] | None = None) -> Schedule | None:
+    def plan(self, ahead: Lookahead[Stage] | None = None) -> Schedule | None:
         """The schedule; `ahead` gets each stage."""
         self._ahead = ahead
         chains, problem = self._chains, self._chains.problem

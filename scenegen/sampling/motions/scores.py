@@ -17,22 +17,22 @@ from scenegen.errors.time import NO_BOUND_ON_STEPS
 from scenegen.geometry import NUMPY, Namespace
 from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import (
+    BoundedUntil,
     Const,
     Coord,
     Core,
     Everywhere,
     Junction,
     Moment,
-    Until,
     Window,
     children,
     moved,
     part_of,
 )
 from scenegen.lang.formula.headings import bare_rows
-from scenegen.lang.formula.interpret import Fewer, Numbers, fold
+from scenegen.lang.formula.interpret import Numbers, PrunedNumbers, fold
 from scenegen.lang.formula.interpret import phi as evaluate
-from scenegen.lang.formula.nearest import Groups, find_groups, negative
+from scenegen.lang.formula.nearest import GapMinima, find_groups, negative
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimeNode, over_time
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, along, row_of, rows_of
@@ -124,7 +124,7 @@ def moments_needed(timed: Timed, *, labels: bool, requirement: bool) -> list[Mas
                     needed[arg] |= mask
             case Window(_, arg, lowest, highest):
                 needed[arg] |= _later(mask, lowest, highest)
-            case Until(_, left, right, lowest, highest, _):
+            case BoundedUntil(_, left, right, lowest, highest, _):
                 needed[left] |= _later(mask, 0, highest)
                 needed[right] |= _later(mask, lowest, highest)
             case Moment("first", arg):
@@ -166,11 +166,11 @@ Moments = npt.NDArray[np.intp]
 FEW, EACH = 2, 1  # gaps of a minimum, and for each pair of shapes: few states have one that can be negative
 
 
-class _Signs(Fewer):
+class _Signs(PrunedNumbers):
     """Minima of gaps have their values where they are negative; else they are merely not. `table` has the rows."""
 
     def __init__(
-        self, namespace: Namespace, rows: Sequence[Any], groups: Groups, values: list[Any], table: Array
+        self, namespace: Namespace, rows: Sequence[Any], groups: GapMinima, values: list[Any], table: Array
     ) -> None:
         super().__init__(namespace, rows, groups, values)
         self.table = table
@@ -186,7 +186,7 @@ class _Signs(Fewer):
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _StateFormulas:
     """Some formulas of a state, `signals`, that are needed at the same `moments`. `steps`: they look at the moments
     before, too. `groups` are minima of gaps whose values are asked for, `signs` those of which only signs are."""
 
@@ -194,8 +194,8 @@ class _Part:
     signals: tuple[int, ...]
     moments: Moments
     steps: bool
-    groups: Groups
-    signs: Groups
+    groups: GapMinima
+    signs: GapMinima
 
     def values(self, poses: Array, signs: bool) -> list[Array]:
         """The values of the signals, (moments, B) each, of poses (N, 3, T + 1, B)."""
@@ -212,19 +212,19 @@ class _Part:
         if signs:
             algebra = _Signs(namespace, rows, groups, values, table)
         elif groups.skipped:
-            algebra = Fewer(namespace, rows, groups, values)
+            algebra = PrunedNumbers(namespace, rows, groups, values)
         fold(self.core.nodes, algebra, values=values)
         found = [values[self.core.labels[str(signal)]] for signal in self.signals]
         return [np.broadcast_to(one, table.shape[1]).reshape(-1, count) for one in found]
 
 
 @dataclass(frozen=True, slots=True)
-class _Stage:
+class _TimedFormulas:
     """Formulas over time of which some `nodes` are asked for, and the formulas of a state that these need."""
 
     timed: Timed
     nodes: tuple[int, ...]
-    parts: tuple[_Part, ...]
+    parts: tuple[_StateFormulas, ...]
 
     def values(self, poses: Array, signs: bool = False) -> list[Array]:
         """The values of the nodes at every moment, (B, T + 1) each; right where they are needed."""
@@ -249,8 +249,8 @@ class _Stage:
 class LeanScores:
     """Scores of a spec over time, in two stages."""
 
-    labels: _Stage
-    requirement: _Stage | None
+    labels: _TimedFormulas
+    requirement: _TimedFormulas | None
     bare: bool  # whether a formula takes headings as numbers
 
     def of_labels(self, poses: Array) -> Array:
@@ -274,7 +274,7 @@ def lean(timed: Timed) -> LeanScores:
     """The lean scores of a spec over time."""
     roots = tuple(timed.labels.values())
     labels = _stage(timed, roots, moments_needed(timed, labels=True, requirement=False))
-    required: _Stage | None = None
+    required: _TimedFormulas | None = None
     if timed.requirement is not None:
         less = without_step_bounds(timed)
         assert less.requirement is not None
@@ -285,7 +285,7 @@ def lean(timed: Timed) -> LeanScores:
     return LeanScores(labels, required, bool(bare_rows(timed.state)))
 
 
-def _stage(timed: Timed, nodes: tuple[int, ...], needed: Sequence[Mask]) -> _Stage:
+def _stage(timed: Timed, nodes: tuple[int, ...], needed: Sequence[Mask]) -> _TimedFormulas:
     by_moments: dict[bytes, list[int]] = {}
     for signal, mask in enumerate(needed):
         if mask.any():
@@ -296,9 +296,9 @@ def _stage(timed: Timed, nodes: tuple[int, ...], needed: Sequence[Mask]) -> _Sta
         roots = tuple(core.labels.values())
         steps = any(isinstance(node, Coord) and node.object >= count for node in core.nodes)
         usual, signs = find_groups(core, roots), find_groups(core, roots, FEW, EACH)
-        parts.append(_Part(core, tuple(signals), np.flatnonzero(needed[signals[0]]), steps, usual, signs))
+        parts.append(_StateFormulas(core, tuple(signals), np.flatnonzero(needed[signals[0]]), steps, usual, signs))
     kept, place = _below(timed, nodes)
-    return _Stage(replace(timed, nodes=kept, labels={}, requirement=None), place, tuple(parts))
+    return _TimedFormulas(replace(timed, nodes=kept, labels={}, requirement=None), place, tuple(parts))
 
 
 def _below(timed: Timed, roots: tuple[int, ...]) -> tuple[tuple[TimeNode, ...], tuple[int, ...]]:
@@ -320,7 +320,7 @@ def _below(timed: Timed, roots: tuple[int, ...]) -> tuple[tuple[TimeNode, ...], 
                 kept.append(node)
                 continue
             again = moved(node, place)
-            assert isinstance(again, Junction | Window | Until | Moment | Everywhere)
+            assert isinstance(again, Junction | Window | BoundedUntil | Moment | Everywhere)
             kept.append(again)
     return tuple(kept), tuple(place[root] for root in roots)
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction, children
 from scenegen.lang.formula.interpret import evaluate
-from scenegen.lang.formula.nearest import FEWEST_GAPS, Groups, find_groups
+from scenegen.lang.formula.nearest import FEWEST_GAPS, GapMinima, find_groups
 from scenegen.pose import BELOW_TURN, THETA, along, row_count
 from scenegen.sampling.problem import PLAN, Problem
 from scenegen.search.effort import Effort, per_scene
@@ -54,11 +54,11 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stage:
+class FilterStage:
     """Conditions that are checked together, and the nodes that this needs."""
 
     conditions: tuple[Condition, ...]
-    groups: Groups
+    groups: GapMinima
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,8 +66,8 @@ class Stages:
     """`full` is what scoring needs of those that meet all conditions; `work` is that of a candidate on average, with
     it."""
 
-    stages: tuple[Stage, ...]
-    full: Groups
+    stages: tuple[FilterStage, ...]
+    full: GapMinima
     work: float
 
     def survivors(self, core: Core, rows: Array, usable: Bool, check: Check = None) -> tuple[Array, Index | None]:
@@ -122,7 +122,7 @@ def choose_stages(problem: Problem, rows: Array, usable: Bool, needed: Collectio
     work += float(alive.mean()) * costs.whole
     if not stages or work > WORTH * costs.whole:
         return unstaged
-    made = (Stage(tuple(some), find_groups(core, [one.node for one in some])) for some in stages)
+    made = (FilterStage(tuple(some), find_groups(core, [one.node for one in some])) for some in stages)
     first = float(usable.mean())
     return Stages(tuple(made), full, costs.drawing + work * (first if first <= LATER else 1.0))
 
@@ -151,7 +151,7 @@ class _Costs:
     """The work of scoring parts of a core for a candidate; `whole` is that of all labels, `drawing` that of its
     coordinates."""
 
-    def __init__(self, core: Core, full: Groups) -> None:
+    def __init__(self, core: Core, full: GapMinima) -> None:
         self.core, self.groups = core, full.by_node
         self.drawing = DRAW * row_count(len(core.objects))
         self.whole = self.of(tuple(core.labels.values()), set())
@@ -280,7 +280,7 @@ def _scored(
     spans: Sequence[slice],
     usable: Bool,
     check: Callable[[], None] | None = None,
-    full: Groups | None = None,
+    full: GapMinima | None = None,
 ) -> Array:
     """phi (L, B); and `usable` loses those that are not scenes of their part."""
     labels = problem.core.labels.values()

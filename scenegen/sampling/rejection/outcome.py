@@ -23,7 +23,7 @@ GROWN = 5e-6  # seconds of growth for a scene and each of its moving rows, at le
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class RejectionOutcome:
     """What pruned rejection came to: `trial` is None if pruning takes too much work, `plan` if no candidate was in the
     range or pruning each cell takes too much; `enough` says that no other method can be much better. `longer` is a
     trial that took more work than it first was given."""
@@ -34,34 +34,34 @@ class Look:
     longer: Trial | None = None
 
 
-def look(
+def try_rejection(
     problem: Problem,
     budget: Budget,
     most: float,
     on_quarter: Callable[[], object] | None = None,
     further: Callable[[], float] | None = None,
-) -> Look:
+) -> RejectionOutcome:
     """Rejection, if pruning takes no more than that work. `on_quarter` is called where it takes a quarter of it,
     `further` where it takes more: it then goes on up to what that returns."""
     try:
         trial = make_trial(problem, budget, most, on_quarter, further)
     except TooMuchError:
-        return Look(None)
+        return RejectionOutcome(None)
     if trial.work > most:
-        return Look(None, longer=trial)
+        return RejectionOutcome(None, longer=trial)
     if not trial.rate.hits:
-        return Look(trial)
+        return RejectionOutcome(trial)
     try:
         plan = plan_rejection(problem, budget, trial, MOST, CELLS)
     except TooMuchError:
-        return Look(trial)
+        return RejectionOutcome(trial)
     cheap = plan.seconds <= max(TRIED, GROWN * moving(problem) * problem.request.n)
-    return Look(trial, plan, cheap and open_cells(problem, plan) <= len(plan.reached))
+    return RejectionOutcome(trial, plan, cheap and open_cells(problem, plan) <= len(plan.reached))
 
 
-def at_once(found: Look) -> Rejection | None:
+def cheap_enough(found: RejectionOutcome) -> Rejection | None:
     """Rejection, if it is enough."""
-    return because(found.plan, in_range(found.plan)) if found.plan is not None and found.enough else None
+    return with_reason(found.plan, in_range(found.plan)) if found.plan is not None and found.enough else None
 
 
 def open_cells(problem: Problem, plan: Rejection) -> int:
@@ -74,7 +74,7 @@ def moving(problem: Problem) -> int:
     return int((problem.lowest < problem.highest).sum())
 
 
-def because(plan: P, why: str) -> P:
+def with_reason(plan: P, why: str) -> P:
     """The plan, and why it was chosen."""
     return replace(plan, why=why)
 

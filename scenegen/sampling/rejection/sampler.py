@@ -66,7 +66,7 @@ ROUGH = 5e6  # work of a cover of a run, about: many candidates are drawn in the
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Served:
+class CellGroup:
     """Cells that are taken from one cover; a candidate hits the rarest of them with the probability `rate`. `stages`
     are the cover's, if they were made."""
 
@@ -81,7 +81,7 @@ class Sieve:
     """What is known of cells that need no covers of their own: those that are served together, those proved empty, and
     those that no candidate hit."""
 
-    served: tuple[Served, ...] = ()
+    served: tuple[CellGroup, ...] = ()
     empty: frozenset[int] = frozenset()
     barren: frozenset[int] = frozenset()
     tried: int = 0
@@ -102,7 +102,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
     missed = [cell for cell in cells if not trial.hits[cell]]
     if len(missed) * trial.work < WORTH or not chooses(problem.core):
         return Sieve()
-    served, empty, barren = list[Served](), set[int](), set[int]()
+    served, empty, barren = list[CellGroup](), set[int](), set[int]()
     effort, tried = effort_of(budget, most), 0
     possible = sorted(problem.possible)
     waiting = _runs(missed, possible)
@@ -125,7 +125,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
             continue
         common = [cell for cell in run if hits[cell] * worth >= count]
         if common:
-            served.append(Served(tuple(common), cover, float(hits[common].min()) / count, stages))
+            served.append(CellGroup(tuple(common), cover, float(hits[common].min()) / count, stages))
             waiting += _runs([cell for cell in run if cell not in common], possible)
     return Sieve(tuple(served), frozenset(empty), frozenset(barren), tried, effort.used)
 
@@ -162,7 +162,7 @@ LOOK, FEW = 6e7, 4  # work of a first trial, and how many of its candidates must
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class CoverSource:
     """A cover and the cells whose scenes are taken from it, (C,) booleans; `candidates` are drawn for each piece, and
     scored in `stages`."""
 
@@ -181,7 +181,7 @@ class Rejection(Plan):
     can interrupt pieces; it does not change their results.
     """
 
-    sources: tuple[Source, ...]
+    sources: tuple[CoverSource, ...]
     reachable: frozenset[int]
     empty: frozenset[int]
     explored: Rate
@@ -292,7 +292,7 @@ def make_plan(
     hit = sorted((cell for cell in possible if rates[cell]), key=lambda cell: (rates[cell], cell))
     shares = _Shares(rates, hit, problem.request.n / len(possible), price)
     ruled_out: set[int] = set()
-    served: list[Served] = []
+    served: list[CellGroup] = []
     draws = trial.tried
     try:
         worth = max(OWN, trial.work / each) * len(possible) / problem.request.n
@@ -307,7 +307,7 @@ def make_plan(
     must = [cell for cell in missed if cell not in sieve.settled]
     rest = must + hit
     allowed = together
-    own: list[Served] = []
+    own: list[CellGroup] = []
     with closing(own_covers(problem, rest, budget, lambda: min(most, together))) as covers:
         for done, cell in enumerate(rest):
             optional = done >= len(must)
@@ -331,7 +331,7 @@ def make_plan(
             if not mine.cover.parts:
                 ruled_out.add(cell)
             elif mine.hits:
-                own.append(Served((cell,), mine.cover, mine.hits / mine.tried, mine.stages))
+                own.append(CellGroup((cell,), mine.cover, mine.hits / mine.tried, mine.stages))
             if optional:
                 shares.made.append(mine.hits / mine.tried)
     common = frozenset(hit[shares.best :])
@@ -434,8 +434,8 @@ class _Shares:
 
 
 def _balance(
-    problem: Problem, trial: Trial, common: frozenset[int], own: list[Served]
-) -> tuple[tuple[Source, ...], float]:
+    problem: Problem, trial: Trial, common: frozenset[int], own: list[CellGroup]
+) -> tuple[tuple[CoverSource, ...], float]:
     """How many candidates of each source a piece has, so that all cells are full at about the same time; and how many
     the request will need."""
     rate = trial.hits / trial.tried
@@ -454,12 +454,14 @@ def _balance(
     return tuple(sources), float(sum(need))
 
 
-def _source(problem: Problem, cover: Cover, cells: Bool, candidates: int, need: float, stages: Stages | None) -> Source:
+def _source(
+    problem: Problem, cover: Cover, cells: Bool, candidates: int, need: float, stages: Stages | None
+) -> CoverSource:
     """`stages` are the cover's, where they have been made. `need` is how many candidates the request takes in all: for
     a few, to make stages costs more than they save."""
     if stages is None and need >= STAGED * PILOT:
         stages = make_stages(problem, cover)
-    return Source(cover, cells, candidates, stages)
+    return CoverSource(cover, cells, candidates, stages)
 
 
 def _size(problem: Problem, need: float, parts: int) -> int:

@@ -146,7 +146,7 @@ WORTH = 2.5e7  # work of each process, about, at which it saves more time than i
 
 
 @dataclass(frozen=True, slots=True)
-class Own:
+class CellCover:
     """A cell's cover: `hits` of the cell among `tried` candidates, and the `work` of it all, see `Effort`. Without
     parts, the cell is proved empty. None: it took more work than was allowed. `stages` are the cover's, if they were
     made."""
@@ -165,19 +165,19 @@ class _Covering:
     problem: Problem
     budget: Budget
 
-    def __call__(self, item: tuple[int, float]) -> Own:
+    def __call__(self, item: tuple[int, float]) -> CellCover:
         cell, most = item
         problem, effort = self.problem, effort_of(self.budget, most)
         stream = (problem.request.seed, PLAN, cell + 1)
         try:
             cover = make_cover(problem, problem.wanted(cell), stream, effort, *_enough_for_cell(problem))
             if not cover.parts:
-                return Own(cover, 0, 0, effort.used)
+                return CellCover(cover, 0, 0, effort.used)
             rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
             hits, tried, stages = explore(problem, cover, SEARCH, rng, effort, cell)
         except TooMuchError:
-            return Own(None, 0, 0, effort.used)
-        return Own(cover, int(hits[cell]), tried, effort.used, stages)
+            return CellCover(None, 0, 0, effort.used)
+        return CellCover(cover, int(hits[cell]), tried, effort.used, stages)
 
 
 def _enough_for_cell(problem: Problem) -> tuple[float, float | None]:
@@ -193,7 +193,7 @@ def _enough_for_cell(problem: Problem) -> tuple[float, float | None]:
 
 def own_covers(
     problem: Problem, cells: Sequence[int], budget: Budget, most: Callable[[], float]
-) -> Generator[Own, None, None]:
+) -> Generator[CellCover, None, None]:
     """The covers of cells, in their order; made by several processes if the first of them show that it is worth it.
 
     `most` is the work that is allowed when a cover is begun. Several are begun at a time, so less may be left in their

@@ -32,7 +32,7 @@ _WATCHED = 48  # atoms, and junctions, whose correlation is tracked; larger spec
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ChainObject:
     """One object of a chain: the index of each axis among the moving rows, None for an axis at rest."""
 
     at: tuple[int | None, ...]
@@ -67,7 +67,7 @@ class ChainState:
     low: Array
     high: Array
     circular: npt.NDArray[np.bool_]
-    parts: tuple[Part, ...]
+    parts: tuple[ChainObject, ...]
     resting: Array
 
     @property
@@ -104,7 +104,7 @@ def make_frame(core: Core, lowest: Array, highest: Array) -> ChainState:
     rows = tuple(sorted(row for row in read_rows(core) if lowest[row] < highest[row]))
     index = {row: place for place, row in enumerate(rows)}
     objects = sorted({owner(row) for row in rows})
-    parts = tuple(Part(tuple(index.get(row) for row in rows_of(thing))) for thing in objects)
+    parts = tuple(ChainObject(tuple(index.get(row) for row in rows_of(thing))) for thing in objects)
     chosen = list(rows)
     low, high = lowest[chosen], highest[chosen]
     circular = np.array([is_angle(row) for row in rows], dtype=bool) & (np.abs(high - low - TWO_PI) < 1e-12)
@@ -129,7 +129,7 @@ def choices(core: Core) -> list[tuple[Junction, Core]]:
     ]
 
 
-class _Checked(Numbers):
+class _ChainNumbers(Numbers):
     """Nodes as arrays; `stop` is checked before every primitive. `places` has, for each row of storage, the index of a
     moving row among `rows`, or the value of a resting one."""
 
@@ -148,7 +148,7 @@ class _Checked(Numbers):
         return PRIMITIVES[node.primitive].evaluate(self.namespace, *node.shapes, *args)
 
 
-class Tape:
+class ChainTape:
     """phi of the labels of a core over the moving rows of a chain_state. `stop` is checked before every primitive."""
 
     def __init__(self, chain_state: ChainState, core: Core | None = None, stop: Stop = NEVER) -> None:
@@ -181,6 +181,6 @@ class Tape:
 
     def _values(self, rows: Sequence[Array]) -> list[Array]:
         namespace = turning(NUMPY, [rows[place] for place in self._headings])
-        values = fold(self._core.nodes, _Checked(namespace, rows, self._coords, self._stop), dead=self._dead)
+        values = fold(self._core.nodes, _ChainNumbers(namespace, rows, self._coords, self._stop), dead=self._dead)
         shape = rows[0].shape if rows else ()
         return [np.broadcast_to(values[node], shape) for node in self._core.labels.values()]

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from scenegen.pose import PLACE
 from scenegen.sampling.request import Cells
-from scenegen.sampling.splitting.chain_state import ChainState, Tape, choices, watched
-from scenegen.sampling.splitting.moves import MOVES, Deck, Draw, Proposal, Tuning, bring_home
+from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, choices, watched
+from scenegen.sampling.splitting.moves import MOVES, Deck, MoveInputs, MoveProposal, Tuning, bring_home
 from scenegen.search.effort import NEVER, Stop
 
 Array = npt.NDArray[np.float64]
@@ -68,7 +68,7 @@ class Chains:
     it."""
 
     chain_state: ChainState
-    tape: Tape
+    tape: ChainTape
     cells: Cells
     rng: np.random.Generator
     rows: list[Array]
@@ -82,7 +82,9 @@ class Chains:
     families: list[Index] = field(default_factory=list)
 
     @classmethod
-    def start(cls, chain_state: ChainState, tape: Tape, cells: Cells, count: int, rng: np.random.Generator) -> Chains:
+    def start(
+        cls, chain_state: ChainState, tape: ChainTape, cells: Cells, count: int, rng: np.random.Generator
+    ) -> Chains:
         """Chains at the base distribution, allowed everywhere."""
         rows = chain_state.draw(count, rng)
         phi = tape(rows)
@@ -164,9 +166,9 @@ class Chains:
         self.fresh = self.fresh[index] & first
         self.pool = list(self.rows)
 
-    def move(self, kind: str, tuning: Tuning) -> tuple[float, Proposal]:
+    def move(self, kind: str, tuning: Tuning) -> tuple[float, MoveProposal]:
         """One move of all chains. Returns the share of chains that took it, and what was proposed."""
-        draw = Draw(self.chain_state, *self.decks, self.rows, self.pool, tuning, tuning.scale[kind], self.rng)
+        draw = MoveInputs(self.chain_state, *self.decks, self.rows, self.pool, tuning, tuning.scale[kind], self.rng)
         proposal = MOVES[kind](draw)
         if not proposal.rows:
             return 0.0, proposal
@@ -245,8 +247,8 @@ class Statistics:
 
     def __init__(self, chain_state: ChainState, stop: Stop = NEVER) -> None:
         self._frame = chain_state
-        self._atoms = Tape(chain_state, watched(chain_state.core), stop)
-        self._choices = [(node.kind, Tape(chain_state, core, stop)) for node, core in choices(chain_state.core)]
+        self._atoms = ChainTape(chain_state, watched(chain_state.core), stop)
+        self._choices = [(node.kind, ChainTape(chain_state, core, stop)) for node, core in choices(chain_state.core)]
         pairs = [(a, b) for a in range(len(chain_state.parts)) for b in range(a)]
         step = max(1, -(-len(pairs) // _PAIRS))
         self._pairs = [
@@ -294,7 +296,7 @@ def correlation(before: Array, after: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
+class CorrelationTime:
     """How long chains stay correlated: `moves` until no statistic is correlated with its value at the `start` (S, P),
     and the largest correlation `left` then. `late` are copies of the chains when most correlations had faded, and
     `faded` (S,) the correlations at that time: they show which statistics are slow."""
@@ -306,7 +308,7 @@ class Memory:
     faded: Array
 
 
-def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int) -> Memory:
+def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int) -> CorrelationTime:
     """Applies the mirrors once, then moves the chains until they are no longer correlated with their start.
 
     Stops at `most` moves; the correlation is then not negligible.
@@ -328,10 +330,10 @@ def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int
             break
     assert late is not None
     # Noise may have hidden some correlation: a fifth more moves reduces it below the limit.
-    return Memory(done + done // 5, max(0.0, left - noise), start, *late)
+    return CorrelationTime(done + done // 5, max(0.0, left - noise), start, *late)
 
 
-def helps(memory: Memory, statistics: Statistics, tuning: Tuning, kind: str) -> tuple[float, int]:
+def helps(memory: CorrelationTime, statistics: Statistics, tuning: Tuning, kind: str) -> tuple[float, int]:
     """By how much a move of a kind lowers the slowest correlations, and the number of evaluations of this trial."""
     chains = memory.late.some(memory.late.count)
     for _ in range(_TRIES):

@@ -19,12 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.processes.ahead import Ahead
+from scenegen.processes.ahead import Lookahead
 from scenegen.processes.process import cores
 from scenegen.sampling.plan import Pieces
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.request import Cells
-from scenegen.sampling.splitting.chain_state import Tape, frame_of
+from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import Chains, Region, Statistics, forgetting, helps, which_cell
 from scenegen.sampling.splitting.moves import COMPOSED, SCALED, STEPS, Tuning, moves_for
 from scenegen.search.effort import NEVER, Stop, StoppedError
@@ -238,7 +238,7 @@ class Stage:
 
 
 @dataclass(slots=True)
-class Begun:
+class PartialPiece:
     """A piece after its first `stages` stages. `probability` is its estimate of that of their regions: 0 if no chain
     survived."""
 
@@ -261,17 +261,17 @@ def generator(seed: int, piece: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLIT, piece + 1])))
 
 
-def begin(problem: Problem, chains: int, number: int, stop: Stop = NEVER) -> Begun:
+def begin(problem: Problem, chains: int, number: int, stop: Stop = NEVER) -> PartialPiece:
     """Piece `number`, of so many chains, before its first stage."""
     frame = frame_of(problem)
     rng = generator(problem.request.seed, number)
-    return Begun(Chains.start(frame, Tape(frame, stop=stop), problem.cells, chains, rng))
+    return PartialPiece(Chains.start(frame, ChainTape(frame, stop=stop), problem.cells, chains, rng))
 
 
-def go_on(stored: bytes, stop: Stop = NEVER) -> Begun:
+def go_on(stored: bytes, stop: Stop = NEVER) -> PartialPiece:
     """A piece that was begun before, perhaps in another process."""
-    begun: Begun = pickle.loads(stored)  # noqa: S301 - from our own process
-    begun.chains.tape = Tape(begun.chains.chain_state, stop=stop)  # the time that is left is another one now
+    begun: PartialPiece = pickle.loads(stored)  # noqa: S301 - from our own process
+    begun.chains.tape = ChainTape(begun.chains.chain_state, stop=stop)  # the time that is left is another one now
     return begun
 
 
@@ -307,7 +307,7 @@ class Schedule:
 
 
 @dataclass(frozen=True, slots=True)
-class Stalled:
+class SplittingStalled:
     """No plan: `why` the descent ended, the scenes it ended with, D rows and L phi, (P,) each, and its cost. There are
     no scenes if time was up before the first."""
 
@@ -318,17 +318,19 @@ class Stalled:
     levels: int
 
 
-def make_schedule(problem: Problem, budget: Budget, *, ahead: bool = False, most: float = np.inf) -> Schedule | Stalled:
-    """The plan for a problem; Stalled if the range cannot be reached, or time is up. `ahead`: another process may begin
-    to draw meanwhile, if the request is large. The descent may take `most` evaluations."""
+def make_schedule(
+    problem: Problem, budget: Budget, *, ahead: bool = False, most: float = np.inf
+) -> Schedule | SplittingStalled:
+    """The plan for a problem; SplittingStalled if the range cannot be reached, or time is up. `ahead`: another process
+    may begin to draw meanwhile, if the request is large. The descent may take `most` evaluations."""
     try:
-        planner = _Planner(problem, budget, most)
+        planner = _LevelPlanner(problem, budget, most)
     except StoppedError:
-        return Stalled("time", (), (), 0, 0)
+        return SplittingStalled("time", (), (), 0, 0)
     return planner.plan(ahead=ahead)
 
 
-class _Planner:
+class _LevelPlanner:
     """One descent of one ensemble of chains, which records its stages."""
 
     def __init__(self, problem: Problem, budget: Budget, most: float = np.inf) -> None:
@@ -341,13 +343,13 @@ class _Planner:
         if self._takes > 1:  # as many pieces as planned, none for a few last scenes
             self._chains = min(self._chains, max(least, -(-n // (PIECES * self._takes))))
         ensemble = min(most, max(CHAINS // 2, least))  # one process makes the plan: more would only keep others waiting
-        tape = Tape(chain_state, stop=budget)
+        tape = ChainTape(chain_state, stop=budget)
         self._state = Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1))
         self._tuner = Tuner(self._state)
         self._stages: list[Stage] = []
-        self._ahead: Ahead[Stage] | None = None
+        self._ahead: Lookahead[Stage] | None = None
 
-    def plan(self, *, ahead: bool) -> Schedule | Stalled:
+    def plan(self, *, ahead: bool) -> Schedule | SplittingStalled:
         problem, budget = self._problem, self._budget
         pieces = -(-problem.request.n // (self._chains * self._takes))
         workers = problem.request.workers
@@ -355,14 +357,14 @@ class _Planner:
             if not ahead or pieces < PIECES // 2 or (cores() if workers is None else workers) < 2:
                 return self._plan()
             job = Pieces[Stage](partial(begin, problem, self._chains, stop=budget))
-            work: Ahead[Stage] = Ahead(job, min(pieces, PIECES), budget.reserve)
+            work: Lookahead[Stage] = Lookahead(job, min(pieces, PIECES), budget.reserve)
             with work as self._ahead:
                 found = self._plan()
                 return replace(found, begun=work.states()) if isinstance(found, Schedule) else found
         except StoppedError:
             return self._stalled("time")
 
-    def _plan(self) -> Schedule | Stalled:
+    def _plan(self) -> Schedule | SplittingStalled:
         cells, labels, state = self._problem.cells, tuple(self._problem.core.labels), self._state
         low, high = np.full(len(labels), -np.inf), np.full(len(labels), np.inf)
         arrived = True
@@ -395,10 +397,10 @@ class _Planner:
             self._ahead.add(self._stages[-1])
         self._stages.append(stage)
 
-    def _stalled(self, why: Literal["time", "range"]) -> Stalled:
+    def _stalled(self, why: Literal["time", "range"]) -> SplittingStalled:
         state = self._state
         evaluations = state.evaluations + self._tuner.evaluations
-        return Stalled(why, tuple(state.rows), tuple(state.phi), evaluations, len(self._stages))
+        return SplittingStalled(why, tuple(state.rows), tuple(state.phi), evaluations, len(self._stages))
 
     def _descend(self, low: Array, high: Array, held: Array) -> bool:
         """Restrict the chains to phi from `low` to `high`, level by level; `held` (L,) are lower ends that always hold.

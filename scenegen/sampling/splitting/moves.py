@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.pose import EVERY, PLACE, TWO_PI, X, Y
-from scenegen.sampling.splitting.chain_state import ChainState, Part
+from scenegen.sampling.splitting.chain_state import ChainObject, ChainState
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -44,7 +44,7 @@ class Tuning:
 
 
 @dataclass(frozen=True, slots=True)
-class Proposal:
+class MoveProposal:
     """New values of some rows. `allowed` (P,) marks the chains that try them (None: all). `parting` marks moves with
     separate random numbers for each chain: only these make copies of a chain differ. `row` is the one row that a
     single-row walk moved, -1 for others."""
@@ -76,7 +76,7 @@ class Deck:
 
 
 @dataclass(frozen=True, slots=True)
-class Draw:
+class MoveInputs:
     """The inputs of a move: the current rows, the frozen pool for differences, the tuning, and the decks that give the
     next row and the next object."""
 
@@ -111,14 +111,14 @@ class Draw:
         count = self.count
         return np.unpackbits(np.frombuffer(self.rng.bytes(-(-count // 8)), dtype=np.uint8), count=count).view(np.bool_)
 
-    def pick(self, many: int) -> list[Part]:
+    def pick(self, many: int) -> list[ChainObject]:
         """`many` different objects."""
         return [self.chain_state.parts[index] for index in self.part_deck.deal(many)]
 
-    def walk(self, rows: Sequence[int]) -> Proposal:
+    def walk(self, rows: Sequence[int]) -> MoveProposal:
         """Independent steps of the given rows."""
         factor = self.factor() / math.sqrt(len(rows))
-        return Proposal(tuple(rows), tuple(self.rows[row] + self.noise(self.capped(row, factor)) for row in rows))
+        return MoveProposal(tuple(rows), tuple(self.rows[row] + self.noise(self.capped(row, factor)) for row in rows))
 
     def capped(self, row: int, factor: float) -> float:
         """The step length of a row times a factor, at most half of its box."""
@@ -133,10 +133,10 @@ class Draw:
         return min(mean * factor, 0.5 * room)
 
 
-Kind = Callable[[Draw], Proposal]
+Kind = Callable[[MoveInputs], MoveProposal]
 
 
-def bring_home(chain_state: ChainState, proposal: Proposal) -> tuple[tuple[Array, ...], Mask | None]:
+def bring_home(chain_state: ChainState, proposal: MoveProposal) -> tuple[tuple[Array, ...], Mask | None]:
     """The proposed values with headings wrapped, and which chains may accept them: those that stay in the box and are
     in `allowed` (None: all)."""
     inside = proposal.allowed
@@ -159,45 +159,45 @@ def bring_home(chain_state: ChainState, proposal: Proposal) -> tuple[tuple[Array
 # Local moves: walks, shifts, turns, redraws and differences. See scenegen.sampling.splitting.moves.
 
 
-def _row(draw: Draw) -> Proposal:
+def _row(draw: MoveInputs) -> MoveProposal:
     (row,) = draw.row_deck.deal()
     half = draw.capped(row, draw.factor())
-    return Proposal((row,), (draw.rows[row] + draw.noise(half),), row=row)
+    return MoveProposal((row,), (draw.rows[row] + draw.noise(half),), row=row)
 
 
-def _object(draw: Draw) -> Proposal:
+def _object(draw: MoveInputs) -> MoveProposal:
     return draw.walk(draw.pick(1)[0].rows)
 
 
-def _pair(draw: Draw) -> Proposal:
+def _pair(draw: MoveInputs) -> MoveProposal:
     return draw.walk([row for part in draw.pick(2) for row in part.rows])
 
 
-def _two(draw: Draw) -> Proposal:
+def _two(draw: MoveInputs) -> MoveProposal:
     """Two rows of any objects, for scenes in which another atom becomes active."""
     return draw.walk(draw.row_deck.deal(2))
 
 
-def _all(draw: Draw) -> Proposal:
+def _all(draw: MoveInputs) -> MoveProposal:
     return draw.walk(range(draw.chain_state.dimension))
 
 
-def _shift_all(draw: Draw) -> Proposal:
+def _shift_all(draw: MoveInputs) -> MoveProposal:
     return _shifted(draw, draw.chain_state.parts)
 
 
-def _shift_some(draw: Draw) -> Proposal:
+def _shift_some(draw: MoveInputs) -> MoveProposal:
     return _shifted(draw, draw.pick(int(draw.rng.integers(2, len(draw.chain_state.parts) + 1))))
 
 
-def _shift_run(draw: Draw) -> Proposal:
+def _shift_run(draw: MoveInputs) -> MoveProposal:
     """Objects that follow one another in the spec: if they stand in a row on the table, only the gaps at both ends
     change."""
     first, last = sorted(draw.rng.integers(len(draw.chain_state.parts), size=2).tolist())
     return _shifted(draw, draw.chain_state.parts[first : last + 1])
 
 
-def _shifted(draw: Draw, parts: Sequence[Part]) -> Proposal:
+def _shifted(draw: MoveInputs, parts: Sequence[ChainObject]) -> MoveProposal:
     """Several objects by the same step along x, y or both."""
     axes = ((X,), (Y,), PLACE)[int(draw.rng.integers(3))]
     factor = draw.factor()
@@ -209,10 +209,10 @@ def _shifted(draw: Draw, parts: Sequence[Part]) -> Proposal:
             step = draw.noise(draw.step(mine, factor))
             rows += mine
             values += [draw.rows[row] + step for row in mine]
-    return Proposal(tuple(rows), tuple(values))
+    return MoveProposal(tuple(rows), tuple(values))
 
 
-def _stretch(draw: Draw) -> Proposal:
+def _stretch(draw: MoveInputs) -> MoveProposal:
     """All objects towards or away from one of them, along x or y: gaps grow or shrink in proportion.
 
     The map multiplies volumes by s^m for m rows stretched by s = e^u, and u and -u are equally likely: a proposal in
@@ -223,15 +223,15 @@ def _stretch(draw: Draw) -> Proposal:
     about = pivot.at[axis]
     rows = [row for part in draw.chain_state.parts if (row := part.at[axis]) is not None and row != about]
     if about is None or not rows:
-        return Proposal((), ())
+        return MoveProposal((), ())
     u = draw.noise(min(1.0, draw.factor()))
     stretch = np.exp(u)
     middle = draw.rows[about]
     values = tuple(middle + stretch * (draw.rows[row] - middle) for row in rows)
-    return Proposal(tuple(rows), values, np.log(draw.rng.random(draw.count)) < len(rows) * u)
+    return MoveProposal(tuple(rows), values, np.log(draw.rng.random(draw.count)) < len(rows) * u)
 
 
-def _redrawn(draw: Draw, rows: Sequence[int]) -> Proposal:
+def _redrawn(draw: MoveInputs, rows: Sequence[int]) -> MoveProposal:
     """Rows redrawn uniformly within the box of the plan's chains. Chains outside this box stay, because the reverse
     move would be impossible."""
     low, high = draw.tuning.low, draw.tuning.high
@@ -245,43 +245,43 @@ def _redrawn(draw: Draw, rows: Sequence[int]) -> Proposal:
         value *= high[row] - low[row]
         value += low[row]
         values.append(value)
-    return Proposal(tuple(rows), tuple(values), allowed)
+    return MoveProposal(tuple(rows), tuple(values), allowed)
 
 
-def _redraw_row(draw: Draw) -> Proposal:
+def _redraw_row(draw: MoveInputs) -> MoveProposal:
     return _redrawn(draw, draw.row_deck.deal())
 
 
-def _redraw_two(draw: Draw) -> Proposal:
+def _redraw_two(draw: MoveInputs) -> MoveProposal:
     return _redrawn(draw, draw.row_deck.deal(2))
 
 
-def _redraw_object(draw: Draw) -> Proposal:
+def _redraw_object(draw: MoveInputs) -> MoveProposal:
     return _redrawn(draw, draw.pick(1)[0].rows)
 
 
-def _redraw_axis(draw: Draw) -> Proposal:
+def _redraw_axis(draw: MoveInputs) -> MoveProposal:
     """One coordinate of all objects, which a disjunct along the other axis leaves free."""
     by_axis = [[row for part in draw.chain_state.parts if (row := part.at[axis]) is not None] for axis in EVERY]
     axes = [rows for rows in by_axis if rows]
     return _redrawn(draw, axes[int(draw.rng.integers(len(axes)))])
 
 
-def _turn(draw: Draw) -> Proposal:
+def _turn(draw: MoveInputs) -> MoveProposal:
     """One object around another, by an angle 2 atan(t) with t symmetric about 0: their distance does not change."""
     moved, pivot = draw.pick(2)
     if moved.x is None or moved.y is None or pivot.x is None or pivot.y is None:
-        return Proposal((), ())
+        return MoveProposal((), ())
     rows = draw.rows
     t = draw.noise(min(1.0, draw.factor()))
     square = t * t
     over = 1.0 / (1.0 + square)
     cos, sin = (1.0 - square) * over, 2.0 * t * over
     dx, dy = rows[moved.x] - rows[pivot.x], rows[moved.y] - rows[pivot.y]
-    return Proposal((moved.x, moved.y), (rows[pivot.x] + cos * dx - sin * dy, rows[pivot.y] + sin * dx + cos * dy))
+    return MoveProposal((moved.x, moved.y), (rows[pivot.x] + cos * dx - sin * dy, rows[pivot.y] + sin * dx + cos * dy))
 
 
-def _difference(draw: Draw) -> Proposal:
+def _difference(draw: MoveInputs) -> MoveProposal:
     """Some objects by the difference of two scenes of a frozen pool (ter Braak 2006, but with a fixed pool): steps
     along the shape of the target set, and from one of its modes to another."""
     parts = draw.chain_state.parts
@@ -290,7 +290,7 @@ def _difference(draw: Draw) -> Proposal:
     size = len(draw.pool[0])
     first, second = draw.rng.integers(size, size=(2, draw.count))
     factor = 1.0 if draw.rng.random() < 0.25 else draw.factor()
-    return Proposal(
+    return MoveProposal(
         tuple(rows),
         tuple(draw.rows[row] + factor * (draw.pool[row][first] - draw.pool[row][second]) for row in rows),
     )
@@ -338,14 +338,14 @@ SCALED = frozenset(
 # small steps would have to cross scenes out of range.
 
 
-def _flip(draw: Draw) -> Proposal:
+def _flip(draw: MoveInputs) -> MoveProposal:
     """One object to the other side of another, along x, y or both."""
     moved, pivot = draw.pick(2)
     pairs = [(moved.x, pivot.x), (moved.y, pivot.y)]
     axis = int(draw.rng.integers(3))
     chosen = [pair for pair in (pairs if axis == 2 else pairs[axis : axis + 1]) if None not in pair]
     rows = draw.rows
-    return Proposal(
+    return MoveProposal(
         tuple(row for row, _ in chosen if row is not None),
         tuple(2.0 * rows[other] - rows[row] for row, other in chosen if row is not None and other is not None),
         draw.coin(),
@@ -353,14 +353,16 @@ def _flip(draw: Draw) -> Proposal:
     )
 
 
-def _alike(chain_state: ChainState, first: Part, second: Part, axes: Sequence[int]) -> list[tuple[int, int]]:
+def _alike(
+    chain_state: ChainState, first: ChainObject, second: ChainObject, axes: Sequence[int]
+) -> list[tuple[int, int]]:
     """The rows that two objects can exchange: those that move in both and have the same limits."""
     pairs = [(first.at[axis], second.at[axis]) for axis in axes]
     low, high = chain_state.low, chain_state.high
     return [(a, b) for a, b in pairs if a is not None and b is not None and low[a] == low[b] and high[a] == high[b]]
 
 
-def _exchange(draw: Draw, pairs: Sequence[tuple[Part, Part]]) -> Proposal:
+def _exchange(draw: MoveInputs, pairs: Sequence[tuple[ChainObject, ChainObject]]) -> MoveProposal:
     """The poses of each pair of objects exchanged: the whole pose, the position alone, or one coordinate."""
     axes = (EVERY, PLACE, (X,), (Y,))[int(draw.rng.integers(4))]
     rows: list[int] = []
@@ -369,15 +371,15 @@ def _exchange(draw: Draw, pairs: Sequence[tuple[Part, Part]]) -> Proposal:
         for a, b in _alike(draw.chain_state, first, second, axes):
             rows += [a, b]
             values += [draw.rows[b], draw.rows[a]]
-    return Proposal(tuple(rows), tuple(values), draw.coin(), parting=False)
+    return MoveProposal(tuple(rows), tuple(values), draw.coin(), parting=False)
 
 
-def _swap(draw: Draw) -> Proposal:
+def _swap(draw: MoveInputs) -> MoveProposal:
     first, second = draw.pick(2)
     return _exchange(draw, [(first, second)])
 
 
-def _reverse(draw: Draw) -> Proposal:
+def _reverse(draw: MoveInputs) -> MoveProposal:
     """The objects in reverse order of the spec."""
     parts = draw.chain_state.parts
     half = len(parts) // 2
@@ -391,7 +393,7 @@ def _symmetry(swapping: bool, along_x: bool, along_y: bool, exchange: bool) -> K
     Exchanging x and y on a table that is not square stretches one and shrinks the other: volumes stay.
     """
 
-    def move(draw: Draw) -> Proposal:
+    def move(draw: MoveInputs) -> MoveProposal:
         chain_state = draw.chain_state
         low, high = chain_state.low, chain_state.high
         new: dict[int, Array] = {}
@@ -414,16 +416,16 @@ def _symmetry(swapping: bool, along_x: bool, along_y: bool, exchange: bool) -> K
             # exchange the map would not be its own inverse.
             places = _alike(chain_state, first, second, PLACE)
             if _places(first) != _places(second) or len(places) < sum(_places(first)):
-                return Proposal((), (), parting=False)
+                return MoveProposal((), (), parting=False)
             for a, b in _alike(chain_state, first, second, EVERY):
                 new[a], new[b] = new[b], new[a]
         moved = [(row, value) for row, value in new.items() if value is not draw.rows[row]]
-        return Proposal(tuple(row for row, _ in moved), tuple(value for _, value in moved), draw.coin(), False)
+        return MoveProposal(tuple(row for row, _ in moved), tuple(value for _, value in moved), draw.coin(), False)
 
     return move
 
 
-def _places(part: Part) -> tuple[bool, bool]:
+def _places(part: ChainObject) -> tuple[bool, bool]:
     return part.x is not None, part.y is not None
 
 

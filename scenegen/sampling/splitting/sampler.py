@@ -23,9 +23,9 @@ from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import SHOWN, shortfall, student, too_early
-from scenegen.sampling.splitting.chain_state import Tape, frame_of
+from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, design_effect
-from scenegen.sampling.splitting.levels import SPLIT, Schedule, Stalled, begin, go_on, make_schedule
+from scenegen.sampling.splitting.levels import SPLIT, Schedule, SplittingStalled, begin, go_on, make_schedule
 from scenegen.search.effort import MOVED, NEVER, Stop, per_scene
 
 Array = npt.NDArray[np.float64]
@@ -37,7 +37,7 @@ BARREN = 8  # a run ends after so many pieces in a row without a new scene
 
 
 @dataclass(frozen=True, slots=True)
-class Population:
+class PopulationScenes:
     """Scenes of one population: rows (3N, B), phi (L, B), all in range, in the order in which they were taken.
 
     `probability` is its estimate of the probability of the range under the base distribution, unbiased because its
@@ -79,7 +79,7 @@ class Splitting(Plan):
     @property
     def fact_count(self) -> int:
         frame = frame_of(self.problem)
-        chains = Chains.start(frame, Tape(frame), self.cells, 2, np.random.default_rng(0))
+        chains = Chains.start(frame, ChainTape(frame), self.cells, 2, np.random.default_rng(0))
         with np.errstate(all="ignore"):
             return FACTS + 2 * len(Statistics(frame)(chains))
 
@@ -152,31 +152,31 @@ class Splitting(Plan):
 
 def plan_splitting(
     problem: Problem, budget: Budget, *, ahead: bool = True, longest: float = math.inf
-) -> Splitting | Stalled:
-    """The plan of a problem; Stalled if its range is not reached. There must be something to move: see `moves`.
-    `ahead`: it will probably be taken, so another process may begin to draw meanwhile. The descent may take `longest`
-    seconds, by the constants of bounds.effort."""
+) -> Splitting | SplittingStalled:
+    """The plan of a problem; SplittingStalled if its range is not reached. There must be something to move: see
+    `moves`. `ahead`: it will probably be taken, so another process may begin to draw meanwhile. The descent may take
+    `longest` seconds, by the constants of bounds.effort."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
         most = longest / (MOVED * per_scene(problem.core.nodes)[0])
         plan = make_schedule(problem, budget, ahead=ahead, most=most)
-    return plan if isinstance(plan, Stalled) else Splitting(problem, plan, budget)
+    return plan if isinstance(plan, SplittingStalled) else Splitting(problem, plan, budget)
 
 
 def make_plan(problem: Problem, budget: Budget) -> Splitting:
     """The plan of a problem. Raises RequestError if its range is not reached."""
     plan = plan_splitting(problem, budget)
-    if isinstance(plan, Stalled):
+    if isinstance(plan, SplittingStalled):
         raise RequestError(why_stalled(problem, plan))
     return plan
 
 
-def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER) -> Population:
+def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER) -> PopulationScenes:
     """Piece `number` of a plan: always the same scenes, in any process. Raises what `stop` raises."""
     with np.errstate(all="ignore"):
         return _run_piece(problem, plan, number, stop)
 
 
-def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> Population:
+def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> PopulationScenes:
     stored = plan.begun.get(number)
     begun = begin(problem, plan.chains, number, stop) if stored is None else go_on(stored, stop)
     for stage in plan.stages[begun.stages :]:
@@ -207,14 +207,14 @@ def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> Pop
     if not good.all():
         rows, phi = rows[:, good], phi[:, good]
     share = stuck / (chains.count * plan.takes)
-    return Population(rows, phi, begun.probability, accepted, share, effect, chains.evaluations)
+    return PopulationScenes(rows, phi, begun.probability, accepted, share, effect, chains.evaluations)
 
 
-def _nothing(problem: Problem, evaluations: int) -> Population:
+def _nothing(problem: Problem, evaluations: int) -> PopulationScenes:
     """A piece whose population died out on a level: its estimate of the probability is 0, which keeps the mean
     unbiased."""
     rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
-    return Population(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
+    return PopulationScenes(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
 
 
 def _aside(seed: int, piece: int) -> np.random.Generator:
@@ -257,7 +257,7 @@ def probability(
     return out
 
 
-def why_stalled(problem: Problem, end: Stalled) -> Diagnostic:
+def why_stalled(problem: Problem, end: SplittingStalled) -> Diagnostic:
     """The error for a descent that ended early; the nearest scenes show which atoms fail."""
     tried = f"{end.evaluations:,} evaluations of splitting, {end.levels} levels"
     if not end.phi:

@@ -19,7 +19,7 @@ TAGS = ("pose", "resting")  # pydantic's names of the two kinds of poses, in the
 HEADING = ("format", "version")  # is checked first
 
 
-class _Twice(Exception):  # noqa: N818 - a signal from the JSON reader to `parse`
+class _DuplicateKey(Exception):  # noqa: N818 - a signal from the JSON reader to `parse`
     """A key that occurs twice in one JSON object."""
 
 
@@ -29,7 +29,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         seen: set[str] = set()
         for key, _ in pairs:
             if key in seen:
-                raise _Twice(key)
+                raise _DuplicateKey(key)
             seen.add(key)
     return found
 
@@ -45,7 +45,7 @@ def parse(data: bytes, name: str) -> tuple[Any, str]:
         span = Span(Source(name, text), error.pos, error.pos + 1)
         said = (error.msg[:1].lower() + error.msg[1:]).removesuffix(" starting at")
         raise DataError(NOT_JSON(span, file=name, reason=said)) from None
-    except _Twice as error:
+    except _DuplicateKey as error:
         raise DataError(not_scenes(name, f"`{error}` stands twice in one object")) from None
     except ValueError:  # the only remaining cause: Python refuses integers of more than 4,300 digits
         raise DataError(not_scenes(name, "a number in it has thousands of digits")) from None

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from scenegen.errors import DataError
 from scenegen.errors.files import EMPTY_LINE, LONG_LINE, OTHER_LABELS
-from scenegen.scenes.blocks import BLOCK, Block, Reading
+from scenegen.scenes.blocks import BLOCK, Block, SceneFileReading
 from scenegen.scenes.data import SceneData, SceneFile
 from scenegen.scenes.files import opened
 from scenegen.scenes.formats.header import (
@@ -22,7 +22,7 @@ from scenegen.scenes.formats.header import (
     not_scenes,
     parse,
 )
-from scenegen.scenes.formats.lines import Each, Text, block_from, lines_of, numbers_of
+from scenegen.scenes.formats.lines import Each, LinesJob, block_from, lines_of, numbers_of
 
 LONGEST = 1 << 26  # bytes of a line: tens of thousands of objects
 
@@ -36,12 +36,12 @@ def write(
     their text of blocks, in this process or others."""
     header, blocks = labelled(header, labels, blocks)
     sink.write(dump_header(header).encode() + b"\n")
-    for text in each(Text(lines_of(header, labels), "", "\n"), blocks):
+    for text in each(LinesJob(lines_of(header, labels), "", "\n"), blocks):
         sink.write(text)
         sink.write(b"\n")
 
 
-def read(path: Path) -> Reading:
+def read(path: Path) -> SceneFileReading:
     """Open a file of scenes. The labels are those of the first scene. Raises DataError, and so does the iterator of
     blocks if a later line is damaged. A file that was cut exactly between two lines cannot be distinguished from a
     shorter one."""
@@ -54,10 +54,10 @@ def read(path: Path) -> Reading:
     named = header.labels
     header, labels = header.without_scenes(), header.label_names
     if head is None:
-        return Reading(header, labels, iter(()), 0, str(path))
+        return SceneFileReading(header, labels, iter(()), 0, str(path))
     if named is None:
         labels = tuple(_scene(head[1], f"line {head[0]} of {path}", header, None).phi)
-    return Reading(header, labels, _blocks(path, head, lines, header, labels), None, str(path))
+    return SceneFileReading(header, labels, _blocks(path, head, lines, header, labels), None, str(path))
 
 
 def _lines(path: Path) -> Generator[tuple[int, bytes], None, None]:

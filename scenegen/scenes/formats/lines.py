@@ -139,7 +139,7 @@ Each = Callable[[Callable[[Block], bytes], Iterable[Block]], Iterable[bytes]]
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class LinesJob:
     """The job of writing a block's lines: with something before each, and something between two."""
 
     lines: SceneLines | NumberedLines

@@ -39,7 +39,7 @@ from scenegen.scenes.blocks import (
     RARITY,
     Array,
     Block,
-    Reading,
+    SceneFileReading,
     check_numbers,
     columns,
     counts_in,
@@ -141,7 +141,7 @@ def _column(row: np.ndarray[Any, Any], field: pa.Field) -> pa.Array:
     return pa.Array.from_buffers(field.type, len(row), [None, pa.py_buffer(np.ascontiguousarray(row))])
 
 
-def read(path: Path, source: Any = None, check: Check | None = None) -> Reading:
+def read(path: Path, source: Any = None, check: Check | None = None) -> SceneFileReading:
     """Open a file of scenes; `source` is the open file, if it is not on a disk, and `check` raises DataError for what
     is not the file that it should be. Raises DataError, and so does the iterator of blocks if a later part is
     damaged."""
@@ -150,7 +150,7 @@ def read(path: Path, source: Any = None, check: Check | None = None) -> Reading:
         with _damage(path):
             count = parquet.metadata.num_rows
         blocks = _blocks(path, parquet, header, columns(header, labels), opening.pop_all())
-        return Reading(header, labels, blocks, count, str(path))
+        return SceneFileReading(header, labels, blocks, count, str(path))
 
 
 def group_sizes(path: Path) -> tuple[int, ...]:

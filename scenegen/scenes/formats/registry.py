@@ -21,7 +21,7 @@ from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.scenes.files import whole_file
 
 if TYPE_CHECKING:
-    from scenegen.scenes.blocks import Block, Reading
+    from scenegen.scenes.blocks import Block, SceneFileReading
     from scenegen.scenes.data import SceneFile
 
 FORMATS: dict[str, str] = {
@@ -90,7 +90,7 @@ def write_scenes(path: Path, header: SceneFile, labels: Sequence[str], blocks: I
         module.write(sink, header, labels, blocks)
 
 
-def read_scenes(path: Path) -> Reading:
+def read_scenes(path: Path) -> SceneFileReading:
     """Open a scene file, or a file of motions: its scenes are the moments. Raises DataError and RequestError; `blocks`
     of the result raises DataError for later damage."""
     from scenegen.scenes.formats.motions.table import is_motions, moments
@@ -99,5 +99,5 @@ def read_scenes(path: Path) -> Reading:
         return moments(path)
     if path.suffix.lower() == ".csv":
         raise DataError(NOT_SCENES(file=path, reason="a .csv file has no place for spec and shapes", poses=True))
-    reading: Reading = format_of(path).read(path)
+    reading: SceneFileReading = format_of(path).read(path)
     return reading

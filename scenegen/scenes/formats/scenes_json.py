@@ -10,11 +10,11 @@ from typing import IO
 
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.files import JSON_TOO_LARGE, OTHER_LABELS
-from scenegen.scenes.blocks import Block, Reading
+from scenegen.scenes.blocks import Block, SceneFileReading
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.header import HEADING, check_objects, labelled, parse, scene_file
-from scenegen.scenes.formats.lines import Each, Text, block_of, lines_of
+from scenegen.scenes.formats.lines import Each, LinesJob, block_of, lines_of
 
 MOST_BYTES = 1 << 28  # of a file: reading it as a whole takes about thirty times as much memory
 BYTES = 32  # of a number with its name, approximately
@@ -33,7 +33,7 @@ def write(
     sink.write(head)
     size = len(head)
     between = b"\n"
-    for lines in each(Text(lines_of(header, labels), "  ", ",\n"), blocks):
+    for lines in each(LinesJob(lines_of(header, labels), "  ", ",\n"), blocks):
         size += len(between) + len(lines)
         if size > MOST_BYTES:
             raise OutputError(JSON_TOO_LARGE(limit=MOST_BYTES))
@@ -51,13 +51,13 @@ def dump(file: SceneFile) -> bytes:
     return sink.getvalue()
 
 
-def read(path: Path) -> Reading:
+def read(path: Path) -> SceneFileReading:
     """A scenes file, read as a whole, with about 6 kB of memory per scene. Raises DataError, also for more than
     MOST_BYTES."""
     file = load(read_bytes(path, "a scenes file", limit=MOST_BYTES, remedy=REMEDY), str(path))
     labels = file.label_names
     block = block_of(file.scenes, file, labels)
-    return Reading(file.without_scenes(), labels, iter([block]), block.count, str(path))
+    return SceneFileReading(file.without_scenes(), labels, iter([block]), block.count, str(path))
 
 
 def load(data: bytes, name: str) -> SceneFile:

@@ -22,7 +22,7 @@ DOT = 1.1  # pixels, radius
 
 
 @dataclass(frozen=True, slots=True)
-class Panel:
+class CalibrationPanel:
     """A label, target and reached phi (n,), and the text below its name."""
 
     label: str
@@ -31,7 +31,7 @@ class Panel:
     note: str = ""
 
 
-def calibration(panels: Sequence[Panel]) -> bytes:
+def calibration(panels: Sequence[CalibrationPanel]) -> bytes:
     """The panels in rows, as a PNG file. Both axes span the target phi; a scene beyond that is drawn at the edge.
     Raises ValueError if there are no panels."""
     if not panels:
@@ -48,7 +48,7 @@ def calibration(panels: Sequence[Panel]) -> bytes:
     return out.getvalue()
 
 
-def _panel(draw: ImageDraw.ImageDraw, panel: Panel, left: int, top: int) -> None:
+def _panel(draw: ImageDraw.ImageDraw, panel: CalibrationPanel, left: int, top: int) -> None:
     low, high = float(panel.wanted.min()), float(panel.wanted.max())
     room = ROOM * (high - low) or 0.5
     low, high = low - room, high + room

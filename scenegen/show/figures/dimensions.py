@@ -121,7 +121,7 @@ def _onto(point: Point, polygon: Sequence[Point]) -> Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Thing:
+class FigureObject:
     """An object, or with `zone` a region: its footprint, pose and name. `tint` is a colour of SVG, if given; `inside`
     are thin lines in its frame: the cells of a rack, the drawers of a cabinet."""
 
@@ -166,10 +166,10 @@ Mark = Dimension | Turn | Guide
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class FigureScene:
     """A scene and its text: `x` and `y` are the ends of the workspace, `caption` the lines below."""
 
-    things: Sequence[Thing]
+    things: Sequence[FigureObject]
     x: tuple[float, float] = (0.0, 1.0)
     y: tuple[float, float] = (0.0, 1.0)
     marks: Sequence[Mark] = ()

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scenegen.geometry import Box, Circle
 from scenegen.pose import THETA, X, Y, places
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.stage import Stage, poses_of, stage_of
+from scenegen.scenes.stage import PictureSetup, poses_of, stage_of
 from scenegen.show.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, TEXT, TITLE, flow, write
 from scenegen.things.mesh import Floats
 from scenegen.things.palette import RGB, mix
@@ -83,7 +83,7 @@ def _spread(row: Floats, kernel: Floats) -> Floats:
     return np.convolve(row, kernel / kernel.sum())[half : half + len(row)]
 
 
-def _panel(stage: Stage, poses: Floats, color: RGB, size: tuple[int, int]) -> Image.Image:
+def _panel(stage: PictureSetup, poses: Floats, color: RGB, size: tuple[int, int]) -> Image.Image:
     """The bare table with one object's places in its colour."""
     width, height = size
     cells = max(2, round(CELLS * height / SIDE)), max(2, round(CELLS * width / SIDE))
@@ -102,12 +102,12 @@ def _panel(stage: Stage, poses: Floats, color: RGB, size: tuple[int, int]) -> Im
     return bare
 
 
-def _pixels(stage: Stage, size: tuple[int, int], x: float, y: float) -> tuple[float, float]:
+def _pixels(stage: PictureSetup, size: tuple[int, int], x: float, y: float) -> tuple[float, float]:
     x0, y0, x1, y1 = stage.workspace
     return (x - x0) / (x1 - x0) * size[0], (y1 - y) / (y1 - y0) * size[1]
 
 
-def _regions(stage: Stage, image: Image.Image) -> None:
+def _regions(stage: PictureSetup, image: Image.Image) -> None:
     draw = ImageDraw.Draw(image)
     for patch in stage.patches:
         x, y, theta = patch.pose
@@ -126,7 +126,7 @@ def _regions(stage: Stage, image: Image.Image) -> None:
         draw.polygon(outline, fill=(round(255 * pale[0]), round(255 * pale[1]), round(255 * pale[2])), outline=LINE)
 
 
-def _heading(draw: ImageDraw.ImageDraw, stage: Stage, poses: Floats, size: tuple[int, int]) -> None:
+def _heading(draw: ImageDraw.ImageDraw, stage: PictureSetup, poses: Floats, size: tuple[int, int]) -> None:
     """An arrow at the mean place if headings agree: the mean of their unit vectors is longer than a half."""
     if not len(poses):
         return

@@ -23,7 +23,7 @@ DEEPEST = -1.0  # an axis extends at least down to this log10
 
 
 @dataclass(frozen=True, slots=True)
-class Panel:
+class RarityPanel:
     """A label with its bounds of phi, and the points (phi, log10 P) of P(>= phi) and P(<= phi)."""
 
     label: str
@@ -32,7 +32,7 @@ class Panel:
     below: Sequence[Point]
 
 
-def plot(panels: Sequence[Panel], title: str) -> bytes:
+def plot(panels: Sequence[RarityPanel], title: str) -> bytes:
     """The panels one below the other as a PNG file."""
     image = Image.new("RGB", (WIDTH * SCALE, HEIGHT * SCALE * len(panels)), PAPER)
     draw = ImageDraw.Draw(image)
@@ -52,7 +52,7 @@ def ticks(low: float, high: float, most: int = TICKS) -> list[float]:
     return [round(place * step, 12) for place in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
-def _panel(draw: ImageDraw.ImageDraw, panel: Panel, top: int, title: str) -> None:
+def _panel(draw: ImageDraw.ImageDraw, panel: RarityPanel, top: int, title: str) -> None:
     points = [*panel.above, *panel.below]
     low, high = panel.bounds
     if not low < high:

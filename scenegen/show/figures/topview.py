@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from xml.sax.saxutils import escape
 
 from scenegen.geometry import Box, Circle, Footprint, Polygon
-from scenegen.show.figures.dimensions import Dimension, Guide, Mark, Point, Thing, Turn, View, placed
+from scenegen.show.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, placed
 
 # --------------------------------------------------------------------------------------------------------------------
 # Placement of text in a drawing: each label takes the candidate that covers least of the existing drawing.
@@ -96,7 +96,7 @@ FAR = 20_000.0  # pixels: maximum distance of anything drawn from the upper left
 MOST_LINES = 30  # maximum number of grid lines in one direction
 
 
-def topview(*views: View, width: int = 240) -> str:
+def topview(*views: FigureScene, width: int = 240) -> str:
     """An SVG document of one view, or of several side by side, each `width` pixels wide.
 
     Readable from 240 pixels up. Parts further outside of the workspace than a quarter of its size are cut off.
@@ -124,7 +124,7 @@ def _n(value: float) -> str:
 class _Panel:
     """A view that is being converted to SVG."""
 
-    def __init__(self, view: View, width: int) -> None:
+    def __init__(self, view: FigureScene, width: int) -> None:
         self.view, self.width = view, width
         self.left, right = _shown(view.x, [end for thing in view.things for end in _extent(thing, 0)])
         low, self.top = _shown(view.y, [end for thing in view.things for end in _extent(thing, 1)])
@@ -205,7 +205,7 @@ class _Panel:
             f'<rect x="{_n(x)}" y="{_n(y)}" {size} fill="none" stroke="{FRAME}" stroke-width="1.5"/>',
         ]
 
-    def _outline(self, thing: Thing, fill: str, edge: str, more: str) -> list[str]:
+    def _outline(self, thing: FigureObject, fill: str, edge: str, more: str) -> list[str]:
         style = f'fill="{fill}" stroke="{edge}"' + (f" {more}" if more else "")
         if not thing.zone:
             style += ' fill-opacity="0.75"'
@@ -215,7 +215,7 @@ class _Panel:
         points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.at, placed(thing.footprint, thing.pose)))
         return [f'<polygon points="{points}" {style}/>']
 
-    def _heading(self, thing: Thing, edge: str) -> list[str]:
+    def _heading(self, thing: FigureObject, edge: str) -> list[str]:
         """A triangle at the front."""
         x, y = self.at(thing.pose[:2])
         front = _front(thing.footprint) * self.scale
@@ -226,7 +226,7 @@ class _Panel:
         points = " ".join(f"{_n(x + cos * u - sin * v)},{_n(y + sin * u + cos * v)}" for u, v in corners)
         return [f'<polygon points="{points}" fill="{edge}"/>']
 
-    def _box(self, thing: Thing) -> Rect:
+    def _box(self, thing: FigureObject) -> Rect:
         """Pixels that an object covers."""
         (left, right), (low, high) = _extent(thing, 0), _extent(thing, 1)
         return Rect(*self.at((left, high)), *self.at((right, low)))
@@ -294,7 +294,7 @@ class _Panel:
         x, y = self.labels.place(places, width, SMALL)
         return [_text(mark.text, x, y, SMALL, _color(mark))]
 
-    def _name(self, thing: Thing) -> list[str]:
+    def _name(self, thing: FigureObject) -> list[str]:
         box, width = self._box(thing), text_width(thing.name, TYPE)
         x, y = self.at(thing.pose[:2])
         half = TYPE / 2 + 3
@@ -314,7 +314,7 @@ class _Panel:
         return [_text(thing.name, x, y, TYPE, QUIET if thing.zone else INK)]
 
 
-def _extent(thing: Thing, axis: int) -> tuple[float, float]:
+def _extent(thing: FigureObject, axis: int) -> tuple[float, float]:
     """The interval that an object covers along an axis, in metres."""
     if isinstance(thing.footprint, Circle):
         return thing.pose[axis] - thing.footprint.radius, thing.pose[axis] + thing.footprint.radius

@@ -159,7 +159,7 @@ def field_of(focal_length: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Looks:
+class LookDistribution:
     """Distributions of the fields of a look, by their names, and of the fields of tints; `files` are those of textures,
     by the names that looks have for them."""
 

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, Val
 from scenegen.errors import DataError, Source, Span
 from scenegen.errors.files import BAD_LOOKS
 from scenegen.scenes.files import below, read_bytes
-from scenegen.show.looks.look import Draw, Looks, Random, field_of
+from scenegen.show.looks.look import Draw, LookDistribution, Random, field_of
 from scenegen.show.looks.textures import BUILT_IN, ENDINGS, MOST_BYTES, MOST_TOGETHER, PLAIN, WOOD, checked, found_files
 from scenegen.things.palette import RGB
 
@@ -194,30 +194,30 @@ Color = Annotated[Any, PlainValidator(color)]
 Size = Annotated[Any, _number(0.01, 100.0)]
 
 
-class _Part(BaseModel):
+class _LookPart(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
-class _Table(_Part):
+class _Table(_LookPart):
     color: Color = None
     texture: Annotated[Any, _texture(WOOD, *BUILT_IN)] = fixed(WOOD)
     texture_size: Size = fixed(0.5)
 
 
-class _Ground(_Part):
+class _Ground(_LookPart):
     color: Color = None
     texture: Annotated[Any, _texture(*BUILT_IN)] = fixed(PLAIN)
     texture_size: Size = fixed(1.0)
 
 
-class _Walls(_Part):
+class _Walls(_LookPart):
     distance: Annotated[Any, _number(0.0, 20.0)] = fixed(0.6)
     color: Color = None
     texture: Annotated[Any, _texture(*BUILT_IN)] = fixed(PLAIN)
     texture_size: Size = fixed(1.0)
 
 
-class _Light(_Part):
+class _Light(_LookPart):
     azimuth: Annotated[Any, _number(-360.0, 360.0)] = fixed(-52.0)
     elevation: Annotated[Any, _number(35.0, 90.0)] = fixed(65.0)
     color: Color = fixed(WHITE)
@@ -225,7 +225,7 @@ class _Light(_Part):
     ambient: Annotated[Any, _number(0.0, 2.0)] = fixed(0.60)
 
 
-class _Camera(_Part):
+class _Camera(_LookPart):
     azimuth: Annotated[Any, _number(-360.0, 360.0)] = fixed(0.0)
     elevation: Annotated[Any, _number(5.0, 89.0)] = fixed(50.0)
     distance: Annotated[Any, _number(1.0, 5.0)] = fixed(1.0)
@@ -248,13 +248,13 @@ class _Camera(_Part):
         return self
 
 
-class _Objects(_Part):
+class _Objects(_LookPart):
     hue: Annotated[Any, _number(-1.0, 1.0)] = fixed(0.0)
     saturation: Annotated[Any, _number(0.0, 4.0)] = fixed(1.0)
     brightness: Annotated[Any, _number(0.0, 4.0)] = fixed(1.0)
 
 
-class _Config(_Part):
+class _Config(_LookPart):
     table: _Table = _Table()
     ground: _Ground = _Ground()
     walls: _Walls = _Walls(distance=0.0)
@@ -304,7 +304,7 @@ fov = {uniform = [25, 55]}
 """
 
 
-def read_looks(source: str | Path) -> Looks:
+def read_looks(source: str | Path) -> LookDistribution:
     """The distributions of a TOML file, or of the preset "random". Textures are found from the file's folder. Raises
     DataError."""
     if str(source) == PRESET:
@@ -320,7 +320,7 @@ def read_looks(source: str | Path) -> Looks:
     return _parsed(str(path), text, _Folder(path.parent))
 
 
-def _parsed(name: str, text: str, folder: _Folder) -> Looks:
+def _parsed(name: str, text: str, folder: _Folder) -> LookDistribution:
     source = Source(name, text)
     try:
         config = _Config.model_validate(tomllib.loads(text), context=folder)
@@ -331,7 +331,7 @@ def _parsed(name: str, text: str, folder: _Folder) -> Looks:
         lines = text.splitlines(keepends=True)
         start = sum(map(len, lines[: int(found[1]) - 1])) + int(found[2]) - 1 if found else len(text)
         raise DataError(BAD_LOOKS(Span(source, start, start + 1), reason=f"{error}".splitlines()[0])) from None
-    return Looks(_fields(config), {} if config.objects is None else dict(config.objects), folder.files)
+    return LookDistribution(_fields(config), {} if config.objects is None else dict(config.objects), folder.files)
 
 
 def _fields(config: _Config) -> dict[str, Draw]:

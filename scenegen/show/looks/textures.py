@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.scenes.stage import Stage
+from scenegen.scenes.stage import PictureSetup
 from scenegen.show.looks.camera import Floats
 from scenegen.things.palette import RGB
 
@@ -173,7 +173,7 @@ TABLE = 256  # side of the square of random numbers, a power of two
 SEAM, INLAY = 0.0016, 0.0020  # half widths, in sides of the workspace
 
 
-def wood(stage: Stage, x: Floats, y: Floats, pixels: tuple[Floats, Floats], *, inlay: bool = True) -> Floats:
+def wood(stage: PictureSetup, x: Floats, y: Floats, pixels: tuple[Floats, Floats], *, inlay: bool = True) -> Floats:
     """(P, 3): factors of the table's own colour at the visible points (x, y) (P,), in metres, for pixels of these sizes
     along x and y. `inlay` shows the edge of the workspace; a table of a look has none.
 

@@ -36,7 +36,7 @@ GROUND, TABLE, FIRST = 0, 1, 2  # in masks: the ground, the table, the first obj
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class RenderedView:
     """One picture. `color` is RGB (h, w, 3), or RGBA (h, w, 4); `depth` (h, w) is the distance along the view direction
     at the centre of a pixel, in metres; `mask` (h, w) has the number of the visible object."""
 
@@ -73,7 +73,7 @@ class PictureOptions:
         return (".png", *extra, *([".npz"] if extra else []))
 
 
-def encode(shot: Shot, options: PictureOptions, ids: int) -> Sequence[bytes]:
+def encode(shot: RenderedView, options: PictureOptions, ids: int) -> Sequence[bytes]:
     """The files of a shot, in the order of `options.endings`; masks hold numbers below `ids`."""
     files = [png(shot.color)]
     arrays: dict[str, Any] = {}
@@ -96,7 +96,7 @@ def png(picture: Picture) -> bytes:
     return _saved(Images.fromarray(picture))
 
 
-def _mask(shot: Shot, ids: int) -> bytes:
+def _mask(shot: RenderedView, ids: int) -> bytes:
     """The numbers themselves; up to 256 of them as an indexed picture, so that people can distinguish them too."""
     if ids > 256:
         return _saved(Images.fromarray(shot.mask))

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.geometry import Circle
 from scenegen.processes.process import cores
-from scenegen.scenes.stage import MARGIN, Stage, Thing
+from scenegen.scenes.stage import MARGIN, PictureObject, PictureSetup
 from scenegen.show.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, SMALL, TEXT, TITLE
 from scenegen.show.looks.camera import PLACES
 from scenegen.show.render.files import PictureOptions
@@ -66,9 +66,9 @@ def _room(asset: Asset, side: float) -> float:
 def _drawn(names: Sequence[str], side: float, size: tuple[int, int], workers: int | None) -> dict[str, bytes]:
     half = 0.5 * side
     edge = half + MARGIN * side
-    things = tuple(Thing(_shown(name), ASSETS[name].color) for name in names)
+    things = tuple(PictureObject(_shown(name), ASSETS[name].color) for name in names)
     tallest = max(_room(ASSETS[name], side) for name in names)
-    stage = Stage((-half, -half, half, half), (-edge, -edge, edge, edge), tallest, things)
+    stage = PictureSetup((-half, -half, half, half), (-edge, -edge, edge, edge), tallest, things)
     poses = np.tile(np.array([ASIDE, ASIDE, 0.0]), (len(names), len(names), 1))
     poses[range(len(names)), range(len(names))] = (0.0, 0.0, TURN)
     options = PictureOptions((VIEW,), size)

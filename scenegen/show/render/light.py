@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.geometry.footprint import Box, Circle, Footprint
-from scenegen.scenes.stage import WOOD, Patch, Stage
+from scenegen.scenes.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.show.looks.camera import Camera, Floats, downwards
 from scenegen.show.looks.look import Look
 from scenegen.show.looks.textures import WOOD as WOODEN
 from scenegen.show.looks.textures import Textures, wood
-from scenegen.show.render.files import GROUND, TABLE, Image, Mask, Picture, Rows, Shot
+from scenegen.show.render.files import GROUND, TABLE, Image, Mask, Picture, RenderedView, Rows
 from scenegen.things.palette import RGB
 from scenegen.things.surfaces import reach_of
 
@@ -33,7 +33,7 @@ BORDER, HEM, SEAM, THREAD = 0.0045, 0.0110, 0.0020, 0.0060
 OPAQUE, EDGE = 0.50, 0.85  # opacity of the cloth and of its border
 
 
-def cover(stage: Stage, x: Floats, y: Floats, wood: Floats, table: RGB = WOOD) -> Floats:
+def cover(stage: PictureSetup, x: Floats, y: Floats, wood: Floats, table: RGB = WOOD) -> Floats:
     """(h, w, 3): factors of the table's own colour at the visible points (x, y) (h, w), in metres.
 
     `table` is that colour, `wood` (h, w, 3) are the factors of the bare table. Regions that overlap show through each
@@ -56,7 +56,7 @@ def cover(stage: Stage, x: Floats, y: Floats, wood: Floats, table: RGB = WOOD) -
     return tint
 
 
-def _cloth(patch: Patch, x: Floats, y: Floats, pixel: Floats, side: float) -> tuple[Floats, Floats]:
+def _cloth(patch: PictureRegion, x: Floats, y: Floats, pixel: Floats, side: float) -> tuple[Floats, Floats]:
     """Opacity and brightness of the cloth at (x, y) (P,) in its own frame, for pixels of that size."""
     inside = _inside(patch.footprint, x, y)
     narrow = min(patch.footprint.extent)
@@ -118,7 +118,7 @@ class Surroundings:
 
 
 def surroundings(
-    stage: Stage,
+    stage: PictureSetup,
     camera: Camera,
     rays: tuple[Floats, Floats],
     bare: npt.NDArray[np.bool_],
@@ -212,7 +212,7 @@ STEEPEST = 3.0  # surroundings higher than so many distances hide no more
 BIAS = 0.001  # metres; lower steps hide nothing
 
 
-def landscape_camera(stage: Stage) -> Camera:
+def landscape_camera(stage: PictureSetup) -> Camera:
     """The view from above, of the table and a little more."""
     x0, y0, x1, y1 = stage.table
     room = 0.02 * stage.side
@@ -223,7 +223,7 @@ class Ambient:
     """How much of the sky is hidden from the points that a camera sees; the rays of its pixels are given as (h, w, 3)
     origins and directions."""
 
-    def __init__(self, stage: Stage, origin: Floats, direction: Floats) -> None:
+    def __init__(self, stage: PictureSetup, origin: Floats, direction: Floats) -> None:
         self.camera = landscape_camera(stage)
         matrix = self.camera.projection @ self.camera.view
         pixels = np.array([SKY_MAP / 2.0, -SKY_MAP / 2.0])
@@ -283,7 +283,7 @@ FAINT = 0.5  # weight of both on the ground below the table
 EMPTY = 0.9999  # the depth buffer's value, up to rounding, where nothing was drawn
 
 
-def light_camera(stage: Stage, towards: tuple[float, float, float] = TOWARDS) -> Camera:
+def light_camera(stage: PictureSetup, towards: tuple[float, float, float] = TOWARDS) -> Camera:
     """The light's view: from above, sheared along its rays, so that points on one ray share a pixel."""
     x0, y0, x1, y1 = stage.table
     room = 0.02 * stage.side + 2.0 * SOFT
@@ -306,7 +306,7 @@ class Lighting:
 
     def __init__(
         self,
-        stage: Stage,
+        stage: PictureSetup,
         camera: Camera,
         factor: int,
         colors: Picture,
@@ -373,7 +373,9 @@ class Lighting:
         self.backdrop = np.clip(backdrop * dim + 0.5, 0.0, 255.0).astype(np.uint8)
         self.bare = bare
 
-    def __call__(self, colors: Picture, buffer: Image, seen: Mask, light_buffer: Image, landscape: Image) -> Shot:
+    def __call__(
+        self, colors: Picture, buffer: Image, seen: Mask, light_buffer: Image, landscape: Image
+    ) -> RenderedView:
         """The finished picture (h, w) from the raw one (h f, w f, 3), its depth buffer, what is `seen` in it (as in
         masks), the light's depth buffer and that of the height map `landscape`, all of the objects only: the table and
         the ground cannot hide them.
@@ -400,7 +402,7 @@ class Lighting:
         here = things[self.every]
         middle = np.where(here, self.camera.depth(buffer[self.every]), self.depth)
         mask = np.where(here, seen[self.every], self.mask).astype(np.uint16)
-        return Shot(self._finished(lit, things), middle.astype(np.float32), mask)
+        return RenderedView(self._finished(lit, things), middle.astype(np.float32), mask)
 
     def _finished(self, lit: Image, things: npt.NDArray[np.bool_]) -> Picture:
         """Bytes, with an alpha channel if the ground is left out; its colours were mixed with black."""

@@ -13,12 +13,12 @@ from scenegen.show.looks.camera import VIEWS
 from scenegen.show.render.files import PictureOptions, check_request
 from scenegen.show.render.worker import DrawPixels, Places
 
-__all__ = ["VIEWS", "Live", "check_request"]
+__all__ = ["VIEWS", "LiveRenderer", "check_request"]
 
 Picture = npt.NDArray[np.uint8]
 
 
-class Live:
+class LiveRenderer:
     """Draws scenes of the objects and in the workspace of `file`; its scenes determine what the camera frames. The
     process starts with the first picture and runs until `close`. Raises RequestError if pybullet is not installed."""
 

@@ -9,12 +9,12 @@ from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.own_files import is_read, own_file, reason_of
-from scenegen.things.colored_mesh import Surface, check_texture
+from scenegen.things.colored_mesh import ColoredMesh, check_texture
 from scenegen.things.drawn import mesh_surfaces, robot_surfaces
 from scenegen.things.meshfile import MeshError
 from scenegen.things.urdf import UrdfError
 
-Model = tuple[Surface, ...]
+Model = tuple[ColoredMesh, ...]
 
 
 def still_outlines(file: SceneFile, folder: Path) -> tuple[str, ...]:

@@ -21,15 +21,15 @@ import pybullet
 
 from scenegen.geometry import Polygon
 from scenegen.geometry.workspace import BOARD
-from scenegen.scenes.stage import WOOD, Patch, Stage
+from scenegen.scenes.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.show.looks.camera import Camera, frame
 from scenegen.show.looks.look import VIEW, Look, Tint
 from scenegen.show.looks.textures import Textures
-from scenegen.show.render.files import FIRST, Image, Picture, Shot
+from scenegen.show.render.files import FIRST, Image, Picture, RenderedView
 from scenegen.show.render.light import TOWARDS, Lighting, landscape_camera, light_camera
 from scenegen.show.render.models import Model
 from scenegen.things import PLAIN, parts_of
-from scenegen.things.colored_mesh import Surface
+from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.mesh import Floats, Mesh, box, shaded
 from scenegen.things.palette import RGB, mix
 from scenegen.things.parts import plain
@@ -46,7 +46,7 @@ class Painter:
 
     def __init__(
         self,
-        stage: Stage,
+        stage: PictureSetup,
         views: tuple[str, ...],
         size: tuple[int, int],
         *,
@@ -123,7 +123,7 @@ class Painter:
     def __exit__(self, *_: object) -> None:
         self._studio.close()
 
-    def paint(self, places: npt.NDArray[np.float64]) -> dict[str, Shot]:
+    def paint(self, places: npt.NDArray[np.float64]) -> dict[str, RenderedView]:
         """View -> picture of a scene with places (objects, 4): x, y, theta, and the height of what they stand on; NaN
         of objects that are not there. In (objects, 8) a quaternion follows, w first, which counts instead of theta."""
         places, turns = places[:, :4], places[:, 4:].tolist()
@@ -141,7 +141,7 @@ class Painter:
             shots[view] = lighting(colors, depth, self._owner[np.maximum(seen, 0)], light, landscape)
         return shots
 
-    def _board(self, patch: Patch) -> int:
+    def _board(self, patch: PictureRegion) -> int:
         """A body for a region at a height, put in its place."""
         thick = min(BOARD, patch.height)
         x, y, theta = patch.pose
@@ -199,7 +199,7 @@ class _Studio:
         if self._folder is not None:
             self._folder.cleanup()
 
-    def show(self, surface: Surface, color: RGB) -> list[int]:
+    def show(self, surface: ColoredMesh, color: RGB) -> list[int]:
         """Bodies for a surface, with its texture; `color` is for one that has none."""
         bodies = []
         # Files have a vertex for each texture and normal that meets in a point: together they are shaded smoothly.

@@ -22,7 +22,7 @@ from scenegen.processes.pool import Pool
 from scenegen.processes.process import cores
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import scene_name, whole_files
-from scenegen.scenes.stage import Stage, places_of, poses_of, stage_of
+from scenegen.scenes.stage import PictureSetup, places_of, poses_of, stage_of
 from scenegen.show.figures.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
 from scenegen.show.looks.camera import USUAL, frame
 from scenegen.show.looks.look import LOOKS, VIEW, Look, looks_jsonl
@@ -40,17 +40,17 @@ from scenegen.show.render.files import (
     usual_size,
 )
 from scenegen.show.render.models import Model
-from scenegen.show.render.worker import Draw
+from scenegen.show.render.worker import RenderJob
 
 if TYPE_CHECKING:
-    from scenegen.things.colored_mesh import Surface
+    from scenegen.things.colored_mesh import ColoredMesh
 
 
 # --------------------------------------------------------------------------------------------------------------------
 # `cameras.json`: how every view maps the world to pixels, and what the numbers in masks mean.
 
 
-def cameras_json(file: SceneFile, stage: Stage, options: PictureOptions, looks: Sequence[Look] = ()) -> bytes:
+def cameras_json(file: SceneFile, stage: PictureSetup, options: PictureOptions, looks: Sequence[Look] = ()) -> bytes:
     """The file's content. World: metres, x to the right, y away from the viewer, z up, 0 the table. Camera: x to the
     right, y down, z ahead. Pixels: u to the right, v down, (0, 0) the upper left corner of the picture, so that the
     middle of the first pixel is (0.5, 0.5)."""
@@ -81,7 +81,7 @@ def cameras_json(file: SceneFile, stage: Stage, options: PictureOptions, looks: 
     return (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def recorded(looks: Sequence[Look], seed: int, stage: Stage, options: PictureOptions) -> bytes:
+def recorded(looks: Sequence[Look], seed: int, stage: PictureSetup, options: PictureOptions) -> bytes:
     """`looks.jsonl`: each scene's pictures and look, with the camera of the view "look" if that is drawn."""
     names = [f"{scene_name(number, len(looks))}_" for number in range(1, len(looks) + 1)]
     files = [("pictures", [f"{name}{view}.png" for view in options.views]) for name in names]
@@ -95,7 +95,7 @@ def recorded(looks: Sequence[Look], seed: int, stage: Stage, options: PictureOpt
 
 
 def draw(
-    stage: Stage,
+    stage: PictureSetup,
     poses: npt.NDArray[np.float64],
     options: PictureOptions,
     workers: int,
@@ -115,7 +115,7 @@ def draw(
     stage, origin = stage.near()
     places[..., :2] -= origin
     given = [None] * len(places) if looks is None else [look.moved(*origin) for look in looks]
-    job = Draw(stage, options, models, textures)
+    job = RenderJob(stage, options, models, textures)
     with Pool(job, workers, what="a process that draws", unit="scene", spare="a smaller size or fewer workers") as pool:
         yield from pool.map(list(zip(places, given, strict=True)))
 
@@ -233,7 +233,7 @@ def render_scenes(
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
 
 
-def _models(file: SceneFile, folder: Path) -> tuple[tuple[Surface, ...] | None, ...]:
+def _models(file: SceneFile, folder: Path) -> tuple[tuple[ColoredMesh, ...] | None, ...]:
     from scenegen.show.render.models import models_of
 
     return models_of(file, folder)

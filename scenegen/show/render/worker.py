@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.scenes.stage import Stage
+from scenegen.scenes.stage import PictureSetup
 from scenegen.show.looks.camera import Camera, Floats
 from scenegen.show.looks.look import Look
 from scenegen.show.looks.textures import Textures
-from scenegen.show.render.files import FIRST, Picture, PictureOptions, Shot, encode
+from scenegen.show.render.files import FIRST, Picture, PictureOptions, RenderedView, encode
 from scenegen.show.render.models import Model
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ INK, PAPER = (38, 40, 44), (255, 255, 255)
 LEAST, SHARE = 10, 32  # minimum font size in pixels, and the height of a picture in lines
 
 
-def write_names(color: Picture, stage: Stage, camera: Camera, places: Floats) -> Picture:
+def write_names(color: Picture, stage: PictureSetup, camera: Camera, places: Floats) -> Picture:
     """A picture (h, w, 3 or 4) with the label of every object that has one, above it; places are (objects, 4)."""
     labels = [(thing, place) for thing, place in zip(stage.things, places, strict=True) if thing.label]
     if not labels:
@@ -62,12 +62,12 @@ def _seen(points: Sequence[Floats], size: tuple[int, int]) -> bool:
 Places = npt.NDArray[np.float64]  # (objects, 4): x, y, theta, height
 
 
-class Draw:
+class RenderJob:
     """A scene's `places` and its look, if it has one -> (view, ending) -> file, as `options` lists them."""
 
     def __init__(
         self,
-        stage: Stage,
+        stage: PictureSetup,
         options: PictureOptions,
         models: Sequence[Model | None] = (),
         textures: Textures | None = None,
@@ -103,7 +103,7 @@ class Draw:
             self._painter.dress(look)
         return self._painter
 
-    def _shots(self, places: Places, look: Look | None = None) -> dict[str, Shot]:
+    def _shots(self, places: Places, look: Look | None = None) -> dict[str, RenderedView]:
         painter = self._ready(look)
         shots = painter.paint(places)
         if self.options.names:
@@ -113,7 +113,7 @@ class Draw:
         return shots
 
 
-class DrawPixels(Draw):
+class DrawPixels(RenderJob):
     """A scene's `places` -> its one view as (height, width, 3) bytes."""
 
     def __call__(self, places: Places) -> npt.NDArray[np.uint8]:  # type: ignore[override]  # pixels

@@ -26,7 +26,7 @@ from scenegen.show.view.jobs.evaluate import reasons, scene_set, told
 from scenegen.show.view.jobs.meshes import packed_mesh
 from scenegen.show.view.jobs.range import rarity_data
 from scenegen.show.view.jobs.source import wanted_counts, with_numbers
-from scenegen.show.view.opened import Opened
+from scenegen.show.view.opened import OpenProject
 from scenegen.show.view.worker import finite
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -88,7 +88,7 @@ SATISFIED = 0.4  # of the scenes: satisfy every label; the others are spread ove
 MOST_BYTES = 25_000_000
 
 
-def export_page(opened: Opened, out: Path, n: int, seed: int, command: str = "") -> int:
+def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str = "") -> int:
     """Write the page of what was opened into the file `out`; returns its size in bytes.
 
     Of a spec, `n` scenes are sampled: some that satisfy all labels, the others evenly over the phi that can be reached.
@@ -152,7 +152,7 @@ def _sampled(spec: Spec, rare: SpecRarity, n: int, seed: int) -> SceneSet:
 
 
 def _scenes(
-    opened: Opened, spec: Spec, rare: SpecRarity, n: int, seed: int
+    opened: OpenProject, spec: Spec, rare: SpecRarity, n: int, seed: int
 ) -> tuple[dict[str, Any], list[dict[str, Any]], SceneFile]:
     """The scenes of the page, why each has its phi, and the head of a file of them."""
     if opened.scenes is not None:
@@ -171,7 +171,7 @@ def _scenes(
 
 
 def _motions(
-    opened: Opened, spec: Spec, rare: SpecRarity, n: int, seed: int
+    opened: OpenProject, spec: Spec, rare: SpecRarity, n: int, seed: int
 ) -> tuple[dict[str, Any], list[dict[str, Any]], MotionFile]:
     """The same of a spec over time. Raises RequestError for more than the page shows."""
     from scenegen.show.view.jobs import motions, trees

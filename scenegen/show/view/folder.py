@@ -19,7 +19,7 @@ MOST_DRAFTS = 200  # that are kept; the oldest go
 DEPTH = 3  # folders below the opened one that are looked into
 
 
-class Refused(Exception):  # noqa: N818 - the client learns why: no failure
+class FileRefused(Exception):  # noqa: N818 - the client learns why: no failure
     """What a page wants with a file cannot be done; `status` is that of HTTP."""
 
     def __init__(self, status: int, reason: str) -> None:
@@ -34,22 +34,22 @@ class Folder:
     root: Path
 
     def inside(self, path: str) -> Path:
-        """The file of a path relative to the folder. Raises Refused for any other, and for what is no spec."""
+        """The file of a path relative to the folder. Raises FileRefused for any other, and for what is no spec."""
         if not path.isprintable() or not 0 < len(path) <= 1000 or Path(path).is_absolute() or "\\" in path:
-            raise Refused(400, "name a file of the opened folder by its path in there")
+            raise FileRefused(400, "name a file of the opened folder by its path in there")
         try:
             found = (self.root / path).resolve()
         except (OSError, RuntimeError, ValueError):
-            raise Refused(400, "this is no path of a file") from None
+            raise FileRefused(400, "this is no path of a file") from None
         if not found.is_relative_to(self.root):
-            raise Refused(403, "this file lies outside the folder that was opened")
+            raise FileRefused(403, "this file lies outside the folder that was opened")
         if found.suffix.lower() != ".spec":
-            raise Refused(400, "the page opens and saves files that end in .spec")
+            raise FileRefused(400, "the page opens and saves files that end in .spec")
         parts = found.relative_to(self.root).parts
         if any(part.startswith(".") for part in parts):
-            raise Refused(400, "the page opens no hidden files")
+            raise FileRefused(400, "the page opens no hidden files")
         if any(len(os.fsencode(part)) > MOST_NAME for part in parts):
-            raise Refused(400, "this name is too long for a file")
+            raise FileRefused(400, "this name is too long for a file")
         return found
 
     def relative(self, path: Path) -> str:
@@ -68,25 +68,25 @@ class Folder:
         return found[:MAX_FILES]
 
     def read(self, path: str) -> tuple[str, str]:
-        """The text of a spec and its hash. Raises Refused."""
+        """The text of a spec and its hash. Raises FileRefused."""
         return _read(self.inside(path))
 
     def save(self, path: str, text: str, was: str | None) -> str:
         """Write a spec; returns its hash. `was` is the hash of what the page believes to be there, None for nothing.
-        Raises Refused, also where something else is there meanwhile."""
+        Raises FileRefused, also where something else is there meanwhile."""
         file = self.inside(path)
         data = text.encode()
         if len(data) > MAX_TEXT:
-            raise Refused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
+            raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
         if not file.parent.is_dir():
-            raise Refused(404, "there is no such folder in the opened one")
+            raise FileRefused(404, "there is no such folder in the opened one")
         there = _read(file)[1] if file.exists() else None
         if there != was and there != digest(data):
-            raise Refused(409, "the file has changed on the disk since the page read it")
+            raise FileRefused(409, "the file has changed on the disk since the page read it")
         try:
             write_whole(file, data)
         except OSError as error:
-            raise Refused(403, f"the file cannot be written: {error.strerror or 'no permission'}") from None
+            raise FileRefused(403, f"the file cannot be written: {error.strerror or 'no permission'}") from None
         return digest(data)
 
     def draft(self, name: str) -> dict[str, Any] | None:
@@ -99,9 +99,9 @@ class Folder:
         return found if isinstance(found, dict) and isinstance(found.get("text"), str) else None
 
     def keep_draft(self, name: str, text: str | None, was: str | None) -> None:
-        """Keep what is not saved, or with None for `text` forget it. Raises Refused."""
+        """Keep what is not saved, or with None for `text` forget it. Raises FileRefused."""
         if text is not None and len(text.encode()) > MAX_TEXT:
-            raise Refused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
+            raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
         file = self._draft(name)
         try:
             if text is None:
@@ -112,7 +112,7 @@ class Folder:
             for old in sorted(file.parent.glob("*.json"), key=lambda one: one.stat().st_mtime)[:-MOST_DRAFTS]:
                 old.unlink(missing_ok=True)
         except OSError as error:
-            raise Refused(403, f"what is not saved cannot be kept: {error.strerror or 'no permission'}") from None
+            raise FileRefused(403, f"what is not saved cannot be kept: {error.strerror or 'no permission'}") from None
 
     def _draft(self, name: str) -> Path:
         state = Path(os.environ.get("XDG_STATE_HOME") or "~/.local/state").expanduser()
@@ -129,17 +129,17 @@ def _read(file: Path) -> tuple[str, str]:
         handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
         try:
             if not stat.S_ISREG(os.fstat(handle).st_mode):
-                raise Refused(400, "this is no regular file")
+                raise FileRefused(400, "this is no regular file")
             data = _at_most(handle, MAX_TEXT + 1)
         finally:
             os.close(handle)
         if len(data) > MAX_TEXT:
-            raise Refused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
+            raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
         return data.decode("utf-8-sig"), digest(data)
     except FileNotFoundError:
-        raise Refused(404, "there is no such file") from None
+        raise FileRefused(404, "there is no such file") from None
     except (OSError, UnicodeDecodeError):
-        raise Refused(400, "this file cannot be read as text") from None
+        raise FileRefused(400, "this file cannot be read as text") from None
 
 
 def _at_most(handle: int, size: int) -> bytes:

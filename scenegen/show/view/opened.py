@@ -25,7 +25,7 @@ from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import is_stream, read_stream
 from scenegen.scenes.formats.motions.table import is_motions
 from scenegen.scenes.formats.registry import FORMATS
-from scenegen.show.view.folder import Folder, Refused, digest
+from scenegen.show.view.folder import FileRefused, Folder, digest
 from scenegen.show.view.jobs.evaluate import scene_set, told
 from scenegen.show.view.jobs.source import with_numbers
 from scenegen.show.view.limits import most_scenes
@@ -78,7 +78,7 @@ STARTER = "first"  # the shipped spec that is shown where nothing was named
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
+class OpenProject:
     """The folder that the page may read and write, and what it shows first. `path` is the spec's in the folder, None
     where it is not saved there; `scenes` are as the job `sample` sends them. `parts` are all scenes of a file by the
     numbers of things in them: of a spec that draws those, `scenes` are the last part. With `welcome` the page begins
@@ -112,16 +112,16 @@ class Opened:
         }
 
 
-def open_(what: Path | None) -> Opened:
+def open_(what: Path | None) -> OpenProject:
     """Find out what a path or name is, and read it. Raises DataError, RequestError, SpecError."""
     if what is not None and is_stream(what):
         text = read_source("<stdin>", read_stream(what, "a spec", limit=MAX_BYTES)).text
-        return Opened(Folder(Path.cwd().resolve()), text, "stdin")
+        return OpenProject(Folder(Path.cwd().resolve()), text, "stdin")
     if what is not None and is_family(what):
         return _model(what)
     if what is None or what.is_dir():
         folder = Folder((what or Path.cwd()).resolve())
-        return Opened(folder, shipped_specs()[STARTER].read_text(encoding="utf-8"), STARTER, welcome=True)
+        return OpenProject(folder, shipped_specs()[STARTER].read_text(encoding="utf-8"), STARTER, welcome=True)
     ending = what.suffix.lower()
     if ending == ".safetensors":
         return _model(what)
@@ -132,23 +132,23 @@ def open_(what: Path | None) -> Opened:
         return _spec(own)
     shipped = shipped_specs()
     if str(what) in shipped:
-        return Opened(Folder(Path.cwd().resolve()), shipped[str(what)].read_text(encoding="utf-8"), str(what))
+        return OpenProject(Folder(Path.cwd().resolve()), shipped[str(what)].read_text(encoding="utf-8"), str(what))
     raise DataError(NOTHING_TO_OPEN(name=str(what), known=shipped))
 
 
-def _spec(file: Path) -> Opened:
+def _spec(file: Path) -> OpenProject:
     file = file.resolve()
     folder = Folder(file.parent)
     if file.suffix.lower() != ".spec":
         raise DataError(WRONG_ENDING(path=file.name, ending=".spec", better=f"{file.stem}.spec"))
     try:
         text, found = folder.read(file.name)
-    except Refused as reason:
+    except FileRefused as reason:
         raise DataError(NOT_OPENED(file=file, reason=str(reason))) from None
-    return Opened(folder, text, file.stem, file.name, found)
+    return OpenProject(folder, text, file.stem, file.name, found)
 
 
-def _scenes(file: Path) -> Opened:
+def _scenes(file: Path) -> OpenProject:
     if is_motions(file):
         opened = _motions(file)
         if opened is not None:
@@ -160,10 +160,12 @@ def _scenes(file: Path) -> Opened:
     numbers, shown = scenes[-1]  # where numbers of things are drawn, the most, as the page begins with
     if numbers:
         request["counts"] = numbers
-    return Opened(Folder(file.resolve().parent), spec.source, file.stem, scenes=shown, parts=parts, request=request)
+    return OpenProject(
+        Folder(file.resolve().parent), spec.source, file.stem, scenes=shown, parts=parts, request=request
+    )
 
 
-def _motions(file: Path) -> Opened | None:
+def _motions(file: Path) -> OpenProject | None:
     """None for motions of a spec without `time`, such as pairs of a start and a goal: their moments are scenes."""
     from scenegen.show.view.jobs.motions import motions_of, told
     from scenegen.show.view.jobs.trees import most_of, too_long
@@ -190,10 +192,12 @@ def _motions(file: Path) -> Opened | None:
     }
     asked = found.header.request.model_dump(mode="json")
     request = {"phi": asked["phi"], "n": min(asked["n"], most)}
-    return Opened(Folder(file.resolve().parent), text, file.stem, scenes=motions, request=request)
+    return OpenProject(Folder(file.resolve().parent), text, file.stem, scenes=motions, request=request)
 
 
-def _model(file: Path) -> Opened:
+def _model(file: Path) -> OpenProject:
     model = load_model(file)
     text = model.spec.source
-    return Opened(Folder(file.resolve().parent), text, file.stem, model=file.resolve(), digest=digest(text.encode()))
+    return OpenProject(
+        Folder(file.resolve().parent), text, file.stem, model=file.resolve(), digest=digest(text.encode())
+    )

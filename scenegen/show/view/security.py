@@ -17,9 +17,9 @@ from urllib.parse import parse_qs
 
 from starlette.requests import ClientDisconnect, Request
 
-from scenegen.show.view.folder import Refused
+from scenegen.show.view.folder import FileRefused
 from scenegen.show.view.limits import BODY_SECONDS, MAX_BODY, MAX_REQUESTS
-from scenegen.show.view.opened import Opened
+from scenegen.show.view.opened import OpenProject
 from scenegen.show.view.workers import Workers
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -30,7 +30,7 @@ from scenegen.show.view.workers import Workers
 class Shared:
     """`sessions` counts the pages that are open, `downloads` the files being made."""
 
-    opened: Opened
+    opened: OpenProject
     workers: Workers = field(default_factory=Workers)
     sessions: int = 0
     downloads: int = 0
@@ -134,25 +134,25 @@ async def refuse(scope: Scope, send: Send, status: int, reason: str) -> None:
 
 
 async def json_body(request: Request) -> dict[str, Any]:
-    """The JSON object of a request. Raises Refused for one that is too large, too slow or no object."""
+    """The JSON object of a request. Raises FileRefused for one that is too large, too slow or no object."""
     length = request.headers.get("content-length", "0")
     if length.isdigit() and int(length) > MAX_BODY:
-        raise Refused(413, f"a request has at most {MAX_BODY >> 20} MB")
+        raise FileRefused(413, f"a request has at most {MAX_BODY >> 20} MB")
     data = bytearray()
     try:
         async with asyncio.timeout(BODY_SECONDS):
             async for part in request.stream():
                 data += part
                 if len(data) > MAX_BODY:
-                    raise Refused(413, f"a request has at most {MAX_BODY >> 20} MB")
+                    raise FileRefused(413, f"a request has at most {MAX_BODY >> 20} MB")
     except TimeoutError:
-        raise Refused(408, "the request took too long to arrive") from None
+        raise FileRefused(408, "the request took too long to arrive") from None
     except ClientDisconnect:
-        raise Refused(400, "the request did not arrive whole") from None
+        raise FileRefused(400, "the request did not arrive whole") from None
     try:
         found = json.loads(data)
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):
-        raise Refused(400, "the request is no JSON object")
+        raise FileRefused(400, "the request is no JSON object")
     return found

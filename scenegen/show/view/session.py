@@ -18,9 +18,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from scenegen.show.view.folder import Folder, Refused
+from scenegen.show.view.folder import FileRefused, Folder
 from scenegen.show.view.limits import MAX_SCENES, MAX_TEXT, MAX_WAITING, SECONDS
-from scenegen.show.view.workers import Crowded, Gone, Worker, Workers
+from scenegen.show.view.workers import PageWorker, PageWorkerEnded, TooManyWorkers, Workers
 
 # --------------------------------------------------------------------------------------------------------------------
 # The work of one page, in lanes: each lane has one worker process and does one job at a time, and a newer job of a
@@ -35,14 +35,14 @@ class Lane:
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
-        self._worker: Worker | None = None
+        self._worker: PageWorker | None = None
         self._task: asyncio.Task[None] | None = None
         self._turn = asyncio.Lock()
         self._newest = 0
 
     async def run(self, message: dict[str, Any], say: Callable[[str, bytes], None]) -> None:
-        """Do a job, in the place of the one under way; `say` takes each answer. Raises Gone where it took too long or
-        its process died, and asyncio.CancelledError where a newer one took its place."""
+        """Do a job, in the place of the one under way; `say` takes each answer. Raises PageWorkerEnded where it took
+        too long or its process died, and asyncio.CancelledError where a newer one took its place."""
         self._newest += 1
         mine = self._newest
         if self._task is not None and not self._task.done():
@@ -70,7 +70,7 @@ class Lane:
                     say(kind, value)
             finished = True
         except TimeoutError:
-            raise Gone(
+            raise PageWorkerEnded(
                 f"this takes more than {seconds:g} s, which is as long as it may take: make the spec smaller"
             ) from None
         finally:
@@ -93,7 +93,7 @@ class Lane:
 Name = Literal["check", "assist", "evaluate", "sample", "first", "spread", "range"]
 
 
-class Message(BaseModel):
+class PageMessage(BaseModel):
     """What a page may send; which fields count depends on the job."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -115,13 +115,13 @@ class Message(BaseModel):
     timeout: float | None = Field(None, gt=0, le=60)
 
 
-class Stop(BaseModel):
+class StopMessage(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
     stop: Name
 
 
-class Session:
+class PageSession:
     """One page, as long as its WebSocket is open."""
 
     def __init__(self, socket: WebSocket, workers: Workers, folder: Folder, model: Path | None) -> None:
@@ -157,9 +157,9 @@ class Session:
         try:
             data = json.loads(text)
             if isinstance(data, dict) and "stop" in data:
-                self._lanes[Stop.model_validate(data).stop].stop()
+                self._lanes[StopMessage.model_validate(data).stop].stop()
                 return
-            message = Message.model_validate(data)
+            message = PageMessage.model_validate(data)
         except (ValueError, RecursionError, ValidationError):
             number = _number(text)
             self._say(f'{{"id":{number},"failed":"this message is not one that the server knows"}}')
@@ -172,7 +172,7 @@ class Session:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    def _problem(self, message: Message) -> str:
+    def _problem(self, message: PageMessage) -> str:
         if len(self._tasks) >= MAX_WAITING:
             return "too many messages wait for their turn"
         if len(message.text.encode("utf-8", "replace")) > MAX_TEXT:
@@ -180,11 +180,11 @@ class Session:
         try:
             if message.path is not None:
                 self._folder.inside(message.path)
-        except Refused as reason:
+        except FileRefused as reason:
             return str(reason)
         return ""
 
-    async def _do(self, message: Message) -> None:
+    async def _do(self, message: PageMessage) -> None:
         head = f'{{"id":{message.id},"'
 
         def say(kind: str, value: bytes) -> None:
@@ -200,9 +200,9 @@ class Session:
         except asyncio.CancelledError:
             self._say(f'{head}ended":null}}')
             raise
-        except Crowded as reason:
+        except TooManyWorkers as reason:
             self._say(f'{head}failed":{json.dumps(str(reason))}}}')
-        except Gone as how:
+        except PageWorkerEnded as how:
             self._say(f'{head}failed":{json.dumps(str(how))}}}')
 
     def _say(self, text: str) -> None:

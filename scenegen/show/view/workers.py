@@ -18,11 +18,11 @@ from scenegen.show.view.limits import MAX_WORKERS
 from scenegen.show.view.worker import LARGEST, SIZE, packed
 
 
-class Gone(Exception):  # noqa: N818 - also what happens to a worker that is not needed any more
+class PageWorkerEnded(Exception):  # noqa: N818 - also what happens to a worker that is not needed any more
     """The worker ended before it had answered."""
 
 
-class Crowded(Exception):  # noqa: N818 - the client learns why: no failure
+class TooManyWorkers(Exception):  # noqa: N818 - the client learns why: no failure
     """There are as many workers as there may be."""
 
 
@@ -34,7 +34,7 @@ class Workers:
         self._process: asyncio.subprocess.Process | None = None
         self._numbers = itertools.count()
         self._starting = asyncio.Lock()
-        self.alive: set[Worker] = set()
+        self.alive: set[PageWorker] = set()
 
     async def start(self) -> None:
         """Start the program that workers are forked from, unless it runs. Takes about a second. Raises
@@ -54,14 +54,14 @@ class Workers:
                 theirs.close()
             ours.setblocking(False)
             if not await asyncio.get_running_loop().sock_recv(ours, 1):
-                raise Gone("the program that workers are forked from ended")
+                raise PageWorkerEnded("the program that workers are forked from ended")
             ours.setblocking(True)
             self._control = ours
 
-    async def worker(self) -> Worker:
-        """A new worker process. Raises Crowded."""
+    async def worker(self) -> PageWorker:
+        """A new worker process. Raises TooManyWorkers."""
         if len(self.alive) >= MAX_WORKERS:
-            raise Crowded("this server has as many requests under way as it takes; try again in a moment")
+            raise TooManyWorkers("this server has as many requests under way as it takes; try again in a moment")
         await self.start()
         assert self._control is not None
         ours, theirs = socket.socketpair()
@@ -70,15 +70,15 @@ class Workers:
             socket.send_fds(self._control, [ORDER.pack(FORK, number)], [theirs.fileno()])
         except OSError as error:
             ours.close()
-            raise Gone("the program that workers are forked from ended") from error
+            raise PageWorkerEnded("the program that workers are forked from ended") from error
         finally:
             theirs.close()
         reader, writer = await asyncio.open_unix_connection(sock=ours, limit=1 << 20)
-        worker = Worker(self, number, reader, writer)
+        worker = PageWorker(self, number, reader, writer)
         self.alive.add(worker)
         return worker
 
-    def end(self, worker: Worker) -> None:
+    def end(self, worker: PageWorker) -> None:
         """End a worker, whatever it is doing."""
         self.alive.discard(worker)
         if self._control is not None:
@@ -98,7 +98,7 @@ class Workers:
                 self._process.kill()
 
 
-class Worker:
+class PageWorker:
     """One worker process, which does one job at a time."""
 
     def __init__(
@@ -109,14 +109,15 @@ class Worker:
         self._workers, self._reader, self._writer = workers, reader, writer
 
     async def do(self, message: dict[str, Any]) -> AsyncIterator[tuple[str, bytes]]:
-        """The answers to a job: ("part", JSON) any number of times, then one of another kind. Raises Gone."""
+        """The answers to a job: ("part", JSON) any number of times, then one of another kind. Raises
+        PageWorkerEnded."""
         try:
             self._writer.write(packed(message))
             await self._writer.drain()
             while True:
                 (size,) = SIZE.unpack(await self._reader.readexactly(SIZE.size))
                 if size > LARGEST:
-                    raise Gone("it sent more than it may")
+                    raise PageWorkerEnded("it sent more than it may")
                 body = await self._reader.readexactly(size)
                 kind = body[2 : body.index(b'"', 2)].decode()
                 yield kind, body[len(kind) + 4 : -1]
@@ -124,7 +125,7 @@ class Worker:
                     return
         except (asyncio.IncompleteReadError, ConnectionError, OSError) as error:
             self.end()
-            raise Gone(
+            raise PageWorkerEnded(
                 "the process that worked on this is gone, perhaps for lack of memory: change the spec, or try again"
             ) from error
 

@@ -17,7 +17,18 @@ import numpy as np
 
 from scenegen.things.mesh import Mesh
 from scenegen.worlds.export import obj
-from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, Covering, Dressed, Form, Patch, World, piece_of
+from scenegen.worlds.export.world import (
+    FOLDER,
+    TALL,
+    WOODEN,
+    Body,
+    BodyForm,
+    Patch,
+    SceneLook,
+    TexturedColor,
+    World,
+    piece_of,
+)
 from scenegen.worlds.export.xml import Element, check_room, document, node, numbers, short
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -31,7 +42,7 @@ WIDE = 3.0  # metres: half the floor
 SEEN_ONLY = {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
 
 
-def visual(root: Element, world: World, dressed: Dressed | None) -> None:
+def visual(root: Element, world: World, dressed: SceneLook | None) -> None:
     """Ambient light and the size of pictures."""
     place = node(root, "visual")
     if dressed is None:
@@ -46,7 +57,7 @@ def visual(root: Element, world: World, dressed: Dressed | None) -> None:
     node(root, "statistic", center=short([(x0 + x1) / 2, (y0 + y1) / 2, 0.0]), extent=short([max(x1 - x0, y1 - y0)]))
 
 
-def materials(parent: Element, world: World, dressed: Dressed | None) -> None:
+def materials(parent: Element, world: World, dressed: SceneLook | None) -> None:
     """The sky, and the materials of a look."""
     sky = {"rgb1": "0.86 0.89 0.93", "rgb2": "0.97 0.97 0.97", "width": "256", "height": "256"}
     node(parent, "texture", type="skybox", builtin="gradient", **sky)
@@ -63,16 +74,16 @@ def materials(parent: Element, world: World, dressed: Dressed | None) -> None:
         _material(parent, f"wall_{number}", dressed.walls, "wall", wall.width, wall.height)
 
 
-def table_cover(dressed: Dressed | None) -> dict[str, str]:
+def table_cover(dressed: SceneLook | None) -> dict[str, str]:
     """The attributes of the table's top."""
     return {"rgba": rgba(WOODEN)} if dressed is None else {"material": "table"}
 
 
-def leg_color(dressed: Dressed | None) -> str:
+def leg_color(dressed: SceneLook | None) -> str:
     return rgba(WOODEN if dressed is None else dressed.table.mean)
 
 
-def surroundings(parent: Element, world: World, dressed: Dressed | None) -> None:
+def surroundings(parent: Element, world: World, dressed: SceneLook | None) -> None:
     """Light, cameras, the floor and walls."""
     x0, y0, x1, y1 = world.table
     x, y, side = (x0 + x1) / 2, (y0 + y1) / 2, max(x1 - x0, y1 - y0)
@@ -101,12 +112,12 @@ def surroundings(parent: Element, world: World, dressed: Dressed | None) -> None
         node(parent, "geom", **shape, **place, material=f"wall_{number}", **SEEN_ONLY)
 
 
-def _texture(parent: Element, name: str, covering: Covering) -> None:
+def _texture(parent: Element, name: str, covering: TexturedColor) -> None:
     if covering.file:
         node(parent, "texture", name=name, type="2d", file=f"{FOLDER}/{covering.file}")
 
 
-def _material(parent: Element, name: str, what: Covering, texture: str, width: float, height: float) -> None:
+def _material(parent: Element, name: str, what: TexturedColor, texture: str, width: float, height: float) -> None:
     """For one geom of this size: MuJoCo's repeats per metre (`texuniform`) are of half a metre."""
     given = {"texture": texture, "texrepeat": short(what.repeats(width, height))} if what.file else {}
     node(parent, "material", name=name, **given, rgba=rgba(what.color), specular="0.1", shininess="0.1")
@@ -117,7 +128,7 @@ def rgba(color: Iterable[float]) -> str:
     return f"{short(color)} 1"
 
 
-def _light(dressed: Dressed, strength: float) -> str:
+def _light(dressed: SceneLook, strength: float) -> str:
     return short(min(strength * channel, 1.0) for channel in dressed.look.light_color)
 
 
@@ -169,7 +180,7 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
         yield document(root)
 
 
-def _model(world: World, folder: str, dressed: Dressed | None) -> tuple[Element, list[Element]]:
+def _model(world: World, folder: str, dressed: SceneLook | None) -> tuple[Element, list[Element]]:
     """A file without places: its root and the bodies."""
     root = ElementTree.Element("mujoco", model=world.title or "scenegen")
     node(node(root, "option", **OPTIONS), "flag", multiccd="enable")
@@ -215,7 +226,7 @@ def _defaults(root: Element) -> None:
     node(solid, "geom", type="mesh", contype="1", conaffinity="1", group="3", margin="0", rgba="0.9 0.4 0.2 0.5")
 
 
-def _assets(root: Element, world: World, dressed: Dressed | None, folder: str) -> None:
+def _assets(root: Element, world: World, dressed: SceneLook | None, folder: str) -> None:
     assets = node(root, "asset")
     materials(assets, world, dressed)
     for form in world.forms:
@@ -251,7 +262,7 @@ def _shell(mesh: Mesh) -> dict[str, str]:
     return {"inertia": "shell"} if mesh.volume < SPECK else {}
 
 
-def _table(parent: Element, world: World, dressed: Dressed | None) -> None:
+def _table(parent: Element, world: World, dressed: SceneLook | None) -> None:
     """What is around the table, the table and its purely visual sheets."""
     surroundings(parent, world, dressed)
     table = node(parent, "body", name=world.free_name("table"))
@@ -309,11 +320,11 @@ def _pieces(element: Element, body: Body) -> None:
             node(element, "geom", class_="solid", type="box", pos=center, size=half, friction=friction)
 
 
-def _part(form: Form, number: int) -> str:
+def _part(form: BodyForm, number: int) -> str:
     return f"{form.name}_{number}"
 
 
-def _piece(form: Form, number: int) -> str:
+def _piece(form: BodyForm, number: int) -> str:
     return f"{form.name}_hull_{number}"
 
 

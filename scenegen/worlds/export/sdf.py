@@ -18,7 +18,7 @@ import numpy as np
 from scenegen.things.mesh import Floats
 from scenegen.things.palette import RGB
 from scenegen.worlds.export import obj, stl
-from scenegen.worlds.export.world import TALL, WOODEN, Body, Form, World, piece_of
+from scenegen.worlds.export.world import TALL, WOODEN, Body, BodyForm, World, piece_of
 from scenegen.worlds.export.xml import Element, document, gathered, node, numbers, short
 
 Hulls = Literal["obj", "stl"]
@@ -207,9 +207,9 @@ def _color(element: Element, color: RGB) -> None:
         node(material, tag, f"{short(color)} 1")
 
 
-def _part(form: Form, number: int) -> str:
+def _part(form: BodyForm, number: int) -> str:
     return f"{form.name}_{number}.obj"
 
 
-def _hull(form: Form, number: int, ending: str) -> str:
+def _hull(form: BodyForm, number: int, ending: str) -> str:
     return f"{form.name}_hull_{number}.{ending}"

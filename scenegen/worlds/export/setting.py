@@ -24,11 +24,22 @@ from scenegen.scenes.numbers import member_of
 from scenegen.scenes.stage import heights_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, parts_of
 from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of
-from scenegen.things.colored_mesh import Surface
+from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.mesh import Floats, Mesh
 from scenegen.things.palette import LINEN, RGB, of_regions, rgb_of
 from scenegen.things.surfaces import base_heights
-from scenegen.worlds.export.world import LEAST_MASS, WOODEN, Body, Form, Paint, Patch, Record, World, inertia, piece_of
+from scenegen.worlds.export.world import (
+    LEAST_MASS,
+    WOODEN,
+    Body,
+    BodyForm,
+    Paint,
+    Patch,
+    Record,
+    World,
+    inertia,
+    piece_of,
+)
 from scenegen.worlds.export.xml import check_names, printable
 
 if TYPE_CHECKING:
@@ -39,7 +50,7 @@ if TYPE_CHECKING:
 # Pictures on objects from files of one's own, as simulators take them: PNG, and places from the lower edge.
 
 
-def paints_of(skins: Sequence[Surface]) -> dict[int, Paint]:
+def paints_of(skins: Sequence[ColoredMesh]) -> dict[int, Paint]:
     """By the number of the surface, from 1; for those with a texture."""
     found: dict[int, Paint] = {}
     files: dict[bytes, bytes] = {}
@@ -174,8 +185,8 @@ def _shape(data: ShapeData) -> Shape:
     return Shape(asset, footprint_of(data.footprint), data.height, open=tuple(data.open), color=data.color)
 
 
-def _forms(names: Sequence[str], shapes: Sequence[Shape], own: Own) -> dict[tuple[Shape, OwnBody | None], Form]:
-    forms: dict[tuple[Shape, OwnBody | None], Form] = {}
+def _forms(names: Sequence[str], shapes: Sequence[Shape], own: Own) -> dict[tuple[Shape, OwnBody | None], BodyForm]:
+    forms: dict[tuple[Shape, OwnBody | None], BodyForm] = {}
     for name, shape in zip(names, shapes, strict=True):
         mine = own.get(name)
         if (shape, mine) not in forms:
@@ -190,7 +201,7 @@ def _forms(names: Sequence[str], shapes: Sequence[Shape], own: Own) -> dict[tupl
             except ValueError:
                 raise DataError(NO_VOLUME(name=name)) from None
             form = f"{shape.asset}{same + 1 if same else ''}"
-            forms[shape, mine] = Form(form, parts, pieces, mass, paints_of(skins), bool(skins))
+            forms[shape, mine] = BodyForm(form, parts, pieces, mass, paints_of(skins), bool(skins))
     return forms
 
 

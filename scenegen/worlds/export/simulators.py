@@ -30,7 +30,7 @@ from scenegen.show.looks.look import LOOKS
 from scenegen.things.mesh import Floats
 from scenegen.worlds.export.setting import Own, recorded, worlds_of
 from scenegen.worlds.export.world import FOLDER as TEXTURES
-from scenegen.worlds.export.world import Dressing
+from scenegen.worlds.export.world import SceneLooks
 
 SIMULATORS: dict[str, str] = {
     "mjcf": "scenegen.worlds.export.mjcf",
@@ -81,7 +81,7 @@ def write_worlds(
     scenes: Block,
     labels: Sequence[str],
     sources: Path | None = None,
-    dressing: Dressing | None = None,
+    dressing: SceneLooks | None = None,
     rest: Floats | None = None,
 ) -> tuple[Path, ...]:
     """Write scenes for a simulator: a folder with `scene_0001.xml`, ... and `meshes/`, or a file with all scenes and

@@ -18,7 +18,7 @@ from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_BODY
 from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.own_files import is_read, own_file, reason_of
-from scenegen.scenes.stage import Stage
+from scenegen.scenes.stage import PictureSetup
 from scenegen.show.looks.camera import Camera
 from scenegen.show.looks.look import Look, Point, looks_jsonl
 from scenegen.show.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
@@ -41,7 +41,7 @@ Rectangle = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Covering:
+class TexturedColor:
     """A colour, and the file in `FOLDER` of the texture that multiplies it, if there is one: `width` and `height`
     metres of the surface, repeated, or where these are 0, all of it. `mean` is what it looks like from afar."""
 
@@ -69,14 +69,14 @@ class Wall:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Dressed:
+class SceneLook:
     """The look of one scene."""
 
     look: Look
     camera: Camera
-    table: Covering
-    ground: Covering
-    walls: Covering
+    table: TexturedColor
+    ground: TexturedColor
+    walls: TexturedColor
     room: Rectangle | None
 
     def each_wall(self, floor: float, table: Rectangle) -> Iterator[Wall]:
@@ -96,12 +96,17 @@ class Dressed:
             yield Wall((*at, floor + high / 2.0), (-inwards[1], inwards[0], 0.0), width, high)
 
 
-class Dressing:
+class SceneLooks:
     """The looks of the scenes of a file. `cameras` are those of their view "look"; `stage` is the table of pictures;
     `files` are those of textures, by name."""
 
     def __init__(
-        self, looks: Sequence[Look], cameras: Sequence[Camera], stage: Stage, files: Mapping[str, bytes], seed: int
+        self,
+        looks: Sequence[Look],
+        cameras: Sequence[Camera],
+        stage: PictureSetup,
+        files: Mapping[str, bytes],
+        seed: int,
     ) -> None:
         self._looks, self._cameras, self._stage, self._seed = looks, cameras, stage, seed
         self._files = files
@@ -112,18 +117,18 @@ class Dressing:
         self._means = {name: mean_of(image) for name, image in images.items()}
         self._wooden: dict[Rectangle, str] = {}  # tables, and the files of their wood
 
-    def of(self, scene: int, table: Rectangle) -> Dressed:
+    def of(self, scene: int, table: Rectangle) -> SceneLook:
         """The look of a scene, by its number from 1, with the simulator's table (x lowest, y lowest, x highest, y
         highest)."""
         look, camera = self._looks[scene - 1], self._cameras[scene - 1]
         if look.table_texture == WOOD:
             file = self._wooden.setdefault(table, f"{WOOD}_{len(self._wooden) + 1}.png")
-            top = Covering(look.table, look.table, file)
+            top = TexturedColor(look.table, look.table, file)
         else:
             top = self._covering(look.table, look.table_texture, look.table_texture_size)
         room = look.room(self._stage.table, camera.eye)
         seen = PLAIN if room is None else look.walls_texture  # which is not among `textures` without walls
-        return Dressed(
+        return SceneLook(
             look,
             camera,
             top,
@@ -143,11 +148,11 @@ class Dressing:
         """`looks.jsonl` for scenes in these files."""
         return looks_jsonl(self._looks, self._seed, [("file", name) for name in files], self._cameras)
 
-    def _covering(self, color: RGB, texture: str, size: float) -> Covering:
+    def _covering(self, color: RGB, texture: str, size: float) -> TexturedColor:
         if texture == PLAIN:
-            return Covering(color, color)
+            return TexturedColor(color, color)
         red, green, blue = (one * share for one, share in zip(color, self._means[texture], strict=True))
-        return Covering(color, (red, green, blue), self._names[texture], size, size * self._ratios[texture])
+        return TexturedColor(color, (red, green, blue), self._names[texture], size, size * self._ratios[texture])
 
 
 def _file_names(textures: Sequence[str]) -> dict[str, str]:
@@ -174,7 +179,7 @@ def _encoded(image: Pixels) -> bytes:
     return out.getvalue()
 
 
-def _wood(stage: Stage, table: Rectangle) -> Pixels:
+def _wood(stage: PictureSetup, table: Rectangle) -> Pixels:
     """(h, w, 3): the wood of a whole table, from above."""
     x0, y0, x1, y1 = table
     pixel = max(x1 - x0, y1 - y0) / SIDE
@@ -284,7 +289,7 @@ WOODEN: RGB = (0.80, 0.68, 0.53)
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class ConvexPiece:
     """A convex collision piece; `box` is (middle, sizes) of one that is a box along its object's axes."""
 
     mesh: Mesh
@@ -301,14 +306,14 @@ class Paint:
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class BodyForm:
     """The data that objects of one shape share. `name` is part of file names; `parts` are drawn, the convex `pieces`
     collide. In the object's frame: the middle of its footprint at the origin, z = 0 its lowest point, heading along
     x. `paints` are those of the parts, by their numbers from 1; `shells` says that parts need not enclose a volume."""
 
     name: str
     parts: tuple[Mesh, ...]
-    pieces: tuple[Piece, ...]
+    pieces: tuple[ConvexPiece, ...]
     inertia: Inertia
     paints: dict[int, Paint] = field(default_factory=dict)
     shells: bool = False
@@ -319,7 +324,7 @@ class Body:
     """An object: `colors` has one entry for each part of its form; a fixed one never moves."""
 
     name: str
-    form: Form
+    form: BodyForm
     colors: tuple[RGB, ...]
     mass: float
     friction: float
@@ -384,9 +389,9 @@ class World:
     numbers: tuple[int, ...] = ()
     rest: Floats | None = None
     record: Record | None = None
-    dressing: Dressing | None = None
+    dressing: SceneLooks | None = None
 
-    def colored(self, dressed: Dressed | None) -> tuple[Body, ...]:
+    def colored(self, dressed: SceneLook | None) -> tuple[Body, ...]:
         """The bodies in the colours of a look."""
         tints = {} if dressed is None else {tint.name: tint for tint in dressed.look.tints}
         return tuple(
@@ -409,7 +414,7 @@ class World:
         ]
 
     @property
-    def forms(self) -> tuple[Form, ...]:
+    def forms(self) -> tuple[BodyForm, ...]:
         """Every form once, in the order of the bodies."""
         return tuple({body.form.name: body.form for body in self.bodies}.values())
 
@@ -438,9 +443,9 @@ class World:
         return top, *legs
 
 
-def piece_of(mesh: Mesh) -> Piece:
+def piece_of(mesh: Mesh) -> ConvexPiece:
     """The collision piece of a convex mesh: a box if the mesh fills its bounding box."""
     least, most = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     full = float(np.prod(most - least))
     box = ((least + most) / 2).tolist(), (most - least).tolist()
-    return Piece(mesh, None if mesh.volume < full * (1.0 - 1e-6) else box)
+    return ConvexPiece(mesh, None if mesh.volume < full * (1.0 - 1e-6) else box)

@@ -27,9 +27,20 @@ from scenegen.geometry import Circle
 from scenegen.lang.checker import check_text
 from scenegen.lang.syntax.format import format_source
 from scenegen.things.surfaces import reach_of
-from scenegen.worlds.pddl.goal import COMMON, LIBERO, NO_PLACE, Goal, Map, Meaning, Relation, key, plain, relation
-from scenegen.worlds.pddl.problem import Atom, Group, Node, Problem
-from scenegen.worlds.pddl.setting import Rectangle, Ref, Setting, category, shape_from, supports_of
+from scenegen.worlds.pddl.goal import (
+    COMMON,
+    LIBERO,
+    NO_PLACE,
+    GoalReader,
+    NameMap,
+    PredicateFormula,
+    TranslatedFormula,
+    key,
+    plain,
+    relation,
+)
+from scenegen.worlds.pddl.problem import Node, PddlProblem, SExprAtom, SExprList
+from scenegen.worlds.pddl.setting import Rectangle, Referent, Setting, category, shape_from, supports_of
 
 # --------------------------------------------------------------------------------------------------------------------
 # Which pairs of a spec's bodies could share space: only these need a requirement, and phi stays cheap.
@@ -115,14 +126,14 @@ TURN = math.radians(5.0)  # the least tolerance of a heading that a region gives
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class CompiledProblem:
     """How a problem was read: what became of its things, and the formula of each fact that it mentions, by predicate
     and names. `known` says what a predicate means."""
 
-    problem: Problem
+    problem: PddlProblem
     setting: Setting
     formulas: Mapping[tuple[str, tuple[str, ...]], str]
-    known: Callable[[str], Relation | None]
+    known: Callable[[str], PredicateFormula | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,18 +143,18 @@ class Imported:
     text: str
     lost: tuple[str, ...]
     warnings: tuple[Diagnostic, ...]
-    reading: Reading = field(repr=False, compare=False)
+    reading: CompiledProblem = field(repr=False, compare=False)
 
 
 @dataclass(slots=True)
 class _Compiler:
-    problem: Problem
+    problem: PddlProblem
     setting: Setting
-    table: Map
+    table: NameMap
     lost: list[str] = field(default_factory=list)
     told: dict[str, Diagnostic] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)  # comments of the formula being read
-    wanted: list[tuple[str, Ref, str]] = field(default_factory=list)  # mover, carrier, its name
+    wanted: list[tuple[str, Referent, str]] = field(default_factory=list)  # mover, carrier, its name
     unwanted: list[tuple[str, str]] = field(default_factory=list)  # a thing, and what it is not to be on
     bodiless: list[str] = field(default_factory=list)  # things of relations that have no body
     met: dict[str, int] = field(default_factory=dict)  # predicates of the problem, and their arguments
@@ -156,20 +167,20 @@ class _Compiler:
             text = f"{text[: LONGEST - 3]}..."
         return f"line {self.problem.source.position(node.span.start)[0]}: {text}"
 
-    def lose(self, node: Node, why: str = NO_PLACE) -> Meaning:
+    def lose(self, node: Node, why: str = NO_PLACE) -> TranslatedFormula:
         line = f"{why}, {self.line(node)}"
         if line not in self.lost:
             self.lost.append(line)
-        return Meaning(None, whole=False)
+        return TranslatedFormula(None, whole=False)
 
-    def known(self, name: str) -> Relation | None:
+    def known(self, name: str) -> PredicateFormula | None:
         mapped = {plain(key): value for key, value in self.table.predicates.items()}
         name = plain(name)
         if name in mapped:
             return relation(mapped[name])
         return (LIBERO.get(name) if self.problem.regions else None) or COMMON.get(name)
 
-    def atom(self, node: Group, names: Sequence[str], wanted: bool) -> Meaning:
+    def atom(self, node: SExprList, names: Sequence[str], wanted: bool) -> TranslatedFormula:
         self.met[plain(node.head)] = max(len(names), self.met.get(plain(node.head), 0))
         mapped = self._is_mapped(node.head, len(names))
         found = self.known(node.head)
@@ -193,9 +204,9 @@ class _Compiler:
         self.said.append(self.line(node))
         text = self._formula(found, names, refs, wanted)
         self.formulas.setdefault((node.items[0].span.text, tuple(names)), text)
-        return Meaning(text, whole=len(self.setting.grounds) < 2 or all(one.kind != "ground" for one in refs))
+        return TranslatedFormula(text, whole=len(self.setting.grounds) < 2 or all(one.kind != "ground" for one in refs))
 
-    def _formula(self, found: Relation, names: Sequence[str], refs: Sequence[Ref], wanted: bool) -> str:
+    def _formula(self, found: PredicateFormula, names: Sequence[str], refs: Sequence[Referent], wanted: bool) -> str:
         arguments = [one.argument for one in refs]
         if len({arguments[place] for place in found.places}) < len(found.places):
             return "false"  # nothing is in a relation with itself
@@ -232,7 +243,7 @@ class _Compiler:
         return True
 
 
-def _unknown(node: Group, count: int) -> Diagnostic:
+def _unknown(node: SExprList, count: int) -> Diagnostic:
     close = nearest(plain(node.head), {*LIBERO, *COMMON})
     near = [close] if close and close != plain(node.head) else []
     return UNKNOWN_PREDICATE(node.span, name=node.head, key=key(node.head), relation=PROPOSED.get(count), near=near)
@@ -246,7 +257,7 @@ def filled(formula: str, arguments: Sequence[str]) -> str:
     return text if text.startswith("(") else f"({text})"
 
 
-def resting(upper: str, lower: Ref) -> str:
+def resting(upper: str, lower: Referent) -> str:
     """That a thing stands on the ground, or on a region."""
     if lower.kind == "ground":
         return f"z({upper}) <= EPS_LEVEL"
@@ -254,7 +265,7 @@ def resting(upper: str, lower: Ref) -> str:
     return parts[0] if len(parts) == 1 else f"({' | '.join(parts)})"
 
 
-def carried(found: Relation, upper: str, lower: str, off: float) -> str:
+def carried(found: PredicateFormula, upper: str, lower: str, off: float) -> str:
     """That one thing carries another, whose height may be `off` by so many metres."""
     if found.holds == "in":
         return f"insideOf({upper}, {lower})"
@@ -263,19 +274,19 @@ def carried(found: Relation, upper: str, lower: str, off: float) -> str:
     return text if found.near is None else f"({text} & dist({upper}, {lower}) <= {found.near:g} m)"
 
 
-def compile_problem(problem: Problem, table: Map) -> Imported:
+def compile_problem(problem: PddlProblem, table: NameMap) -> Imported:
     """Raises DataError for kinds, names and goals that mean nothing here, and for a spec that does not check."""
     setting = Setting(problem, table)
     setting.classify()
     own = _Compiler(problem, setting, table)
     for fact in problem.init:  # furniture is held first: where its boards are follows
-        if isinstance(fact, Group) and len(_names(fact)) == 2 and plain(fact.head) in ("on", "ontop"):
+        if isinstance(fact, SExprList) and len(_names(fact)) == 2 and plain(fact.head) in ("on", "ontop"):
             name, region = _names(fact)
             if name in setting.furniture and region in problem.regions and problem.regions[region].ranges:
                 setting.place(name, problem.regions[region])
                 setting.notes[name] = f"{own.line(fact)}, held in the middle"
     assert problem.goal is not None
-    meaning = Goal(problem, own.atom, own.lose).read(problem.goal, {})
+    meaning = GoalReader(problem, own.atom, own.lose).read(problem.goal, {})
     goal_lines, own.said = own.said, []
     if meaning.text is None:
         raise DataError(_no_places(own, problem.goal))
@@ -290,7 +301,7 @@ def compile_problem(problem: Problem, table: Map) -> Imported:
         first = error.diagnostics[0]
         advice = ADVICE.get(first.code)
         raise DataError(IMPORT_FAILS(file=problem.source.name, reason=first.title, advice=advice)) from None
-    reading = Reading(problem, setting, own.formulas, own.known)
+    reading = CompiledProblem(problem, setting, own.formulas, own.known)
     lost = (*own.lost, *(f"not read, {own.line(one)}" for one in problem.other))
     return Imported(text, lost, (*own.told.values(), *unused), reading)
 
@@ -343,7 +354,7 @@ def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
     edges: dict[str, list[str]] = {}
     options: dict[str, list[str]] = {}
 
-    def add(name: str, ref: Ref, owner: str) -> bool:
+    def add(name: str, ref: Referent, owner: str) -> bool:
         if ref.kind == "thing":
             if supports_of(edges, ref.owner, name):
                 return False
@@ -429,14 +440,14 @@ def _initial(
     setting, problem = own.setting, own.problem
     names = _names(fact)
     name = names[0] if names else ""
-    head = fact.head if isinstance(fact, Group) else ""
+    head = fact.head if isinstance(fact, SExprList) else ""
     held = len(names) == 2 and name in setting.furniture and name in setting.poses
-    if held and (own.known(head) or Relation(0)).holds:
+    if held and (own.known(head) or PredicateFormula(0)).holds:
         own.met[plain(head)] = 2
         setting.notes.setdefault(name, f"{own.line(fact)}, in a row")
         return
     own.said, before = [], len(own.wanted)
-    meaning = Goal(problem, own.atom, own.lose).read(fact, {})
+    meaning = GoalReader(problem, own.atom, own.lose).read(fact, {})
     new = own.wanted[before:]
     del own.wanted[before:]
     if meaning.text is None or meaning.text == "true":
@@ -469,8 +480,8 @@ def _initial(
 
 def _names(fact: Node) -> tuple[str, ...]:
     """The arguments of a fact about things; none for any other."""
-    found = tuple(one.text for one in fact.rest if isinstance(one, Atom)) if isinstance(fact, Group) else ()
-    return found if isinstance(fact, Group) and len(found) == len(fact.rest) else ()
+    found = tuple(one.text for one in fact.rest if isinstance(one, SExprAtom)) if isinstance(fact, SExprList) else ()
+    return found if isinstance(fact, SExprList) and len(found) == len(fact.rest) else ()
 
 
 def _clean(text: str) -> str:

@@ -24,23 +24,23 @@ from scenegen.errors.worlds import (
 )
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
-from scenegen.worlds.pddl.compile import Reading, carried, filled, resting
-from scenegen.worlds.pddl.goal import Goal, Meaning, Relation
+from scenegen.worlds.pddl.compile import CompiledProblem, carried, filled, resting
+from scenegen.worlds.pddl.goal import GoalReader, PredicateFormula, TranslatedFormula
 from scenegen.worlds.pddl.ground import (
     MOST_FACTS,
     MOST_PARTS,
     Fact,
+    FactJunction,
     Formula,
-    Grounded,
-    Joined,
+    GroundedFacts,
     Literal,
     asked_for,
     facts_of,
     text,
     value,
 )
-from scenegen.worlds.pddl.problem import Atom, Group, Node
-from scenegen.worlds.pddl.write import REQUIREMENTS, Names, Vocabulary, clean, domain_text, fits, problem_text
+from scenegen.worlds.pddl.problem import Node, SExprAtom, SExprList
+from scenegen.worlds.pddl.write import REQUIREMENTS, DomainNames, Names, clean, domain_text, fits, problem_text
 
 Rows = npt.NDArray[np.float64]
 
@@ -54,9 +54,9 @@ class Problems:
     by the number of the scene. `edge` counts the scenes in which the goal as planners read it is not the sign of phi: a
     margin is exactly 0 there."""
 
-    grounded: Grounded
+    grounded: GroundedFacts
     labels: tuple[str, ...]
-    words: Vocabulary
+    words: DomainNames
     whole_goal: bool = False
     edge: int = field(default=0, init=False)
 
@@ -69,7 +69,7 @@ class Problems:
     def goal(self) -> Formula:
         """What the labels ask for."""
         formulas = tuple(self.grounded.goals[label] for label in self.labels)
-        return formulas[0] if len(formulas) == 1 else Joined("and", formulas)
+        return formulas[0] if len(formulas) == 1 else FactJunction("and", formulas)
 
     def of_scenes(self, rows: Rows, comments: Mapping[int, str]) -> Iterator[str]:
         """The problem of each scene of `rows` (3N, n): its facts, and what the labels ask for. Raises RequestError for
@@ -91,7 +91,7 @@ class Problems:
             for offset, said in enumerate(numbers[here]):
                 then = reached[:, offset : offset + 1]
                 if self.whole_goal or not self.labels:
-                    goal: Formula = Joined("and", tuple(Literal(int(one)) for one in np.flatnonzero(then[:, 0])))
+                    goal: Formula = FactJunction("and", tuple(Literal(int(one)) for one in np.flatnonzero(then[:, 0])))
                 else:
                     goal = asked_for(self.goal, then)
                 yield self._text(truths[:, offset], goal, *said)
@@ -110,7 +110,7 @@ class Problems:
         )
 
 
-def goal_labels(grounded: Grounded, wanted: Sequence[str] | None) -> tuple[str, ...]:
+def goal_labels(grounded: GroundedFacts, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """The labels that are the goal: those asked for, else `goal`, else all. Raises RequestError for one that is not
     there."""
     if wanted and grounded.spec.timed is not None:
@@ -131,7 +131,7 @@ BDDL_ONLY = ("forn", "forpairs", "fornpairs")
 Call = tuple[str, tuple[str, ...]]
 
 
-def candidates(reading: Reading, wanted: Sequence[str] | None = None) -> list[tuple[Fact, str]]:
+def candidates(reading: CompiledProblem, wanted: Sequence[str] | None = None) -> list[tuple[Fact, str]]:
     """Every fact that could hold, with its formula: those that the problem mentions, and all others of its predicates
     over its things, and the places that it mentions. `wanted` names predicates; those of the goal are there besides.
     Raises RequestError."""
@@ -184,12 +184,12 @@ def _choices(things: Sequence[str], places: Sequence[str], count: int) -> Iterat
         yield from ((thing, place) for thing in things for place in places)
 
 
-def _unread(found: Relation, count: int) -> list[int]:
+def _unread(found: PredicateFormula, count: int) -> list[int]:
     """Places of a predicate that its formula does not read, as the floor of `onfloor`."""
     return [] if found.holds else [place for place in range(count) if f"${place + 1}" not in found.formula]
 
 
-def _formula(reading: Reading, found: Relation, names: tuple[str, ...]) -> str:
+def _formula(reading: CompiledProblem, found: PredicateFormula, names: tuple[str, ...]) -> str:
     """What a fact means; empty where it cannot hold."""
     setting = reading.setting
     node = reading.problem.goal
@@ -206,7 +206,7 @@ def _formula(reading: Reading, found: Relation, names: tuple[str, ...]) -> str:
     return "" if off is None else carried(found, refs[0].argument, refs[1].argument, off)
 
 
-def refuse_other(reading: Reading, objects: Sequence[str], regions: Sequence[str], file: str) -> None:
+def refuse_other(reading: CompiledProblem, objects: Sequence[str], regions: Sequence[str], file: str) -> None:
     """Raises DataError where scenes lack a thing or a region of the problem."""
     setting = reading.setting
     for name in (*setting.shapes, *(one for one, made in setting.furniture.items() if made.body is not None)):
@@ -217,26 +217,26 @@ def refuse_other(reading: Reading, objects: Sequence[str], regions: Sequence[str
             raise DataError(NOT_ITS_SCENES(file=file, name=name))
 
 
-def _atoms_of(reading: Reading) -> list[Call]:
+def _atoms_of(reading: CompiledProblem) -> list[Call]:
     """The facts that the goal mentions, once its quantifiers are written out."""
     return _goal(reading)[1]
 
 
-def _goal(reading: Reading, lost: dict[str, None] | None = None) -> tuple[Formula, list[Call]]:
+def _goal(reading: CompiledProblem, lost: dict[str, None] | None = None) -> tuple[Formula, list[Call]]:
     """The goal over facts by number, and the facts; `lost` gets what is no fact, or too long to be written out."""
     atoms: dict[Call, int] = {}
 
-    def atom(node: Group, names: Sequence[str], wanted: bool) -> Meaning:
+    def atom(node: SExprList, names: Sequence[str], wanted: bool) -> TranslatedFormula:
         number = atoms.setdefault((node.items[0].span.text, tuple(names)), len(atoms))
-        return Meaning(f"a{number}")
+        return TranslatedFormula(f"a{number}")
 
-    def lose(node: Node, why: str) -> Meaning:
+    def lose(node: Node, why: str) -> TranslatedFormula:
         if lost is not None:
             lost[_one_line(node)] = None
-        return Meaning(None, whole=False)
+        return TranslatedFormula(None, whole=False)
 
     assert reading.problem.goal is not None
-    said = Goal(reading.problem, atom, lose).read(reading.problem.goal, {}).text or "true"
+    said = GoalReader(reading.problem, atom, lose).read(reading.problem.goal, {}).text or "true"
     tree = parse(Source("<goal>", said)).bare
     assert tree is not None
     return _read(tree, holds=True), list(atoms)
@@ -247,12 +247,12 @@ def _read(node: ast.Expr, *, holds: bool) -> Formula:
         case ast.Name(name):
             return Literal(int(name[1:]), holds)
         case ast.Truth(truth):
-            return Joined("and" if truth == holds else "or", ())
+            return FactJunction("and" if truth == holds else "or", ())
         case ast.Not(inner):
             return _read(inner, holds=not holds)
         case ast.And(parts) | ast.Or(parts):
             same = isinstance(node, ast.And) == holds
-            return Joined("and" if same else "or", tuple(_read(one, holds=holds) for one in parts))
+            return FactJunction("and" if same else "or", tuple(_read(one, holds=holds) for one in parts))
     raise AssertionError("a goal is made of facts, `!`, `&` and `|`")
 
 
@@ -260,7 +260,7 @@ class Originals:
     """Problems with the facts of scenes in place of those of the original. One that other planners read keeps its
     text, but for `:init`, and needs no domain but its own; one of LIBERO or BEHAVIOR is written out."""
 
-    def __init__(self, grounded: Grounded, reading: Reading) -> None:
+    def __init__(self, grounded: GroundedFacts, reading: CompiledProblem) -> None:
         self.grounded, self.reading = grounded, reading
         problem = reading.problem
         names = [*problem.things, *(kind for one in problem.things.values() for kind in one.kinds)]
@@ -269,7 +269,7 @@ class Originals:
         self.kept = [one for one in problem.init if not _replaced(one, geometric)]
         self._lost: dict[str, None] = {}
         self._goal, self._goal_facts = _goal(reading, self._lost)
-        self._words = _Words(self) if not self.plain else None
+        self._words = _ProblemText(self) if not self.plain else None
 
     @property
     def undecided(self) -> tuple[str, ...]:
@@ -313,7 +313,7 @@ class Originals:
         return "\n".join([*lines, ")", ""])
 
 
-class _Words:
+class _ProblemText:
     """A problem of LIBERO or BEHAVIOR written out: names without dots, regions as objects, the goal without numbers of
     things."""
 
@@ -365,15 +365,15 @@ class _Words:
 
 def _call(node: Node) -> Call | None:
     """A fact without geometry as a call; None for functions, negations and what has numbers."""
-    if not isinstance(node, Group) or node.head in ("", "=", "not", "and", "at") or len(node.rest) > 9:
+    if not isinstance(node, SExprList) or node.head in ("", "=", "not", "and", "at") or len(node.rest) > 9:
         return None
-    names = tuple(one.text for one in node.rest if isinstance(one, Atom))
+    names = tuple(one.text for one in node.rest if isinstance(one, SExprAtom))
     return (node.items[0].span.text, names) if len(names) == len(node.rest) else None
 
 
 def _replaced(node: Node, geometric: set[Call]) -> bool:
     """Whether an initial fact is one that scenes decide, or that such a fact does not hold."""
-    if isinstance(node, Group) and node.head == "not" and len(node.rest) == 1:
+    if isinstance(node, SExprList) and node.head == "not" and len(node.rest) == 1:
         return _replaced(node.rest[0], geometric)
     found = _call(node)
     return found is not None and (found[0].lower(), found[1]) in geometric
@@ -383,7 +383,7 @@ def _bddl(node: Node | None) -> bool:
     stack: list[Node] = [] if node is None else [node]
     while stack:
         one = stack.pop()
-        if isinstance(one, Group):
+        if isinstance(one, SExprList):
             if one.head in BDDL_ONLY:
                 return True
             stack += one.items

@@ -21,13 +21,13 @@ from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.errors.worlds import FACTS_MEAN_NOTHING, TOO_MANY_FACTS
 from scenegen.geometry import NUMPY
 from scenegen.geometry.units import ANGLE, LENGTH
-from scenegen.lang.check.context import Frame, run
+from scenegen.lang.check.context import CallFrame, run
 from scenegen.lang.check.lower import Lowering
 from scenegen.lang.check.names import resolve
 from scenegen.lang.check.scope import LABEL, Declared, Scope, signature_of
 from scenegen.lang.check.values import FormulaValue, NumberValue, ObjectValue, RegionValue, Value
 from scenegen.lang.checker import check_module
-from scenegen.lang.formula.builder import FALSE, TRUE, TooLarge
+from scenegen.lang.formula.builder import FALSE, TRUE, FormulaTooLarge
 from scenegen.lang.formula.core import Atom, Coord, Core, Junction
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec
@@ -47,7 +47,7 @@ LONGEST = 100  # characters of a definition in a comment
 
 
 @dataclass(frozen=True, slots=True)
-class Relation:
+class RelationTemplate:
     """A formula over `_slot0`, `_slot1`, ...: things and regions by `kinds`, then numbers, which `numbers` holds.
     `required`: some call of it has to mean something."""
 
@@ -59,7 +59,7 @@ class Relation:
     required: bool = False
 
 
-def chosen(scope: Scope, wanted: Sequence[str] | None, own: Mapping[str, str] | None) -> tuple[Relation, ...]:
+def chosen(scope: Scope, wanted: Sequence[str] | None, own: Mapping[str, str] | None) -> tuple[RelationTemplate, ...]:
     """The relations whose facts are written. Raises RequestError for an unknown name."""
     if own is not None:
         known = [name for name, written in own.items() if _formula(written)]
@@ -70,13 +70,13 @@ def chosen(scope: Scope, wanted: Sequence[str] | None, own: Mapping[str, str] | 
     if wanted is None:
         wanted = [name for name in known if 1 <= _needed(scope.definitions[name]) <= 2]
         wanted.sort(key=lambda name: scope.definitions[name].source is scope.prelude)
-    found: list[Relation] = []
+    found: list[RelationTemplate] = []
     for name in dict.fromkeys(wanted):
         declared = scope.definitions[name]
         needed, comment = _needed(declared), _comment(declared, scope)
-        found.append(Relation(name, _call(name, needed), (THING,) * needed, comment))
+        found.append(RelationTemplate(name, _call(name, needed), (THING,) * needed, comment))
         if name in OVER_PLACES and declared.source is scope.prelude:
-            found.append(Relation(name, _call(name, 2), (THING, PLACE), comment))
+            found.append(RelationTemplate(name, _call(name, 2), (THING, PLACE), comment))
     return tuple(found)
 
 
@@ -114,24 +114,24 @@ def _formula(written: str) -> str:
     return {"on": "restsOn($1, $2)", "in": "insideOf($1, $2)"}.get(found.holds, found.formula)
 
 
-def _of_map(name: str, written: str) -> Iterator[Relation]:
+def _of_map(name: str, written: str) -> Iterator[RelationTemplate]:
     text = _formula(written)
     count = max((int(one) for one in re.findall(r"\$(\d)", text)), default=0)
     text = re.sub(r"\$(\d)", lambda one: f"_slot{int(one[1]) - 1}", text)
     required = not meaning(written).holds
-    yield Relation(name, text, (THING,) * count, written, required=required)
+    yield RelationTemplate(name, text, (THING,) * count, written, required=required)
     if count == 2:
-        yield Relation(name, text, (THING, PLACE), written)
+        yield RelationTemplate(name, text, (THING, PLACE), written)
 
 
 def of_calls(
     lowering: Lowering, node: Callable[[str, Mapping[str, Value]], int | None]
-) -> dict[int, tuple[Relation, tuple[str, ...]]]:
+) -> dict[int, tuple[RelationTemplate, tuple[str, ...]]]:
     """The calls of definitions that were expanded so far and whose arguments are things, regions and fixed numbers: the
     node of each, with its relation and the names of its things and regions. Numbers are part of a predicate's name:
     `closeTo-30cm`. Where several calls share a node, the outermost one counts."""
-    found: dict[int, tuple[Relation, tuple[str, ...]]] = {}
-    made: dict[tuple[str, tuple[str, ...]], Relation] = {}
+    found: dict[int, tuple[RelationTemplate, tuple[str, ...]]] = {}
+    made: dict[tuple[str, tuple[str, ...]], RelationTemplate] = {}
     for key, (value, given) in list(lowering.expansions.items()):
         declared = key[0] if isinstance(key, tuple) else None
         if not isinstance(declared, Declared) or not isinstance(value, FormulaValue) or value.node < 0:
@@ -157,7 +157,7 @@ def of_calls(
             numbers = {f"_slot{place}": given[place] for place in range(count, last)}
             comment = f"{name}({', '.join(['...'] * count + texts[count:last])})" if texts[count:last] else ""
             comment = comment or _comment(declared, lowering.scope)
-            made[title, kinds] = Relation(title, _call(name, last), kinds, comment, numbers)
+            made[title, kinds] = RelationTemplate(title, _call(name, last), kinds, comment, numbers)
         found[value.node] = made[title, kinds], tuple(arguments[:count])
     return found
 
@@ -195,16 +195,16 @@ class Literal:
 
 
 @dataclass(frozen=True, slots=True)
-class Joined:
+class FactJunction:
     """Conjunction or disjunction; of nothing it is true, or false."""
 
     kind: OneOf["and", "or"]
     parts: tuple[Formula, ...]
 
 
-Formula = Literal | Joined
+Formula = Literal | FactJunction
 
-ALWAYS = Joined("and", ())
+ALWAYS = FactJunction("and", ())
 
 
 def value(formula: Formula, truths: Truths) -> Truths:
@@ -226,11 +226,11 @@ def asked_for(formula: Formula, truths: Truths) -> Formula:
     stack: list[Formula] = [formula]
     while stack:
         one = stack.pop()
-        if isinstance(one, Joined):
+        if isinstance(one, FactJunction):
             stack += [part for part in reversed(one.parts) if one.kind == "and" or value(part, truths)[0]]
         elif truths[one.fact, 0] == one.holds:
             kept[one] = None
-    return Joined("and", tuple(kept))
+    return FactJunction("and", tuple(kept))
 
 
 def facts_of(formula: Formula) -> tuple[int, ...]:
@@ -239,7 +239,7 @@ def facts_of(formula: Formula) -> tuple[int, ...]:
     stack: list[Formula] = [formula]
     while stack:
         one = stack.pop()
-        if isinstance(one, Joined):
+        if isinstance(one, FactJunction):
             stack += reversed(one.parts)
         else:
             found[one.fact] = None
@@ -280,7 +280,7 @@ class Fact:
 
 
 @dataclass(frozen=True, slots=True)
-class Grounded:
+class GroundedFacts:
     """All facts that could hold in scenes of a spec. `core` has a label for each that the scene decides, its number;
     `always` holds the others. `goals` has each label's formula over facts. `comments` say what predicates mean."""
 
@@ -316,7 +316,7 @@ def ground(
     *,
     counts: Mapping[str, int] | None = None,
     parts: dict[tuple[str, int], str] | None = None,
-) -> Grounded:
+) -> GroundedFacts:
     """The facts of a spec's canonical text. `wanted` names relations of the prelude or of the spec, by default all of
     one or two things; `own` maps predicates to formulas with `$1`, `$2` and takes their place; `explicit` are facts
     with formulas, which take the place of both. `counts` says how many there are of things whose number the spec draws;
@@ -325,7 +325,7 @@ def ground(
     module = parse(Source(name, source))
     hook = _Expansion(module, wanted, own, explicit, {} if parts is None else parts)
     spec = check_module(module, None, hook, counts)
-    return Grounded(spec, tuple(hook.facts), hook.core, hook.always, hook.goals, hook.labels, hook.comments)
+    return GroundedFacts(spec, tuple(hook.facts), hook.core, hook.always, hook.goals, hook.labels, hook.comments)
 
 
 @dataclass(slots=True)
@@ -347,7 +347,7 @@ class _Expansion:
     _numbers: dict[Fact, int] = field(default_factory=dict)
     _values: dict[str, Value] = field(default_factory=dict)
     _parsed: dict[str, ast.Expr] = field(default_factory=dict)
-    _calls: dict[int, tuple[Relation, tuple[str, ...]]] = field(default_factory=dict)
+    _calls: dict[int, tuple[RelationTemplate, tuple[str, ...]]] = field(default_factory=dict)
     _parts: int = 0
     _said: Counter[str] = field(default_factory=Counter)
 
@@ -386,18 +386,18 @@ class _Expansion:
         formulas = formulas if bare is None else {LABEL: bare}
         made: dict[str, int] = {}
         for name, formula in formulas.items():
-            value = run(self._lowering.lower(formula, {}, Frame(self.module.source)))
+            value = run(self._lowering.lower(formula, {}, CallFrame(self.module.source)))
             made[name] = self._lowering.coerce.formula(value, f"`{name}`")
         return made
 
-    def _check_size(self, relations: Sequence[Relation]) -> None:
+    def _check_size(self, relations: Sequence[RelationTemplate]) -> None:
         count = len(self._lowering.scope.objects)
         places = len(self._lowering.areas)
         several = sum(math.prod(count if kind == THING else places for kind in one.kinds) for one in relations)
         if several + len(self.facts) > MOST_FACTS:
             raise RequestError(TOO_MANY_FACTS(count=several, limit=MOST_FACTS))
 
-    def _refuse_unknown(self, relation: Relation) -> None:
+    def _refuse_unknown(self, relation: RelationTemplate) -> None:
         """Raises RequestError for a formula of a map that cannot be read, or names what there is not."""
         if not relation.required:
             return
@@ -434,7 +434,7 @@ class _Expansion:
         found = self._lowering.builder.nodes[node]
         return found.margin if isinstance(found, Atom) else node
 
-    def _all(self, relation: Relation) -> bool:
+    def _all(self, relation: RelationTemplate) -> bool:
         """Adds all facts of a relation; whether there are any."""
         scope = self._lowering.scope
         names = {THING: tuple(scope.objects), PLACE: tuple(self._lowering.areas)}
@@ -456,7 +456,7 @@ class _Expansion:
                 self._add(Fact(relation.name, arguments), node)
         return found
 
-    def _instance(self, relation: Relation, arguments: Sequence[str]) -> int | None:
+    def _instance(self, relation: RelationTemplate, arguments: Sequence[str]) -> int | None:
         env = dict(relation.numbers)
         for place, argument in enumerate(arguments):
             env[f"_slot{place}"] = self._value(argument)
@@ -478,7 +478,7 @@ class _Expansion:
         self._lowering.inside = 0  # the limits are those of one spec, and this is many
         try:
             value = run(self._lowering.lower(self._parse(text), dict(env), self._frame(text)))
-        except (SpecError, TooLarge):
+        except (SpecError, FormulaTooLarge):
             return None
         return value.node if isinstance(value, FormulaValue) else None
 
@@ -489,8 +489,8 @@ class _Expansion:
             self._parsed[text] = bare
         return self._parsed[text]
 
-    def _frame(self, text: str) -> Frame:
-        return Frame(Source("<facts>", text))
+    def _frame(self, text: str) -> CallFrame:
+        return CallFrame(Source("<facts>", text))
 
     # ---- goals
 
@@ -511,7 +511,7 @@ class _Expansion:
                 if part is None:
                     return None
                 parts.append(part)
-            return Joined("and" if inner.kind == "min" else "or", tuple(parts))
+            return FactJunction("and" if inner.kind == "min" else "or", tuple(parts))
         assert isinstance(inner, Atom)
         said = self._told(inner)
         name = self.parts.setdefault((said, self._said[said]), f"part-{len(self.parts) + 1}")

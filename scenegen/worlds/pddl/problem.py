@@ -35,7 +35,7 @@ _TOKEN = re.compile(r"[ \t\n\f]+|;[^\n]*|[()]|[^\s();\x00-\x1f\x7f]+")
 
 
 @dataclass(frozen=True, slots=True)
-class Atom:
+class SExprAtom:
     """A word, as written."""
 
     text: str
@@ -43,7 +43,7 @@ class Atom:
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class SExprList:
     """What stands between two parentheses."""
 
     items: tuple[Node, ...]
@@ -53,14 +53,14 @@ class Group:
     def head(self) -> str:
         """The first word, in lower case; empty if there is none."""
         first = self.items[0] if self.items else None
-        return first.text.lower() if isinstance(first, Atom) else ""
+        return first.text.lower() if isinstance(first, SExprAtom) else ""
 
     @property
     def rest(self) -> tuple[Node, ...]:
         return self.items[1:]
 
 
-Node = Atom | Group
+Node = SExprAtom | SExprList
 
 
 def read(path: Path, what: str) -> tuple[Source, tuple[Node, ...]]:
@@ -83,9 +83,9 @@ def expressions(source: Source) -> tuple[Node, ...]:
             if len(open_) == 1:
                 raise DataError(PDDL_BRACKETS(Span(source, start, end)))
             begin, items = open_.pop()
-            open_[-1][1].append(Group(tuple(items), Span(source, begin, end)))
+            open_[-1][1].append(SExprList(tuple(items), Span(source, begin, end)))
         else:
-            open_[-1][1].append(Atom(word, Span(source, start, end)))
+            open_[-1][1].append(SExprAtom(word, Span(source, start, end)))
     if len(open_) > 1:
         begin = open_[-1][0]
         raise DataError(PDDL_BRACKETS(Span(source, begin, begin + 1), opened=True))
@@ -112,11 +112,11 @@ MOST_THINGS = 200  # each pair of them may be a clause of the spec
 
 
 @dataclass(frozen=True, slots=True)
-class Thing:
+class TypedName:
     """What a list of names says of one: its type, of `(either a b)` several, and where it stands."""
 
     kinds: tuple[str, ...]
-    node: Atom
+    node: SExprAtom
 
     @property
     def kind(self) -> str:
@@ -125,7 +125,7 @@ class Thing:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PddlRegion:
     """A region of a problem: rectangles x0, y0, x1, y1 in the frame of its target, in metres, none where the target
     itself knows the region; and ranges of headings in radians."""
 
@@ -133,7 +133,7 @@ class Place:
     target: str
     ranges: tuple[Numbers, ...]
     yaw: tuple[Numbers, ...]
-    node: Group
+    node: SExprList
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,12 +141,12 @@ class Domain:
     """`parents` of types, in lower case, `constants` with their types, the number of arguments of `predicates`."""
 
     parents: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    constants: Mapping[str, Thing] = field(default_factory=dict)
+    constants: Mapping[str, TypedName] = field(default_factory=dict)
     predicates: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class PddlProblem:
     """`things` are objects and fixtures by name, each with its type; `fixtures` those that stay where they are. PDDL
     does not tell capitals from small letters: in `init` and `goal` each name is written as where it is declared, and
     variables are in lower case."""
@@ -155,13 +155,13 @@ class Problem:
     name: str
     language: str
     domain: Domain
-    things: Mapping[str, Thing]
+    things: Mapping[str, TypedName]
     fixtures: frozenset[str]
-    regions: Mapping[str, Place]  # by TARGET_NAME
+    regions: Mapping[str, PddlRegion]  # by TARGET_NAME
     init: tuple[Node, ...]
     goal: Node | None
-    other: tuple[Group, ...]  # sections that are of no use here
-    sections: tuple[Group, ...]  # all of them
+    other: tuple[SExprList, ...]  # sections that are of no use here
+    sections: tuple[SExprList, ...]  # all of them
 
     def is_a(self, name: str, kinds: Iterable[str]) -> bool:
         """Whether a thing is of one of some types, or of a type below it."""
@@ -189,7 +189,7 @@ def domain_of(source: Source, nodes: Sequence[Node]) -> Domain:
     """The domain that a file defines. Raises DataError."""
     sections = _sections(source, nodes, "domain")
     parents: dict[str, tuple[str, ...]] = {}
-    constants: dict[str, Thing] = {}
+    constants: dict[str, TypedName] = {}
     predicates: dict[str, int] = {}
     for one in sections:
         match one.head:
@@ -201,17 +201,19 @@ def domain_of(source: Source, nodes: Sequence[Node]) -> Domain:
                 _declare(constants, typed(one.rest))
             case ":predicates":
                 for each in _flat(one.rest):
-                    if isinstance(each, Group) and each.head:
-                        predicates[each.head] = sum(isinstance(a, Atom) and a.text.startswith("?") for a in each.rest)
+                    if isinstance(each, SExprList) and each.head:
+                        predicates[each.head] = sum(
+                            isinstance(a, SExprAtom) and a.text.startswith("?") for a in each.rest
+                        )
     return Domain(parents, constants, predicates)
 
 
-def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> Problem:
+def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> PddlProblem:
     """The problem that a file defines. Raises DataError."""
     sections = _sections(source, nodes, "problem")
     things = dict(domain.constants)
-    regions: dict[str, Place] = {}
-    fixtures, places, init, other = set[str](), list[Place](), list[Node](), list[Group]()
+    regions: dict[str, PddlRegion] = {}
+    fixtures, places, init, other = set[str](), list[PddlRegion](), list[Node](), list[SExprList]()
     goal: Node | None = None
     name = language = ""
     for one in sections:
@@ -248,12 +250,12 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> Problem
         regions[f"{target}_{place.name}" if target else place.name] = replace(place, target=target)
     spelled = {one.lower(): one for one in regions} | spelled
     goal, init = _spell(goal, spelled), [_spell(one, spelled) for one in init]
-    return Problem(
+    return PddlProblem(
         source, name, language, domain, things, frozenset(fixtures), regions, tuple(init), goal, tuple(other), sections
     )
 
 
-def _declare(things: dict[str, Thing], found: Sequence[tuple[str, Thing]]) -> list[str]:
+def _declare(things: dict[str, TypedName], found: Sequence[tuple[str, TypedName]]) -> list[str]:
     """Add things to others, and return their names, each as it was first written. Raises DataError for one that is
     declared as something else before."""
     spelled = {one.lower(): one for one in things}
@@ -269,7 +271,7 @@ def _declare(things: dict[str, Thing], found: Sequence[tuple[str, Thing]]) -> li
 
 def _spell(node: Node, spelled: Mapping[str, str]) -> Node:
     """A formula with its names as they are declared, and its variables in lower case."""
-    if isinstance(node, Group):
+    if isinstance(node, SExprList):
         return replace(node, items=tuple(_spell(one, spelled) for one in node.items))
     mark, lower = "?" if node.text.startswith("?") else "", node.text.lower()
     name = spelled.get(lower.removeprefix("?"))
@@ -283,39 +285,39 @@ def _flat(nodes: Iterable[Node]) -> list[Node]:
     return [
         each
         for one in nodes
-        for each in (_flat(one.rest) if isinstance(one, Group) and one.head == ":private" else (one,))
+        for each in (_flat(one.rest) if isinstance(one, SExprList) and one.head == ":private" else (one,))
     ]
 
 
-def typed(nodes: Sequence[Node]) -> list[tuple[str, Thing]]:
+def typed(nodes: Sequence[Node]) -> list[tuple[str, TypedName]]:
     """`a b - block c - (either cup mug) d` as names with their types, in order; a name can come twice. What has no type
     is an `object`. Raises DataError."""
-    found: list[tuple[str, Thing]] = []
-    waiting: list[Atom] = []
+    found: list[tuple[str, TypedName]] = []
+    waiting: list[SExprAtom] = []
     parts = iter(_flat(nodes))
     for one in parts:
-        if not isinstance(one, Atom):
+        if not isinstance(one, SExprAtom):
             raise DataError(PDDL_FORM(one.span, wanted="a name", reason="a list of names with their types stands here"))
         if one.text != "-":
             waiting.append(one)
             continue
         kind = next(parts, None)
-        several = kind.rest if isinstance(kind, Group) and kind.head == "either" else (kind,)
-        kinds = tuple(each.text for each in several if isinstance(each, Atom))
+        several = kind.rest if isinstance(kind, SExprList) and kind.head == "either" else (kind,)
+        kinds = tuple(each.text for each in several if isinstance(each, SExprAtom))
         if not kinds or len(kinds) < len(several):
             raise DataError(PDDL_FORM(one.span, wanted="a list of names", reason="no type follows"))
-        found.extend((each.text, Thing(kinds, each)) for each in waiting)
+        found.extend((each.text, TypedName(kinds, each)) for each in waiting)
         waiting.clear()
-    return found + [(each.text, Thing(("object",), each)) for each in waiting]
+    return found + [(each.text, TypedName(("object",), each)) for each in waiting]
 
 
-def _sections(source: Source, nodes: Sequence[Node], what: str) -> tuple[Group, ...]:
+def _sections(source: Source, nodes: Sequence[Node], what: str) -> tuple[SExprList, ...]:
     whole = nodes[0] if len(nodes) == 1 else None
-    if not isinstance(whole, Group) or whole.head != "define":
+    if not isinstance(whole, SExprList) or whole.head != "define":
         raise DataError(PDDL_NO_PROBLEM(file=source.name, reason="it is no single (define ...)"))
     parts = []
     for one in whole.rest:
-        if not isinstance(one, Group) or not one.head:
+        if not isinstance(one, SExprList) or not one.head:
             raise DataError(PDDL_FORM(one.span, wanted="a section", reason="(:name ...) belongs here"))
         parts.append(one)
     if not parts or parts[0].head != what:
@@ -324,29 +326,29 @@ def _sections(source: Source, nodes: Sequence[Node], what: str) -> tuple[Group, 
 
 
 def _words(nodes: Sequence[Node]) -> str:
-    return " ".join(one.text for one in nodes if isinstance(one, Atom))
+    return " ".join(one.text for one in nodes if isinstance(one, SExprAtom))
 
 
-def _place(node: Node) -> Place:
-    if not isinstance(node, Group) or not node.items or not isinstance(node.items[0], Atom):
+def _place(node: Node) -> PddlRegion:
+    if not isinstance(node, SExprList) or not node.items or not isinstance(node.items[0], SExprAtom):
         raise DataError(PDDL_FORM(node.span, wanted="a region", reason="(NAME (:target THING) ...) belongs here"))
     target, ranges, yaw = "", tuple[Numbers, ...](), tuple[Numbers, ...]()
     for one in node.rest:
         match one:
-            case Group() if one.head == ":target":
+            case SExprList() if one.head == ":target":
                 target = _words(one.rest)
-            case Group() if one.head == ":ranges":
+            case SExprList() if one.head == ":ranges":
                 ranges = _rows(one, 4)
-            case Group() if one.head == ":yaw_rotation":
+            case SExprList() if one.head == ":yaw_rotation":
                 yaw = _rows(one, 2)
-    return Place(node.items[0].text, target, ranges, yaw, node)
+    return PddlRegion(node.items[0].text, target, ranges, yaw, node)
 
 
-def _rows(node: Group, length: int) -> tuple[Numbers, ...]:
+def _rows(node: SExprList, length: int) -> tuple[Numbers, ...]:
     rows = []
     for outer in node.rest:
-        for row in outer.items if isinstance(outer, Group) else ():
-            numbers = tuple(map(_number, row.items)) if isinstance(row, Group) else ()
+        for row in outer.items if isinstance(outer, SExprList) else ():
+            numbers = tuple(map(_number, row.items)) if isinstance(row, SExprList) else ()
             if len(numbers) != length:
                 raise DataError(PDDL_FORM(row.span, wanted=f"{length} numbers", reason="a range is a row of numbers"))
             rows.append(numbers)
@@ -355,7 +357,7 @@ def _rows(node: Group, length: int) -> tuple[Numbers, ...]:
 
 def _number(node: Node) -> float:
     try:
-        value = float(node.text) if isinstance(node, Atom) else math.nan
+        value = float(node.text) if isinstance(node, SExprAtom) else math.nan
     except ValueError:
         value = math.nan
     if not abs(value) <= 1000.0:

@@ -18,8 +18,8 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.tokens import KEYWORDS
 from scenegen.things.library import ALIASES, ASSETS, Shape
 from scenegen.things.surfaces import fits, surfaces_of
-from scenegen.worlds.pddl.goal import Map, key
-from scenegen.worlds.pddl.problem import Node, Place, Problem, Thing
+from scenegen.worlds.pddl.goal import NameMap, key
+from scenegen.worlds.pddl.problem import Node, PddlProblem, PddlRegion, TypedName
 
 # --------------------------------------------------------------------------------------------------------------------
 # What things look like: by category a shape of the language, or furniture that is held in place.
@@ -192,7 +192,7 @@ STEP = 0.05  # metres between pieces of furniture that no region places
 
 
 @dataclass(frozen=True, slots=True)
-class Ref:
+class Referent:
     """What a name refers to: `argument` of a relation, and the `surfaces` that it offers. `kind` tells which; `owner`
     is a thing's name in the problem."""
 
@@ -207,8 +207,8 @@ class Setting:
     """The parts of a problem by what becomes of them. `shapes` are those of objects, `poses` (x, y, heading in radians)
     of furniture; `used` the regions that the spec needs, by identifier, as text."""
 
-    problem: Problem
-    table: Map
+    problem: PddlProblem
+    table: NameMap
     ids: dict[str, str] = field(default_factory=dict)
     grounds: list[str] = field(default_factory=list)
     space: Rectangle = (0.0, 0.0, 1.0, 1.0)
@@ -255,7 +255,7 @@ class Setting:
                 self.space = _around(self.space, region.ranges)
         self._lay_out()
 
-    def _kind(self, thing: Thing, mapped: Mapping[str, str]) -> tuple[str, str]:
+    def _kind(self, thing: TypedName, mapped: Mapping[str, str]) -> tuple[str, str]:
         """A thing's type and its category; of several types the first of which a size is known."""
         kinds = [(kind, category(kind)) for kind in thing.kinds]
         sized = (one for one in kinds if _mapped(mapped, *one) or one[1] in (THINGS | FURNITURE) or _asset(one[1]))
@@ -287,34 +287,34 @@ class Setting:
             x, row = x + length + STEP, max(row, width)
         self.space = (*self.space[:3], max(self.space[3], y + row + 1.0))
 
-    def place(self, name: str, region: Place) -> None:
+    def place(self, name: str, region: PddlRegion) -> None:
         """Hold furniture in the middle of a region, at its middle heading."""
         x0, y0, x1, y1 = region.ranges[0]
         low, high = region.yaw[0] if region.yaw else (0.0, 0.0)
         self.poses[name] = (round((x0 + x1) / 2, 4), round((y0 + y1) / 2, 4), (low + high) / 2)
 
-    def resolve(self, name: str, node: Node) -> Ref:
+    def resolve(self, name: str, node: Node) -> Referent:
         """Raises DataError for a name that is not declared, or without a place."""
         if name in self.grounds:
-            return Ref("workspace", ("workspace",), "ground")
+            return Referent("workspace", ("workspace",), "ground")
         if name in self.shapes:
-            return Ref(self.ids[name], (self.ids[name],), "thing", name)
+            return Referent(self.ids[name], (self.ids[name],), "thing", name)
         if name in self.furniture:
             found = [self._site(name, one) for one in self.furniture[name].sites if self._usable(name, one)]
-            return Ref(self.ids[name] if self.furniture[name].body else found[0], tuple(found), "boards")
+            return Referent(self.ids[name] if self.furniture[name].body else found[0], tuple(found), "boards")
         region = self.problem.regions.get(name)
         if region is not None and region.ranges:
             names = self._rectangles(name, region)
-            return Ref(names[0], names, "region")
+            return Referent(names[0], names, "region")
         if region is not None and region.target in self.shapes:  # the inside of a basket, say
-            return Ref(self.ids[region.target], (self.ids[region.target],), "thing", region.target)
+            return Referent(self.ids[region.target], (self.ids[region.target],), "thing", region.target)
         for owner in sorted(self.ids, key=len, reverse=True):
             if not name.startswith(f"{owner}_"):
                 continue
             rest = name[len(owner) + 1 :]
             if owner in self.furniture and rest in self.furniture[owner].sites:
                 site = self._site(owner, rest)
-                return Ref(site, (site,), "region")
+                return Referent(site, (site,), "region")
         known = [*self.shapes, *self.furniture, *self.problem.regions, *self.grounds]
         raise DataError(PDDL_UNKNOWN_NAME(node.span, what="thing or region", name=name, known=known))
 
@@ -337,7 +337,7 @@ class Setting:
                 if self._usable(name, site):
                     self._site(name, site)
 
-    def _rectangles(self, name: str, region: Place) -> tuple[str, ...]:
+    def _rectangles(self, name: str, region: PddlRegion) -> tuple[str, ...]:
         names = []
         for number, (x0, y0, x1, y1) in enumerate(region.ranges, start=1):
             made = self._identifier(name if len(region.ranges) == 1 else f"{name}_part{number}")

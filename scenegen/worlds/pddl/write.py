@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.worlds.pddl.ground import Fact, Formula, Grounded, text
+from scenegen.worlds.pddl.ground import Fact, Formula, GroundedFacts, text
 
 # --------------------------------------------------------------------------------------------------------------------
 # Names as every planner reads them: letters, digits, `-` and `_`, no two alike when case is ignored.
@@ -53,7 +53,7 @@ NO_ACTIONS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Vocabulary:
+class DomainNames:
     """The names of a domain: of things and regions, of predicates, with the types of their `arguments`, and of
     types. `kinds` has the type of each thing."""
 
@@ -75,7 +75,7 @@ def _key(fact: Fact) -> str:
     return f"{fact.predicate}/{len(fact.arguments)}"
 
 
-def vocabulary(members: Sequence[Grounded]) -> Vocabulary:
+def vocabulary(members: Sequence[GroundedFacts]) -> DomainNames:
     """Names for all that the facts of some specs mention, which differ in how many things there are. Assets become
     types."""
     names = Names()
@@ -103,10 +103,10 @@ def vocabulary(members: Sequence[Grounded]) -> Vocabulary:
     kinds_of |= dict.fromkeys(mentioned, base["region"])
     base["object"] = "object"
     arguments = {key: tuple(base[one] for one in kinds) for key, kinds in arguments.items()}
-    return Vocabulary(things, predicates, arguments, {**base, **types}, kinds_of, comments, frozenset(objects))
+    return DomainNames(things, predicates, arguments, {**base, **types}, kinds_of, comments, frozenset(objects))
 
 
-def domain_text(words: Vocabulary, name: str) -> str:
+def domain_text(words: DomainNames, name: str) -> str:
     """The domain of these names."""
     below = [one for key, one in words.types.items() if key not in ("thing", "region", "object")]
     lines = [*(f"; {line}" for line in NO_ACTIONS), f"(define (domain {name})", f"  (:requirements {REQUIREMENTS})"]
@@ -122,7 +122,7 @@ def domain_text(words: Vocabulary, name: str) -> str:
 
 
 def problem_text(
-    words: Vocabulary,
+    words: DomainNames,
     facts: Sequence[Fact],
     truths: npt.NDArray[np.bool_],
     goal: Formula,

@@ -38,7 +38,7 @@ FRICTION = 0.5  # between any two prisms; pybullet multiplies the two bodies' co
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Body:
+class InertialBody:
     """A body in its frame of inertia: the origin at the centre of mass, z upwards, x and y along the principal axes.
 
     `center` (x, y, z) in metres and `turn`, about z, in radians place this frame in the object's; `mass` in kg,
@@ -60,24 +60,24 @@ class Body:
         return piece.vertices
 
 
-def whole_of(body: world.Body) -> Body:
+def whole_of(body: world.Body) -> InertialBody:
     """The body with the convex pieces, the mass and the friction that files for simulators have. Its principal axes are
     taken to be the object's, which all assets nearly are."""
     x, y, z = body.form.inertia.center.tolist()
     pieces = tuple(piece.mesh.moved(-x, -y, -z) for piece in body.form.pieces)
     xx, yy, zz = (0.0, 0.0, 0.0) if body.fixed else np.diag(body.moments).tolist()
-    return Body(pieces, (x, y, z), 0.0, 0.0 if body.fixed else body.mass, (xx, yy, zz), body.friction)
+    return InertialBody(pieces, (x, y, z), 0.0, 0.0 if body.fixed else body.mass, (xx, yy, zz), body.friction)
 
 
-def board_of(board: world.Patch, friction: float) -> Body:
+def board_of(board: world.Patch, friction: float) -> InertialBody:
     """A board, which cannot be moved: its place is the origin of the world."""
     mesh = board.mesh()
     x, y, z = ((mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2.0).tolist()
-    return Body((mesh.moved(-x, -y, -z),), (x, y, z), 0.0, 0.0, (0.0, 0.0, 0.0), friction)
+    return InertialBody((mesh.moved(-x, -y, -z),), (x, y, z), 0.0, 0.0, (0.0, 0.0, 0.0), friction)
 
 
 @contextmanager
-def piece_files(bodies: Sequence[Body]) -> Iterator[tuple[tuple[str | Brick, ...], ...]]:
+def piece_files(bodies: Sequence[InertialBody]) -> Iterator[tuple[tuple[str | Brick, ...], ...]]:
     """The pieces of bodies, by body: boxes by middle and sizes, others as paths of STL files, which exist as long as
     the block runs. PyBullet reads the convex pieces of one body from files alone. Equal pieces share a file. Of a body
     with more than `MOST_PIECES` there is one path only, of a URDF file with all of them."""
@@ -106,7 +106,7 @@ def piece_files(bodies: Sequence[Body]) -> Iterator[tuple[tuple[str | Brick, ...
         yield tuple(found)
 
 
-def _robot(body: Body, pieces: Sequence[str | Brick]) -> str:
+def _robot(body: InertialBody, pieces: Sequence[str | Brick]) -> str:
     """A URDF file of one link in the body's frame."""
     shapes = []
     for piece in pieces:
@@ -121,7 +121,7 @@ def _robot(body: Body, pieces: Sequence[str | Brick]) -> str:
     return f'<robot name="body"><link name="body">{inertial}{"".join(shapes)}</link></robot>\n'
 
 
-def prism_of(shape: Shape, *, fixed: bool = False) -> Body:
+def prism_of(shape: Shape, *, fixed: bool = False) -> InertialBody:
     """The homogeneous prism of an object of this shape, without mass if it is fixed."""
     corners = _corners(shape.footprint)
     x, y = centroid(Polygon(tuple(corners)))
@@ -137,7 +137,7 @@ def prism_of(shape: Shape, *, fixed: bool = False) -> Body:
     half = shape.height / 2.0
     ends = np.array([(u, v, z) for z in (-half, half) for u, v in outline])
     piece = Mesh(ends, np.empty((0, 3), dtype=np.int64))
-    return Body((piece,), (x, y, half), turn, mass, inertia, math.sqrt(FRICTION))
+    return InertialBody((piece,), (x, y, half), turn, mass, inertia, math.sqrt(FRICTION))
 
 
 def _corners(footprint: Footprint) -> Sequence[Point]:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pybullet
 
-from scenegen.worlds.physics.bodies import ROBOT, TABLE, Body, Brick, Contact, Triple, gathered, within
+from scenegen.worlds.physics.bodies import ROBOT, TABLE, Brick, Contact, InertialBody, Triple, gathered, within
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,7 +26,7 @@ MARGIN = 1e-5  # metres by which pybullet rounds off bodies. They start at rest 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
-class World:
+class PybulletWorld:
     """Drops scenes of some bodies on an infinite table. Holds a connection to pybullet: use it as a context manager.
 
     `files` has of each body's pieces the STL file, or middle and sizes of a box, in its frame of inertia; without them
@@ -36,7 +36,7 @@ class World:
 
     def __init__(
         self,
-        bodies: Sequence[Body],
+        bodies: Sequence[InertialBody],
         files: Sequence[Sequence[str | Brick]] | None = None,
         *,
         friction: float,
@@ -50,7 +50,7 @@ class World:
         self._client = pybullet.connect(pybullet.DIRECT)
         self._plane = TABLE  # its number
 
-    def __enter__(self) -> World:
+    def __enter__(self) -> PybulletWorld:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -203,7 +203,7 @@ class World:
         found: Where = pybullet.getBasePositionAndOrientation(number, physicsClientId=self._client)
         return found
 
-    def _frame(self, number: int, body: Body) -> list[float]:
+    def _frame(self, number: int, body: InertialBody) -> list[float]:
         """Place and quaternion (w first) of an object's own frame."""
         half = -body.turn / 2.0
         at, turn = self._where(number)

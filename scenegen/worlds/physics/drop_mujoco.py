@@ -10,7 +10,7 @@ from scenegen.geometry.attitude import Floats, standing
 from scenegen.worlds.physics.bodies import NEAR, TABLE, Contact, gathered
 
 
-class World:
+class MujocoWorld:
     """Drops scenes of one model: an infinite table, then the objects as bodies 1 to N (see `export.mjcf.bench`)."""
 
     def __init__(self, model: str) -> None:

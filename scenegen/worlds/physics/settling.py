@@ -34,10 +34,19 @@ from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export import sdf
 from scenegen.worlds.export.setting import boards_of, bodies_of
 from scenegen.worlds.export.world import Patch
-from scenegen.worlds.physics.bodies import FRICTION, Body, Brick, board_of, piece_files, prism_of, whole_of, within
+from scenegen.worlds.physics.bodies import (
+    FRICTION,
+    Brick,
+    InertialBody,
+    board_of,
+    piece_files,
+    prism_of,
+    whole_of,
+    within,
+)
 
 if TYPE_CHECKING:
-    from scenegen.worlds.physics.drop import World
+    from scenegen.worlds.physics.drop import PybulletWorld
 
 
 Floats = npt.NDArray[np.float64]
@@ -48,7 +57,7 @@ ROUND = 8  # scenes given to a process at a time: half a second of a full table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Settled:
+class Displacements:
     """For every scene and object, (scenes, objects): how far it moved, in metres, and how far it turned, in degrees.
 
     If a scene does not settle, both are taken at the moment when the first of its objects had moved too far.
@@ -68,25 +77,25 @@ class Settled:
         return np.asarray(~self.moved.any(axis=1))
 
 
-class Drop:
-    """Scenes (scenes, objects, 4): x, y, theta, height -> the motions (scenes, objects, 2) that `drop.World` measures.
-    pybullet is imported with the first scene, in the worker."""
+class DropJob:
+    """Scenes (scenes, objects, 4): x, y, theta, height -> the motions (scenes, objects, 2) that `drop.PybulletWorld`
+    measures. pybullet is imported with the first scene, in the worker."""
 
     def __init__(
         self,
-        bodies: Sequence[Body],
+        bodies: Sequence[InertialBody],
         files: Sequence[Sequence[str | Brick]] | None,
         friction: float,
         boards: int = 0,
     ) -> None:
         self.bodies, self.files, self.friction, self.boards = bodies, files, friction, boards
-        self._world: World | None = None  # of the process that drops
+        self._world: PybulletWorld | None = None  # of the process that drops
 
     def __call__(self, places: Floats) -> Floats:
         if self._world is None:
-            from scenegen.worlds.physics.drop import World
+            from scenegen.worlds.physics.drop import PybulletWorld
 
-            self._world = World(self.bodies, self.files, friction=self.friction, boards=self.boards)
+            self._world = PybulletWorld(self.bodies, self.files, friction=self.friction, boards=self.boards)
         return np.stack([self._world.drop(scene) for scene in places])
 
 
@@ -117,12 +126,12 @@ class Settler:
         if not declared:
             bodies = [prism_of(shape, fixed=which in fixed) for which, shape in enumerate(shapes)]
             bodies += [board_of(board, ROUGH) for board in boards]
-            drop = Drop(bodies, None, ROUGH, len(boards))
+            drop = DropJob(bodies, None, ROUGH, len(boards))
         else:
             names = [f"{which}" for which in range(len(shapes))]
             bodies = [whole_of(one) for one in bodies_of(names, shapes, {f"{which}" for which in fixed})]
             bodies += [board_of(board, sdf.ROUGH) for board in boards]
-            drop = Drop(bodies, self._opened.enter_context(piece_files(bodies)), sdf.ROUGH, len(boards))
+            drop = DropJob(bodies, self._opened.enter_context(piece_files(bodies)), sdf.ROUGH, len(boards))
         self._pool: Pool[Floats, Floats] = Pool(
             drop, workers or cores(), what="a process that drops scenes", unit="round"
         )
@@ -138,7 +147,7 @@ class Settler:
         self._pool.close()
         self._opened.close()
 
-    def settle(self, poses: Floats, heights: Floats | None = None, stop: Stop = NEVER) -> Settled:
+    def settle(self, poses: Floats, heights: Floats | None = None, stop: Stop = NEVER) -> Displacements:
         """The motions of scenes (scenes, objects, 3); `heights` (scenes, objects) are what a spec declares of them, if
         it does. Raises ScenegenError if a process fails, and what `stop` raises;
         it is called after each round, and an exception ends all processes."""
@@ -150,7 +159,7 @@ class Settler:
             for part, motion in zip(rounds, found, strict=True):
                 motions[part] = motion
                 stop.check()
-        return Settled(motions[..., 0], motions[..., 1])
+        return Displacements(motions[..., 0], motions[..., 1])
 
 
 def settle_scenes(
@@ -159,7 +168,7 @@ def settle_scenes(
     *,
     fixed: Collection[int] = (),
     workers: int | None = None,
-) -> Settled:
+) -> Displacements:
     """The motions of scenes (scenes, objects, 3) of objects of these shapes; see `Settler`."""
     with Settler(shapes, fixed=fixed, workers=workers) as settler:
         return settler.settle(poses)

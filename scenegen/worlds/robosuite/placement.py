@@ -49,7 +49,7 @@ Numbers: TypeAlias = Sequence[float] | Array
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class TableFrame:
     """Where the spec's point (0, 0) at the height of the table is, in metres, and by how much the spec's x axis is
     turned against the world's, in radians, counter-clockwise."""
 
@@ -165,7 +165,7 @@ class Placement:
         self.start: Start | None = None
         self._strategy = phi if is_strategy(phi) else None
         self._starts = make_starts(spec, phi, goal, as_int("seed", seed), as_seconds("timeout", timeout))
-        self._frame = Frame(self.reference_pos, self.turn)
+        self._frame = TableFrame(self.reference_pos, self.turn)
         self._header = make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat"))
         if mujoco_objects is not None:
             self.add_objects(mujoco_objects)
@@ -208,7 +208,7 @@ class Placement:
         """
         placed: Placed = dict(fixtures or {})
         objects = self._objects(placed)
-        self._frame = Frame(self._origin(placed, reference, on_top), self.turn)
+        self._frame = TableFrame(self._origin(placed, reference, on_top), self.turn)
         for _ in range(TRIES):
             start = self._starts.take()
             found = self._placed(start, objects, on_top)

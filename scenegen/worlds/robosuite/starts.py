@@ -25,7 +25,7 @@ from scenegen.scenes.data import RequestData
 
 if TYPE_CHECKING:
     from scenegen.learn.curriculum.library import Library
-    from scenegen.learn.curriculum.scene_stream import SceneStream
+    from scenegen.learn.curriculum.scene_stream import LibraryStream
 
 Array = npt.NDArray[np.float64]
 Wanted: TypeAlias = Phi | PhiBox | Strategy | Callable[[], Phi | PhiBox | None] | None
@@ -47,7 +47,7 @@ class Start:
     task: PhiBox | None = None
 
 
-class Starts(Protocol):
+class StartSource(Protocol):
     def take(self) -> Start:
         """The next scene. Raises RequestError."""
         ...
@@ -105,7 +105,7 @@ class StrategyStarts:
     def __init__(self, spec: Spec, goal: str | None, strategy: Strategy, seed: int) -> None:
         self._spec, self._goal, self._strategy, self._seed = spec, goal, strategy, seed
         self._header = make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat"))
-        self._stream: SceneStream | None = None  # made at the first start: it draws thousands of scenes
+        self._stream: LibraryStream | None = None  # made at the first start: it draws thousands of scenes
 
     def take(self) -> Start:
         with as_request_errors():
@@ -113,10 +113,10 @@ class StrategyStarts:
 
     def _take(self) -> Start:
         from scenegen.learn.curriculum.request import read_phi as read_task
-        from scenegen.learn.curriculum.scene_stream import SceneStream
+        from scenegen.learn.curriculum.scene_stream import LibraryStream
 
         if self._stream is None:
-            self._stream = SceneStream(_library(self._spec, self._goal), self._seed)
+            self._stream = LibraryStream(_library(self._spec, self._goal), self._seed)
         task = self._strategy.next_task()
         if not isinstance(task, PhiBox):
             raise RequestError(NOT_A_TASK(value=repr(task)))
@@ -130,7 +130,7 @@ class StrategyStarts:
         return Start(places[0], found, None if on is None else on[0], task)
 
 
-def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float) -> Starts:
+def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float) -> StartSource:
     """Raises RequestError for an invalid range."""
     if is_strategy(wanted):
         need("gymnasium", "for starts chosen by a strategy")

@@ -6,7 +6,7 @@ from scipy import stats
 
 from scenegen.sampling.growth import moves
 from scenegen.sampling.growth.insert import attempt, scored
-from scenegen.sampling.growth.moves import Settings, cluster, jump, reinsert, relocate, sweep
+from scenegen.sampling.growth.moves import MoveSettings, cluster, jump, reinsert, relocate, sweep
 from scenegen.sampling.growth.particles import MoveTally
 from scenegen.sampling.request import Range
 
@@ -30,7 +30,7 @@ SPECS = {
 
 def walk(particles):
     for thing in particles.placed:
-        moves._walk(particles, thing, Settings({}), None)
+        moves._walk(particles, thing, MoveSettings({}), None)
 
 
 def redraw(particles):
@@ -52,7 +52,7 @@ def relocated(particles):
 def shift(particles):
     for thing, group in particles.machine.groups.items():
         if len(group) > 1:
-            moves._shift(particles, thing, group, Settings({}), None)
+            moves._shift(particles, thing, group, MoveSettings({}), None)
 
 
 def turn(particles):
@@ -88,7 +88,7 @@ def clusters(particles):
 
 
 def everything(particles):
-    sweep(particles, Settings({}), MoveTally())
+    sweep(particles, MoveSettings({}), MoveTally())
 
 
 CASES = [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenegen.sampling.growth.grow import Grown, Step, grow
-from scenegen.sampling.growth.moves import Settings
+from scenegen.sampling.growth.moves import MoveSettings
 from scenegen.sampling.growth.sampler import log_base
 from scenegen.sampling.request import Range
 
@@ -21,7 +21,7 @@ def estimates(text, ranges=POSITIVE, *, islands=200, each=16, tries=2, sweeps=0,
     cell, island = np.zeros(count, dtype=np.intp), np.arange(count) % islands
     steps = [Step(tries, sweeps)] * len(machine.order)
     with np.errstate(divide="ignore"):
-        grown = grow(machine, cell, island, steps, Settings({}), np.random.default_rng(seed))
+        grown = grow(machine, cell, island, steps, MoveSettings({}), np.random.default_rng(seed))
     assert isinstance(grown, Grown)
     return np.exp(grown.log_share + log_base(machine)).sum(axis=1), grown
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from scenegen.sampling.growth.grow import Kinship
-from scenegen.sampling.growth.moves import Settings, sweep
+from scenegen.sampling.growth.grow import AncestorEffect
+from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.population import MOST_TRIES, REDRAWN, RELOCATED, lifted
 
 from .made import POSITIVE, everything_placed, machine_of, plain
@@ -35,6 +35,6 @@ def test_copies_part_by_lifts_and_stay_alike_without():
         particles = everything_placed(machine, few[:, np.arange(800) % 20])
         particles.families = [np.arange(800) % 20]
         for _ in range(10):
-            sweep(particles, Settings({}, kinds, redraws, relocations))
-        effects.append(Kinship(machine)(particles))
+            sweep(particles, MoveSettings({}, kinds, redraws, relocations))
+        effects.append(AncestorEffect(machine)(particles))
     assert effects[0] < 3.0 < 12.0 < effects[1]

@@ -11,7 +11,7 @@ import pytest
 import scenegen
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
-from scenegen.processes.ahead import Reserve
+from scenegen.processes.ahead import IdleWorkers
 from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.growth import machine as machine_module
 from scenegen.sampling.growth.population import start_growth
@@ -108,7 +108,7 @@ def test_populations_begun_elsewhere_make_the_same_plan(first, plan):
 def test_a_run_does_not_wait_for_the_second_population(plan, alone):
     """It is drawn while further pieces are; whoever pickles the plan waits for it."""
     problem = dataclasses.replace(plan.problem, request=dataclasses.replace(plan.problem.request, workers=2))
-    with Reserve(2) as reserve:
+    with IdleWorkers(2) as reserve:
         budget = Budget(600.0, reserve=reserve)
         ahead = plan_growth(problem, budget)
         assert list(ahead.underway()) == [1] and not ahead.alone().underway() and len(ahead.recipe.taken) == 1
@@ -123,7 +123,7 @@ def test_a_run_does_not_wait_for_the_second_population(plan, alone):
 @pytest.mark.long
 def test_a_plan_that_was_closed_early_draws_the_same(plan):
     problem = dataclasses.replace(plan.problem, request=dataclasses.replace(plan.problem.request, workers=2))
-    with Reserve(2) as reserve:
+    with IdleWorkers(2) as reserve:
         ahead = plan_growth(problem, Budget(600.0, reserve=reserve))
         ahead.close()
         assert not ahead.underway()

@@ -39,7 +39,7 @@ from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 # corners would miss.
 
 
-class Axis:
+class DifficultyAxis:
     """Difficulty in `space`, along those `labels` (positions; None: all) whose range is not a single value; `count` of
     them."""
 
@@ -205,7 +205,7 @@ class Base(ABC):
         self.settings = checked(self.settings_class, self.name(), settings)
         if not isinstance(rng, np.random.Generator):
             raise RequestError(NOT_A_GENERATOR(value=repr(rng)))
-        self.axis = Axis(space, self.settings.labels)
+        self.axis = DifficultyAxis(space, self.settings.labels)
         self.space, self.rng = space, rng
         self.begin()
 
@@ -320,7 +320,7 @@ VAIN = 3  # attempts until a cell without scenes is closed
 class Levels:
     """`count` levels of equal difference in difficulty, 0 the easiest; of several labels, shells."""
 
-    def __init__(self, axis: Axis, count: int) -> None:
+    def __init__(self, axis: DifficultyAxis, count: int) -> None:
         self.axis, self.count = axis, count
         self._boxes = [axis.shell(level / count, (level + 1) / count) for level in range(count)]
         self._named = {box: level for level, boxes in enumerate(self._boxes) for _, box in boxes}
@@ -338,7 +338,7 @@ class Levels:
         return None if difficulty is None else min(int(difficulty * self.count), self.count - 1)
 
 
-class Cells:
+class DifficultyGrid:
     """A grid over all labels of the axis, `per` cells along each; the first label's index changes slowest.
 
     `open` is 1 for cells that may have scenes, 0 for closed ones; `vain` counts the failed attempts for cells that
@@ -350,7 +350,7 @@ class Cells:
     open: Floats
     vain: Ints
 
-    def __init__(self, axis: Axis, per: int | None = None) -> None:
+    def __init__(self, axis: DifficultyAxis, per: int | None = None) -> None:
         per = per or (CELLS[axis.count - 1] if 0 < axis.count <= len(CELLS) else 2)
         self.axis, self.per, self.count = axis, per, per**axis.count
         if self.count > MOST:

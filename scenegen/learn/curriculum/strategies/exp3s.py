@@ -17,7 +17,7 @@ import math
 import numpy as np
 from pydantic import Field
 
-from scenegen.learn.curriculum.strategies.base import Base, Cells, Floats, Ints, Settings, drawn, hear
+from scenegen.learn.curriculum.strategies.base import Base, DifficultyGrid, Floats, Ints, Settings, drawn, hear
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 REWARDS = 200  # recent rewards, which determine the scale
@@ -40,7 +40,7 @@ class Exp3SSettings(Settings):
 class Exp3S(Base):
     settings_class = Exp3SSettings
     settings: Exp3SSettings
-    memory = (*Cells.memory, "weight", "slow", "fast", "heard", "rewards", "told", "low", "high")
+    memory = (*DifficultyGrid.memory, "weight", "slow", "fast", "heard", "rewards", "told", "low", "high")
     weight: Floats
     """Sums to 1."""
     slow: Floats
@@ -52,7 +52,7 @@ class Exp3S(Base):
     high: float
 
     def begin(self) -> None:
-        self.cells = Cells(self.axis, self.settings.cells)
+        self.cells = DifficultyGrid(self.axis, self.settings.cells)
         count = self.cells.count
         self.weight = np.full(count, 1.0 / count)
         self.slow, self.fast = np.full(count, 0.5), np.full(count, 0.5)

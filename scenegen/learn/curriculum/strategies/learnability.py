@@ -15,7 +15,7 @@ import math
 import numpy as np
 from pydantic import Field
 
-from scenegen.learn.curriculum.strategies.base import Base, Cells, Floats, Ints, Settings, drawn, hear
+from scenegen.learn.curriculum.strategies.base import Base, DifficultyGrid, Floats, Ints, Settings, drawn, hear
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 
@@ -32,13 +32,13 @@ class LearnabilitySettings(Settings):
 class Learnability(Base):
     settings_class = LearnabilitySettings
     settings: LearnabilitySettings
-    memory = (*Cells.memory, "rate", "heard", "weight")
+    memory = (*DifficultyGrid.memory, "rate", "heard", "weight")
     rate: Floats
     heard: Ints
     weight: Floats
 
     def begin(self) -> None:
-        self.cells = Cells(self.axis, self.settings.cells)
+        self.cells = DifficultyGrid(self.axis, self.settings.cells)
         self.rate = np.full(self.cells.count, 0.5)
         self.heard = np.zeros(self.cells.count, dtype=np.int64)
         self.weight = np.ones(self.cells.count)  # relative to the largest weight: exp(beta (p (1 - p) - 1 / 4))

@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from scenegen.learn.curriculum.strategies.base import Base, Cells, Floats, Ints, Settings, drawn, hear
+from scenegen.learn.curriculum.strategies.base import Base, DifficultyGrid, Floats, Ints, Settings, drawn, hear
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 
@@ -39,7 +39,7 @@ class ReplaySettings(Settings):
 class Replay(Base):
     settings_class = ReplaySettings
     settings: ReplaySettings
-    memory = (*Cells.memory, "mean", "score", "heard", "last", "tasks")
+    memory = (*DifficultyGrid.memory, "mean", "score", "heard", "last", "tasks")
     mean: Floats
     score: Floats
     heard: Ints
@@ -49,7 +49,7 @@ class Replay(Base):
     """How many were drawn so far."""
 
     def begin(self) -> None:
-        self.cells = Cells(self.axis, self.settings.cells)
+        self.cells = DifficultyGrid(self.axis, self.settings.cells)
         count = self.cells.count
         self.mean, self.score = np.zeros(count), np.zeros(count)
         self.heard, self.last, self.tasks = np.zeros(count, dtype=np.int64), np.full(count, -1), 0

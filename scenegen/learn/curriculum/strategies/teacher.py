@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from scenegen.learn.curriculum.strategies.base import Base, Cells, Floats, Ints, Settings, any_of
+from scenegen.learn.curriculum.strategies.base import Base, DifficultyGrid, Floats, Ints, Settings, any_of
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 UNKNOWN = 1.0  # more than any slope over three outcomes or more
@@ -34,14 +34,14 @@ class TeacherSettings(Settings):
 class Teacher(Base):
     settings_class = TeacherSettings
     settings: TeacherSettings
-    memory = (*Cells.memory, "score", "heard", "progress")
+    memory = (*DifficultyGrid.memory, "score", "heard", "progress")
     score: Floats
     """(cells, window): a ring of each cell's last outcomes."""
     heard: Ints
     progress: Floats
 
     def begin(self) -> None:
-        self.cells = Cells(self.axis, self.settings.cells)
+        self.cells = DifficultyGrid(self.axis, self.settings.cells)
         count, window = self.cells.count, self.settings.window
         self.score = np.zeros((count, window))
         self.heard = np.zeros(count, dtype=np.int64)

@@ -25,19 +25,19 @@ from scenegen.learn.models.layout import Layout
 from scenegen.learn.models.mlp import Mlp, Pass, Trainable
 
 
-class AAEHyper(Hyper):
+class PublishedAAEHyper(Hyper):
     """`latent`: dimensions of the code."""
 
     latent: int = Field(default=16, ge=1, le=65_536)
 
 
-class AAE(SceneModel):
+class PublishedAAE(SceneModel):
     """See the module's text. Losses: `reconstruction` (squared error per scene), `discriminator`, `encoder`."""
 
-    hyper_class = AAEHyper
+    hyper_class = PublishedAAEHyper
     TRAINING_ONLY = ("encoder", "discriminator")
 
-    def __init__(self, layout: Layout, hyper: AAEHyper) -> None:
+    def __init__(self, layout: Layout, hyper: PublishedAAEHyper) -> None:
         super().__init__(layout, hyper)
         labels = layout.labels
         self.latent = hyper.latent
@@ -53,7 +53,7 @@ class AAE(SceneModel):
             "encoder": torch.optim.Adam([encoder.vector], lr=lr, fused=True),
         }
         # One set of buffers per batch size: the full one and the last, smaller batch of an epoch.
-        self._passes = cache(lambda rows: _Passes(encoder, decoder, critic, rows))
+        self._passes = cache(lambda rows: _AaeBuffers(encoder, decoder, critic, rows))
 
     @torch.no_grad()
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
@@ -100,7 +100,7 @@ class AAE(SceneModel):
         return torch.sigmoid(self.decoder(torch.cat([code, labels], dim=1)))
 
 
-class _Passes:
+class _AaeBuffers:
     """The buffers of a step; `coded` is the lower half of `both`, the discriminator's batch."""
 
     def __init__(self, encoder: Trainable, decoder: Trainable, spec_loss: Trainable, rows: int) -> None:

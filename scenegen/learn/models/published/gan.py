@@ -23,19 +23,19 @@ from scenegen.learn.models.mlp import Mlp, Pass, Trainable
 BETAS = (0.5, 0.999)
 
 
-class GANHyper(Hyper):
+class PublishedGANHyper(Hyper):
     """`latent`: dimensions of the noise."""
 
     latent: int = Field(default=256, ge=1, le=65_536)
 
 
-class GAN(SceneModel):
+class PublishedGAN(SceneModel):
     """See the module's text. Losses: `generator`, `discriminator`."""
 
-    hyper_class = GANHyper
+    hyper_class = PublishedGANHyper
     TRAINING_ONLY = ("discriminator",)
 
-    def __init__(self, layout: Layout, hyper: GANHyper) -> None:
+    def __init__(self, layout: Layout, hyper: PublishedGANHyper) -> None:
         super().__init__(layout, hyper)
         labels = layout.labels
         self.latent = hyper.latent
@@ -49,7 +49,7 @@ class GAN(SceneModel):
             "discriminator": torch.optim.Adam([critic.vector], lr=lr, betas=BETAS, fused=True),
         }
         # One set of buffers per batch size: the full one and the last, smaller batch of an epoch.
-        self._passes = cache(lambda rows: _Passes(maker, critic, rows))
+        self._passes = cache(lambda rows: _GanBuffers(maker, critic, rows))
 
     @torch.no_grad()
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
@@ -95,7 +95,7 @@ class GAN(SceneModel):
         return torch.sigmoid(self.generator(torch.cat([noise, labels], dim=1)))
 
 
-class _Passes:
+class _GanBuffers:
     """The buffers of a step: the generator's, the discriminator's on real and made scenes (`fake`, the lower half)."""
 
     def __init__(self, maker: Trainable, spec_loss: Trainable, rows: int) -> None:

@@ -23,7 +23,7 @@ from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.learning import DAMAGED_MODEL, NO_TIME_TO_GATHER
 from scenegen.learn.models.checkpoint import pack, read_card, unpack
 from scenegen.learn.training.recipes import SECONDS
-from scenegen.processes.process import Stop
+from scenegen.processes.process import StopSignal
 from scenegen.sampling.problem import Budget
 from scenegen.scenes.files import write_whole
 
@@ -69,7 +69,7 @@ class Gathering:
         seconds: float = math.inf,
         tell: Tell | None = None,
         note: Callable[[Diagnostic], None] | None = None,
-        stop: Stop | None = None,
+        stop: StopSignal | None = None,
     ) -> None:
         self.until = time.monotonic() + seconds
         self.stage = "gathering scenes"
@@ -183,11 +183,11 @@ class Gathering:
     def budget(self) -> Budget:
         """For the exact samplers: spent when what was allowed is; `check` ends what takes too long in all, also where
         they say that time is up."""
-        return _Checked(math.inf, gathering=self)
+        return _GatheringBudget(math.inf, gathering=self)
 
 
 @dataclass(frozen=True, slots=True)
-class _Checked(Budget):
+class _GatheringBudget(Budget):
     """Samplers look at their budget between all steps: so often is the gathering checked."""
 
     gathering: Gathering | None = None

@@ -22,7 +22,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.training.datasets.dataset import Dataset, labelled
 from scenegen.pose import row_count, rows_of
 from scenegen.scenes.arrange import as_core, check_scenes, order_of, refuse_numbers
-from scenegen.scenes.blocks import Block, Reading, counts_in
+from scenegen.scenes.blocks import Block, SceneFileReading, counts_in
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.formats.registry import read_scenes
 from scenegen.scenes.numbers import element, member_of, numbers_in
@@ -31,7 +31,7 @@ from scenegen.scenes.numbers import element, member_of, numbers_in
 # Scenes of a file that differ in how many things there are, as training data of one number: a model has one.
 
 
-def of_member(reading: Reading, spec: CheckedSpec) -> tuple[Reading, str | None]:
+def of_member(reading: SceneFileReading, spec: CheckedSpec) -> tuple[SceneFileReading, str | None]:
     """The scenes with the things that `spec` has, as a file of these alone, and how many things that are, in words; a
     file whose scenes all have the same things as it is. Raises DataError where no scene of the file can have the spec's
     objects."""

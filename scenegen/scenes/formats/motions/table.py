@@ -16,7 +16,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.errors.time import NO_HEADER_IN_CSV, UNKNOWN_MOTION_ENDING
 from scenegen.pose import NAMES, X, as_rows
-from scenegen.scenes.blocks import COUNT, Block, Reading
+from scenegen.scenes.blocks import COUNT, Block, SceneFileReading
 from scenegen.scenes.data import RAISED, VERSION, RequestData, SceneFile
 from scenegen.scenes.files import whole_file
 from scenegen.scenes.motions import MOTIONS_FORMAT, MotionData, MotionFile
@@ -183,10 +183,10 @@ def scenes_header(file: MotionFile) -> SceneFile:
     )  # fmt: skip
 
 
-def moments(path: Path) -> Reading:
+def moments(path: Path) -> SceneFileReading:
     """All moments of all motions of a file as scenes without phi: those of the first motion, then those of the second.
     Raises DataError, RequestError."""
     found = read_motions(path)
     rows = as_rows(found.poses.reshape(-1, *found.poses.shape[2:]))
     block = Block(rows, np.empty((0, rows.shape[1])))
-    return Reading(scenes_header(found.header), (), iter([block]), block.count, str(path))
+    return SceneFileReading(scenes_header(found.header), (), iter([block]), block.count, str(path))

@@ -14,13 +14,13 @@ Job = Callable[[dict[str, Any]], Iterator[Any]]
 
 TABLE: dict[str, str] = {
     "check": "scenegen.show.view.jobs.check:check",
-    "assist": "scenegen.show.view.jobs.assist:assist",
+    "assist": "scenegen.show.view.jobs.check:assist",
     "evaluate": "scenegen.show.view.jobs.evaluate:evaluate",
     "sample": "scenegen.show.view.jobs.sample:sample",
     "first": "scenegen.show.view.jobs.sample:first",
     "spread": "scenegen.show.view.jobs.sample:spread",
     "range": "scenegen.show.view.jobs.range:range_",
-    "download": "scenegen.show.view.jobs.download:download",
+    "download": "scenegen.show.view.jobs.sample:download",
 }
 
 

@@ -18,7 +18,7 @@ from scenegen.geometry import Box, Circle, Footprint
 from scenegen.geometry.footprint import corners
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.scenes.data import RAISED, ObjectData, RequestData, SceneFile, carried_first
-from scenegen.scenes.stage import TALLEST, TALLEST_DECLARED, WOOD, Stage, Thing, stage_of
+from scenegen.scenes.stage import TALLEST, TALLEST_DECLARED, WOOD, PictureObject, PictureSetup, stage_of
 from scenegen.show.view.jobs import trees as timed
 from scenegen.show.view.jobs.trees import Trees
 from scenegen.show.view.limits import most_scenes
@@ -111,7 +111,7 @@ def surfaces_of(item: ObjectData) -> list[str]:
     return [item.support.on] if item.support.on else []
 
 
-def _tall(header: SceneFile, stage: Stage) -> float:
+def _tall(header: SceneFile, stage: PictureSetup) -> float:
     """How high a picture has to reach above the table in any scene, in metres: over boards, and what stands highest."""
     known = np.array([0.0 if one.support is None else one.support.z or 0.0 for one in header.objects])
     place = {one.name: number for number, one in enumerate(header.objects)}
@@ -132,7 +132,7 @@ def header_of(spec: Spec) -> SceneFile:
 
 
 @lru_cache(maxsize=2)
-def stage_of_spec(spec: Spec) -> Stage:
+def stage_of_spec(spec: Spec) -> PictureSetup:
     """The table of a spec without any scene on it."""
     return stage_of(header_of(spec))
 
@@ -151,7 +151,7 @@ def footprint_data(footprint: Footprint) -> dict[str, Any]:
     return {"kind": kind, "corners": [list(corner) for corner in corners(footprint)]}
 
 
-def mesh_key(thing: Thing) -> str:
+def mesh_key(thing: PictureObject) -> str:
     """A name for what an object looks like: two objects of one key share a mesh."""
     facts = [thing.shape.asset, asdict(thing.shape)["footprint"], thing.shape.height, list(thing.color)]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]

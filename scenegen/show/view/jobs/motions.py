@@ -15,7 +15,7 @@ from scenegen.api.spec import Spec
 from scenegen.errors import DataError
 from scenegen.errors.program import NO_MESSAGE
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.lang.formula.timed import Scored
+from scenegen.lang.formula.timed import TimedValues
 from scenegen.sampling.motions.scores import TraceScores
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.data import RequestData
@@ -106,7 +106,7 @@ def _short(values: Array) -> list[list[float]]:
     return [[float(f"{one:.6g}") for one in row] for row in values.tolist()]
 
 
-def _decides(spec: Spec, label: str, scored: Scored, motion: Array, at: list[int]) -> dict[str, Any] | None:
+def _decides(spec: Spec, label: str, scored: TimedValues, motion: Array, at: list[int]) -> dict[str, Any] | None:
     timed, trees = timed_of(spec), trees_of(spec)
     try:
         atom, moment = scored.decides(None if label == REQUIRE else label)

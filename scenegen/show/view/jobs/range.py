@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from scenegen.api.rarity import LabelRarity, Level, rarity
+from scenegen.api.rarity import LabelRarity, RarityLevel, rarity
 from scenegen.show.view.jobs.describe import plain
 from scenegen.show.view.jobs.source import give_way, spec_of
 
@@ -35,7 +35,7 @@ def rarity_data(one: LabelRarity) -> dict[str, Any]:
     }
 
 
-def _point(level: Level) -> list[float | None]:
+def _point(level: RarityLevel) -> list[float | None]:
     return [
         level.phi,
         None if level.above is None else level.above.log10,

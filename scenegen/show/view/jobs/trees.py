@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.outline import Folded, Outline, Part
+from scenegen.api.outline import FormulaTree, Outline, OutlinePart
 from scenegen.api.spec import Spec
 from scenegen.errors import Diagnostic, RequestError, Span
 from scenegen.errors.program import MOTION_TOO_LONG, TOO_MANY_SHOWN
-from scenegen.lang.formula.core import REQUIRE, Atom, Core, Everywhere, Junction, Moment, Until, Window
-from scenegen.lang.formula.timed import Numpy, Scored, Signal, Timed, over_time
+from scenegen.lang.formula.core import REQUIRE, Atom, BoundedUntil, Core, Everywhere, Junction, Moment, Window
+from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimedValues, over_time
 from scenegen.search import node_bounds
 from scenegen.show.view.limits import MAX_MOMENTS, MAX_MOTION, MAX_SCENES
 
@@ -34,11 +34,11 @@ class Trees:
         self.trees: dict[str, Json] = {}
         self.groups: list[tuple[int, ...]] = []  # by the number of a line: the nodes that it stands for
         self.least: list[bool] = []  # whether the smallest of their values counts, or the largest
-        folded = Folded(outline)
+        folded = FormulaTree(outline)
         for label in outline.labels:
             self.trees[label] = self._tree(folded, folded.root(label))
 
-    def _tree(self, folded: Folded, root: Part) -> Json:
+    def _tree(self, folded: FormulaTree, root: OutlinePart) -> Json:
         made = self._line(root, True)
         waiting = [(root, made)]
         count = 1
@@ -55,11 +55,11 @@ class Trees:
                 waiting.append((child, below))
         return made
 
-    def _kind(self, part: Part) -> str:
+    def _kind(self, part: OutlinePart) -> str:
         node = self.core.nodes[part.nodes[0]]
         return ("all" if node.kind == "min" else "one") if isinstance(node, Junction) else "atom"
 
-    def _line(self, part: Part, least: bool) -> Json:
+    def _line(self, part: OutlinePart, least: bool) -> Json:
         number = len(self.groups)
         self.groups.append(part.nodes[:MOST_NODES])
         self.least.append(least)
@@ -123,7 +123,7 @@ class _States(Outline):
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class LineNodes:
     """What a line stands for: a node over time, or nodes of the state core of which the least or the largest counts."""
 
     node: int | None
@@ -137,9 +137,9 @@ class TimedTrees:
     def __init__(self, timed: Timed, lowest: Array, highest: Array) -> None:
         self.timed = timed
         self._states = _States(timed, lowest, highest)
-        self._folded = Folded(self._states)
+        self._folded = FormulaTree(self._states)
         self._low, self._high = self._bounds()
-        self.places: list[Place] = []
+        self.places: list[LineNodes] = []
         self._below: list[list[int]] = []  # by the number of a line: those of the lines below it
         self.roots: dict[str, int] = {}
         self.trees: dict[str, Json] = {}
@@ -176,7 +176,7 @@ class TimedTrees:
                 waiting.append((one, further))
         return made
 
-    def _line(self, part: int | Part, least: bool) -> tuple[Json, list[int | Part]]:
+    def _line(self, part: int | OutlinePart, least: bool) -> tuple[Json, list[int | OutlinePart]]:
         """The line of a node over time, or of a part of a moment's formula; and what lies below it."""
         place = part
         while isinstance(part, int):
@@ -189,7 +189,7 @@ class TimedTrees:
                     part = self._folded.root(str(number))
                 case Junction(kind, args):
                     return self._over_time(part, "all" if kind == "min" else "one", node.text), list(args)
-                case Until(_, left, right):
+                case BoundedUntil(_, left, right):
                     return self._over_time(part, "time", node.text), [left, right]
                 case Window(_, arg) | Moment(_, arg):
                     return self._over_time(part, "time", node.text), [arg]
@@ -199,7 +199,7 @@ class TimedTrees:
         core = self.timed.state
         junction = core.nodes[part.nodes[0]]
         word = ("all" if junction.kind == "min" else "one") if isinstance(junction, Junction) else "atom"
-        number = self._take(Place(place if isinstance(place, int) else None, part.nodes[:MOST_NODES], least))
+        number = self._take(LineNodes(place if isinstance(place, int) else None, part.nodes[:MOST_NODES], least))
         found = {
             "line": number, "kind": word, "text": line.text, "margin": line.margin, "unit": line.unit,
             "count": part.count, "bounds": [line.low, line.high], "spans": spans(core, part.nodes[0]), "parts": [],
@@ -207,7 +207,7 @@ class TimedTrees:
         return found, list(self._folded.children(part))
 
     def _over_time(self, node: int, kind: str, text: str) -> Json:
-        number = self._take(Place(node))
+        number = self._take(LineNodes(node))
         words = {"all": "all of", "one": "one of"}.get(kind, text)
         if kind in ("all", "one") and text and text != REQUIRE:
             words = f"{words}: {text}"
@@ -217,12 +217,12 @@ class TimedTrees:
             "spans": [], "parts": [],
         }  # fmt: skip
 
-    def _take(self, place: Place) -> int:
+    def _take(self, place: LineNodes) -> int:
         self.places.append(place)
         self._below.append([])
         return len(self.places) - 1
 
-    def values(self, scored: Scored) -> Array:
+    def values(self, scored: TimedValues) -> Array:
         """The value of every line at every moment, (lines, T + 1); infinite where there is none."""
         found = np.empty((len(self.places), self.timed.horizon.moments))
         for number, place in enumerate(self.places):
@@ -233,7 +233,7 @@ class TimedTrees:
                 found[number] = some.min(axis=0) if place.least else some.max(axis=0)
         return found
 
-    def moments(self, scored: Scored, values: Array) -> list[int]:
+    def moments(self, scored: TimedValues, values: Array) -> list[int]:
         """The moment at which every line counts for the whole motion."""
         found = [0] * len(self.places)
         for label, root in self.roots.items():
@@ -247,7 +247,7 @@ class TimedTrees:
                 waiting += below
         return found
 
-    def _moments(self, number: int, t: int, scored: Scored) -> list[int]:
+    def _moments(self, number: int, t: int, scored: TimedValues) -> list[int]:
         """Of a line that counts at moment t: the moments at which the lines below it do."""
         place, last = self.places[number], self.timed.horizon.steps
         node = None if place.node is None or place.states else self.timed.nodes[place.node]
@@ -261,12 +261,12 @@ class TimedTrees:
                 return [0]
             case Moment("last", _):
                 return [last]
-            case Until():
+            case BoundedUntil():
                 return self._until(node, t, scored)
             case _:
                 return [t] * len(self._below[number])
 
-    def _until(self, node: Until, t: int, scored: Scored) -> list[int]:
+    def _until(self, node: BoundedUntil, t: int, scored: TimedValues) -> list[int]:
         sign = 1.0 if node.kind == "max" else -1.0
         left, right = (sign * scored.values[part][t : t + node.highest + 1] for part in (node.left, node.right))
         held = np.minimum.accumulate(left)

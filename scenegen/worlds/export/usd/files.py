@@ -12,28 +12,121 @@ Files of a scene each are text, to be read and compared. A file with all scenes 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from scenegen.things.mesh import shaded
 from scenegen.things.palette import RGB
-from scenegen.worlds.export.usd.looks import (
-    SHADER,
-    Look,
-    camera_of,
-    cameras,
-    cover,
-    cover_rectangle,
-    covering,
-    lights,
-    material,
-    materials,
-    recolor,
-)
-from scenegen.worlds.export.usd.stage import Quaternion, Stage, principal
-from scenegen.worlds.export.world import TALL, WOODEN, Body, Dressed, Form, Wall, World
+from scenegen.worlds.export.usd.stage import Quaternion, UsdStage, principal
+from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, BodyForm, SceneLook, TexturedColor, Wall, World
 from scenegen.worlds.export.xml import check_room
+
+# --------------------------------------------------------------------------------------------------------------------
+# How USD files look: materials, lights and cameras.
+
+
+MATERIALS, SHADER = "Looks", "surface"  # names of the prims
+FOCUS, SHAPE = 24.0, 16.0 / 9.0  # mm; width to height of pictures
+FIELD = 45.0  # degrees, from the lower edge of a picture to the upper
+# Degrees about x and y. The sun is as bright as a new light in Isaac Sim; the other one brightens its shadows.
+SUN, FILL = (3000.0, 25.0, -25.0), (1000.0, -35.0, 40.0)
+ANGLE = 1.0  # degrees: the width of both
+USUAL_SUN, USUAL_FILL = 0.46, 0.60  # intensity and ambient light of a look that are as bright as these
+
+
+@dataclass(frozen=True, slots=True)
+class UsdMaterial:
+    """What a surface looks like: its colour, and how rough and metallic it is, from 0 to 1."""
+
+    color: RGB
+    roughness: float = 0.6
+    metallic: float = 0.0
+
+
+def materials(stage: UsdStage, root: str) -> str:
+    """The place for the materials of what is below `root`."""
+    place = f"{root}/{MATERIALS}"
+    stage.scope(place)
+    return place
+
+
+def material(stage: UsdStage, root: str, name: str, look: UsdMaterial) -> None:
+    """A material below `root`, for `cover`."""
+    path = f"{root}/{MATERIALS}/{name}"
+    values: dict[str, float | RGB] = {
+        "diffuseColor": look.color,
+        "roughness": look.roughness,
+        "metallic": look.metallic,
+    }
+    stage.material(path, SHADER)
+    stage.inputs(f"{path}/{SHADER}", values)
+
+
+def cover(stage: UsdStage, root: str, part: str, name: str, color: RGB) -> None:
+    """Give `part`, a mesh or box below `root`, a material of this colour."""
+    stage.bind(part, f"{root}/{MATERIALS}/{name}")
+    stage.tint(part, color)
+
+
+def recolor(stage: UsdStage, root: str, part: str, name: str, color: RGB) -> None:
+    """Another colour for a part and its material, which are in the file that `root` refers to."""
+    stage.inputs(f"{root}/{MATERIALS}/{name}/{SHADER}", {"diffuseColor": color})
+    stage.tint(part, color)
+
+
+def covering(stage: UsdStage, root: str, name: str, what: TexturedColor) -> None:
+    """A material below `root` for a rectangle of `cover_rectangle`."""
+    material(stage, root, name, UsdMaterial(what.color))
+    if what.file:
+        stage.image(f"{root}/{MATERIALS}/{name}", SHADER, f"./{FOLDER}/{what.file}", what.color)
+
+
+def cover_rectangle(stage: UsdStage, root: str, part: str, name: str, wall: Wall, what: TexturedColor) -> None:
+    """A rectangle, with a material of `covering`."""
+    across, up, middle = (np.array(one) for one in (wall.across, wall.up, wall.middle))
+    sides = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2.0
+    corners = middle + sides[:, :1] * wall.width * across + sides[:, 1:] * wall.height * up
+    stage.quad(part, corners, (sides + 0.5) * what.repeats(wall.width, wall.height))
+    cover(stage, root, part, name, what.mean)
+
+
+def lights(stage: UsdStage, root: str, dressed: SceneLook | None) -> None:
+    """A sun, and a weaker light from the other side."""
+    if dressed is None:
+        for name, (intensity, about_x, about_y) in (("sun", SUN), ("fill", FILL)):
+            stage.light(f"{root}/{name}", intensity=intensity, angle=ANGLE, turns=(about_x, about_y, 0.0))
+        return
+    look = dressed.look
+    x, y, z = look.towards
+    # Turned about x and then y, what shines along -z shines along -towards.
+    turns = (-math.degrees(math.atan2(y, math.hypot(x, z))), math.degrees(math.atan2(x, z)), 0.0)
+    strength = SUN[0] * look.light_intensity / USUAL_SUN
+    stage.light(f"{root}/sun", intensity=strength, angle=ANGLE, turns=turns, color=look.light_color)
+    strength, about_x, about_y = FILL[0] * look.light_ambient / USUAL_FILL, *FILL[1:]
+    stage.light(f"{root}/fill", intensity=strength, angle=ANGLE, turns=(about_x, about_y, 0.0), color=look.light_color)
+
+
+def camera_of(stage: UsdStage, path: str, dressed: SceneLook) -> None:
+    """The camera of a look."""
+    width, height = dressed.camera.size
+    high = 2.0 * FOCUS * math.tan(math.radians(dressed.look.camera_fov) / 2.0)
+    stage.camera_by(path, dressed.camera.view, (FOCUS, high * width / height, high))
+
+
+def cameras(stage: UsdStage, root: str, table: tuple[float, float, float, float]) -> None:
+    """One above the table and one in front of it."""
+    x0, y0, x1, y1 = table
+    x, y, side = (x0 + x1) / 2.0, (y0 + y1) / 2.0, max(x1 - x0, y1 - y0)
+    high = 2.0 * FOCUS * math.tan(math.radians(FIELD / 2.0))
+    lens = (FOCUS, high * SHAPE, high)
+    stage.camera(f"{root}/top", at=(x, y, 1.6 * side), turn=0.0, lens=lens)
+    stage.camera(f"{root}/front", at=(x, y - 1.1 * side, 1.1 * side), turn=45.0, lens=lens)
+
 
 # --------------------------------------------------------------------------------------------------------------------
 # Names of prims: identifiers of USD, made from names of any kind.
@@ -83,7 +176,7 @@ def part(root: str, number: int) -> tuple[str, str]:
     return f"{root}/visuals/part_{number}", f"part_{number}"
 
 
-def picture(form: Form, number: int) -> str:
+def picture(form: BodyForm, number: int) -> str:
     """The name of the file with the texture of a part, beside that of the form."""
     return f"{form.name}_{number}.png"
 
@@ -91,7 +184,7 @@ def picture(form: Form, number: int) -> str:
 def body_file(body: Body) -> bytes:
     """The form of a body with its mass, friction and colours."""
     root = f"/{body.form.name}"
-    stage = Stage(root, "component")
+    stage = UsdStage(root, "component")
     moments, axes = principal(body.moments)
     stage.rigid(root, body.mass, body.form.inertia.center.tolist(), moments, axes)
     place = materials(stage, root)
@@ -101,7 +194,7 @@ def body_file(body: Body) -> bytes:
     for number, (mesh, color) in enumerate(zip(body.form.parts, body.colors, strict=True), start=1):
         path, name = part(root, number)
         stage.mesh(path, mesh, shaded(mesh)[1])
-        material(stage, root, name, Look(color))
+        material(stage, root, name, UsdMaterial(color))
         cover(stage, root, path, name, color)
         paint = body.form.paints.get(number)
         if paint is not None:
@@ -131,15 +224,15 @@ ABOVE = 0.0001  # metres: a textured sheet, which collides with nothing, above w
 SLIPPERY, LARGER = 0.01, "max"
 
 
-class Scene:
+class UsdScenes:
     """The scenes of a world, or those of one look. `folder` is the path of the meshes from their files, `ending` that
     of the meshes."""
 
-    def __init__(self, world: World, folder: str, ending: str, dressed: Dressed | None = None) -> None:
+    def __init__(self, world: World, folder: str, ending: str, dressed: SceneLook | None = None) -> None:
         self.world = world
         names = [body.name for body in world.bodies] if world.record is None else world.record.everything
         self.names = identifiers(names)  # the same in every scene of a file
-        stage = Stage(ROOT, "assembly", world.title)
+        stage = UsdStage(ROOT, "assembly", world.title)
         self._table(stage, f"{ROOT}/{free('table', self.names.values())}", dressed)
         for body in world.colored(dressed):
             self._body(stage, body, f"./{folder}/{body.form.name}{ending}")
@@ -180,7 +273,7 @@ class Scene:
         phi = {} if record is None else {label: float(values[index]) for label, values in record.phi.items()}
         return {"scene": self.world.scenes[index], "phi": phi}
 
-    def _body(self, stage: Stage, body: Body, file: str) -> None:
+    def _body(self, stage: UsdStage, body: Body, file: str) -> None:
         path = f"{ROOT}/{self.names[body.name]}"
         stage.refer(path, file)
         stage.known_as(path, body.name)
@@ -189,13 +282,13 @@ class Scene:
         for number, color in enumerate(body.colors, start=1):
             recolor(stage, path, *part(path, number), color)
 
-    def _table(self, stage: Stage, path: str, dressed: Dressed | None) -> None:
+    def _table(self, stage: UsdStage, path: str, dressed: SceneLook | None) -> None:
         """The table, the regions on it, which are only drawn, and those at heights, which carry."""
         stage.xform(path, "component")
         contact = f"{materials(stage, path)}/{CONTACT}"
         stage.contact(contact, SLIPPERY, LARGER)
         color = WOODEN if dressed is None else dressed.table.mean
-        material(stage, path, "wood", Look(color))
+        material(stage, path, "wood", UsdMaterial(color))
         for number, (center, sizes) in enumerate(self.world.slabs()):
             slab = f"{path}/leg_{number}" if number else f"{path}/top"
             stage.box(slab, center, sizes)
@@ -210,13 +303,13 @@ class Scene:
             name, mesh = f"region_{number}", patch.mesh()
             region = f"{path}/{name}"
             stage.mesh(region, mesh, shaded(mesh)[1])
-            material(stage, path, name, Look(patch.color))
+            material(stage, path, name, UsdMaterial(patch.color))
             cover(stage, path, region, name, patch.color)
             if patch.solid:
                 stage.collider(region, contact, hull=True)
 
 
-def _environment(stage: Stage, world: World, dressed: Dressed | None) -> None:
+def _environment(stage: UsdStage, world: World, dressed: SceneLook | None) -> None:
     """Outside of the default prim: what a stage has once, however many scenes it refers to."""
     stage.xform(AROUND)
     stage.gravity(f"{AROUND}/physics", GRAVITY)
@@ -230,7 +323,7 @@ def _environment(stage: Stage, world: World, dressed: Dressed | None) -> None:
     stage.contact(contact, SLIPPERY, LARGER)
     stage.collider(floor, contact, hull=False)
     stone = STONE if dressed is None else dressed.ground.mean
-    material(stage, AROUND, "stone", Look(stone))
+    material(stage, AROUND, "stone", UsdMaterial(stone))
     cover(stage, AROUND, floor, "stone", stone)
     if dressed is None:
         return
@@ -268,9 +361,9 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
         check_room(len(world.poses), KEY + KEY_EACH * len(world.bodies))
     if world.dressing is not None:
         for index, number in enumerate(world.scenes):
-            yield Scene(world, folder, ENDING, world.dressing.of(number, world.table)).one(index)
+            yield UsdScenes(world, folder, ENDING, world.dressing.of(number, world.table)).one(index)
         return
-    scene = Scene(world, folder, ENDING)
+    scene = UsdScenes(world, folder, ENDING)
     if together:
         yield scene.all_in_one(SET)
         return

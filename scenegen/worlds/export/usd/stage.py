@@ -1,7 +1,7 @@
 """The border to OpenUSD: its Python library has no types, and only this module uses it.
 
-A `Stage` is one file while it is written. Paths are those of prims, as `/Scene/mug`. Metres, kilograms, radians; z is
-up.
+A `UsdStage` is one file while it is written. Paths are those of prims, as `/Scene/mug`. Metres, kilograms, radians; z
+is up.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ KEPT = "scenegen"  # the key of what we say in a prim's customData
 CORNERS = [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]  # of a cube of size 1
 
 
-class Stage:
+class UsdStage:
     """A layer in memory, with a default prim. Nothing that it refers to is opened."""
 
     def __init__(self, root: str, kind: str, text: str = "") -> None:
@@ -277,22 +277,22 @@ class Stage:
         if prim.GetName() != name:
             prim.SetDisplayName(name)
 
-    def finished(self) -> Layer:
+    def finished(self) -> UsdLayer:
         """The layer with its references. The stage is closed: it would look for the files."""
         del self._stage
         for path, file in self._files.items():
             self._layer.GetPrimAtPath(path).referenceList.Prepend(Sdf.Reference(file))
-        return Layer(self._layer)
+        return UsdLayer(self._layer)
 
 
-class Layer:
+class UsdLayer:
     """A layer that is complete but for what differs between scenes."""
 
     def __init__(self, layer: Any) -> None:
         self._layer = layer
 
     def place(self, path: str, at: Triple, turn: Quaternion) -> None:
-        """Where a frame made by `Stage.refer` is."""
+        """Where a frame made by `UsdStage.refer` is."""
         self._place(self._layer.GetPrimAtPath(path), at, turn)
 
     def say(self, path: str, facts: Mapping[str, Any]) -> None:

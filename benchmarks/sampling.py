@@ -36,12 +36,12 @@ import numpy.typing as npt
 import torch
 
 import scenegen
-from scenegen.learn.evaluation.coverage import coverage
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.stream import run_blocks
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.sampler import Rejection, make_plan
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.scenes.coverage import coverage
 
 Array = npt.NDArray[np.float64]
 BAND = 0.0125

@@ -11,10 +11,10 @@ import torch
 from experiments.problems import BAND, ORDERINGS, Problem
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
-from scenegen.learn.evaluation.coverage import coverage
 from scenegen.learn.evaluation.fidelity import ks_screen
 from scenegen.learn.evaluation.metrics import error_statistics
 from scenegen.pose import X, Y, along
+from scenegen.scenes.coverage import coverage
 
 Array = npt.NDArray[np.float64]
 Values = dict[str, float]

@@ -31,7 +31,6 @@ from scenegen.scenes.blocks import Block
 from scenegen.scenes.data import Pose, SceneData, SceneFile
 from scenegen.scenes.formats.lines import block_of
 from scenegen.scenes.numbers import element
-from scenegen.show import notebook
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
@@ -188,13 +187,17 @@ class SceneSet(SceneArrays):
     def _sheet(self) -> bytes | None:
         """The contact sheet of the first scenes, drawn when a notebook first shows it."""
         if not self._drawn:
+            from scenegen.show import notebook
+
             some = self[: notebook.SHOWN]
             self._drawn.append(notebook.sheet(some.file(), some.rest))
         return self._drawn[0]
 
     def _repr_html_(self) -> str:
         """For notebooks. The picture is part of the page: a `_repr_png_` beside it would be stored a second time."""
-        return notebook.page(self, self._sheet)
+        from scenegen.show.notebook import page
+
+        return page(self, self._sheet)
 
     def export(
         self,

@@ -209,7 +209,7 @@ def checked_spec(stored: StoredSet) -> CheckedSpec:
 def coverage_of(stored: StoredSet, timeout: float) -> tuple[float, float] | None:
     """Coverage of fresh exact scenes of the same request by scenes of the set, and by other fresh ones."""
     from scenegen.api.spec import parse
-    from scenegen.learn.evaluation.coverage import coverage
+    from scenegen.scenes.coverage import coverage
 
     request = stored.header.request
     few = min(COMPARED, len(stored))

@@ -195,12 +195,12 @@ def _complete(
     from scenegen.api.complete import complete
     from scenegen.api.reading import part_of_scenes
     from scenegen.api.sample import draw_scenes
+    from scenegen.api.spec import LearnedModel
     from scenegen.cli.output import complain
     from scenegen.errors import RequestError
-    from scenegen.learn.model import Model
 
     assert wishes.fix_from is not None
-    if stored or storing.resume or isinstance(subject, Model):
+    if stored or storing.resume or isinstance(subject, LearnedModel):
         rule = "completes scenes of a spec, in memory"
         raise RequestError(OUT_OF_PLACE(option="--fix-from", rule=rule, remedy="name a spec, and a single file"))
     for text in wishes.fix:
@@ -234,9 +234,9 @@ def _hand_out(scenes: SceneSet, path: Path | None, render: Path | None, pictures
 
 
 def _is_over_time(subject: Spec | Model) -> TypeGuard[Spec]:
-    from scenegen.learn.model import Model
+    from scenegen.api.spec import LearnedModel
 
-    return not isinstance(subject, Model) and subject.over_time is not None
+    return not isinstance(subject, LearnedModel) and subject.over_time is not None
 
 
 def _refuse_set_options(storing: StorageOptions) -> None:
@@ -249,11 +249,11 @@ def _refuse_set_options(storing: StorageOptions) -> None:
 
 
 def _request(source: Path, subject: Spec | Model, wishes: SampleOptions) -> SampleRequest:
+    from scenegen.api.spec import spec_of
     from scenegen.cli.output import detail, left
-    from scenegen.learn.model import Model
     from scenegen.sampling.request import USUAL, Range, SampleRequest, parse_fix, parse_phi
 
-    labels = subject.spec.labels if isinstance(subject, Model) else subject.labels
+    labels = spec_of(subject).labels
     ranges = parse_phi(wishes.phi, labels)
     if wishes.satisfied or wishes.violated:
         rest = Range(low=0.0) if wishes.satisfied else Range(high=0.0)
@@ -287,9 +287,10 @@ def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Mode
     """A model if the file is one, else a spec."""
     from scenegen.api.spec import load
     from scenegen.errors import RequestError
-    from scenegen.learn.model import load_model
 
     if looks_like_model(source):
+        from scenegen.learn.model import load_model
+
         return load_model(source, None if expected is None else load(expected, root))
     if expected is not None:
         raise RequestError(SPEC_OF_SPEC())
@@ -299,12 +300,14 @@ def _load(source: Path, expected: Path | None, root: Path | None) -> Spec | Mode
 def looks_like_model(path: Path) -> bool:
     """By its ending, by the spec in a folder of models, or by how safetensors files begin: the header's length in 8
     bytes, then the header."""
+    if path.suffix.lower() == ".safetensors":
+        return True
+    if path.suffix.lower() == ".spec" and not path.is_dir():
+        return False
     from scenegen.learn.model import is_family
 
-    if path.suffix.lower() == ".safetensors" or is_family(path):
+    if is_family(path):
         return True
-    if path.suffix.lower() == ".spec":
-        return False
     try:
         if not path.is_file():
             return False

@@ -37,7 +37,7 @@ from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import UNFINISHED, inside
 from scenegen.scenes.formats import parquet
 from scenegen.scenes.formats.header import load_header
-from scenegen.scenes.shards import HashingWriter, Sink
+from scenegen.scenes.shards import HashingWriter, Sink, shortened
 from scenegen.scenes.stores import Store
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -339,7 +339,9 @@ def read_manifest(store: Store) -> Manifest:
     )
     for name, mine, theirs in facts:
         if mine != theirs:
-            raise _contradicts(store, f"`request.{name}` is {_short(mine)}, and in `header` it is {_short(theirs)}")
+            raise _contradicts(
+                store, f"`request.{name}` is {shortened(mine)}, and in `header` it is {shortened(theirs)}"
+            )
     if asked.n < manifest.scenes:
         raise _contradicts(store, f"`request.n` is {asked.n}, and its shards have {manifest.scenes} scenes")
     odd = next((label for label in asked.phi if label not in manifest.labels), None)
@@ -411,13 +413,8 @@ def _same_request(store: Store, found: Manifest, wanted: Manifest) -> None:
     # any other difference also changes the plan, so other differences are named first
     for key in sorted({*before, *now}, key=lambda key: (key == "plan", key)):
         if before.get(key) != now.get(key):
-            said = {"before": _short(before.get(key)), "now": _short(now.get(key))}
+            said = {"before": shortened(before.get(key)), "now": shortened(now.get(key))}
             raise RequestError(OTHER_REQUEST(folder=store.location, key=key, **said))
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def finish(store: Store, manifest: Manifest) -> None:

@@ -304,11 +304,11 @@ def _check(folder: Path, found: _Manifest, wanted: Mapping[str, Any], resume: bo
     for key in sorted({*found.request, *wanted}, key=lambda key: (key == "plan", key)):
         before, now = found.request.get(key), wanted.get(key)
         if before != now:
-            facts = {"key": key, "before": _short(before), "now": _short(now)}
+            facts = {"key": key, "before": shortened(before), "now": shortened(now)}
             raise RequestError(OTHER_REQUEST(folder=folder, **facts))
 
 
-def _short(value: object) -> str:
+def shortened(value: object) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:57]}..."
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError
-from scenegen.learn.evaluation import coverage as module
-from scenegen.learn.evaluation.coverage import coverage, features
+from scenegen.scenes import coverage as module
+from scenegen.scenes.coverage import coverage, features
 
 TWO_PI = 2.0 * np.pi
 

@@ -5,8 +5,8 @@ from scipy.spatial.distance import cdist
 
 from scenegen.errors import DataError, RequestError
 from scenegen.learn.evaluation import fidelity as module
-from scenegen.learn.evaluation.coverage import features
 from scenegen.learn.evaluation.fidelity import energy_test
+from scenegen.scenes.coverage import features
 
 
 def by_hand(a, b):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError
-from scenegen.learn.evaluation.coverage import checked_pair, features
+from scenegen.scenes.coverage import checked_pair, features
 
 TURN = 1.0 / (2.0 * np.pi)
 

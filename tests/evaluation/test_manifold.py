@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError, RequestError
-from scenegen.learn.evaluation.coverage import coverage, features
 from scenegen.learn.evaluation.metrics import precision_recall
+from scenegen.scenes.coverage import coverage, features
 
 
 def by_hand(points, queries, k):

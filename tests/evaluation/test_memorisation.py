@@ -3,8 +3,8 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from scenegen.errors import DataError, RequestError
-from scenegen.learn.evaluation.coverage import features
 from scenegen.learn.evaluation.metrics import training_distances
+from scenegen.scenes.coverage import features
 
 
 def test_agrees_with_all_distances(true_scenes):

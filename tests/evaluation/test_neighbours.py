@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from scenegen.learn.evaluation import coverage
-from scenegen.learn.evaluation.coverage import kth_squared, least_squared, nearest
+from scenegen.scenes import coverage
+from scenegen.scenes.coverage import kth_squared, least_squared, nearest
 
 
 @pytest.fixture(params=[(16, 256, 64), (3, 20, 7), (1, 1, 1)])

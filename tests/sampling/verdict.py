@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from scenegen.learn.evaluation.coverage import coverage
 from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
+from scenegen.scenes.coverage import coverage
 
 LEAST_P = 0.01
 LEAST_COVERAGE = 0.95

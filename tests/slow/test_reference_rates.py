@@ -7,10 +7,10 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.learn.evaluation.coverage import coverage
 from scenegen.learn.refine import draw, piece_generator
 from scenegen.resources import shipped_specs
 from scenegen.sampling.problem import PIECE
+from scenegen.scenes.coverage import coverage
 
 pytestmark = pytest.mark.slow
 

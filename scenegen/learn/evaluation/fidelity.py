@@ -24,8 +24,8 @@ import numpy.typing as npt
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.learning import WRONG_SHAPE
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.learn.evaluation.coverage import NEIGHBOURS, Array, checked_pair, covered_share, features
 from scenegen.pose import THETA, TWO_PI, X, Y, along, is_angle, object_count
+from scenegen.scenes.coverage import NEIGHBOURS, Array, checked_pair, covered_share, features
 
 # --------------------------------------------------------------------------------------------------------------------
 # Do two sets of scenes have the same distribution? The energy distance, with a permutation test.

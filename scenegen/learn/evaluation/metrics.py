@@ -11,7 +11,9 @@ import numpy.typing as npt
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.learning import ARRAY_NOT_FINITE, BAD_COUNTS, TOO_FEW_EXPECTED, WRONG_SHAPE
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.learn.evaluation.coverage import (
+from scenegen.learn.evaluation.fidelity import chi_square_tail
+from scenegen.pose import THETA, TWO_PI, along, is_angle
+from scenegen.scenes.coverage import (
     Array,
     centred,
     checked,
@@ -22,8 +24,6 @@ from scenegen.learn.evaluation.coverage import (
     nearest,
     rounding,
 )
-from scenegen.learn.evaluation.fidelity import chi_square_tail
-from scenegen.pose import THETA, TWO_PI, along, is_angle
 
 WITHIN = 0.025  # the half-width of the paper's "within" counts, in the unit of phi
 

@@ -209,7 +209,6 @@ class Refusals:
 # follow the plan's distribution conditional on settling, and all n requested scenes are found.
 
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 MOST = 256  # about how many scenes of a piece are dropped: a few seconds of one core
@@ -305,7 +304,7 @@ class Settling(Plan):
         scenes, refused, *moved = map(int, tally.facts[: 2 + len(objects)] or [0] * (2 + len(objects)))
         return Refusals(objects, scenes, refused, tuple(moved))
 
-    def misses(self) -> tuple[Array, Array]:
+    def misses(self) -> tuple[Floats, Floats]:
         return self.plan.misses()
 
     def draw(self, k: int) -> Piece:

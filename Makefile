@@ -12,7 +12,7 @@ ALL    := not slow and not browser and not cluster and not robosuite
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs errors llms pictures page-pictures tables bench experiments dataset clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs llms pictures page-pictures tables bench experiments dataset clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -94,9 +94,6 @@ goldens: $(STAMP) ## rewrite every golden file; read the diff before you commit 
 docs: $(STAMP)   ## the site, into site/; no network needed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "Look at it: $(BIN)/python -m http.server -d site, then http://localhost:8000"
-
-errors: $(STAMP) ## docs/errors.md
-	$(BIN)/python docs/make_errors.py
 
 llms: $(STAMP)   ## docs/llms.txt, the reference for prompts
 	$(BIN)/python docs/make_llms.py

@@ -16,6 +16,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from scenegen.errors.catalog import GROUPS, CatalogEntry, catalog
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {
     "README.md": "index.md",
@@ -25,10 +27,27 @@ PAGES = {
     "specs": "specs.md",
     "examples": "examples.md",
     "grammar/prelude.spec": "prelude.md",
+    "scenegen/errors/explanations": "errors.md",
 }
 """A file or folder of the repository, and the page of the site that shows it."""
 
 EXPORTED, EXPORTED_SCENES = "table_setting", 120  # the page without a server that docs/view.md shows
+
+ERRORS = """# Errors and warnings
+
+Every error, warning and note has a code, as in `error[unknown-relation]`. Codes are stable: scripts may rely on them,
+not on the texts. `scenegen explain CODE` prints what this page says.
+
+The texts are made from facts, such as the unknown name and the nearest known one. `scenegen check --json` writes the
+code and the `facts` of each diagnostic ([formats.md](formats.md#diagnostics-as-data)). The language server sends the
+facts in `data`. Exceptions in Python have both: `error.diagnostics[0].code` and `.facts`. Below, the facts of each kind
+are listed; not every diagnostic has all of them. Diagnostics of specs can also have `expansion`, `where` and `called`:
+the definition or quantifier that the problem is in, the values of its variables, and the place that uses it.
+
+Examples are specs, commands (`$`) or Python (`>>>`). Commands use `table.spec` and `two.spec`, specs of a mug and a
+plate with the label `task` and, in the second, `safe`; and `scenes.json`, scenes of the first. In Python, `spec` and
+`two` are these specs; `np` is numpy, `curriculum` is `scenegen.curriculum`, and `strategy` is from its `strategies`.
+"""
 
 FENCE = re.compile(r"^( *)```(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
@@ -65,12 +84,36 @@ def text_of(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     if path.suffix == ".spec":
         return f"# The prelude\n\nEvery spec can use these definitions.\n\n{_block(path, '')}"
+    if path.name == "explanations":
+        return errors()
     ending, title, language = {
         "specs": ("*.spec", "Specs to start from", ""),
         "examples": ("*.py", "Examples", "python"),
     }[path.name]
     parts = [f"## {one.stem}\n\n{_block(one, language)}" for one in sorted(path.glob(ending))]
     return f"# {title}\n\n" + "\n".join(parts)
+
+
+def errors() -> str:
+    """Every kind of problem, as `scenegen explain` shows it."""
+    entries = catalog().values()
+    out = [ERRORS]
+    for group, title in GROUPS.items():
+        out.append(f"## {title}\n")
+        out += [_section(one) for one in entries if one.group == group]
+    return "\n".join(out)
+
+
+def _section(entry: CatalogEntry) -> str:
+    severity = "" if entry.kind.severity == "error" else f" ({entry.kind.severity})"
+    out = [f"### {entry.kind.code}\n", f"{entry.means}{severity}\n"]
+    if entry.facts:
+        out.append(f"Facts: {', '.join(f'`{name}`' for name in entry.facts)}\n")
+    for name, text in (("example", entry.example), ("mended", entry.mended)):
+        if text:
+            shown = "".join(char if char == "\n" or char.isprintable() else f"\\u{ord(char):04x}" for char in text)
+            out.append(f"{name.capitalize()}:\n\n```text\n{shown}\n```\n")
+    return "\n".join(out)
 
 
 def _block(path: Path, language: str) -> str:

@@ -1,9 +1,8 @@
-"""`scenegen explain` and docs/errors.md: complete, and true, for their examples are run."""
+"""`scenegen explain`: complete, and true, for their examples are run."""
 
 import ast
 import importlib
 import re
-import runpy
 import shlex
 from pathlib import Path
 
@@ -180,11 +179,6 @@ def test_problems_are_made_of_kinds_and_flags_are_named_in_the_program_alone():
                 assert docstring or not re.search(r"(?<!\w)--[a-z]", shown), f"{path}:{node.lineno}: {shown}"
 
 
-def test_the_page_is_made_of_the_same_data():
-    make = runpy.run_path(str(PACKAGE.parent / "docs" / "make_errors.py"))
-    assert make["PAGE"].read_text(encoding="utf-8") == make["page"](), "make errors"
-
-
 def test_explain(codes, capfd):
     from scenegen.cli.app import run
 
@@ -197,3 +191,14 @@ def test_explain(codes, capfd):
     assert set(re.findall(r"^  ([a-z0-9-]+) ", capfd.readouterr().out, re.MULTILINE)) == set(CATALOG)
     assert run(["explain", "unknown-relatoin"]) == 1
     assert "did you mean `unknown-relation`?" in capfd.readouterr().err
+
+
+def test_former_codes_are_explained_and_belong_to_one_kind(capfd):
+    from scenegen.cli.app import run
+
+    former = [(old, code) for code, entry in CATALOG.items() for old in entry.kind.formerly]
+    olds = [old for old, _ in former]
+    assert len(set(olds)) == len(olds) and not set(olds) & set(CATALOG)
+    for old, code in former:
+        assert run(["explain", old]) == 0
+        assert f"[{code}]" in capfd.readouterr().out.splitlines()[0]

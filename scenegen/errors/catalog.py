@@ -1,4 +1,4 @@
-"""All kinds of problems with what `scenegen explain` and docs/errors.md say about them.
+"""All kinds of problems with what `scenegen explain` says about them.
 
 The explanations are data, in explanations/*.toml, and read only here. An example is the text of a spec; or, where it
 opens with `$`, lines of a shell; or, with `>>>`, lines of Python. `untried` says why there is no example to run.

@@ -20,7 +20,7 @@ from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.pose import X
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.context import Context
+    from scenegen.lang.check.lower import Lowering
 
 MOST_CASES = 512  # combinations of choices that are distinguished for one pair of objects
 
@@ -94,7 +94,7 @@ def _place(one: Support) -> tuple[object, ...]:
     return one.carrier, one.outline, one.walled, one.pose
 
 
-def picked(lowering: Context, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
+def picked(lowering: Lowering, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
     """The number among some that the switch of a choice picks."""
     builder = lowering.builder
     switch = builder.coord(choice.switch, X)
@@ -105,14 +105,14 @@ def picked(lowering: Context, choice: SurfaceChoice, numbers: Sequence[int]) -> 
     return found
 
 
-def of_options(lowering: Context, value: ChosenValue, number: Callable[[Value], NumberValue]) -> NumberValue:
+def of_options(lowering: Lowering, value: ChosenValue, number: Callable[[Value], NumberValue]) -> NumberValue:
     """A number of what a choice picks: `number` gives it for each of the options."""
     made = [number(one) for one in value.options]
     choice = lowering.choices[value.chooser]
     return NumberValue(picked(lowering, choice, [one.node for one in made]), made[0].unit, origin=made[0].origin)
 
 
-def level(lowering: Context, which: int) -> int:
+def level(lowering: Lowering, which: int) -> int:
     """How high an object's lowest point is above the table: a number of the core."""
     assert lowering.heights is not None
     builder = lowering.builder
@@ -140,7 +140,7 @@ def level(lowering: Context, which: int) -> int:
     return made[which]
 
 
-def choosers(lowering: Context, things: Sequence[int]) -> list[int]:
+def choosers(lowering: Lowering, things: Sequence[int]) -> list[int]:
     """The objects whose choices decide how high some objects stand."""
     found, stack, seen = list[int](), list(things), set[int]()
     while stack:
@@ -155,7 +155,7 @@ def choosers(lowering: Context, things: Sequence[int]) -> list[int]:
     return sorted(found)
 
 
-def by_cases(lowering: Context, things: Sequence[int], number: Callable[[Mapping[int, Support]], int]) -> int | None:
+def by_cases(lowering: Lowering, things: Sequence[int], number: Callable[[Mapping[int, Support]], int]) -> int | None:
     """A number of the core that depends on what some objects stand on: `number` gives it for the supports of each case.
     None where there are too many cases."""
     free = choosers(lowering, things)
@@ -163,7 +163,7 @@ def by_cases(lowering: Context, things: Sequence[int], number: Callable[[Mapping
 
 
 def of_cases(
-    lowering: Context, free: Mapping[int, Sequence[int]], number: Callable[[Mapping[int, Support]], int]
+    lowering: Lowering, free: Mapping[int, Sequence[int]], number: Callable[[Mapping[int, Support]], int]
 ) -> int | None:
     """A number that depends on the choices of some objects: `free` says for each of a chooser's options which option
     stands for it, one with the same number. `number` gives it for the supports of each case. None where there are too

@@ -7,16 +7,16 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Span
-from scenegen.errors.declarations import STANDS_ELSEWHERE
+from scenegen.errors.declarations import MEASURED_TOO_EARLY, STANDS_ELSEWHERE
 from scenegen.errors.language import ADDED_TO_A_LIST, EMPTY_LIST, ONE_ARGUMENT, SAME_ARGUMENT_TWICE, UNIT_OF_ARGUMENT
 from scenegen.geometry import PRIMITIVES, Footprint
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, SPEED, TURN_RATE, Unit
 from scenegen.lang.check.choices import of_options, options_of
-from scenegen.lang.check.context import CallFrame
 from scenegen.lang.check.template import FIRST
 from scenegen.lang.check.values import (
     LONGEST,
     AnyValue,
+    CallFrame,
     ChosenValue,
     FormulaValue,
     ListValue,
@@ -33,7 +33,7 @@ from scenegen.lang.syntax import ast
 from scenegen.pose import NAMES, THETA
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.context import Context
+    from scenegen.lang.check.lower import Lowering
 
 
 _OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
@@ -47,7 +47,7 @@ def key_of(value: Value) -> object:
     return value
 
 
-def list_function(lowering: Context, name: str, value: Value, node: ast.Call, frame: CallFrame) -> Value:
+def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, frame: CallFrame) -> Value:
     """A call of `consecutive` or `gaps` over a list. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if isinstance(value, AnyValue):
@@ -62,7 +62,7 @@ def list_function(lowering: Context, name: str, value: Value, node: ast.Call, fr
     return lowering.expansions[key][0].moved(origin)
 
 
-def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: CallFrame) -> Value | None:
+def joined(lowering: Lowering, values: list[Value], node: ast.Binary, frame: CallFrame) -> Value | None:
     """The two lists on the sides of a `+` as one; None where neither is a list. Raises SpecError."""
     if not any(isinstance(value, ListValue) for value in values):
         return None
@@ -82,7 +82,7 @@ def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: Call
     return lowering.expansions[key][0].moved(origin)
 
 
-def function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> NumberValue:
+def function(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> NumberValue:
     """A call of an axis or a primitive: the number it is, of arguments whose kinds and units fit. Raises SpecError."""
     origin = lowering.origin(node, frame)
     what = f"an argument of `{name}`"
@@ -124,7 +124,7 @@ def function(lowering: Context, name: str, values: list[Value], node: ast.Call, 
 
 
 def _of_options(
-    lowering: Context, name: str, values: list[Value], at: int, node: ast.Call, frame: CallFrame
+    lowering: Lowering, name: str, values: list[Value], at: int, node: ast.Call, frame: CallFrame
 ) -> NumberValue:
     """A call of a primitive, one of whose arguments is what a choice picks."""
     chosen = values[at]
@@ -133,7 +133,7 @@ def _of_options(
     return of_options(lowering, chosen, lambda one: function(lowering, name, [*rest[0], one, *rest[1]], node, frame))
 
 
-def _spread(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> list[Value]:
+def _spread(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> list[Value]:
     """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
     if len(values) == 1 and isinstance(values[0], NumberValue):
         raise lowering.error(ONE_ARGUMENT, node, frame, name=name)
@@ -156,12 +156,13 @@ Pose = Sequence[int]  # the nodes of x, y and theta
 
 
 def step_function(
-    lowering: Context, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame
+    lowering: Lowering, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame
 ) -> NumberValue | FormulaValue:
     """A call of a function of a step. Raises SpecError."""
     origin = lowering.origin(node, frame)
     builder, horizon = lowering.builder, lowering.horizon
-    assert horizon is not None
+    if horizon is None:  # in the `time` statement itself
+        raise lowering.error(MEASURED_TOO_EARLY, node, frame)
     now, before = _poses(lowering, values["a"], f"what `{name}` is about")
     if name == "carried":
         other_now, other_before = _poses(lowering, values["b"], "what carries")
@@ -199,7 +200,7 @@ def step_function(
     return FormulaValue(builder.negate(stayed) if name == "moved" else stayed, origin=origin)
 
 
-def _poses(lowering: Context, value: Value, what: str) -> tuple[Pose, Pose]:
+def _poses(lowering: Lowering, value: Value, what: str) -> tuple[Pose, Pose]:
     """The pose of an object now, and at the moment before. Raises SpecError."""
     coerce, builder = lowering.coerce, lowering.builder
     if isinstance(value, AnyValue):
@@ -213,7 +214,7 @@ def _poses(lowering: Context, value: Value, what: str) -> tuple[Pose, Pose]:
     return now, now if held else [builder.before(value.index, axis) for axis in axes]
 
 
-def _seen_from(lowering: Context, frame: Pose, pose: Pose) -> Pose:
+def _seen_from(lowering: Lowering, frame: Pose, pose: Pose) -> Pose:
     """A pose in the frame of another."""
     apply = lowering.builder.apply
     right, up = (apply("sub", (pose[axis], frame[axis])) for axis in range(THETA))
@@ -230,7 +231,9 @@ def _seen_from(lowering: Context, frame: Pose, pose: Pose) -> Pose:
 OF_SUPPORT = ("restsOn", "insideOf")  # relations of the prelude: a on or in b
 
 
-def note_elsewhere(lowering: Context, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame) -> None:
+def note_elsewhere(
+    lowering: Lowering, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame
+) -> None:
     """Notices a call of one of OF_SUPPORT that holds in no scene, since its first argument stands elsewhere. In
     rounds of quantifiers that is no mistake."""
     upper, lower = values["a"], values["b"]
@@ -271,13 +274,13 @@ def note_elsewhere(lowering: Context, name: str, values: Mapping[str, Value], no
         lowering.noticed.append(problem)
 
 
-def _height_of(lowering: Context, under: Support) -> float | None:
+def _height_of(lowering: Lowering, under: Support) -> float | None:
     assert lowering.heights is not None
     below = 0.0 if under.carrier is None else lowering.heights[under.carrier]
     return None if below is None else below + under.height
 
 
-def meant(lowering: Context, here: Span) -> str | None:
+def meant(lowering: Lowering, here: Span) -> str | None:
     """What to do about a requirement at some part of the text that asks for such a thing; None where it does not."""
     for one in lowering.noticed:
         if one.kind is not STANDS_ELSEWHERE or one.span is None or one.facts["example"] is None:

@@ -29,12 +29,12 @@ from scenegen.geometry import Circle, Footprint
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD
 from scenegen.lang.check.choices import MOST_CASES, by_cases, height_in, level, of_cases, options_of, picked
-from scenegen.lang.check.context import CallFrame
 from scenegen.lang.check.functions import key_of
 from scenegen.lang.check.scope import CORNERS, MEMBERS, SIDES, SIZES, Area, Point, board_gap
 from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (
     AnyValue,
+    CallFrame,
     ChosenValue,
     ListValue,
     NumberValue,
@@ -50,7 +50,7 @@ from scenegen.pose import FLAT, PLACE, X, row_of
 from scenegen.things.surfaces import SupportSurface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.context import Context
+    from scenegen.lang.check.lower import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 # Where a support is a choice, both are numbers that the switches pick.
 
 
-def base(lowering: Context, which: int, origin: Span) -> Value:
+def base(lowering: Lowering, which: int, origin: Span) -> Value:
     """What an object was declared to stand on: a surface, a region at a height, or on the table its own footprint."""
 
     def value(under: Support) -> Value:
@@ -76,7 +76,7 @@ def base(lowering: Context, which: int, origin: Span) -> Value:
     return ObjectValue(which, origin=origin) if under is None else value(under)
 
 
-def load(lowering: Context, which: int, value: Value) -> PointValue | None:
+def load(lowering: Lowering, which: int, value: Value) -> PointValue | None:
     """The centre of mass of an object and all that stands on it. None where choices allow too many cases."""
     above = _above(lowering, which)
     free: dict[int, list[int]] = {}  # for each choice: options on one carrier, or on none of these, are one case
@@ -96,7 +96,7 @@ def load(lowering: Context, which: int, value: Value) -> PointValue | None:
     return PointValue(*found, origin=value.origin)
 
 
-def _above(lowering: Context, which: int) -> set[int]:
+def _above(lowering: Lowering, which: int) -> set[int]:
     """An object, and all that can come to stand on it."""
     above, larger = {which}, True
     while larger:
@@ -110,7 +110,7 @@ def _above(lowering: Context, which: int) -> set[int]:
     return above
 
 
-def _centre(lowering: Context, which: int, supports: Mapping[int, Support], axis: int) -> int:
+def _centre(lowering: Lowering, which: int, supports: Mapping[int, Support], axis: int) -> int:
     """A coordinate of the centre of mass of an object with all that stands on it, where every support is known."""
     from scenegen.things.bodies import mass_of
 
@@ -129,7 +129,7 @@ def _centre(lowering: Context, which: int, supports: Mapping[int, Support], axis
 ROUNDING = 1e-9  # metres: heights are sums along a chain of supports
 
 
-def height_function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> Value:
+def height_function(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> Value:
     """A call of one of HEIGHTS. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if any(isinstance(value, AnyValue) for value in values):
@@ -169,7 +169,7 @@ def height_function(lowering: Context, name: str, values: list[Value], node: ast
     return found
 
 
-def _bodies(lowering: Context, value: Value) -> Value:
+def _bodies(lowering: Lowering, value: Value) -> Value:
     """A list of objects and, as boards, the regions at a height; where there are none, the very list."""
     items = lowering.coerce.items(value, "the argument of `bodies`")
     boards = [RegionValue(name, area, origin=value.origin) for name, area in lowering.areas.items() if area.z > 0.0]
@@ -179,20 +179,22 @@ def _bodies(lowering: Context, value: Value) -> Value:
     return lowering.expansions[key][0] if boards else value
 
 
-def surface_values(lowering: Context, which: int, value: Value, upper: Value | None = None) -> tuple[SurfaceValue, ...]:
+def surface_values(
+    lowering: Lowering, which: int, value: Value, upper: Value | None = None
+) -> tuple[SurfaceValue, ...]:
     """The surfaces of an object; where walls slope, as deep as what stands on it fits."""
     shape = lowering.shapes[upper.index] if isinstance(upper, ObjectValue) else None
     found = surfaces_of(lowering.shapes[which], shape)
     return tuple(SurfaceValue(which, one, origin=value.origin) for one in found)
 
 
-def _object(lowering: Context, value: Value, name: str) -> int:
+def _object(lowering: Lowering, value: Value, name: str) -> int:
     if isinstance(value, ObjectValue):
         return value.index
     raise lowering.coerce.wrong(value, "an object", f"the argument of `{name}`")
 
 
-def _height(lowering: Context, name: str, value: Value) -> int:
+def _height(lowering: Lowering, name: str, value: Value) -> int:
     assert lowering.heights is not None
     builder = lowering.builder
     match value:
@@ -218,7 +220,7 @@ def _height(lowering: Context, name: str, value: Value) -> int:
             raise lowering.coerce.wrong(value, "an object", f"the argument of `{name}`")
 
 
-def _apart(lowering: Context, values: list[Value], node: ast.Call, frame: CallFrame) -> int:
+def _apart(lowering: Lowering, values: list[Value], node: ast.Call, frame: CallFrame) -> int:
     """min over the upright pieces of both bodies of the larger of their clearances, in the plane and along z."""
     first, second = values
     if isinstance(first, RegionValue) and isinstance(second, RegionValue):
@@ -249,7 +251,7 @@ def _apart(lowering: Context, values: list[Value], node: ast.Call, frame: CallFr
 
 
 def _clearance(
-    lowering: Context, pair: tuple[int, int], lows: tuple[float, float], supports: Mapping[int, Support]
+    lowering: Lowering, pair: tuple[int, int], lows: tuple[float, float], supports: Mapping[int, Support]
 ) -> int:
     """The clearance of two bodies that stand at known heights, on known supports."""
     builder = lowering.builder
@@ -268,7 +270,7 @@ def _clearance(
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
 
 
-def _clearance_of_columns(lowering: Context, first: int, second: int) -> int:
+def _clearance_of_columns(lowering: Lowering, first: int, second: int) -> int:
     """The clearance of two bodies without hollows, at heights of which some depend on a choice."""
     builder = lowering.builder
     base, other_base = level(lowering, first), level(lowering, second)
@@ -286,7 +288,7 @@ def _clearance_of_columns(lowering: Context, first: int, second: int) -> int:
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
 
 
-def _from_board(lowering: Context, which: int, area: Area) -> int:
+def _from_board(lowering: Lowering, which: int, area: Area) -> int:
     """The clearance of a body and the board of a region."""
     builder = lowering.builder
     place = (*map(builder.const, area.center), builder.const(0.0))
@@ -301,17 +303,17 @@ def _from_board(lowering: Context, which: int, area: Area) -> int:
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
 
 
-def _pose(lowering: Context, which: int) -> tuple[int, ...]:
+def _pose(lowering: Lowering, which: int) -> tuple[int, ...]:
     return tuple(lowering.coerce.coordinate(which, axis) for axis in FLAT)
 
 
-def _is_hollow(lowering: Context, which: int) -> bool:
+def _is_hollow(lowering: Lowering, which: int) -> bool:
     from scenegen.things.surfaces import rooms_of
 
     return bool(rooms_of(lowering.shapes[which])) or pocketed(lowering.shapes[which]) is not None
 
 
-def _pieces(lowering: Context, which: int, low: float) -> list[tuple[Footprint, float, float]]:
+def _pieces(lowering: Lowering, which: int, low: float) -> list[tuple[Footprint, float, float]]:
     """The footprint of each upright piece of an object at a height, and where it begins and ends above the table."""
     shape = lowering.shapes[which]
     slabs = slabs_of(shape)
@@ -320,7 +322,7 @@ def _pieces(lowering: Context, which: int, low: float) -> list[tuple[Footprint, 
     return [(one.footprint, low + one.low, low + one.high) for one in slabs]
 
 
-def _inside(lowering: Context, upper: int, lower: int, above: float, supports: Mapping[int, Support]) -> int | None:
+def _inside(lowering: Lowering, upper: int, lower: int, above: float, supports: Mapping[int, Support]) -> int | None:
     """How far one body is from the walls of a hollow one, where it begins above the floor of that; None elsewhere."""
     from scenegen.things.surfaces import rooms_of
 
@@ -395,7 +397,7 @@ LIST_MEMBERS = ("first", "last", "count")
 SURFACE_SIZES = ("length", "depth")  # of a surface, beside `width` and `height`, which regions have, too
 
 
-def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: CallFrame) -> Value:
+def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: CallFrame) -> Value:
     """`base.name`. Raises SpecError."""
     origin = lowering.origin(node, frame)
     match base:
@@ -433,7 +435,7 @@ def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: C
             raise lowering.error(NO_SUCH_PART, node, frame, what=base.kind, name=name)
 
 
-def _surface(lowering: Context, base: ObjectValue, index: int, name: str, origin: Span) -> Value | None:
+def _surface(lowering: Lowering, base: ObjectValue, index: int, name: str, origin: Span) -> Value | None:
     """The surface of that name of an object, or the list of those that are numbered; None where it has none."""
     if index >= FIRST:
         raise DependsOnValue
@@ -443,7 +445,7 @@ def _surface(lowering: Context, base: ObjectValue, index: int, name: str, origin
     return ListValue(tuple(named), origin=origin) if named else None
 
 
-def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: str, frame: CallFrame) -> Value:
+def _of_region(lowering: Lowering, region: RegionValue, node: ast.Member, name: str, frame: CallFrame) -> Value:
     area, origin = region.area, lowering.origin(node, frame)
 
     def point(place: Point) -> PointValue:
@@ -466,7 +468,7 @@ def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: s
     raise lowering.error(NO_SUCH_PART, node, frame, what=f"`{region.name}`", name=name, known=MEMBERS)
 
 
-def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, frame: CallFrame) -> Value:
+def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, frame: CallFrame) -> Value:
     """`base[place]`, counted from 1. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if isinstance(base, AnyValue):
@@ -487,7 +489,7 @@ def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, f
     return items[which - 1]
 
 
-def whole_number(lowering: Context, number: NumberValue, node: ast.Expr, frame: CallFrame, what: str) -> int:
+def whole_number(lowering: Lowering, number: NumberValue, node: ast.Expr, frame: CallFrame, what: str) -> int:
     """A number that counts. Raises SpecError for one that depends on the scene, has a unit or is not whole."""
     value = lowering.builder.value(number.node)
     if value is None:

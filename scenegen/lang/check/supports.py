@@ -31,10 +31,9 @@ from scenegen.geometry.footprint import POINT, Box
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, Workspace
 from scenegen.lang.check.choices import area_of, choose, cut_off, grouped
-from scenegen.lang.check.context import CallFrame, run
 from scenegen.lang.check.declare import not_open
 from scenegen.lang.check.scope import Area, DeclaredObject
-from scenegen.lang.check.values import ListValue, ObjectValue, RegionValue, SurfaceValue, Value
+from scenegen.lang.check.values import CallFrame, ListValue, ObjectValue, RegionValue, SurfaceValue, Value
 from scenegen.lang.formula.builder import FALSE, TRUE
 from scenegen.lang.spec import Pose, Support, SurfaceChoice
 from scenegen.lang.syntax import ast
@@ -65,9 +64,9 @@ def supports(lowering: Lowering, thing: DeclaredObject, places: Sequence[int]) -
     if one.choice:
         return _choices(lowering, one.support, places, here, frame)
     if thing.is_array and isinstance(one.support, ast.List):
-        values: list[Value] = [run(lowering.lower(part, {}, frame)) for part in one.support.items]
+        values: list[Value] = [lowering.evaluate(part, frame) for part in one.support.items]
     else:
-        value = run(lowering.lower(one.support, {}, frame))
+        value = lowering.evaluate(one.support, frame)
         values = list(value.items) if isinstance(value, ListValue) and thing.is_array else [value] * len(places)
     if len(values) != len(places):
         raise SpecError(SUPPORT_COUNT(here, objects=len(places), surfaces=len(values)))
@@ -80,9 +79,9 @@ def _choices(
     """The surfaces of `on any of [...]`, the same for each object."""
     parts: list[tuple[Value, Span]]
     if isinstance(written, ast.List):
-        parts = [(run(lowering.lower(part, {}, frame)), part.span(here.source)) for part in written.items]
+        parts = [(lowering.evaluate(part, frame), part.span(here.source)) for part in written.items]
     else:
-        value = run(lowering.lower(written, {}, frame))
+        value = lowering.evaluate(written, frame)
         if not isinstance(value, ListValue):
             raise SpecError(CHOICE_NOT_A_LIST(here, found=value.kind, written=here.text))
         parts = [(item, here) for item in value.items]

@@ -20,19 +20,18 @@ from scenegen.errors.time import (
     WINDOW_IN_THE_PAST,
 )
 from scenegen.geometry.units import BARE, TIME
-from scenegen.lang.check.context import Call, CallFrame
-from scenegen.lang.check.values import FormulaValue, NumberValue, Value
+from scenegen.lang.check.values import CallFrame, FormulaValue, NumberValue, Value
 from scenegen.lang.formula.timed import MAX_STEPS, Horizon, Movers
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.pieces import print_expr
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.context import Context
+    from scenegen.lang.check.lower import Lowering
 
 NEARLY = 1e-9  # steps by which a time may miss a whole number of them: 0.3 s / 0.1 s is not 3 in floating point
 
 
-def horizon(lowering: Context, source: Source, statement: ast.Time) -> Call[Horizon]:
+def horizon(lowering: Lowering, source: Source, statement: ast.Time) -> Horizon:
     """What a `time` statement says. Raises SpecError."""
     frame = CallFrame(source)
     here = statement.span(source)
@@ -40,7 +39,7 @@ def horizon(lowering: Context, source: Source, statement: ast.Time) -> Call[Hori
         word = statement.word
         if word is not None and word.id != "steps":
             raise SpecError(UNKNOWN_TIME_WORD(word.span(source), name=word.id, known=["steps"]))
-        amount, unit = yield _constant(lowering, statement.amount, frame, "the number of steps")
+        amount, unit = _constant(lowering, statement.amount, frame, "the number of steps")
         if unit != BARE:
             here = statement.amount.span(source)
             raise SpecError(NOT_A_PLAIN_NUMBER(here, what="the number of steps", found=unit.words))
@@ -51,7 +50,7 @@ def horizon(lowering: Context, source: Source, statement: ast.Time) -> Call[Hori
         return Horizon(round(amount), 1.0)
     ends = []
     for end in (statement.span_.lowest, statement.span_.highest, statement.amount):
-        amount, unit = yield _constant(lowering, end, frame, "a time")
+        amount, unit = _constant(lowering, end, frame, "a time")
         if unit not in (BARE, TIME):
             raise SpecError(NOT_A_TIME(end.span(source), what="time", wanted="seconds", found=unit.words))
         ends.append(amount)
@@ -81,12 +80,12 @@ def movers(source: Source, statement: ast.Moves) -> Movers:
             raise SpecError(UNKNOWN_MOVERS(statement.which.span(source), name=other, known=["one", "all"]))
 
 
-def _constant(lowering: Context, expr: ast.Expr, frame: CallFrame, what: str) -> Call[tuple[float, Any]]:
-    value = yield lowering.lower(expr, {}, frame)
+def _constant(lowering: Lowering, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
+    value = lowering.evaluate(expr, frame)
     return _amount(lowering, lowering.coerce.number(value, what), expr, frame, what)
 
 
-def _amount(lowering: Context, number: NumberValue, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
+def _amount(lowering: Lowering, number: NumberValue, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
     amount = lowering.builder.value(number.node)
     if amount is None:
         raise lowering.error(NOT_CONSTANT, expr, frame, what=what)
@@ -94,14 +93,14 @@ def _amount(lowering: Context, number: NumberValue, expr: ast.Expr, frame: CallF
 
 
 def temporal(
-    lowering: Context, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: CallFrame
-) -> Call[FormulaValue]:
+    lowering: Lowering, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: CallFrame
+) -> FormulaValue:
     """A formula over later moments. Raises SpecError."""
     operator = node.operator
-    lowest, highest = yield _window(lowering, node, env, frame)
+    lowest, highest = _window(lowering, node, env, frame)
     parts = []
     for part in (node.value,) if isinstance(node, ast.Temporal) else (node.left, node.right):
-        value = yield lowering.lower(part, env, frame)
+        value = lowering.lower(part, env, frame)
         words = f"what `{operator}` is about" if isinstance(node, ast.Temporal) else f"each side of `{operator}`"
         parts.append(lowering.coerce.formula(value, words))
     builder = lowering.builder
@@ -118,8 +117,8 @@ def temporal(
 
 
 def _window(
-    lowering: Context, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: CallFrame
-) -> Call[tuple[int, int]]:
+    lowering: Lowering, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: CallFrame
+) -> tuple[int, int]:
     """The window of an operator in steps from now, cut at the horizon. Raises SpecError."""
     steps = lowering.horizon.steps if lowering.horizon is not None else 1
     if node.operator == "next":
@@ -128,7 +127,7 @@ def _window(
         return 0, steps
     ends = []
     for end in (node.window.lowest, node.window.highest):
-        value = yield lowering.lower(end, env, frame)
+        value = lowering.lower(end, env, frame)
         number = lowering.coerce.number(value, "an end of a window")
         ends.append(_moment(lowering, number, end, frame))
     lowest, highest = ends
@@ -146,7 +145,7 @@ def _window(
     return lowest, min(highest, steps)
 
 
-def _moment(lowering: Context, number: NumberValue, expr: ast.Expr, frame: CallFrame) -> int:
+def _moment(lowering: Lowering, number: NumberValue, expr: ast.Expr, frame: CallFrame) -> int:
     """An end of a window in steps: a bare number is one of steps, a time as many as pass in it. Raises SpecError."""
     amount, unit = _amount(lowering, number, expr, frame, "an end of a window")
     if unit not in (BARE, TIME):

@@ -1,4 +1,4 @@
-"""What an expression stands for while the checker expands it."""
+"""What an expression stands for while the checker expands it, and where that is."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import ClassVar, overload
 
-from scenegen.errors import Span, SpecError
+from scenegen.errors import Source, Span, SpecError
 from scenegen.errors.declarations import MEASURED_TOO_EARLY
 from scenegen.errors.language import MISSING_ARGUMENTS, MIXED_LIST, NOT_FINITE, UNKNOWN_NAME, WRONG_TYPE
 from scenegen.geometry.footprint import POINT, Footprint
@@ -15,6 +15,7 @@ from scenegen.geometry.units import BARE, LENGTH, Unit
 from scenegen.lang.check.scope import NO_NUMBERS, Area, Scope
 from scenegen.lang.formula.builder import TRUE, CoreBuilder
 from scenegen.lang.spec import Pose
+from scenegen.lang.syntax import ast
 from scenegen.things.surfaces import SupportSurface
 
 LONGEST = 40  # characters of the user's text that a help line repeats
@@ -144,6 +145,26 @@ class FormulaValue(Value):
 @dataclass(frozen=True, slots=True)
 class AnyValue(Value):
     """A parameter of a definition that nobody calls: it may be anything, so only the rest of the body is checked."""
+
+
+MOST_VARIABLES = 4  # how many variables of quantifiers a note names
+
+
+@dataclass(frozen=True, slots=True)
+class CallFrame:
+    """The source of the text at hand, and the calls that led here, innermost first.
+
+    `text` is the call being expanded, `body` the definition's formula; both are unset outside definitions. `where`
+    says what the variables of quantifiers stand for, innermost last; `rounds` is how often the quantifiers around, in
+    the same formula, come by here.
+    """
+
+    source: Source
+    calls: tuple[Span, ...] = ()
+    text: str = ""
+    body: ast.Expr | None = None
+    where: tuple[Mapping[str, Value], ...] = ()
+    rounds: int = 1
 
 
 def check_alike(items: Sequence[Value]) -> None:

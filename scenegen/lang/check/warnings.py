@@ -3,15 +3,14 @@ without a unit that are hardly metres."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator
 from dataclasses import replace
 
 from scenegen.errors import Diagnostic, Source
 from scenegen.errors.declarations import STANDS_IN, UNLIKELY_SHAPE
 from scenegen.errors.language import HIDDEN_NAME, UNUSED_NAME
-from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.declare import LARGE, OUTLINES
-from scenegen.lang.check.imports import SourcedStatement
+from scenegen.lang.check.draft import Draft
 from scenegen.lang.check.scope import Scope
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
@@ -21,18 +20,10 @@ WIDE = 10.0  # metres: a table is shorter
 SMALL = 0.5  # numbers below this are metres, whatever the others are
 
 
-def unused(
-    placed: Sequence[SourcedStatement],
-    bare: ast.Expr | None,
-    scope: Scope,
-    space: Workspace,
-    by_formulas: Set[str],
-    by_anything: Set[str],
-) -> list[Diagnostic]:
-    """The warnings of the spec's own statements, in the order of the text.
-
-    `by_formulas` are the names that labels and requirements use, `by_anything` those that definitions use as well.
-    """
+def unused(draft: Draft) -> list[Diagnostic]:
+    """The warnings of the spec's own statements, in the order of the text."""
+    scope, placed, bare = draft.scope, draft.placed, draft.module.bare
+    by_formulas, by_anything = draft.used, draft.lowering.used  # what definitions use is no use of formulas
     out: list[Diagnostic] = []
     for one in placed:
         if not scope.is_own(one.source):
@@ -63,7 +54,7 @@ def unused(
             out.extend(_shadowing(expr, scope, one.source))
     if bare is not None:
         out.extend(_shadowing(bare, scope, scope.source))
-    return [*out, *_misspelt(scope), *_centimetres(placed, scope, space)]
+    return [*out, *_misspelt(scope), *_centimetres(draft)]
 
 
 def _misspelt(scope: Scope) -> Iterator[Diagnostic]:
@@ -76,10 +67,11 @@ def _misspelt(scope: Scope) -> Iterator[Diagnostic]:
             yield STANDS_IN(thing.name.span(thing.source), name=name, meant=meant, inferred=inferred)
 
 
-def _centimetres(placed: Sequence[SourcedStatement], scope: Scope, space: Workspace) -> Iterator[Diagnostic]:
+def _centimetres(draft: Draft) -> Iterator[Diagnostic]:
     """Shapes, regions and a workspace with bare numbers that are too large for metres."""
+    scope, space = draft.scope, draft.space
     far = max(LARGE, *map(abs, (*space.x, *space.y)))
-    for one in placed:
+    for one in draft.placed:
         measured: list[tuple[ast.Expr | ast.Workspace, float]] = []
         match one.statement:
             case ast.Objects(declarations):

@@ -11,19 +11,18 @@ from scenegen.errors.declarations import CONSTANT_LABEL, CONSTANT_REQUIREMENT, N
 from scenegen.errors.language import CONSTANT_FROM_SCENE, WRONG_OVERRIDE
 from scenegen.errors.time import CHOICE_OVER_TIME, LOOKS_BEYOND, MOVES_WITHOUT_TIME
 from scenegen.geometry.units import ANGLE, BARE, LENGTH
-from scenegen.lang.check.declare import canonical, categories, name_objects, pose, shape
 from scenegen.lang.check.draft import Draft, Look
+from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.families import always_the_same, family, is_category, refuse_surfaces
 from scenegen.lang.check.formulas import lower_labels, lower_requirement
+from scenegen.lang.check.functions import horizon, movers
 from scenegen.lang.check.imports import Project, inline
-from scenegen.lang.check.lower import Lowering
-from scenegen.lang.check.names import resolve
+from scenegen.lang.check.names import resolve, unused
+from scenegen.lang.check.objects import canonical, categories, name_objects, pose, shape, unlikely
 from scenegen.lang.check.regions import areas, level_clash, workspace
-from scenegen.lang.check.scope import Declared, collect, prelude, whole
+from scenegen.lang.check.scope import Declared, collect, prelude
 from scenegen.lang.check.supports import choices, empty, heights, spread, standing_on, supports
-from scenegen.lang.check.temporal import horizon, movers
-from scenegen.lang.check.values import AnyValue, CallFrame, NumberValue, Value
-from scenegen.lang.check.warnings import unused
+from scenegen.lang.check.values import AnyValue, CallFrame, NumberValue, Value, whole
 from scenegen.lang.formula.builder import TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.core import Coord, children
 from scenegen.lang.formula.headings import headings_compared
@@ -31,7 +30,7 @@ from scenegen.lang.formula.timed import MOST_VALUES, endless, split
 from scenegen.lang.spec import CheckedSpec, Region, Support
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse, plain_breaks, read_source
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 
 
 def check_text(text: str, name: str = "<spec>", counts: Mapping[str, int] | None = None) -> CheckedSpec:
@@ -363,6 +362,7 @@ def _spec(draft: Draft) -> CheckedSpec:
     )
     alone = {one.name: one.least for one in scope.counts.values() if one.least == one.most}
     drawn = tuple(one for one in scope.counts.values() if one.name not in draft.counts and one.name not in alone)
+    noted = (*unused(draft), *unlikely(draft))
     raised = bool(lowering.supports or lowering.choices)
     return CheckedSpec(
         draft.source.name,
@@ -376,7 +376,12 @@ def _spec(draft: Draft) -> CheckedSpec:
         dict(lowering.supports),
         tuple(lowering.heights or ()) if raised else (),
         dict(lowering.choices),
-        (*unused(draft), *headings_compared(draft.core), *lowering.noticed, *always_the_same(scope, alone)),
+        (
+            *noted,
+            *headings_compared(draft.core),
+            *lowering.noticed,
+            *always_the_same(scope, alone),
+        ),
         draft.timed,
         drawn,
     )

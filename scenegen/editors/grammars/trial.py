@@ -28,7 +28,7 @@ from scenegen.editors.grammars.forms import (
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import NUMPY
 from scenegen.geometry.units import LENGTH, SPEED, TURN_RATE, Unit
-from scenegen.lang.check.lower import Lowering
+from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.scope import LIST_FUNCTIONS, signatures
 from scenegen.lang.check.values import CallFrame, FormulaValue, ListValue, NumberValue, PointValue, RegionValue, Value
 from scenegen.lang.checker import check_module

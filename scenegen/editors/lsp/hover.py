@@ -14,18 +14,18 @@ from scenegen.editors.lsp.names import Binding, Occurrence
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import Interval
 from scenegen.geometry.units import ANGLE, LENGTH, Unit, quantity
-from scenegen.lang.check.declare import name_objects
+from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.imports import inline
-from scenegen.lang.check.lower import Lowering
+from scenegen.lang.check.objects import name_objects
 from scenegen.lang.check.regions import areas
-from scenegen.lang.check.scope import Scope, collect, whole
-from scenegen.lang.check.values import CallFrame, FormulaValue, NumberValue, PointValue, Value
+from scenegen.lang.check.scope import Scope, collect
+from scenegen.lang.check.values import CallFrame, FormulaValue, NumberValue, PointValue, Value, whole
 from scenegen.lang.formula.builder import TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.core import Atom, Core
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import KEYWORDS as RESERVED
 from scenegen.lang.syntax.tokens import Token
 from scenegen.search import node_bounds

@@ -19,7 +19,7 @@ from scenegen.lang.syntax.parse import MOST_ERRORS
 from scenegen.things import Shape
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.lower import Lowering
+    from scenegen.lang.check.expressions import Lowering
 
 Look = Callable[["Lowering"], None]
 

@@ -10,8 +10,8 @@ from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import CONSTANT_LABEL, IMPOSSIBLE_REQUIREMENT, NO_FORMULA, STACKED_AND_APART
 from scenegen.geometry.units import BARE
 from scenegen.lang.check.draft import Draft
+from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.functions import meant
-from scenegen.lang.check.lower import Lowering
 from scenegen.lang.check.scope import LABEL
 from scenegen.lang.check.values import CallFrame
 from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder

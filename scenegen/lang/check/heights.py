@@ -1,15 +1,15 @@
 """Functions of heights: z, height, top, what things stand on, and the clearance of bodies in space.
 
-Supports are declared, so heights are constants; only footprints depend on the scene.
+Supports are declared, so heights are constants; only footprints depend on the scene. Where a support is a choice,
+`object book on any of [shelf[1], shelf[2], workspace]`, heights are numbers that its switch picks (`pick`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from math import prod
 from typing import TYPE_CHECKING
-
-import numpy as np
-import numpy.typing as npt
 
 from scenegen.errors import Span
 from scenegen.errors.declarations import MAY_BE_MISSING, MEASURED_TOO_EARLY, TOO_MANY_CASES
@@ -28,29 +28,34 @@ from scenegen.errors.template import nearest
 from scenegen.geometry import Circle, Footprint
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD
-from scenegen.lang.check.choices import MOST_CASES, by_cases, height_in, level, of_cases, options_of, picked
-from scenegen.lang.check.functions import key_of
-from scenegen.lang.check.scope import CORNERS, MEMBERS, SIDES, SIZES, Area, Point, board_gap
 from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (
+    CORNERS,
+    MEMBERS,
+    SIDES,
+    SIZES,
     AnyValue,
+    Area,
     CallFrame,
     ChosenValue,
     ListValue,
     NumberValue,
     ObjectValue,
+    Point,
     PointValue,
     RegionValue,
     SurfaceValue,
     Value,
+    board_gap,
+    key_of,
 )
-from scenegen.lang.spec import CheckedSpec, Support, SurfaceChoice
+from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
-from scenegen.pose import FLAT, PLACE, X, row_of
+from scenegen.pose import FLAT, PLACE, X
 from scenegen.things.surfaces import SupportSurface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.lower import Lowering
+    from scenegen.lang.check.expressions import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -344,52 +349,6 @@ def _inside(lowering: Lowering, upper: int, lower: int, above: float, supports: 
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# How high the objects of drawn scenes stand, where a spec declares it.
-
-
-Array = npt.NDArray[np.float64]
-
-
-def chosen(choice: SurfaceChoice, rows: Array) -> npt.NDArray[np.intp]:
-    """(n,): which option each scene has, counted from 0; `rows` are those of the core, (3M, n)."""
-    return np.asarray(np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right"))
-
-
-def levels(spec: CheckedSpec, rows: Array) -> Array | None:
-    """(n, N): how high above the table each object's lowest point is, in metres, in scenes with the core's rows
-    (3M, n), the switches of choices among them; None where heights follow from the poses."""
-    if not spec.declares_heights:
-        return None
-    found: dict[int, Array] = {}
-    waiting = list(range(len(spec.objects)))
-    while waiting:  # what carries comes before what it carries: supports have no cycles
-        ready = [which for which in waiting if _carriers(spec, which) <= found.keys()]
-        for which in ready:
-            found[which] = _level(spec, which, rows, found)
-        waiting = [which for which in waiting if which not in found]
-    return np.stack([found[which] for which in range(len(spec.objects))], axis=1)
-
-
-def _carriers(spec: CheckedSpec, which: int) -> set[int]:
-    if which in spec.choices:
-        return {one.carrier for one in spec.choices[which].options if one.carrier is not None}
-    under = spec.supports.get(which)
-    return set() if under is None or under.carrier is None else {under.carrier}
-
-
-def _level(spec: CheckedSpec, which: int, rows: Array, found: dict[int, Array]) -> Array:
-    count = rows.shape[1]
-    known = spec.heights[which]
-    if known is not None:
-        return np.full(count, known)
-    choice = spec.choices.get(which)
-    options = (spec.supports[which],) if choice is None else choice.options
-    each = np.stack([one.height + (np.zeros(count) if one.carrier is None else found[one.carrier]) for one in options])
-    picked = np.zeros(count, dtype=np.intp) if choice is None else chosen(choice, rows)
-    return np.asarray(each[picked, np.arange(count)])
-
-
-# --------------------------------------------------------------------------------------------------------------------
 # Taking one thing out of another: `placemat.left`, `block[3]`.
 
 
@@ -499,3 +458,125 @@ def whole_number(lowering: Lowering, number: NumberValue, node: ast.Expr, frame:
     if value != int(value):
         raise lowering.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=value)
     return int(value)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Numbers of what a choice picks.
+
+
+MOST_CASES = 512  # combinations of choices that are distinguished for one pair of objects
+
+
+def options_of(
+    which: int, supports: Mapping[int, Support], choices: Mapping[int, SurfaceChoice]
+) -> tuple[Support, ...]:
+    """What an object can stand on; nothing where it stands on the table."""
+    if which in choices:
+        return choices[which].options
+    return (supports[which],) if which in supports else ()
+
+
+def picked(lowering: Lowering, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
+    """The number among some that the switch of a choice picks."""
+    builder = lowering.builder
+    switch = builder.coord(choice.switch, X)
+    found = numbers[-1]
+    for number, end in zip(reversed(numbers[:-1]), reversed(choice.ends[:-1]), strict=True):
+        if number != found:
+            found = builder.apply("pick", (switch, builder.const(end), number, found))
+    return found
+
+
+def of_options(lowering: Lowering, value: ChosenValue, number: Callable[[Value], NumberValue]) -> NumberValue:
+    """A number of what a choice picks: `number` gives it for each of the options."""
+    made = [number(one) for one in value.options]
+    choice = lowering.choices[value.chooser]
+    return NumberValue(picked(lowering, choice, [one.node for one in made]), made[0].unit, origin=made[0].origin)
+
+
+def level(lowering: Lowering, which: int) -> int:
+    """How high an object's lowest point is above the table: a number of the core."""
+    assert lowering.heights is not None
+    builder = lowering.builder
+    made: dict[int, int] = {}
+    stack = [which]
+    while stack:
+        one = stack[-1]
+        known = lowering.heights[one]
+        if known is not None:
+            made[one] = builder.const(known)
+        if one in made:
+            stack.pop()
+            continue
+        options = options_of(one, lowering.supports, lowering.choices)
+        waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in made]
+        if waiting:
+            stack.extend(waiting)
+            continue
+        stack.pop()
+        numbers = []
+        for under in options:
+            rise = builder.const(under.height)
+            numbers.append(rise if under.carrier is None else builder.apply("add", (made[under.carrier], rise)))
+        made[one] = picked(lowering, lowering.choices[one], numbers) if one in lowering.choices else numbers[0]
+    return made[which]
+
+
+def choosers(lowering: Lowering, things: Sequence[int]) -> list[int]:
+    """The objects whose choices decide how high some objects stand."""
+    found, stack, seen = list[int](), list(things), set[int]()
+    while stack:
+        one = stack.pop()
+        if one in seen:
+            continue
+        seen.add(one)
+        if one in lowering.choices:
+            found.append(one)
+        options = options_of(one, lowering.supports, lowering.choices)
+        stack.extend(under.carrier for under in options if under.carrier is not None)
+    return sorted(found)
+
+
+def by_cases(lowering: Lowering, things: Sequence[int], number: Callable[[Mapping[int, Support]], int]) -> int | None:
+    """A number of the core that depends on what some objects stand on: `number` gives it for the supports of each case.
+    None where there are too many cases."""
+    free = choosers(lowering, things)
+    return of_cases(lowering, {one: range(len(lowering.choices[one].options)) for one in free}, number)
+
+
+def of_cases(
+    lowering: Lowering, free: Mapping[int, Sequence[int]], number: Callable[[Mapping[int, Support]], int]
+) -> int | None:
+    """A number that depends on the choices of some objects: `free` says for each of a chooser's options which option
+    stands for it, one with the same number. `number` gives it for the supports of each case. None where there are too
+    many cases."""
+    apart = {one: sorted(set(classes)) for one, classes in free.items()}
+    if prod(map(len, apart.values())) > MOST_CASES:
+        return None
+    fixed = dict(lowering.supports)
+    values = [
+        number({**fixed, **{one: lowering.choices[one].options[at] for one, at in zip(apart, case, strict=True)}})
+        for case in product(*apart.values())
+    ]
+    for one in reversed(apart):  # the last object's options lie side by side
+        size = len(apart[one])
+        chunks = [
+            dict(zip(apart[one], values[start : start + size], strict=True)) for start in range(0, len(values), size)
+        ]
+        values = [picked(lowering, lowering.choices[one], [chunk[at] for at in free[one]]) for chunk in chunks]
+    return values[0]
+
+
+def height_in(which: int, supports: Mapping[int, Support]) -> float:
+    """How high an object stands where every support is known."""
+    total: list[float] = []
+    while which in supports:
+        under = supports[which]
+        total.append(under.height)
+        if under.carrier is None:
+            break
+        which = under.carrier
+    height = 0.0
+    for rise in reversed(total):  # added up as `heights` does, from the table
+        height += rise
+    return height

@@ -30,13 +30,25 @@ from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, FARTHEST, LARGEST, SMALLEST, Workspace
 from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import AREAS, SHAPES, bind
-from scenegen.lang.check.scope import Area, Declared, Point, Signature, board_gap, disc, polygon, rectangle
-from scenegen.lang.check.values import AnyValue, CallFrame, ListValue, PointValue, Value
+from scenegen.lang.check.scope import Declared, Signature
+from scenegen.lang.check.values import (
+    AnyValue,
+    Area,
+    CallFrame,
+    ListValue,
+    Point,
+    PointValue,
+    Value,
+    board_gap,
+    disc,
+    polygon,
+    rectangle,
+)
 from scenegen.lang.syntax import ast
 from scenegen.things.palette import NAMED, hex_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.lower import Lowering
+    from scenegen.lang.check.expressions import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.errors.worlds import FACTS_MEAN_NOTHING, TOO_MANY_FACTS
 from scenegen.geometry import NUMPY
 from scenegen.geometry.units import ANGLE, LENGTH
-from scenegen.lang.check.lower import Lowering
+from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.names import resolve
 from scenegen.lang.check.scope import LABEL, Declared, Scope, signature_of
 from scenegen.lang.check.values import CallFrame, FormulaValue, NumberValue, ObjectValue, RegionValue, Value
@@ -32,7 +32,7 @@ from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.worlds.pddl.goal import relation as meaning
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -35,20 +35,20 @@ from scenegen.lang.check.functions import (
     OF_SUPPORT,
     function,
     joined,
-    key_of,
     list_function,
     note_elsewhere,
     step_function,
+    temporal,
 )
 from scenegen.lang.check.heights import height_function, index, member
 from scenegen.lang.check.names import bind
-from scenegen.lang.check.quantify import MAX_STEPS, MOST_FORESEEN, quantify, too_many
-from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Area, Declared, Scope
+from scenegen.lang.check.quantifiers import MAX_STEPS, MOST_FORESEEN, quantify, too_many
+from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Declared, Scope
 from scenegen.lang.check.template import FIRST, DependsOnValue, placeholders
-from scenegen.lang.check.temporal import temporal
 from scenegen.lang.check.values import (
     MOST_VARIABLES,
     AnyValue,
+    Area,
     CallFrame,
     ChosenValue,
     Coercion,
@@ -62,6 +62,7 @@ from scenegen.lang.check.values import (
     SurfaceValue,
     Value,
     check_alike,
+    key_of,
 )
 from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.timed import Horizon

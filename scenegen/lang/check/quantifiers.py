@@ -31,10 +31,10 @@ from scenegen.lang.check.values import (
 from scenegen.lang.formula.builder import FormulaTooLarge
 from scenegen.lang.formula.core import Apply, Atom, Const, Junction
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.lower import Lowering
+    from scenegen.lang.check.expressions import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from scenegen.errors.declarations import (
     NOT_AN_OUTLINE,
     ONE_OBJECT_MANY_PLACES,
     PLACE_OUTSIDE_WORKSPACE,
+    STANDS_IN,
     TOO_MANY_COUNTS,
     TOO_MANY_OBJECTS,
     UNKNOWN_ASSET,
@@ -43,13 +44,14 @@ from scenegen.lang.check.families import (
 from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import BUILT, FILES, SHAPES, bind
 from scenegen.lang.check.regions import SIGNATURES, Arguments, arguments, color, corners, number, point, size
-from scenegen.lang.check.scope import DeclaredObject, Point
-from scenegen.lang.check.values import CallFrame, ListValue, NumberValue
+from scenegen.lang.check.scope import DeclaredObject, Scope
+from scenegen.lang.check.values import CallFrame, ListValue, NumberValue, Point
 from scenegen.lang.spec import Count, Pose
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.pieces import print_expr, print_module
+from scenegen.lang.syntax import ast as traversal
+from scenegen.lang.syntax.printer import print_expr, print_module
 from scenegen.pose import TWO_PI
-from scenegen.things import ASSETS, PLAIN, Shape, shape_of
+from scenegen.things import ASSETS, PLAIN, Shape, meant_by, shape_of
 from scenegen.things.cabinet import DRAWERS, MOST, Cabinet
 from scenegen.things.library import cabinet_shape
 from scenegen.things.parts import SupportSurface
@@ -57,8 +59,8 @@ from scenegen.things.surfaces import narrowest
 
 if TYPE_CHECKING:
     from scenegen.lang.check.draft import Draft
+    from scenegen.lang.check.expressions import Lowering
     from scenegen.lang.check.imports import Project
-    from scenegen.lang.check.lower import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -449,3 +451,75 @@ def _call(name: str, *arguments: ast.Expr) -> ast.Call:
 def _number(value: float) -> ast.Expr:
     written = ast.Quantity(repr(abs(value)), "")
     return ast.Negative(written) if value < 0.0 else written
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Warnings: names of objects that are nearly those of the library, and sizes without a unit that are hardly metres.
+
+
+WIDE = 10.0  # metres: a table is shorter
+
+
+SMALL = 0.5  # numbers below this are metres, whatever the others are
+
+
+def unlikely(draft: Draft) -> list[Diagnostic]:
+    """Warnings about declarations that can hardly be meant so."""
+    return [*_misspelt(draft.scope), *_centimetres(draft)]
+
+
+def _misspelt(scope: Scope) -> Iterator[Diagnostic]:
+    """Objects without a shape whose names are nearly those of the library."""
+    for name, thing in scope.things.items():
+        shapeless = thing.declaration is None or thing.declaration.shape is None
+        meant = meant_by(name) if shapeless and scope.is_own(thing.source) else None
+        if meant is not None:
+            inferred = thing.declaration is None or None
+            yield STANDS_IN(thing.name.span(thing.source), name=name, meant=meant, inferred=inferred)
+
+
+def _centimetres(draft: Draft) -> Iterator[Diagnostic]:
+    """Shapes, regions and a workspace with bare numbers that are too large for metres."""
+    scope, space = draft.scope, draft.space
+    far = max(LARGE, *map(abs, (*space.x, *space.y)))
+    for one in draft.placed:
+        measured: list[tuple[ast.Expr | ast.Workspace, float]] = []
+        match one.statement:
+            case ast.Objects(declarations):
+                measured = [(each.shape, far) for each in declarations if isinstance(each.shape, ast.Call)]
+                measured = [(node, most) for node, most in measured if _named(node) in OUTLINES]
+            case ast.Region(shape=ast.Call() as shape):
+                measured = [(shape, far)]
+            case ast.Workspace() if max(space.x[1] - space.x[0], space.y[1] - space.y[0]) > WIDE:
+                measured = [(one.statement, WIDE)]
+        for node, most in measured if scope.is_own(one.source) else ():
+            here = node.span(one.source)
+            numbers = [
+                (part.start - here.start, part.end - here.start, abs(float(part.number)), part.number)
+                for root in (traversal.expressions(node) if isinstance(node, ast.Workspace) else (node,))
+                for part in _quantities(root)
+                if not part.unit and abs(float(part.number)) >= SMALL
+            ]
+            *_, largest, written = max(numbers, key=lambda number: number[2], default=(0, 0, 0.0, ""))
+            if largest > most:
+                mended, unit = here.text, "cm" if largest <= 100.0 * most else "mm"
+                for _, end, _, _ in sorted(numbers, reverse=True):
+                    mended = f"{mended[:end]} {unit}{mended[end:]}"
+                facts = {"largest": largest, "mended": mended, "written": written}
+                yield replace(UNLIKELY_SHAPE(here, **facts), severity="warning")
+
+
+def _named(node: object) -> str:
+    return node.function.id if isinstance(node, ast.Call) else ""
+
+
+def _quantities(root: ast.Expr) -> Iterator[ast.Quantity]:
+    """Its numbers, but factors and divisors: these are no lengths."""
+    stack: list[ast.Expr | ast.Argument] = [root]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ast.Binary) and node.operator in "*/":
+            continue
+        if isinstance(node, ast.Quantity):
+            yield node
+        stack.extend(traversal.children(node))

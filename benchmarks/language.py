@@ -15,7 +15,7 @@ from scenegen.errors import Source
 from scenegen.lang.checker import check_text
 from scenegen.lang.syntax import parse as tables
 from scenegen.lang.syntax.parse import Builder, parse
-from scenegen.lang.syntax.pieces import print_module
+from scenegen.lang.syntax.printer import print_module
 from scenegen.learn.robustness import Robustness
 from scenegen.resources import grammar_file
 

@@ -12,10 +12,9 @@ from pathlib import Path
 
 from scenegen.lang.check.names import FILES
 from scenegen.lang.check.regions import SIGNATURES
-from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, prelude, signatures
-from scenegen.lang.relations import groups
+from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, groups, prelude, signatures
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.things import ASSETS
 
 DOCS = Path(__file__).resolve().parent

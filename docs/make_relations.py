@@ -14,11 +14,10 @@ from types import ModuleType
 from typing import Any
 
 from scenegen.geometry.units import ANGLE, LENGTH
-from scenegen.lang.check.scope import signature_of
+from scenegen.lang.check.scope import RelationEntry, defaults, groups, signature_of
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
-from scenegen.lang.relations import RelationEntry, defaults, groups
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.show.figures.dimensions import FigureObject, FigureScene, Guide, dimensions, short
 from scenegen.show.figures.topview import topview
 

@@ -14,8 +14,7 @@ import numpy.typing as npt
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NOT_INSTALLED, OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.geometry.workspace import turned
-from scenegen.lang.check.heights import chosen
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, chosen
 from scenegen.needs import need
 from scenegen.pose import THETA, X, Y, as_rows, row_count, row_of
 from scenegen.scenes.arrange import arranged, check_held, order_of, refuse_numbers, with_switches

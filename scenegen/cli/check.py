@@ -21,7 +21,7 @@ from scenegen.errors import Source
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import print_statement
+from scenegen.lang.syntax.printer import print_statement
 from scenegen.things import Circle, Shape
 
 if TYPE_CHECKING:

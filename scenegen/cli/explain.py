@@ -94,8 +94,7 @@ WIDE = 100  # columns of a text
 
 
 def _names(incomplete: str) -> list[str]:
-    from scenegen.lang.check.scope import signatures
-    from scenegen.lang.relations import groups
+    from scenegen.lang.check.scope import groups, signatures
 
     names = *(entry.name for group in groups() for entry in group.entries), *signatures()
     return [name for name in names if name.startswith(incomplete)]
@@ -120,7 +119,7 @@ def relations(
     """
     from scenegen.errors import RequestError
     from scenegen.errors.language import UNKNOWN_RELATION
-    from scenegen.lang.relations import groups
+    from scenegen.lang.check.scope import groups
     from scenegen.lang.syntax.foreign import of_relation
 
     known = [one.name for group in groups() for one in group.entries]
@@ -136,7 +135,7 @@ def relations(
 
 def listed() -> Iterator[str]:
     """A line or two for each relation and function: how it is called, and what it means."""
-    from scenegen.lang.relations import groups
+    from scenegen.lang.check.scope import groups
 
     for group in groups():
         yield from (*wrap(f"{group.title[0].upper()}{group.title[1:]}", WIDE), "")
@@ -154,8 +153,8 @@ def _line(usage: str, meaning: str) -> list[str]:
 
 def described(name: str) -> Iterator[str]:
     """All about one relation or function; nothing for other names."""
-    from scenegen.lang.relations import defaults, groups
-    from scenegen.lang.syntax.pieces import print_statement
+    from scenegen.lang.check.scope import defaults, groups
+    from scenegen.lang.syntax.printer import print_statement
 
     entry = next((one for group in groups() for one in group.entries if one.name == name), None)
     if entry is None:

@@ -68,8 +68,8 @@ def _read(path: Path) -> bytes:
 
 
 def _formatted(name: str, data: bytes) -> bytes:
-    from scenegen.lang.syntax.format import format_source
     from scenegen.lang.syntax.parse import read_source
+    from scenegen.lang.syntax.printer import format_source
 
     return format_source(read_source(name, data)).encode()
 

@@ -9,7 +9,7 @@ import pytest
 import scenegen
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.footprint import Box
-from scenegen.lang.check.choices import area_of
+from scenegen.lang.check.supports import area_of
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.pose import TWO_PI, row_of
 from scenegen.search.surfaces import SLICES, stands_of, step_for

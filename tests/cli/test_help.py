@@ -59,8 +59,7 @@ def _trimmed(text):
 
 def test_relations_in_the_terminal(scenegen):
     """All of them, one, and what another language calls them; `explain` shows the same."""
-    from scenegen.lang.check.scope import signatures
-    from scenegen.lang.relations import groups
+    from scenegen.lang.check.scope import groups, signatures
 
     listed = scenegen("relations").out
     for usage in (

@@ -25,8 +25,8 @@ from scenegen.lang.checker import check_file, check_text
 from scenegen.lang.formula.core import Atom, Core, Junction, gated
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.spec import CheckedSpec
-from scenegen.lang.syntax.format import format_source
 from scenegen.lang.syntax.parse import parse_tolerant, read_source
+from scenegen.lang.syntax.printer import format_source
 from scenegen.resources import grammar_file
 from scenegen.search import node_bounds
 

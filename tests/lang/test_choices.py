@@ -12,7 +12,7 @@ from scenegen.geometry.footprint import standing_area
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom, gated, part_of
 from scenegen.lang.formula.interpret import phi
-from scenegen.lang.syntax.format import format_source
+from scenegen.lang.syntax.printer import format_source
 
 TEXT = """region shelf[2] = rect(0.1, 0.6, 0.9, 0.95) at 30 cm, 60 cm
 object book[2] on any of shelf, tray on any of [shelf[1], workspace] by area, can on tray

@@ -8,10 +8,10 @@ import pytest
 
 from scenegen.errors import SpecError
 from scenegen.geometry import NUMPY
-from scenegen.lang.check.heights import chosen
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import gated
 from scenegen.lang.formula.interpret import phi
+from scenegen.lang.spec import chosen
 from scenegen.pose import X, row_of
 
 HEAD = """region shelf[2] = rect(0.1, 0.6, 0.9, 0.95) at 30 cm, 60 cm

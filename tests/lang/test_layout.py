@@ -9,13 +9,12 @@ from hypothesis import strategies as st
 
 from scenegen.errors import Source, SpecError
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.format import DEEPEST, format_source
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import WIDTH, dump, expand, flat, print_module
+from scenegen.lang.syntax.printer import DEEPEST, WIDTH, expand, flat, format_source, print_module
 from scenegen.lang.syntax.tokens import scan
 
 from ..laws import FULL, examples, in_full_again
-from .trees import expressions, ladders, statements, tuples
+from .trees import dump, expressions, ladders, statements, tuples
 
 ROOT = Path(__file__).resolve().parents[2]
 SPECS = sorted([*(ROOT / "specs").glob("*.spec"), ROOT / "grammar" / "prelude.spec"])
@@ -153,18 +152,18 @@ def test_nothing_is_formatted_that_does_not_parse():
 
 def test_no_meaning_is_ever_lost(monkeypatch):
     """The last line of defence: a formatter gone wrong refuses to hand out its text."""
-    from scenegen.lang.syntax import format
+    from scenegen.lang.syntax import printer
 
-    monkeypatch.setattr(format, "break_lines", lambda items, comments: [flat(items).replace("&", "|")])
+    monkeypatch.setattr(printer, "break_lines", lambda items, comments: [flat(items).replace("&", "|")])
     with pytest.raises(AssertionError, match="change the meaning"):
         formatted("a  &  b")
-    monkeypatch.setattr(format, "break_lines", lambda items, comments: ["a &"])
+    monkeypatch.setattr(printer, "break_lines", lambda items, comments: ["a &"])
     with pytest.raises(AssertionError, match="does not parse"):
         formatted("a  &  b")
-    monkeypatch.setattr(format, "break_lines", lambda items, comments: [flat(items)])
+    monkeypatch.setattr(printer, "break_lines", lambda items, comments: [flat(items)])
     with pytest.raises(AssertionError, match="lose a comment"):
         formatted("a # one\n & b")
-    monkeypatch.setattr(format, "expand", lambda pieces: ["b" if one == "a" else one for one in expand(pieces)])
+    monkeypatch.setattr(printer, "expand", lambda pieces: ["b" if one == "a" else one for one in expand(pieces)])
     with pytest.raises(AssertionError, match="tokens"):
         formatted("a & b")
 

@@ -125,8 +125,7 @@ def test_time_that_runs_backwards():
 def test_what_is_to_be_written_is_known(name):
     """Every relation and function of the advice is one that there is."""
     told = of_relation(name, ("mug", "plate"))
-    from scenegen.lang.check.scope import signatures
-    from scenegen.lang.relations import groups
+    from scenegen.lang.check.scope import groups, signatures
 
     known = {*signatures(), *(one.name for group in groups() for one in group.entries)}
     assert set(re.findall(r"(\w+)\(", told)) <= known

@@ -9,10 +9,11 @@ from scenegen.errors import Source, SpecError
 from scenegen.lang.checker import check_file, check_text
 from scenegen.lang.formula.core import Const
 from scenegen.lang.formula.timed import Horizon
-from scenegen.lang.syntax.format import format_source
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import dump
+from scenegen.lang.syntax.printer import format_source
 from scenegen.lang.syntax.tokens import TEMPORAL, has_time
+
+from .trees import dump
 
 O = "object mug, plate\n"  # noqa: E741
 TASK = "task: always leftOf(mug, plate)"

@@ -4,12 +4,11 @@ from hypothesis import given, settings
 
 from scenegen.errors import Source
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.format import format_source
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import dump, print_module
+from scenegen.lang.syntax.printer import format_source, print_module
 
 from ..laws import examples
-from .trees import expressions, horizons, ladders, statements, timed_statements, tuples
+from .trees import dump, expressions, horizons, ladders, statements, timed_statements, tuples
 
 NOWHERE = Source("", "")
 

@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenegen.errors import Source, SpecError, render, to_json
-from scenegen.lang.syntax.format import format_source
 from scenegen.lang.syntax.parse import MOST_ERRORS, parse, parse_tolerant
-from scenegen.lang.syntax.pieces import print_module
+from scenegen.lang.syntax.printer import format_source, print_module
 
 from ..laws import FULL, examples, in_full_again
 

@@ -10,7 +10,8 @@ from scenegen.errors import Source, SpecError
 from scenegen.lang.checker import check_file, check_text
 from scenegen.lang.syntax import parse as tables
 from scenegen.lang.syntax.parse import Builder, _parser, parse, read_source
-from scenegen.lang.syntax.pieces import dump
+
+from .trees import dump
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = "leftOf(mug, plate) & !closeTo(mug, plate, 0.25)"

@@ -8,7 +8,7 @@ from scenegen.errors import Source, SpecError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import phi as evaluate
-from scenegen.lang.syntax.format import format_source
+from scenegen.lang.syntax.printer import format_source
 from scenegen.search import spec_bounds
 
 TOWER = """object tray, can on tray, low = box(0.2, 0.2, 0.05), block[3] on [low, block[1], block[2]]

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from scenegen.lang.check import quantify, template
+from scenegen.lang.check import quantifiers, template
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import phi
@@ -40,7 +40,7 @@ WRONG = [
 def both(text, monkeypatch, name, one, other):
     found = []
     for value in (one, other):
-        monkeypatch.setattr(quantify, name, value)
+        monkeypatch.setattr(quantifiers, name, value)
         found.append(check_text(text))
     return found
 
@@ -58,7 +58,7 @@ def test_a_template_makes_the_same_core(text, monkeypatch):
 @pytest.mark.parametrize(("text", "title"), WRONG)
 def test_what_is_wrong_in_some_round_is_found(text, title, monkeypatch):
     assert problems(text) == [title]
-    monkeypatch.setattr(quantify, "FEW", 1)
+    monkeypatch.setattr(quantifiers, "FEW", 1)
     assert problems(text) == [title]
 
 
@@ -82,7 +82,7 @@ def test_the_hardest_round_stands_for_all(formula, atoms, monkeypatch):
 
 
 def test_rounds_that_are_not_made_cost_nothing(monkeypatch):
-    monkeypatch.setattr(quantify, "MAX_MADE", 1_000)
+    monkeypatch.setattr(quantifiers, "MAX_MADE", 1_000)
     assert problems("def f(i) = closeTo(a, b, i * 1 cm) & x(a) <= i * 1 mm\ntask: forall i in 1..300: f(i)") == []
 
 
@@ -107,9 +107,9 @@ def test_the_text_says_how_many_rounds_it_stands_for():
 )
 def test_small_texts_with_many_rounds(text, monkeypatch):
     """Two hundred thousand rounds in five seconds, so these here in less than one."""
-    from scenegen.lang.check import lower
+    from scenegen.lang.check import expressions
 
-    monkeypatch.setattr(lower, "MAX_INSIDE", 10_000)
+    monkeypatch.setattr(expressions, "MAX_INSIDE", 10_000)
     began = time.process_time()
     problems(text)
     assert time.process_time() - began < 6.0

@@ -9,7 +9,9 @@ from scenegen.api.spec import Spec
 from scenegen.errors import Source, SpecError
 from scenegen.lang.checker import check_text
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import dump, print_module
+from scenegen.lang.syntax.printer import print_module
+
+from .trees import dump
 
 ROOT = Path(__file__).resolve().parents[2]
 SPECS = sorted((ROOT / "specs").glob("*.spec"))

@@ -1,4 +1,6 @@
-"""Random syntax trees: everything the grammar can say, whether or not it means anything."""
+"""Random syntax trees: everything the grammar can say, whether or not it means anything; and trees as text."""
+
+from dataclasses import fields
 
 from hypothesis import strategies as st
 
@@ -108,3 +110,34 @@ horizons = st.one_of(
     st.builds(ast.Time, quantities, st.just(ast.Name("steps"))),
     st.builds(ast.Time, rates, st.none(), st.builds(ast.Interval, rates, rates)),
 )
+
+
+def dump(module: ast.Module, *, places: bool = False) -> str:
+    """The tree, one node a line, indented; with `places`, each node's character range. For golden files."""
+    out: list[str] = []
+    roots: list[ast.Node] = list(module.statements) if module.bare is None else [module.bare]
+    stack: list[tuple[ast.Node, int, str]] = [(node, 0, "") for node in reversed(roots)]
+    while stack:
+        node, depth, role = stack.pop()
+        below: list[tuple[ast.Node, int, str]] = []
+        words = [type(node).__name__]
+        for item in fields(node):
+            value = getattr(node, item.name)
+            if item.name in ("start", "end"):
+                continue
+            if isinstance(value, ast.Node):
+                below.append((value, depth + 1, item.name))
+            elif isinstance(value, tuple) and any(isinstance(part, ast.Node) for part in value):
+                below.extend((part, depth + 1, item.name) for part in value)
+            elif value is not None and value != ():
+                words.append(
+                    " ".join(value)
+                    if isinstance(value, tuple)
+                    else repr(value)
+                    if isinstance(value, str)
+                    else str(value)
+                )
+        where = f" @{node.start}-{node.end}" if places else ""
+        out.append("  " * depth + (f"{role}: " if role else "") + " ".join(words) + where)
+        stack.extend(reversed(below))
+    return "\n".join(out) + "\n"

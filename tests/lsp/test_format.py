@@ -4,7 +4,7 @@ import pytest
 
 from scenegen.editors.lsp.answers import formatted
 from scenegen.editors.lsp.document import Document
-from scenegen.lang.syntax.format import format_source
+from scenegen.lang.syntax.printer import format_source
 
 MESSY = "# t\nobject mug,plate\n\n\n\nconst A=1 # one\ntask:leftOf(mug ,plate)\nsafe: leftOf(mug, plate)\n"
 

@@ -10,7 +10,7 @@ from scenegen.errors import Source
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import print_module
+from scenegen.lang.syntax.printer import print_module
 from scenegen.resources import shipped_specs
 
 from ..lang import trees

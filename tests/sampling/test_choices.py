@@ -11,7 +11,7 @@ from scenegen.api.scene_arrays import rows_of
 from scenegen.api.scenes import evaluate
 from scenegen.curriculum import TableTop
 from scenegen.errors import DataError, RequestError
-from scenegen.lang.check.heights import levels
+from scenegen.lang.spec import levels
 from scenegen.learn.training.datasets.scenefile import whole_file
 from scenegen.pose import row_count
 from scenegen.show.scenes import sweep

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import chain, product
 
 from scenegen.geometry.units import ANGLE, LENGTH, SPEED, TURN_RATE, Unit
-from scenegen.lang.check.lower import Lowering
+from scenegen.lang.check.expressions import Lowering
 
 # --------------------------------------------------------------------------------------------------------------------
 # What a formula over a spec can name, by kind, as a model writes it.

@@ -15,7 +15,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import print_statement
+from scenegen.lang.syntax.printer import print_statement
 from scenegen.pose import SIZE
 from scenegen.search.prune import find
 

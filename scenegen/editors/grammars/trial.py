@@ -28,10 +28,9 @@ from scenegen.editors.grammars.forms import (
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import NUMPY
 from scenegen.geometry.units import LENGTH, SPEED, TURN_RATE, Unit
-from scenegen.lang.check.context import CallFrame, run
-from scenegen.lang.check.lower import Lowering
+from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.scope import LIST_FUNCTIONS, signatures
-from scenegen.lang.check.values import FormulaValue, ListValue, NumberValue, PointValue, RegionValue, Value
+from scenegen.lang.check.values import CallFrame, FormulaValue, ListValue, NumberValue, PointValue, RegionValue, Value
 from scenegen.lang.checker import check_module
 from scenegen.lang.formula.builder import FormulaTooLarge
 from scenegen.lang.formula.core import Coord, Core, children
@@ -178,7 +177,7 @@ class _Trial:
         for one in declared.statement.parameters:
             if one.default is not None:
                 try:
-                    found[one.name.id] = run(self.lowering.lower(one.default, {}, frame))
+                    found[one.name.id] = self.lowering.evaluate(one.default, frame)
                 except SpecError:
                     continue  # a default that depends on the arguments before
         return found
@@ -269,14 +268,14 @@ class _Trial:
             template = self._templates[text] = self._parsed(text)
         try:
             env = dict(zip(slots, map(self._argument, arguments), strict=True))
-            return run(lowering.lower(template, env, self._frame(text)))
+            return lowering.evaluate(template, self._frame(text), env)
         except (SpecError, FormulaTooLarge):
             return None
 
     def _argument(self, text: str) -> Value:
         value = self._values.get(text)
         if value is None:
-            value = run(self.lowering.lower(self._parsed(text), {}, self._frame(text)))
+            value = self.lowering.evaluate(self._parsed(text), self._frame(text))
             self._values[text] = value
         return value
 

@@ -23,7 +23,7 @@ from scenegen.errors.language import PHI_TOO_LARGE, UNUSED_NAME
 from scenegen.errors.program import INTERNAL_ERROR
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.spec import CheckedSpec
-from scenegen.lang.syntax.format import format_source
+from scenegen.lang.syntax.printer import format_source
 from scenegen.search import label_bounds
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -13,7 +13,8 @@ from scenegen.editors.lsp.document import Document
 from scenegen.editors.lsp.names import Binding, Kind, StatementSpan
 from scenegen.lang.check.heights import LIST_MEMBERS, SURFACE_SIZES
 from scenegen.lang.check.names import AREAS, SHAPES
-from scenegen.lang.check.scope import BUILT_IN, CORNERS, MEMBERS, SIDES, SIZES
+from scenegen.lang.check.scope import BUILT_IN
+from scenegen.lang.check.values import CORNERS, MEMBERS, SIDES, SIZES
 from scenegen.lang.syntax.tokens import KEYWORDS, STATEMENTS, Token, scan
 from scenegen.things import ASSETS, shape_of
 from scenegen.things.surfaces import surfaces_of

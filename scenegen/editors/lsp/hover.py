@@ -14,19 +14,18 @@ from scenegen.editors.lsp.names import Binding, Occurrence
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import Interval
 from scenegen.geometry.units import ANGLE, LENGTH, Unit, quantity
-from scenegen.lang.check.context import Call, CallFrame, run
-from scenegen.lang.check.declare import name_objects
+from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.imports import inline
-from scenegen.lang.check.lower import Lowering
+from scenegen.lang.check.objects import name_objects
 from scenegen.lang.check.regions import areas
-from scenegen.lang.check.scope import Scope, collect, whole
-from scenegen.lang.check.values import FormulaValue, NumberValue, PointValue, Value
+from scenegen.lang.check.scope import Scope, collect
+from scenegen.lang.check.values import CallFrame, FormulaValue, NumberValue, PointValue, Value, whole
 from scenegen.lang.formula.builder import TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.core import Atom, Core
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import KEYWORDS as RESERVED
 from scenegen.lang.syntax.tokens import Token
 from scenegen.search import node_bounds
@@ -61,8 +60,8 @@ class _RecordingLowering(Lowering):
         super().__init__(scope, builder)
         self.recorded: dict[int, list[Value]] = {}
 
-    def lower(self, node: ast.Expr, env: Mapping[str, Value], frame: CallFrame) -> Call[Value]:
-        value: Value = yield super().lower(node, env, frame)
+    def lower(self, node: ast.Expr, env: Mapping[str, Value], frame: CallFrame) -> Value:
+        value = super().lower(node, env, frame)
         if id(node) in self.recorded:
             self.recorded[id(node)].append(value)
         return value
@@ -136,7 +135,7 @@ def _outcomes(
         lowering = _lowering(document, module, spec, fresh)
         lowering.recorded = {id(node): [] for node in path}
         for source, expr in roots:
-            run(lowering.lower(expr, {}, CallFrame(source)))
+            lowering.evaluate(expr, CallFrame(source))
     except (SpecError, FormulaTooLarge):
         if document.lowering is None:
             return []
@@ -163,7 +162,7 @@ def _prepared(document: Document, module: ast.Module, spec: CheckedSpec) -> _Rec
     lowering = _RecordingLowering(scope, builder)
     lowering.areas["workspace"] = whole(spec.workspace)
     for region in scope.regions.values():
-        run(areas(lowering, region))
+        areas(lowering, region)
     scope.objects, scope.arrays = name_objects(lowering, list(scope.things.values()))
     builder.objects = spec.core.objects
     lowering.shapes, lowering.supports, lowering.choices = spec.shapes, spec.supports, spec.choices

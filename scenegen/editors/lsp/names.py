@@ -21,7 +21,7 @@ from scenegen.lang.check.regions import SIGNATURES
 from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, signature_of, signatures
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import KEYWORDS, STATEMENTS, Token, has_time, openings, scan
 
 Kind = Literal["object", "region", "constant", "definition", "label", "parameter", "variable"]

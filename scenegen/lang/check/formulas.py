@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Literal
 
-from scenegen.errors import Diagnostic, SpecError
+from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import CONSTANT_LABEL, IMPOSSIBLE_REQUIREMENT, NO_FORMULA, STACKED_AND_APART
 from scenegen.geometry.units import BARE
-from scenegen.lang.check.context import CallFrame, ErrorCollector, run
+from scenegen.lang.check.draft import Draft
+from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.functions import meant
-from scenegen.lang.check.imports import SourcedStatement
-from scenegen.lang.check.lower import Lowering
 from scenegen.lang.check.scope import LABEL
+from scenegen.lang.check.values import CallFrame
 from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Junction, Node, Temporal, children
 from scenegen.lang.formula.interpret import phi
@@ -107,45 +107,35 @@ def _split(lowering: Lowering, margin: int, atom: Atom, known: AbstractSet[int],
     return builder.atom_of(margin, builder.const(0.0), margin, text, atom.unit, atom.spans)
 
 
-def lower_labels(
-    placed: Sequence[SourcedStatement], bare: ast.Expr | None, lowering: Lowering, stage: ErrorCollector
-) -> dict[str, int]:
+def lower_labels(draft: Draft) -> dict[str, int]:
     """The formula of each label; mistakes in one do not hide those in another."""
-    formulas = [
-        (one.source, one.statement.name.id, one.statement.formula)
-        for one in placed
-        if isinstance(one.statement, ast.Label)
-    ]
-    if bare is not None:
-        formulas = [(stage.source, LABEL, bare)]
-    if not formulas and not stage.problems:
-        end = len(stage.source.text.rstrip())
-        here = ast.Truth(True, start=end, end=end).span(stage.source)
-        stage.problems.append(NO_FORMULA(here, file=stage.source.name))
+    problems, formulas = draft.problems, draft.formulas()
+    if not formulas and not problems:
+        end = len(draft.source.text.rstrip())
+        problems.append(NO_FORMULA(Span(draft.source, end, end), file=draft.source.name))
     labels: dict[str, int] = {}
-    for source, name, formula in formulas:
-        if stage.full:
+    for name, source, formula in formulas:
+        if problems.full:
             break
-        with stage:
-            value = run(lowering.lower(formula, {}, CallFrame(source)))
-            labels[name] = lowering.coerce.formula(value, f"`{name}`")
-    for source, name, formula in formulas:
-        if labels.get(name, 0) < 0 and not stage.problems:
-            stage.problems.append(CONSTANT_LABEL(formula.span(source), name=name))
+        with problems:
+            value = draft.lowering.evaluate(formula, CallFrame(source))
+            labels[name] = draft.lowering.coerce.formula(value, f"`{name}`")
+    for name, source, formula in formulas:
+        if labels.get(name, 0) < 0 and not problems:
+            problems.append(CONSTANT_LABEL(formula.span(source), name=name))
     return labels
 
 
-def lower_requirement(
-    placed: Sequence[SourcedStatement], lowering: Lowering, stage: ErrorCollector, standing: Sequence[int]
-) -> int:
+def lower_requirement(draft: Draft) -> int:
     """The conjunction of all `require` statements, after what supports require."""
-    parts = [*standing]
+    lowering = draft.lowering
+    parts = [*draft.standing]
     declared = lowering.supports or lowering.choices
     options = {which: choice.options for which, choice in lowering.choices.items()}
-    for one in placed:
-        if isinstance(one.statement, ast.Require) and not stage.full:
-            with stage:
-                value = run(lowering.lower(one.statement.formula, {}, CallFrame(one.source)))
+    for one in draft.placed:
+        if isinstance(one.statement, ast.Require) and not draft.problems.full:
+            with draft.problems:
+                value = lowering.evaluate(one.statement.formula, CallFrame(one.source))
                 part = lowering.coerce.formula(value, "what `require` demands")
                 here = one.statement.formula.span(one.source)
                 if part == FALSE or _never(part, lowering.builder):
@@ -155,7 +145,7 @@ def lower_requirement(
                 problem = clashing(lowering, part, lowering.supports, options)
                 if problem is not None:
                     raise SpecError(problem)
-                part = relaxed(lowering, part, frozenset(standing)) if declared else part
+                part = relaxed(lowering, part, frozenset(draft.standing)) if declared else part
                 if part == FALSE:  # where heights and places are constants
                     raise SpecError(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)))
                 parts.append(part)

@@ -1,22 +1,42 @@
-"""Calls of what the language brings along: axes, primitives, and functions over lists."""
+"""What the language brings along: axes, primitives, functions over lists and of steps, and the words of time."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
-from scenegen.errors import Span
-from scenegen.errors.declarations import STANDS_ELSEWHERE
-from scenegen.errors.language import ADDED_TO_A_LIST, EMPTY_LIST, ONE_ARGUMENT, SAME_ARGUMENT_TWICE, UNIT_OF_ARGUMENT
+from scenegen.errors import Source, Span, SpecError
+from scenegen.errors.declarations import MEASURED_TOO_EARLY, STANDS_ELSEWHERE
+from scenegen.errors.language import (
+    ADDED_TO_A_LIST,
+    EMPTY_LIST,
+    NOT_A_PLAIN_NUMBER,
+    NOT_CONSTANT,
+    ONE_ARGUMENT,
+    SAME_ARGUMENT_TWICE,
+    UNIT_OF_ARGUMENT,
+)
+from scenegen.errors.time import (
+    EMPTY_WINDOW,
+    HORIZON_OUT_OF_RANGE,
+    NOT_A_TIME,
+    NOT_FROM_ZERO,
+    NOT_WHOLE_STEPS,
+    UNKNOWN_MOVERS,
+    UNKNOWN_TIME_WORD,
+    WINDOW_BEYOND,
+    WINDOW_CUT,
+    WINDOW_IN_THE_PAST,
+)
 from scenegen.geometry import PRIMITIVES, Footprint
-from scenegen.geometry.units import ANGLE, BARE, LENGTH, SPEED, TURN_RATE, Unit
-from scenegen.lang.check.choices import of_options, options_of
-from scenegen.lang.check.context import CallFrame
+from scenegen.geometry.units import ANGLE, BARE, LENGTH, SPEED, TIME, TURN_RATE, Unit
+from scenegen.lang.check.heights import of_options, options_of
 from scenegen.lang.check.template import FIRST
 from scenegen.lang.check.values import (
     LONGEST,
     AnyValue,
+    CallFrame,
     ChosenValue,
     FormulaValue,
     ListValue,
@@ -27,27 +47,22 @@ from scenegen.lang.check.values import (
     RegionValue,
     SurfaceValue,
     Value,
+    key_of,
 )
+from scenegen.lang.formula.timed import MAX_STEPS, Horizon, Movers
 from scenegen.lang.spec import Support
 from scenegen.lang.syntax import ast
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.pose import NAMES, THETA
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.context import Context
+    from scenegen.lang.check.expressions import Lowering
 
 
 _OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
 
 
-def key_of(value: Value) -> object:
-    """What tells an argument from another, in time that does not grow with it: lists by identity. It stays true while
-    somebody holds the list."""
-    if isinstance(value, ListValue | NeighboursValue) and isinstance(value.items, tuple):
-        return id(value.items)
-    return value
-
-
-def list_function(lowering: Context, name: str, value: Value, node: ast.Call, frame: CallFrame) -> Value:
+def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, frame: CallFrame) -> Value:
     """A call of `consecutive` or `gaps` over a list. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if isinstance(value, AnyValue):
@@ -62,7 +77,7 @@ def list_function(lowering: Context, name: str, value: Value, node: ast.Call, fr
     return lowering.expansions[key][0].moved(origin)
 
 
-def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: CallFrame) -> Value | None:
+def joined(lowering: Lowering, values: list[Value], node: ast.Binary, frame: CallFrame) -> Value | None:
     """The two lists on the sides of a `+` as one; None where neither is a list. Raises SpecError."""
     if not any(isinstance(value, ListValue) for value in values):
         return None
@@ -82,7 +97,7 @@ def joined(lowering: Context, values: list[Value], node: ast.Binary, frame: Call
     return lowering.expansions[key][0].moved(origin)
 
 
-def function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> NumberValue:
+def function(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> NumberValue:
     """A call of an axis or a primitive: the number it is, of arguments whose kinds and units fit. Raises SpecError."""
     origin = lowering.origin(node, frame)
     what = f"an argument of `{name}`"
@@ -124,7 +139,7 @@ def function(lowering: Context, name: str, values: list[Value], node: ast.Call, 
 
 
 def _of_options(
-    lowering: Context, name: str, values: list[Value], at: int, node: ast.Call, frame: CallFrame
+    lowering: Lowering, name: str, values: list[Value], at: int, node: ast.Call, frame: CallFrame
 ) -> NumberValue:
     """A call of a primitive, one of whose arguments is what a choice picks."""
     chosen = values[at]
@@ -133,7 +148,7 @@ def _of_options(
     return of_options(lowering, chosen, lambda one: function(lowering, name, [*rest[0], one, *rest[1]], node, frame))
 
 
-def _spread(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> list[Value]:
+def _spread(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> list[Value]:
     """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
     if len(values) == 1 and isinstance(values[0], NumberValue):
         raise lowering.error(ONE_ARGUMENT, node, frame, name=name)
@@ -156,12 +171,13 @@ Pose = Sequence[int]  # the nodes of x, y and theta
 
 
 def step_function(
-    lowering: Context, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame
+    lowering: Lowering, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame
 ) -> NumberValue | FormulaValue:
     """A call of a function of a step. Raises SpecError."""
     origin = lowering.origin(node, frame)
     builder, horizon = lowering.builder, lowering.horizon
-    assert horizon is not None
+    if horizon is None:  # in the `time` statement itself
+        raise lowering.error(MEASURED_TOO_EARLY, node, frame)
     now, before = _poses(lowering, values["a"], f"what `{name}` is about")
     if name == "carried":
         other_now, other_before = _poses(lowering, values["b"], "what carries")
@@ -199,7 +215,7 @@ def step_function(
     return FormulaValue(builder.negate(stayed) if name == "moved" else stayed, origin=origin)
 
 
-def _poses(lowering: Context, value: Value, what: str) -> tuple[Pose, Pose]:
+def _poses(lowering: Lowering, value: Value, what: str) -> tuple[Pose, Pose]:
     """The pose of an object now, and at the moment before. Raises SpecError."""
     coerce, builder = lowering.coerce, lowering.builder
     if isinstance(value, AnyValue):
@@ -213,7 +229,7 @@ def _poses(lowering: Context, value: Value, what: str) -> tuple[Pose, Pose]:
     return now, now if held else [builder.before(value.index, axis) for axis in axes]
 
 
-def _seen_from(lowering: Context, frame: Pose, pose: Pose) -> Pose:
+def _seen_from(lowering: Lowering, frame: Pose, pose: Pose) -> Pose:
     """A pose in the frame of another."""
     apply = lowering.builder.apply
     right, up = (apply("sub", (pose[axis], frame[axis])) for axis in range(THETA))
@@ -230,7 +246,9 @@ def _seen_from(lowering: Context, frame: Pose, pose: Pose) -> Pose:
 OF_SUPPORT = ("restsOn", "insideOf")  # relations of the prelude: a on or in b
 
 
-def note_elsewhere(lowering: Context, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame) -> None:
+def note_elsewhere(
+    lowering: Lowering, name: str, values: Mapping[str, Value], node: ast.Call, frame: CallFrame
+) -> None:
     """Notices a call of one of OF_SUPPORT that holds in no scene, since its first argument stands elsewhere. In
     rounds of quantifiers that is no mistake."""
     upper, lower = values["a"], values["b"]
@@ -271,13 +289,13 @@ def note_elsewhere(lowering: Context, name: str, values: Mapping[str, Value], no
         lowering.noticed.append(problem)
 
 
-def _height_of(lowering: Context, under: Support) -> float | None:
+def _height_of(lowering: Lowering, under: Support) -> float | None:
     assert lowering.heights is not None
     below = 0.0 if under.carrier is None else lowering.heights[under.carrier]
     return None if below is None else below + under.height
 
 
-def meant(lowering: Context, here: Span) -> str | None:
+def meant(lowering: Lowering, here: Span) -> str | None:
     """What to do about a requirement at some part of the text that asks for such a thing; None where it does not."""
     for one in lowering.noticed:
         if one.kind is not STANDS_ELSEWHERE or one.span is None or one.facts["example"] is None:
@@ -285,3 +303,140 @@ def meant(lowering: Context, here: Span) -> str | None:
         if one.span.source is here.source and here.start <= one.span.start and one.span.end <= here.end:
             return f"let it stand there: {one.facts['example']}"
     return None
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Formulas over time: horizons and windows, and the operators that look at later moments.
+
+
+NEARLY = 1e-9  # steps by which a time may miss a whole number of them: 0.3 s / 0.1 s is not 3 in floating point
+
+
+def horizon(lowering: Lowering, source: Source, statement: ast.Time) -> Horizon:
+    """What a `time` statement says. Raises SpecError."""
+    frame = CallFrame(source)
+    here = statement.span(source)
+    if statement.span_ is None:
+        word = statement.word
+        if word is not None and word.id != "steps":
+            raise SpecError(UNKNOWN_TIME_WORD(word.span(source), name=word.id, known=["steps"]))
+        amount, unit = _constant(lowering, statement.amount, frame, "the number of steps")
+        if unit != BARE:
+            here = statement.amount.span(source)
+            raise SpecError(NOT_A_PLAIN_NUMBER(here, what="the number of steps", found=unit.words))
+        if not 1 <= amount <= MAX_STEPS:
+            raise SpecError(HORIZON_OUT_OF_RANGE(here, steps=amount, limit=MAX_STEPS))
+        if amount != round(amount):
+            raise SpecError(NOT_WHOLE_STEPS(here, amount=amount, unit="", mended=f"time {round(amount)} steps"))
+        return Horizon(round(amount), 1.0)
+    ends = []
+    for end in (statement.span_.lowest, statement.span_.highest, statement.amount):
+        amount, unit = _constant(lowering, end, frame, "a time")
+        if unit not in (BARE, TIME):
+            raise SpecError(NOT_A_TIME(end.span(source), what="time", wanted="seconds", found=unit.words))
+        ends.append(amount)
+    start, stop, step = ends
+    if start != 0.0:
+        raise SpecError(NOT_FROM_ZERO(statement.span_.span(source), start=start, length=max(stop, 1.0)))
+    if step <= 0.0:
+        such = stop / 20.0 if stop > 0.0 else 0.5
+        raise SpecError(HORIZON_OUT_OF_RANGE(statement.amount.span(source), length=step, such=such))
+    steps = stop / step
+    if not 1.0 - NEARLY <= steps <= MAX_STEPS + NEARLY:
+        raise SpecError(HORIZON_OUT_OF_RANGE(here, steps=steps, limit=MAX_STEPS))
+    if abs(steps - round(steps)) > NEARLY * steps:
+        mended = f"time [0, {round(steps) * step:g} s] every {step:g} s"
+        raise SpecError(NOT_WHOLE_STEPS(here, amount=stop, unit=" s", dt=step, mended=mended))
+    return Horizon(round(steps), step)
+
+
+def movers(source: Source, statement: ast.Moves) -> Movers:
+    """What a `moves` statement says. Raises SpecError."""
+    match statement.which.id:
+        case "one":
+            return "one"
+        case "all":
+            return "all"
+        case other:
+            raise SpecError(UNKNOWN_MOVERS(statement.which.span(source), name=other, known=["one", "all"]))
+
+
+def _constant(lowering: Lowering, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
+    value = lowering.evaluate(expr, frame)
+    return _amount(lowering, lowering.coerce.number(value, what), expr, frame, what)
+
+
+def _amount(lowering: Lowering, number: NumberValue, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
+    amount = lowering.builder.value(number.node)
+    if amount is None:
+        raise lowering.error(NOT_CONSTANT, expr, frame, what=what)
+    return amount, number.unit
+
+
+def temporal(
+    lowering: Lowering, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: CallFrame
+) -> FormulaValue:
+    """A formula over later moments. Raises SpecError."""
+    operator = node.operator
+    lowest, highest = _window(lowering, node, env, frame)
+    parts = []
+    for part in (node.value,) if isinstance(node, ast.Temporal) else (node.left, node.right):
+        value = lowering.lower(part, env, frame)
+        words = f"what `{operator}` is about" if isinstance(node, ast.Temporal) else f"each side of `{operator}`"
+        parts.append(lowering.coerce.formula(value, words))
+    builder = lowering.builder
+    name = operator if node.window is None else f"{operator}[{lowest}, {highest}]"
+    text = frame.text if node is frame.body else name
+    if isinstance(node, ast.Until):
+        made = builder.until("max", parts[0], parts[1], lowest, highest, operator == "until_with", text)
+    elif node.operator in ("initially", "finally"):
+        which: Literal["first", "last"] = "first" if node.operator == "initially" else "last"
+        made = builder.moment(which, parts[0], text)
+    else:
+        made = builder.window("min" if operator == "always" else "max", parts[0], lowest, highest, text)
+    return FormulaValue(made, origin=lowering.origin(node, frame))
+
+
+def _window(
+    lowering: Lowering, node: ast.Temporal | ast.Until, env: Mapping[str, Value], frame: CallFrame
+) -> tuple[int, int]:
+    """The window of an operator in steps from now, cut at the horizon. Raises SpecError."""
+    steps = lowering.horizon.steps if lowering.horizon is not None else 1
+    if node.operator == "next":
+        return 1, 1
+    if node.window is None:
+        return 0, steps
+    ends = []
+    for end in (node.window.lowest, node.window.highest):
+        value = lowering.lower(end, env, frame)
+        number = lowering.coerce.number(value, "an end of a window")
+        ends.append(_moment(lowering, number, end, frame))
+    lowest, highest = ends
+    if lowest > highest:
+        low, high = print_expr(node.window.highest), print_expr(node.window.lowest)
+        raise lowering.error(EMPTY_WINDOW, node.window, frame, swapped=f"[{low}, {high}]")
+    if lowest < 0:
+        raise lowering.error(WINDOW_IN_THE_PAST, node.window, frame, operator=node.operator)
+    if lowest > steps:
+        raise lowering.error(WINDOW_BEYOND, node.window, frame, lowest=lowest, steps=steps)
+    if highest > steps:
+        (problem,) = lowering.error(WINDOW_CUT, node.window, frame, highest=highest, steps=steps).diagnostics
+        if problem not in lowering.noticed:
+            lowering.noticed.append(problem)
+    return lowest, min(highest, steps)
+
+
+def _moment(lowering: Lowering, number: NumberValue, expr: ast.Expr, frame: CallFrame) -> int:
+    """An end of a window in steps: a bare number is one of steps, a time as many as pass in it. Raises SpecError."""
+    amount, unit = _amount(lowering, number, expr, frame, "an end of a window")
+    if unit not in (BARE, TIME):
+        raise lowering.error(NOT_A_TIME, expr, frame, what="a window", wanted="steps or seconds", found=unit.words)
+    assert lowering.horizon is not None
+    dt = lowering.horizon.dt
+    steps = amount if unit == BARE else amount / dt
+    if abs(steps - round(steps)) > NEARLY * max(1.0, abs(steps)):
+        more: dict[str, Any] = {"unit": "", "mended": f"{round(steps)}"}
+        if unit == TIME:
+            more = {"unit": " s", "dt": dt, "mended": f"{round(steps) * dt:g} s"}
+        raise lowering.error(NOT_WHOLE_STEPS, expr, frame, amount=amount, **more)
+    return round(steps)

@@ -1,15 +1,15 @@
 """Functions of heights: z, height, top, what things stand on, and the clearance of bodies in space.
 
-Supports are declared, so heights are constants; only footprints depend on the scene.
+Supports are declared, so heights are constants; only footprints depend on the scene. Where a support is a choice,
+`object book on any of [shelf[1], shelf[2], workspace]`, heights are numbers that its switch picks (`pick`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from math import prod
 from typing import TYPE_CHECKING
-
-import numpy as np
-import numpy.typing as npt
 
 from scenegen.errors import Span
 from scenegen.errors.declarations import MAY_BE_MISSING, MEASURED_TOO_EARLY, TOO_MANY_CASES
@@ -28,29 +28,34 @@ from scenegen.errors.template import nearest
 from scenegen.geometry import Circle, Footprint
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD
-from scenegen.lang.check.choices import MOST_CASES, by_cases, height_in, level, of_cases, options_of, picked
-from scenegen.lang.check.context import CallFrame
-from scenegen.lang.check.functions import key_of
-from scenegen.lang.check.scope import CORNERS, MEMBERS, SIDES, SIZES, Area, Point, board_gap
 from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (
+    CORNERS,
+    MEMBERS,
+    SIDES,
+    SIZES,
     AnyValue,
+    Area,
+    CallFrame,
     ChosenValue,
     ListValue,
     NumberValue,
     ObjectValue,
+    Point,
     PointValue,
     RegionValue,
     SurfaceValue,
     Value,
+    board_gap,
+    key_of,
 )
-from scenegen.lang.spec import CheckedSpec, Support, SurfaceChoice
+from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
-from scenegen.pose import FLAT, PLACE, X, row_of
+from scenegen.pose import FLAT, PLACE, X
 from scenegen.things.surfaces import SupportSurface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.context import Context
+    from scenegen.lang.check.expressions import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -59,7 +64,7 @@ if TYPE_CHECKING:
 # Where a support is a choice, both are numbers that the switches pick.
 
 
-def base(lowering: Context, which: int, origin: Span) -> Value:
+def base(lowering: Lowering, which: int, origin: Span) -> Value:
     """What an object was declared to stand on: a surface, a region at a height, or on the table its own footprint."""
 
     def value(under: Support) -> Value:
@@ -76,7 +81,7 @@ def base(lowering: Context, which: int, origin: Span) -> Value:
     return ObjectValue(which, origin=origin) if under is None else value(under)
 
 
-def load(lowering: Context, which: int, value: Value) -> PointValue | None:
+def load(lowering: Lowering, which: int, value: Value) -> PointValue | None:
     """The centre of mass of an object and all that stands on it. None where choices allow too many cases."""
     above = _above(lowering, which)
     free: dict[int, list[int]] = {}  # for each choice: options on one carrier, or on none of these, are one case
@@ -96,7 +101,7 @@ def load(lowering: Context, which: int, value: Value) -> PointValue | None:
     return PointValue(*found, origin=value.origin)
 
 
-def _above(lowering: Context, which: int) -> set[int]:
+def _above(lowering: Lowering, which: int) -> set[int]:
     """An object, and all that can come to stand on it."""
     above, larger = {which}, True
     while larger:
@@ -110,7 +115,7 @@ def _above(lowering: Context, which: int) -> set[int]:
     return above
 
 
-def _centre(lowering: Context, which: int, supports: Mapping[int, Support], axis: int) -> int:
+def _centre(lowering: Lowering, which: int, supports: Mapping[int, Support], axis: int) -> int:
     """A coordinate of the centre of mass of an object with all that stands on it, where every support is known."""
     from scenegen.things.bodies import mass_of
 
@@ -129,7 +134,7 @@ def _centre(lowering: Context, which: int, supports: Mapping[int, Support], axis
 ROUNDING = 1e-9  # metres: heights are sums along a chain of supports
 
 
-def height_function(lowering: Context, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> Value:
+def height_function(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> Value:
     """A call of one of HEIGHTS. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if any(isinstance(value, AnyValue) for value in values):
@@ -169,7 +174,7 @@ def height_function(lowering: Context, name: str, values: list[Value], node: ast
     return found
 
 
-def _bodies(lowering: Context, value: Value) -> Value:
+def _bodies(lowering: Lowering, value: Value) -> Value:
     """A list of objects and, as boards, the regions at a height; where there are none, the very list."""
     items = lowering.coerce.items(value, "the argument of `bodies`")
     boards = [RegionValue(name, area, origin=value.origin) for name, area in lowering.areas.items() if area.z > 0.0]
@@ -179,20 +184,22 @@ def _bodies(lowering: Context, value: Value) -> Value:
     return lowering.expansions[key][0] if boards else value
 
 
-def surface_values(lowering: Context, which: int, value: Value, upper: Value | None = None) -> tuple[SurfaceValue, ...]:
+def surface_values(
+    lowering: Lowering, which: int, value: Value, upper: Value | None = None
+) -> tuple[SurfaceValue, ...]:
     """The surfaces of an object; where walls slope, as deep as what stands on it fits."""
     shape = lowering.shapes[upper.index] if isinstance(upper, ObjectValue) else None
     found = surfaces_of(lowering.shapes[which], shape)
     return tuple(SurfaceValue(which, one, origin=value.origin) for one in found)
 
 
-def _object(lowering: Context, value: Value, name: str) -> int:
+def _object(lowering: Lowering, value: Value, name: str) -> int:
     if isinstance(value, ObjectValue):
         return value.index
     raise lowering.coerce.wrong(value, "an object", f"the argument of `{name}`")
 
 
-def _height(lowering: Context, name: str, value: Value) -> int:
+def _height(lowering: Lowering, name: str, value: Value) -> int:
     assert lowering.heights is not None
     builder = lowering.builder
     match value:
@@ -218,7 +225,7 @@ def _height(lowering: Context, name: str, value: Value) -> int:
             raise lowering.coerce.wrong(value, "an object", f"the argument of `{name}`")
 
 
-def _apart(lowering: Context, values: list[Value], node: ast.Call, frame: CallFrame) -> int:
+def _apart(lowering: Lowering, values: list[Value], node: ast.Call, frame: CallFrame) -> int:
     """min over the upright pieces of both bodies of the larger of their clearances, in the plane and along z."""
     first, second = values
     if isinstance(first, RegionValue) and isinstance(second, RegionValue):
@@ -249,7 +256,7 @@ def _apart(lowering: Context, values: list[Value], node: ast.Call, frame: CallFr
 
 
 def _clearance(
-    lowering: Context, pair: tuple[int, int], lows: tuple[float, float], supports: Mapping[int, Support]
+    lowering: Lowering, pair: tuple[int, int], lows: tuple[float, float], supports: Mapping[int, Support]
 ) -> int:
     """The clearance of two bodies that stand at known heights, on known supports."""
     builder = lowering.builder
@@ -268,7 +275,7 @@ def _clearance(
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
 
 
-def _clearance_of_columns(lowering: Context, first: int, second: int) -> int:
+def _clearance_of_columns(lowering: Lowering, first: int, second: int) -> int:
     """The clearance of two bodies without hollows, at heights of which some depend on a choice."""
     builder = lowering.builder
     base, other_base = level(lowering, first), level(lowering, second)
@@ -286,7 +293,7 @@ def _clearance_of_columns(lowering: Context, first: int, second: int) -> int:
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
 
 
-def _from_board(lowering: Context, which: int, area: Area) -> int:
+def _from_board(lowering: Lowering, which: int, area: Area) -> int:
     """The clearance of a body and the board of a region."""
     builder = lowering.builder
     place = (*map(builder.const, area.center), builder.const(0.0))
@@ -301,17 +308,17 @@ def _from_board(lowering: Context, which: int, area: Area) -> int:
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
 
 
-def _pose(lowering: Context, which: int) -> tuple[int, ...]:
+def _pose(lowering: Lowering, which: int) -> tuple[int, ...]:
     return tuple(lowering.coerce.coordinate(which, axis) for axis in FLAT)
 
 
-def _is_hollow(lowering: Context, which: int) -> bool:
+def _is_hollow(lowering: Lowering, which: int) -> bool:
     from scenegen.things.surfaces import rooms_of
 
     return bool(rooms_of(lowering.shapes[which])) or pocketed(lowering.shapes[which]) is not None
 
 
-def _pieces(lowering: Context, which: int, low: float) -> list[tuple[Footprint, float, float]]:
+def _pieces(lowering: Lowering, which: int, low: float) -> list[tuple[Footprint, float, float]]:
     """The footprint of each upright piece of an object at a height, and where it begins and ends above the table."""
     shape = lowering.shapes[which]
     slabs = slabs_of(shape)
@@ -320,7 +327,7 @@ def _pieces(lowering: Context, which: int, low: float) -> list[tuple[Footprint, 
     return [(one.footprint, low + one.low, low + one.high) for one in slabs]
 
 
-def _inside(lowering: Context, upper: int, lower: int, above: float, supports: Mapping[int, Support]) -> int | None:
+def _inside(lowering: Lowering, upper: int, lower: int, above: float, supports: Mapping[int, Support]) -> int | None:
     """How far one body is from the walls of a hollow one, where it begins above the floor of that; None elsewhere."""
     from scenegen.things.surfaces import rooms_of
 
@@ -342,52 +349,6 @@ def _inside(lowering: Context, upper: int, lower: int, above: float, supports: M
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# How high the objects of drawn scenes stand, where a spec declares it.
-
-
-Array = npt.NDArray[np.float64]
-
-
-def chosen(choice: SurfaceChoice, rows: Array) -> npt.NDArray[np.intp]:
-    """(n,): which option each scene has, counted from 0; `rows` are those of the core, (3M, n)."""
-    return np.asarray(np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right"))
-
-
-def levels(spec: CheckedSpec, rows: Array) -> Array | None:
-    """(n, N): how high above the table each object's lowest point is, in metres, in scenes with the core's rows
-    (3M, n), the switches of choices among them; None where heights follow from the poses."""
-    if not spec.declares_heights:
-        return None
-    found: dict[int, Array] = {}
-    waiting = list(range(len(spec.objects)))
-    while waiting:  # what carries comes before what it carries: supports have no cycles
-        ready = [which for which in waiting if _carriers(spec, which) <= found.keys()]
-        for which in ready:
-            found[which] = _level(spec, which, rows, found)
-        waiting = [which for which in waiting if which not in found]
-    return np.stack([found[which] for which in range(len(spec.objects))], axis=1)
-
-
-def _carriers(spec: CheckedSpec, which: int) -> set[int]:
-    if which in spec.choices:
-        return {one.carrier for one in spec.choices[which].options if one.carrier is not None}
-    under = spec.supports.get(which)
-    return set() if under is None or under.carrier is None else {under.carrier}
-
-
-def _level(spec: CheckedSpec, which: int, rows: Array, found: dict[int, Array]) -> Array:
-    count = rows.shape[1]
-    known = spec.heights[which]
-    if known is not None:
-        return np.full(count, known)
-    choice = spec.choices.get(which)
-    options = (spec.supports[which],) if choice is None else choice.options
-    each = np.stack([one.height + (np.zeros(count) if one.carrier is None else found[one.carrier]) for one in options])
-    picked = np.zeros(count, dtype=np.intp) if choice is None else chosen(choice, rows)
-    return np.asarray(each[picked, np.arange(count)])
-
-
-# --------------------------------------------------------------------------------------------------------------------
 # Taking one thing out of another: `placemat.left`, `block[3]`.
 
 
@@ -395,7 +356,7 @@ LIST_MEMBERS = ("first", "last", "count")
 SURFACE_SIZES = ("length", "depth")  # of a surface, beside `width` and `height`, which regions have, too
 
 
-def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: CallFrame) -> Value:
+def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: CallFrame) -> Value:
     """`base.name`. Raises SpecError."""
     origin = lowering.origin(node, frame)
     match base:
@@ -433,7 +394,7 @@ def member(lowering: Context, base: Value, node: ast.Member, name: str, frame: C
             raise lowering.error(NO_SUCH_PART, node, frame, what=base.kind, name=name)
 
 
-def _surface(lowering: Context, base: ObjectValue, index: int, name: str, origin: Span) -> Value | None:
+def _surface(lowering: Lowering, base: ObjectValue, index: int, name: str, origin: Span) -> Value | None:
     """The surface of that name of an object, or the list of those that are numbered; None where it has none."""
     if index >= FIRST:
         raise DependsOnValue
@@ -443,7 +404,7 @@ def _surface(lowering: Context, base: ObjectValue, index: int, name: str, origin
     return ListValue(tuple(named), origin=origin) if named else None
 
 
-def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: str, frame: CallFrame) -> Value:
+def _of_region(lowering: Lowering, region: RegionValue, node: ast.Member, name: str, frame: CallFrame) -> Value:
     area, origin = region.area, lowering.origin(node, frame)
 
     def point(place: Point) -> PointValue:
@@ -466,7 +427,7 @@ def _of_region(lowering: Context, region: RegionValue, node: ast.Member, name: s
     raise lowering.error(NO_SUCH_PART, node, frame, what=f"`{region.name}`", name=name, known=MEMBERS)
 
 
-def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, frame: CallFrame) -> Value:
+def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, frame: CallFrame) -> Value:
     """`base[place]`, counted from 1. Raises SpecError."""
     origin = lowering.origin(node, frame)
     if isinstance(base, AnyValue):
@@ -487,7 +448,7 @@ def index(lowering: Context, base: Value, place: NumberValue, node: ast.Index, f
     return items[which - 1]
 
 
-def whole_number(lowering: Context, number: NumberValue, node: ast.Expr, frame: CallFrame, what: str) -> int:
+def whole_number(lowering: Lowering, number: NumberValue, node: ast.Expr, frame: CallFrame, what: str) -> int:
     """A number that counts. Raises SpecError for one that depends on the scene, has a unit or is not whole."""
     value = lowering.builder.value(number.node)
     if value is None:
@@ -497,3 +458,125 @@ def whole_number(lowering: Context, number: NumberValue, node: ast.Expr, frame: 
     if value != int(value):
         raise lowering.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=value)
     return int(value)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Numbers of what a choice picks.
+
+
+MOST_CASES = 512  # combinations of choices that are distinguished for one pair of objects
+
+
+def options_of(
+    which: int, supports: Mapping[int, Support], choices: Mapping[int, SurfaceChoice]
+) -> tuple[Support, ...]:
+    """What an object can stand on; nothing where it stands on the table."""
+    if which in choices:
+        return choices[which].options
+    return (supports[which],) if which in supports else ()
+
+
+def picked(lowering: Lowering, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
+    """The number among some that the switch of a choice picks."""
+    builder = lowering.builder
+    switch = builder.coord(choice.switch, X)
+    found = numbers[-1]
+    for number, end in zip(reversed(numbers[:-1]), reversed(choice.ends[:-1]), strict=True):
+        if number != found:
+            found = builder.apply("pick", (switch, builder.const(end), number, found))
+    return found
+
+
+def of_options(lowering: Lowering, value: ChosenValue, number: Callable[[Value], NumberValue]) -> NumberValue:
+    """A number of what a choice picks: `number` gives it for each of the options."""
+    made = [number(one) for one in value.options]
+    choice = lowering.choices[value.chooser]
+    return NumberValue(picked(lowering, choice, [one.node for one in made]), made[0].unit, origin=made[0].origin)
+
+
+def level(lowering: Lowering, which: int) -> int:
+    """How high an object's lowest point is above the table: a number of the core."""
+    assert lowering.heights is not None
+    builder = lowering.builder
+    made: dict[int, int] = {}
+    stack = [which]
+    while stack:
+        one = stack[-1]
+        known = lowering.heights[one]
+        if known is not None:
+            made[one] = builder.const(known)
+        if one in made:
+            stack.pop()
+            continue
+        options = options_of(one, lowering.supports, lowering.choices)
+        waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in made]
+        if waiting:
+            stack.extend(waiting)
+            continue
+        stack.pop()
+        numbers = []
+        for under in options:
+            rise = builder.const(under.height)
+            numbers.append(rise if under.carrier is None else builder.apply("add", (made[under.carrier], rise)))
+        made[one] = picked(lowering, lowering.choices[one], numbers) if one in lowering.choices else numbers[0]
+    return made[which]
+
+
+def choosers(lowering: Lowering, things: Sequence[int]) -> list[int]:
+    """The objects whose choices decide how high some objects stand."""
+    found, stack, seen = list[int](), list(things), set[int]()
+    while stack:
+        one = stack.pop()
+        if one in seen:
+            continue
+        seen.add(one)
+        if one in lowering.choices:
+            found.append(one)
+        options = options_of(one, lowering.supports, lowering.choices)
+        stack.extend(under.carrier for under in options if under.carrier is not None)
+    return sorted(found)
+
+
+def by_cases(lowering: Lowering, things: Sequence[int], number: Callable[[Mapping[int, Support]], int]) -> int | None:
+    """A number of the core that depends on what some objects stand on: `number` gives it for the supports of each case.
+    None where there are too many cases."""
+    free = choosers(lowering, things)
+    return of_cases(lowering, {one: range(len(lowering.choices[one].options)) for one in free}, number)
+
+
+def of_cases(
+    lowering: Lowering, free: Mapping[int, Sequence[int]], number: Callable[[Mapping[int, Support]], int]
+) -> int | None:
+    """A number that depends on the choices of some objects: `free` says for each of a chooser's options which option
+    stands for it, one with the same number. `number` gives it for the supports of each case. None where there are too
+    many cases."""
+    apart = {one: sorted(set(classes)) for one, classes in free.items()}
+    if prod(map(len, apart.values())) > MOST_CASES:
+        return None
+    fixed = dict(lowering.supports)
+    values = [
+        number({**fixed, **{one: lowering.choices[one].options[at] for one, at in zip(apart, case, strict=True)}})
+        for case in product(*apart.values())
+    ]
+    for one in reversed(apart):  # the last object's options lie side by side
+        size = len(apart[one])
+        chunks = [
+            dict(zip(apart[one], values[start : start + size], strict=True)) for start in range(0, len(values), size)
+        ]
+        values = [picked(lowering, lowering.choices[one], [chunk[at] for at in free[one]]) for chunk in chunks]
+    return values[0]
+
+
+def height_in(which: int, supports: Mapping[int, Support]) -> float:
+    """How high an object stands where every support is known."""
+    total: list[float] = []
+    while which in supports:
+        under = supports[which]
+        total.append(under.height)
+        if under.carrier is None:
+            break
+        which = under.carrier
+    height = 0.0
+    for rise in reversed(total):  # added up as `heights` does, from the table
+        height += rise
+    return height

@@ -1,12 +1,12 @@
 """What can be said of names before any formula is expanded: does each exist, is each call well-formed, is nothing
-defined by itself. All mistakes are found in one go."""
+defined by itself. All mistakes are found in one go. In the end: which names nobody uses, and which hide another."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenegen.errors import Diagnostic, Source, Span, quoted
 from scenegen.errors.language import (
@@ -17,6 +17,7 @@ from scenegen.errors.language import (
     DUPLICATE_ARGUMENT,
     DUPLICATE_PARAMETER,
     DUPLICATE_VARIABLE,
+    HIDDEN_NAME,
     MISSING_ARGUMENTS,
     NO_ARGUMENTS,
     NOT_A_CONSTANT,
@@ -31,6 +32,7 @@ from scenegen.errors.language import (
     UNKNOWN_PARAMETER,
     UNKNOWN_RELATION,
     UNNAMED_AFTER_NAMED,
+    UNUSED_NAME,
     WRONG_NUMBER_OF_ARGUMENTS,
 )
 from scenegen.errors.time import TIME_MISSING
@@ -40,10 +42,13 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.foreign import PRIOR, RELATIONS, TABLES, THE_TABLE, of_relation, plain
 from scenegen.lang.syntax.parse import MOST_ERRORS
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import TEMPORAL
 from scenegen.pose import NAMES
 from scenegen.things.library import PLAIN
+
+if TYPE_CHECKING:
+    from scenegen.lang.check.draft import Draft
 
 BUILT = ("cabinet",)  # objects of the library that are made to order
 SHAPES = (*PLAIN, *BUILT, "category")  # what an object can be
@@ -327,3 +332,83 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
             stack.append((node.body, visible | {variable.id for variable in node.variables}))
             continue
         stack.extend((child, visible) for child in traversal.children(node))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Warnings: names that are never used, or hide something else.
+
+
+def unused(draft: Draft) -> list[Diagnostic]:
+    """The warnings of the spec's own statements, in the order of the text."""
+    scope, placed, bare = draft.scope, draft.placed, draft.module.bare
+    by_formulas, by_anything = draft.used, draft.lowering.used  # what definitions use is no use of formulas
+    out: list[Diagnostic] = []
+    for one in placed:
+        if not scope.is_own(one.source):
+            continue
+        match one.statement:
+            case ast.Definition(name, parameters, body):
+                if name.id not in by_formulas:
+                    out.append(
+                        UNUSED_NAME(
+                            name.span(one.source), kind="definition", name=name.id, reason="no formula calls it"
+                        )
+                    )
+                inside = _free_names(body)
+                for parameter in parameters:
+                    out.extend(_hidden(parameter.name, "parameter", scope, one.source))
+                    if parameter.name.id not in inside:
+                        here, reason = parameter.name.span(one.source), f"the body of `{name.id}` has none"
+                        out.append(UNUSED_NAME(here, kind="parameter", name=parameter.name.id, reason=reason))
+            case ast.Constant(name) | ast.Region(name):
+                if name.id not in by_anything:
+                    kind = "constant" if isinstance(one.statement, ast.Constant) else "region"
+                    out.append(
+                        UNUSED_NAME(name.span(one.source), kind=kind, name=name.id, reason="nothing mentions it")
+                    )
+            case _:
+                pass
+        for expr in traversal.expressions(one.statement):
+            out.extend(_shadowing(expr, scope, one.source))
+    if bare is not None:
+        out.extend(_shadowing(bare, scope, scope.source))
+    return out
+
+
+def _hidden(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    if name.id in scope.things and not scope.inferred:
+        what = "an array" if scope.things[name.id].is_array else "an object"
+    elif name.id in scope.constants:
+        what = "a constant"
+    elif name.id in scope.regions:
+        what = "a region"
+    elif name.id in scope.labels:
+        what = "a label"
+    else:
+        return
+    yield HIDDEN_NAME(name.span(source), kind=kind, name=name.id, what=what)
+
+
+def _shadowing(root: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    stack: list[ast.Expr | ast.Argument] = [root]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ast.Quantifier):
+            inside = _free_names(node.body)
+            for variable in node.variables:
+                yield from _hidden(variable, "variable", scope, source)
+                if variable.id not in inside:
+                    here, reason = variable.span(source), "every round says the same"
+                    yield UNUSED_NAME(here, kind="variable", name=variable.id, reason=reason)
+        stack.extend(reversed(traversal.children(node)))
+
+
+def _free_names(root: ast.Expr) -> set[str]:
+    names: set[str] = set()
+    stack: list[ast.Expr | ast.Argument] = [root]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ast.Name):
+            names.add(node.id)
+        stack.extend(traversal.children(node))
+    return names

@@ -28,16 +28,27 @@ from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.geometry.footprint import convex_hull, is_convex
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, FARTHEST, LARGEST, SMALLEST, Workspace
-from scenegen.lang.check.context import Call, CallFrame, run
 from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import AREAS, SHAPES, bind
-from scenegen.lang.check.scope import Area, Declared, Point, Signature, board_gap, disc, polygon, rectangle
-from scenegen.lang.check.values import AnyValue, ListValue, PointValue, Value
+from scenegen.lang.check.scope import Declared, Signature
+from scenegen.lang.check.values import (
+    AnyValue,
+    Area,
+    CallFrame,
+    ListValue,
+    Point,
+    PointValue,
+    Value,
+    board_gap,
+    disc,
+    polygon,
+    rectangle,
+)
 from scenegen.lang.syntax import ast
 from scenegen.things.palette import NAMED, hex_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.context import Context
+    from scenegen.lang.check.expressions import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -61,7 +72,7 @@ SIGNATURES = {
 }
 
 
-def number(lowering: Context, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
+def number(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
     """A constant length. Raises SpecError."""
     number = lowering.coerce.number(value, what)
     amount = lowering.builder.value(number.node)
@@ -72,7 +83,7 @@ def number(lowering: Context, value: Value, expr: ast.Expr, source: Source, what
     return amount
 
 
-def point(lowering: Context, value: Value, what: str) -> Point:
+def point(lowering: Lowering, value: Value, what: str) -> Point:
     """A constant point. Raises SpecError."""
     if not isinstance(value, PointValue):
         raise lowering.coerce.wrong(value, "a point", what)
@@ -84,7 +95,7 @@ def point(lowering: Context, value: Value, what: str) -> Point:
     return x, y
 
 
-def size(lowering: Context, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
+def size(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
     """A constant length that something can measure. Raises SpecError."""
     amount = number(lowering, value, expr, source, what)
     if not SMALLEST <= amount <= LARGEST:
@@ -95,7 +106,7 @@ def size(lowering: Context, value: Value, expr: ast.Expr, source: Source, what: 
 Arguments = dict[str, tuple[Value, ast.Expr]]
 
 
-def arguments(lowering: Context, call: ast.Call, source: Source) -> Call[Arguments]:
+def arguments(lowering: Lowering, call: ast.Call, source: Source) -> Arguments:
     """The arguments of a shape by parameter, each with the expression it was written as. Raises SpecError."""
     given = bind(call, SIGNATURES[call.function.id], source)
     if isinstance(given, Diagnostic):
@@ -109,7 +120,7 @@ def arguments(lowering: Context, call: ast.Call, source: Source) -> Call[Argumen
             what = "a text" if isinstance(expr, ast.Text) else "a shape"
             usage = SIGNATURES[call.function.id].usage
             raise SpecError(MISPLACED_VALUE(expr.span(source), what=what, parameter=name, usage=usage))
-        value = yield lowering.lower(expr, {}, CallFrame(source))
+        value = lowering.evaluate(expr, CallFrame(source))
         values[name] = (value, expr)
     return values
 
@@ -128,7 +139,7 @@ def color(given: Arguments, source: Source) -> str:
     return found
 
 
-def corners(lowering: Context, value: Value, expr: ast.Expr, source: Source) -> tuple[Point, ...]:
+def corners(lowering: Lowering, value: Value, expr: ast.Expr, source: Source) -> tuple[Point, ...]:
     """The corners of a convex polygon, counter-clockwise. Raises SpecError."""
     if not isinstance(value, ListValue):
         raise lowering.coerce.wrong(value, "a list of corners", "a polygon")
@@ -145,15 +156,15 @@ ROUNDING = 1e-9  # metres: heights in a text are rounded
 NARROWEST = 1e-9  # least width of the workspace, relative to its distance from the origin
 
 
-def workspace(lowering: Context, source: Source, statement: ast.Workspace) -> Workspace:
+def workspace(lowering: Lowering, source: Source, statement: ast.Workspace) -> Workspace:
     """The rectangle of a `workspace` statement. Raises SpecError."""
     return Workspace(_interval(lowering, source, statement.x, "x"), _interval(lowering, source, statement.y, "y"))
 
 
-def _interval(lowering: Context, source: Source, interval: ast.Interval, axis: str) -> tuple[float, float]:
+def _interval(lowering: Lowering, source: Source, interval: ast.Interval, axis: str) -> tuple[float, float]:
     ends = []
     for expr in (interval.lowest, interval.highest):
-        value = run(lowering.lower(expr, {}, CallFrame(source)))
+        value = lowering.evaluate(expr, CallFrame(source))
         ends.append(number(lowering, value, expr, source, "the workspace"))
     lowest, highest = ends
     here = interval.span(source)
@@ -167,16 +178,16 @@ def _interval(lowering: Context, source: Source, interval: ast.Interval, axis: s
     return lowest, highest
 
 
-def areas(lowering: Context, declared: Declared) -> Call[None]:
+def areas(lowering: Lowering, declared: Declared) -> None:
     """Puts the place of a `region` statement into `lowering.areas`, or those of `shelf[1]`, `shelf[2]` and so on.
     Raises SpecError."""
     statement, source = declared.statement, declared.source
     assert isinstance(statement, ast.Region)
     name = statement.name.id
-    flat: Area = yield _area(lowering, declared)
+    flat: Area = _area(lowering, declared)
     levels = []
     for expr in statement.levels:
-        value: Value = yield lowering.lower(expr, {}, CallFrame(source))
+        value: Value = lowering.evaluate(expr, CallFrame(source))
         level = number(lowering, value, expr, source, "the height of a region")
         if not 0.0 <= level <= LARGEST:
             raise SpecError(LEVEL_OUT_OF_RANGE(expr.span(source), level=level, most=LARGEST))
@@ -188,7 +199,7 @@ def areas(lowering: Context, declared: Declared) -> Call[None]:
         return
     if isinstance(statement.count, ast.Range):
         raise SpecError(COUNT_OF_LEVELS(statement.count.span(source), name=name, levels=len(levels) or None))
-    given: Value = yield lowering.lower(statement.count, {}, CallFrame(source))
+    given: Value = lowering.evaluate(statement.count, CallFrame(source))
     frame = CallFrame(source)
     what = "the number of levels"
     count = whole_number(lowering, lowering.coerce.number(given, what), statement.count, frame, what)
@@ -199,7 +210,7 @@ def areas(lowering: Context, declared: Declared) -> Call[None]:
     lowering.levels[name] = count
 
 
-def level_clash(lowering: Context, declared: Sequence[Declared]) -> list[Diagnostic]:
+def level_clash(lowering: Lowering, declared: Sequence[Declared]) -> list[Diagnostic]:
     """A diagnostic for each board that shares space with an earlier one."""
     problems = []
     earlier: list[tuple[str, Area]] = []
@@ -217,7 +228,7 @@ def level_clash(lowering: Context, declared: Sequence[Declared]) -> list[Diagnos
     return problems
 
 
-def _area(lowering: Context, declared: Declared) -> Call[Area]:
+def _area(lowering: Lowering, declared: Declared) -> Area:
     statement, source = declared.statement, declared.source
     assert isinstance(statement, ast.Region)
     call = statement.shape
@@ -227,7 +238,7 @@ def _area(lowering: Context, declared: Declared) -> Call[Area]:
     kind = call.function.id
     if kind == "polygon" and (len(call.arguments) != 1 or isinstance(call.arguments[0].value, ast.Point)):
         raise SpecError(CORNERS_NOT_A_LIST(call.span(source)))
-    given: Arguments = yield arguments(lowering, call, source)
+    given: Arguments = arguments(lowering, call, source)
     if kind == "circle":
         center = point(lowering, given["center"][0], "the centre of a circle")
         return disc(center, size(lowering, *given["radius"], source, "the radius of a circle"))

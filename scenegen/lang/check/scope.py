@@ -12,14 +12,13 @@ from functools import cache
 
 from scenegen.errors import Diagnostic, Source, Span
 from scenegen.errors.language import BUILT_IN_NAME, DEFINED_TWICE
-from scenegen.geometry import MATH, PRIMITIVES
-from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
-from scenegen.geometry.workspace import BOARD, Workspace
+from scenegen.geometry import PRIMITIVES
 from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.spec import Count
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.parse import parse
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.pose import NAMES
 from scenegen.resources import grammar_file
 
@@ -139,8 +138,6 @@ class Scope:
 
 
 def signature_of(definition: ast.Definition) -> Signature:
-    from scenegen.lang.syntax.pieces import print_expr
-
     names = tuple(parameter.name.id for parameter in definition.parameters)
     shown = [
         one.name.id if one.default is None else f"{one.name.id} = {print_expr(one.default)}"
@@ -349,79 +346,56 @@ def _infer_objects(source: Source, placed: Sequence[SourcedStatement], bare: ast
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# Regions and their named points: what `placemat.left` and `workspace.center` stand for.
+# The definitions of the prelude with what its comments say of them.
 
 
-Point = tuple[float, float]
+@dataclass(frozen=True)
+class RelationEntry:
+    """A definition with the comment above it, which is its meaning."""
 
-SIDES = ("left", "right", "top", "bottom", "center")
-CORNERS = ("topLeft", "topRight", "bottomLeft", "bottomRight")
-SIZES = ("width", "height")
-MEMBERS = (*SIDES, *CORNERS, "corners", *SIZES)
-
-
-@dataclass(frozen=True, slots=True)
-class Area:
-    """A part of the table, or a board at a height, as it was written: bounding box (left, bottom, right, top), centre,
-    and corners counter-clockwise, in metres. A circle has no corners. `kind` is the word that made it; `z` is how high
-    its top is above the table."""
-
-    kind: str
-    box: tuple[float, float, float, float]
-    center: Point
-    corners: tuple[Point, ...]
-    z: float = 0.0
+    definition: ast.Definition
+    meaning: str
 
     @property
-    def footprint(self) -> Footprint:
-        """What it covers, in the frame of its centre."""
-        left, bottom, right, top = self.box
-        match self.kind:
-            case "circle":
-                return Circle((right - left) / 2.0)
-            case "polygon":
-                x, y = self.center
-                return Polygon(tuple((px - x, py - y) for px, py in self.corners))
-            case _:
-                return Box(right - left, top - bottom)
+    def name(self) -> str:
+        return self.definition.name.id
 
-    def side(self, name: str) -> Point:
-        """The middle of a side of the bounding box, or the centre."""
-        left, bottom, right, top = self.box
-        x, y = (left + right) / 2.0, (bottom + top) / 2.0
-        sides = {"left": (left, y), "right": (right, y), "top": (x, top), "bottom": (x, bottom), "center": self.center}
-        return sides[name]
-
-    def corner(self, name: str) -> Point:
-        """A corner of a rectangle."""
-        left, bottom, right, top = self.box
-        return (left if name.endswith("Left") else right), (top if name.startswith("top") else bottom)
+    @property
+    def usage(self) -> str:
+        """How it is called: `closeTo(a, b, e = EPS_CLOSE)`."""
+        return signature_of(self.definition).usage
 
 
-def rectangle(left: float, bottom: float, right: float, top: float, kind: str = "rect") -> Area:
-    corners = ((left, bottom), (right, bottom), (right, top), (left, top))
-    return Area(kind, (left, bottom, right, top), ((left + right) / 2.0, (bottom + top) / 2.0), corners)
+@dataclass(frozen=True)
+class RelationGroup:
+    """The definitions under one heading of the prelude."""
+
+    title: str
+    entries: list[RelationEntry]
 
 
-def disc(center: Point, radius: float) -> Area:
-    x, y = center
-    return Area("circle", (x - radius, y - radius, x + radius, y + radius), center, ())
+def groups() -> Iterator[RelationGroup]:
+    """The definitions under the headings `# ---- title` of the prelude, in its order."""
+    module = prelude()
+    definitions = {one.start: one for one in module.statements if isinstance(one, ast.Definition)}
+    title, entries, comment, place = "", list[RelationEntry](), list[str](), 0
+    for line in module.source.text.splitlines(keepends=True):
+        if line.startswith("# ---- "):
+            if entries:
+                yield RelationGroup(title, entries)
+            title, entries, comment = line.removeprefix("# ---- ").strip(), [], []
+        elif line.startswith("#"):
+            comment.append(line.removeprefix("#").strip())
+        elif place in definitions:
+            entries.append(RelationEntry(definitions[place], " ".join(comment)))
+        elif not line.strip():
+            comment = []
+        place += len(line)
+    yield RelationGroup(title, entries)
 
 
-def polygon(corners: Sequence[Point], center: Point) -> Area:
-    """A convex polygon; `corners` counter-clockwise."""
-    xs, ys = zip(*corners, strict=True)
-    return Area("polygon", (min(xs), min(ys), max(xs), max(ys)), center, tuple(corners))
-
-
-def whole(workspace: Workspace) -> Area:
-    """The workspace as a region."""
-    (left, right), (bottom, top) = workspace.x, workspace.y
-    return rectangle(left, bottom, right, top, "workspace")
-
-
-def board_gap(one: Area, other: Area) -> float:
-    """The clearance of the boards of two regions, in metres: see `apart`."""
-    gap = PRIMITIVES["gap"].evaluate
-    beside = float(gap(MATH, one.footprint, other.footprint, *one.center, 0.0, *other.center, 0.0))
-    return max(beside, one.z - min(BOARD, one.z) - other.z, other.z - min(BOARD, other.z) - one.z)
+def defaults(definition: ast.Definition) -> dict[str, str]:
+    """The constants of the prelude that stand for parameters left out, with their values."""
+    values = {one.name.id: print_expr(one.value) for one in prelude().statements if isinstance(one, ast.Constant)}
+    used = dict.fromkeys(print_expr(one.default) for one in definition.parameters if one.default is not None)
+    return {name: values[name] for name in used if name in values}

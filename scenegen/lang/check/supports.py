@@ -2,13 +2,17 @@
 
 A support is a surface of another object, in that object's frame, or a region of the table. It gives the object its own
 box of centres and one requirement more, and makes its height a constant of the spec (docs/adr/0011-supports.md).
+
+It can be a choice: `object book on any of [shelf[1], shelf[2], workspace]`. Which surface a scene has is a coordinate
+like others, a number in [0, 1] of a further entry of the core's objects, the switch, so that samplers, bounds and
+backward rules need to know nothing of choices: the requirement becomes a disjunction over parts of that interval.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Span, SpecError
@@ -27,14 +31,12 @@ from scenegen.errors.declarations import (
     TOO_TALL_FOR_SURFACE,
 )
 from scenegen.geometry import MATH, PRIMITIVES
-from scenegen.geometry.footprint import POINT, Box
+from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon, clipped, standing_area
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, Workspace
-from scenegen.lang.check.choices import area_of, choose, cut_off, grouped
-from scenegen.lang.check.context import CallFrame, run
-from scenegen.lang.check.declare import not_open
-from scenegen.lang.check.scope import Area, DeclaredObject
-from scenegen.lang.check.values import ListValue, ObjectValue, RegionValue, SurfaceValue, Value
+from scenegen.lang.check.objects import not_open
+from scenegen.lang.check.scope import DeclaredObject
+from scenegen.lang.check.values import Area, CallFrame, ListValue, ObjectValue, RegionValue, SurfaceValue, Value
 from scenegen.lang.formula.builder import FALSE, TRUE
 from scenegen.lang.spec import Pose, Support, SurfaceChoice
 from scenegen.lang.syntax import ast
@@ -44,7 +46,7 @@ from scenegen.things import Shape
 from scenegen.things.surfaces import SupportSurface, fits, reach_of, surfaces_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.lower import Lowering
+    from scenegen.lang.check.expressions import Lowering
 
 ROUNDING = 1e-9  # metres: sizes and poses in a text are rounded
 SWITCH = (0.0, 1.0)  # the range of a choice's number
@@ -65,9 +67,9 @@ def supports(lowering: Lowering, thing: DeclaredObject, places: Sequence[int]) -
     if one.choice:
         return _choices(lowering, one.support, places, here, frame)
     if thing.is_array and isinstance(one.support, ast.List):
-        values: list[Value] = [run(lowering.lower(part, {}, frame)) for part in one.support.items]
+        values: list[Value] = [lowering.evaluate(part, frame) for part in one.support.items]
     else:
-        value = run(lowering.lower(one.support, {}, frame))
+        value = lowering.evaluate(one.support, frame)
         values = list(value.items) if isinstance(value, ListValue) and thing.is_array else [value] * len(places)
     if len(values) != len(places):
         raise SpecError(SUPPORT_COUNT(here, objects=len(places), surfaces=len(values)))
@@ -80,9 +82,9 @@ def _choices(
     """The surfaces of `on any of [...]`, the same for each object."""
     parts: list[tuple[Value, Span]]
     if isinstance(written, ast.List):
-        parts = [(run(lowering.lower(part, {}, frame)), part.span(here.source)) for part in written.items]
+        parts = [(lowering.evaluate(part, frame), part.span(here.source)) for part in written.items]
     else:
-        value = run(lowering.lower(written, {}, frame))
+        value = lowering.evaluate(written, frame)
         if not isinstance(value, ListValue):
             raise SpecError(CHOICE_NOT_A_LIST(here, found=value.kind, written=here.text))
         parts = [(item, here) for item in value.items]
@@ -338,3 +340,65 @@ def _on_one(lowering: Lowering, which: int, choice: SurfaceChoice, span: Span) -
         parts.append(builder.junction("min", [*ends, _on(lowering, which, options[0], text, span)], text))
     names = ", ".join(one.name for one in choice.options)
     return builder.junction("max", parts, f"{name} on any of [{names}]")
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The surfaces of a choice, and their shares of its switch.
+
+
+def area_of(upper: Footprint, one: Support) -> float:
+    """The area on which an object's centre can be on a surface, in square metres."""
+    return standing_area(upper if one.walled else POINT, one.outline)
+
+
+def choose(upper: Footprint, options: Sequence[Support], switch: int, *, by_area: bool) -> SurfaceChoice:
+    """The choice among some surfaces, equally likely or by the area on which the object can stand.
+
+    All share one box of centres, and centres that are not on the surface chosen are left out. That alone makes a
+    surface as likely as its area is large; for equal shares, its part of the switch is the larger the smaller it is.
+    """
+    weights = [1.0 if by_area else 1.0 / area_of(upper, one) for one in options]
+    total, ends = 0.0, []
+    for weight in weights:
+        total += weight
+        ends.append(total)
+    return SurfaceChoice(switch, tuple(options), (*(end / total for end in ends[:-1]), 1.0))
+
+
+def cut_off(under: Support, space: Workspace) -> Support | None:
+    """A region without what lies outside of the workspace, where no centre is; None where nothing is left of it, or
+    where that is no footprint."""
+    left, bottom, right, top = under.box
+    (x0, x1), (y0, y1) = space.x, space.y
+    if under.carrier is not None or (x0 <= left and right <= x1 and y0 <= bottom and top <= y1):
+        return under
+    left, bottom, right, top = max(left, x0), max(bottom, y0), min(right, x1), min(top, y1)
+    if not (left < right and bottom < top) or isinstance(under.outline, Circle):
+        return None
+    x, y, _ = under.pose
+    outline: Footprint
+    if isinstance(under.outline, Box):
+        outline, (x, y) = Box(right - left, top - bottom), ((left + right) / 2.0, (bottom + top) / 2.0)
+    else:
+        points = clipped(under.outline.vertices, (left - x, bottom - y, right - x, top - y))
+        if len(points) < 3:
+            return None
+        outline = Polygon(points)
+    box = (left, bottom, right, top)
+    return Support(under.name, None, outline, under.height, pose=(x, y, 0.0), box=box)
+
+
+def grouped(choice: SurfaceChoice) -> Iterator[tuple[float, float, tuple[Support, ...]]]:
+    """Neighbouring options with one outline at one place, such as the boards of a shelf, and where they lie on the
+    switch."""
+    low = 0.0
+    run: list[Support] = []
+    for one, end, after in zip(choice.options, choice.ends, (*choice.options[1:], None), strict=True):
+        run.append(one)
+        if after is None or _place(after) != _place(one):
+            yield low, end, tuple(run)
+            low, run = end, []
+
+
+def _place(one: Support) -> tuple[object, ...]:
+    return one.carrier, one.outline, one.walled, one.pose

@@ -1,4 +1,4 @@
-"""What an expression stands for while the checker expands it."""
+"""What an expression stands for while the checker expands it, and where that is."""
 
 from __future__ import annotations
 
@@ -7,15 +7,108 @@ from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import ClassVar, overload
 
-from scenegen.errors import Span, SpecError
+from scenegen.errors import Source, Span, SpecError
 from scenegen.errors.declarations import MEASURED_TOO_EARLY
 from scenegen.errors.language import MISSING_ARGUMENTS, MIXED_LIST, NOT_FINITE, UNKNOWN_NAME, WRONG_TYPE
-from scenegen.geometry.footprint import POINT, Footprint
+from scenegen.geometry import MATH, PRIMITIVES
+from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon
 from scenegen.geometry.units import BARE, LENGTH, Unit
-from scenegen.lang.check.scope import NO_NUMBERS, Area, Scope
+from scenegen.geometry.workspace import BOARD, Workspace
+from scenegen.lang.check.scope import NO_NUMBERS, Scope
 from scenegen.lang.formula.builder import TRUE, CoreBuilder
 from scenegen.lang.spec import Pose
+from scenegen.lang.syntax import ast
 from scenegen.things.surfaces import SupportSurface
+
+# --------------------------------------------------------------------------------------------------------------------
+# Regions and their named points: what `placemat.left` and `workspace.center` stand for.
+
+
+Point = tuple[float, float]
+
+
+SIDES = ("left", "right", "top", "bottom", "center")
+
+
+CORNERS = ("topLeft", "topRight", "bottomLeft", "bottomRight")
+
+
+SIZES = ("width", "height")
+
+
+MEMBERS = (*SIDES, *CORNERS, "corners", *SIZES)
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A part of the table, or a board at a height, as it was written: bounding box (left, bottom, right, top), centre,
+    and corners counter-clockwise, in metres. A circle has no corners. `kind` is the word that made it; `z` is how high
+    its top is above the table."""
+
+    kind: str
+    box: tuple[float, float, float, float]
+    center: Point
+    corners: tuple[Point, ...]
+    z: float = 0.0
+
+    @property
+    def footprint(self) -> Footprint:
+        """What it covers, in the frame of its centre."""
+        left, bottom, right, top = self.box
+        match self.kind:
+            case "circle":
+                return Circle((right - left) / 2.0)
+            case "polygon":
+                x, y = self.center
+                return Polygon(tuple((px - x, py - y) for px, py in self.corners))
+            case _:
+                return Box(right - left, top - bottom)
+
+    def side(self, name: str) -> Point:
+        """The middle of a side of the bounding box, or the centre."""
+        left, bottom, right, top = self.box
+        x, y = (left + right) / 2.0, (bottom + top) / 2.0
+        sides = {"left": (left, y), "right": (right, y), "top": (x, top), "bottom": (x, bottom), "center": self.center}
+        return sides[name]
+
+    def corner(self, name: str) -> Point:
+        """A corner of a rectangle."""
+        left, bottom, right, top = self.box
+        return (left if name.endswith("Left") else right), (top if name.startswith("top") else bottom)
+
+
+def rectangle(left: float, bottom: float, right: float, top: float, kind: str = "rect") -> Area:
+    corners = ((left, bottom), (right, bottom), (right, top), (left, top))
+    return Area(kind, (left, bottom, right, top), ((left + right) / 2.0, (bottom + top) / 2.0), corners)
+
+
+def disc(center: Point, radius: float) -> Area:
+    x, y = center
+    return Area("circle", (x - radius, y - radius, x + radius, y + radius), center, ())
+
+
+def polygon(corners: Sequence[Point], center: Point) -> Area:
+    """A convex polygon; `corners` counter-clockwise."""
+    xs, ys = zip(*corners, strict=True)
+    return Area("polygon", (min(xs), min(ys), max(xs), max(ys)), center, tuple(corners))
+
+
+def whole(workspace: Workspace) -> Area:
+    """The workspace as a region."""
+    (left, right), (bottom, top) = workspace.x, workspace.y
+    return rectangle(left, bottom, right, top, "workspace")
+
+
+def board_gap(one: Area, other: Area) -> float:
+    """The clearance of the boards of two regions, in metres: see `apart`."""
+    gap = PRIMITIVES["gap"].evaluate
+    beside = float(gap(MATH, one.footprint, other.footprint, *one.center, 0.0, *other.center, 0.0))
+    return max(beside, one.z - min(BOARD, one.z) - other.z, other.z - min(BOARD, other.z) - one.z)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Values.
+
 
 LONGEST = 40  # characters of the user's text that a help line repeats
 
@@ -144,6 +237,26 @@ class FormulaValue(Value):
 @dataclass(frozen=True, slots=True)
 class AnyValue(Value):
     """A parameter of a definition that nobody calls: it may be anything, so only the rest of the body is checked."""
+
+
+MOST_VARIABLES = 4  # how many variables of quantifiers a note names
+
+
+@dataclass(frozen=True, slots=True)
+class CallFrame:
+    """The source of the text at hand, and the calls that led here, innermost first.
+
+    `text` is the call being expanded, `body` the definition's formula; both are unset outside definitions. `where`
+    says what the variables of quantifiers stand for, innermost last; `rounds` is how often the quantifiers around, in
+    the same formula, come by here.
+    """
+
+    source: Source
+    calls: tuple[Span, ...] = ()
+    text: str = ""
+    body: ast.Expr | None = None
+    where: tuple[Mapping[str, Value], ...] = ()
+    rounds: int = 1
 
 
 def check_alike(items: Sequence[Value]) -> None:
@@ -317,3 +430,11 @@ class Coercion:
     def covers(self, index: int) -> Footprint:
         """What an object covers, in its own frame."""
         return self.footprints[index] if index < len(self.footprints) else self.stand_ins[index]
+
+
+def key_of(value: Value) -> object:
+    """What tells an argument from another, in time that does not grow with it: lists by identity. It stays true while
+    somebody holds the list."""
+    if isinstance(value, ListValue | NeighboursValue) and isinstance(value.items, tuple):
+        return id(value.items)
+    return value

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from scenegen.errors import quoted
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, corners, measures, standing_area
-from scenegen.lang.check.choices import options_of
+from scenegen.lang.check.heights import options_of
 from scenegen.lang.formula.core import Apply, Const, Coord, Junction, Node
 from scenegen.lang.spec import CheckedSpec, Support
 from scenegen.pose import PLACE, THETA, TWO_PI, X, axis_of, row_of

@@ -25,7 +25,7 @@ from scenegen.errors.worlds import (
 )
 from scenegen.geometry import Circle
 from scenegen.lang.checker import check_text
-from scenegen.lang.syntax.format import format_source
+from scenegen.lang.syntax.printer import format_source
 from scenegen.things.surfaces import reach_of
 from scenegen.worlds.pddl.goal import (
     COMMON,

@@ -21,11 +21,10 @@ from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.errors.worlds import FACTS_MEAN_NOTHING, TOO_MANY_FACTS
 from scenegen.geometry import NUMPY
 from scenegen.geometry.units import ANGLE, LENGTH
-from scenegen.lang.check.context import CallFrame, run
-from scenegen.lang.check.lower import Lowering
+from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.names import resolve
 from scenegen.lang.check.scope import LABEL, Declared, Scope, signature_of
-from scenegen.lang.check.values import FormulaValue, NumberValue, ObjectValue, RegionValue, Value
+from scenegen.lang.check.values import CallFrame, FormulaValue, NumberValue, ObjectValue, RegionValue, Value
 from scenegen.lang.checker import check_module
 from scenegen.lang.formula.builder import FALSE, TRUE, FormulaTooLarge
 from scenegen.lang.formula.core import Atom, Coord, Core, Junction
@@ -33,7 +32,7 @@ from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 from scenegen.worlds.pddl.goal import relation as meaning
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -386,7 +385,7 @@ class _Expansion:
         formulas = formulas if bare is None else {LABEL: bare}
         made: dict[str, int] = {}
         for name, formula in formulas.items():
-            value = run(self._lowering.lower(formula, {}, CallFrame(self.module.source)))
+            value = self._lowering.evaluate(formula, CallFrame(self.module.source))
             made[name] = self._lowering.coerce.formula(value, f"`{name}`")
         return made
 
@@ -467,7 +466,7 @@ class _Expansion:
             node, frame = self._parse(name), self._frame(name)
             place = self._lowering.scope.objects.get(name)
             self._values[name] = (
-                run(self._lowering.lower(node, {}, frame))
+                self._lowering.evaluate(node, frame)
                 if place is None
                 else ObjectValue(place, origin=self._lowering.origin(node, frame))  # one that may be missing is there
             )
@@ -477,7 +476,7 @@ class _Expansion:
         """The node of a formula's text; None where the checker refuses it."""
         self._lowering.inside = 0  # the limits are those of one spec, and this is many
         try:
-            value = run(self._lowering.lower(self._parse(text), dict(env), self._frame(text)))
+            value = self._lowering.evaluate(self._parse(text), self._frame(text), env)
         except (SpecError, FormulaTooLarge):
             return None
         return value.node if isinstance(value, FormulaValue) else None

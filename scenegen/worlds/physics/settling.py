@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNSETTLED
-from scenegen.lang.check.heights import levels
+from scenegen.lang.spec import levels
 from scenegen.needs import need
 from scenegen.pose import as_poses, flat, row_count
 from scenegen.processes.pool import Pool

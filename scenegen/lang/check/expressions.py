@@ -7,9 +7,12 @@ wrote it, so a mistake that shows deep inside the prelude is reported at the arg
 from __future__ import annotations
 
 import math
+import sys
+import threading
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from types import MappingProxyType, TracebackType
+from typing import Any, TypeGuard
 
 from scenegen.errors import Diagnostic, Kind, Span, SpecError
 from scenegen.errors.declarations import NO_OBJECTS, WORKSPACE_OF_ITSELF
@@ -28,25 +31,25 @@ from scenegen.errors.language import (
 from scenegen.geometry import PRIMITIVES, Footprint, UnitMismatch
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, Unit, agree, quantity
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.check import context as blame
-from scenegen.lang.check.context import Call, CallFrame, Context
 from scenegen.lang.check.functions import (
     OF_SUPPORT,
     function,
     joined,
-    key_of,
     list_function,
     note_elsewhere,
     step_function,
+    temporal,
 )
 from scenegen.lang.check.heights import height_function, index, member
 from scenegen.lang.check.names import bind
-from scenegen.lang.check.quantify import MAX_STEPS, MOST_FORESEEN, quantify, too_many
-from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Area, Declared, Scope
+from scenegen.lang.check.quantifiers import MAX_STEPS, MOST_FORESEEN, quantify, too_many
+from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Declared, Scope
 from scenegen.lang.check.template import FIRST, DependsOnValue, placeholders
-from scenegen.lang.check.temporal import temporal
 from scenegen.lang.check.values import (
+    MOST_VARIABLES,
     AnyValue,
+    Area,
+    CallFrame,
     ChosenValue,
     Coercion,
     FormulaValue,
@@ -59,6 +62,7 @@ from scenegen.lang.check.values import (
     SurfaceValue,
     Value,
     check_alike,
+    key_of,
 )
 from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.timed import Horizon
@@ -73,7 +77,7 @@ from scenegen.things import Shape
 # What a name stands for: a bound value, objects, a region, a constant or a label.
 
 
-def refer(lowering: Context, node: ast.Name, env: Mapping[str, Value], frame: CallFrame) -> Call[Value]:
+def refer(lowering: Lowering, node: ast.Name, env: Mapping[str, Value], frame: CallFrame) -> Value:
     if node.id in env:
         return env[node.id]
     origin = lowering.origin(node, frame)
@@ -81,7 +85,7 @@ def refer(lowering: Context, node: ast.Name, env: Mapping[str, Value], frame: Ca
         return objects(lowering, node, frame, origin)
     if node.id == "workspace" or node.id in lowering.scope.regions:
         if node.id not in lowering.areas and node.id not in lowering.levels:
-            (yield _region(lowering, node, frame))
+            _region(lowering, node, frame)
         lowering.used.add(node.id)
         if node.id in lowering.levels:
             names = [f"{node.id}[{which}]" for which in range(1, lowering.levels[node.id] + 1)]
@@ -92,7 +96,7 @@ def refer(lowering: Context, node: ast.Name, env: Mapping[str, Value], frame: Ca
     if node.id not in lowering.values:
         declared = lowering.scope.constants.get(node.id) or lowering.scope.labels[node.id]
         (expr,) = traversal.expressions(declared.statement)
-        value: Value = yield lowering.lower(expr, {}, CallFrame(declared.source))
+        value: Value = lowering.lower(expr, {}, CallFrame(declared.source))
         if isinstance(declared.statement, ast.Label):
             lowering.coerce.formula(value, f"`{node.id}`")
         lowering.values[node.id] = value
@@ -101,15 +105,15 @@ def refer(lowering: Context, node: ast.Name, env: Mapping[str, Value], frame: Ca
     return lowering.values[node.id].moved(origin)
 
 
-def _region(lowering: Context, node: ast.Name, frame: CallFrame) -> Call[None]:
+def _region(lowering: Lowering, node: ast.Name, frame: CallFrame) -> None:
     from scenegen.lang.check.regions import areas
 
     if node.id == "workspace":
         raise lowering.error(WORKSPACE_OF_ITSELF, node, frame)
-    yield areas(lowering, lowering.scope.regions[node.id])
+    areas(lowering, lowering.scope.regions[node.id])
 
 
-def objects(lowering: Context, node: ast.Name, frame: CallFrame, origin: Span) -> Value:
+def objects(lowering: Lowering, node: ast.Name, frame: CallFrame, origin: Span) -> Value:
     """An object, an array or all objects. Raises SpecError while the objects are still being declared."""
     if not lowering.scope.things:
         raise lowering.error(NO_OBJECTS, node, frame)
@@ -125,16 +129,15 @@ def objects(lowering: Context, node: ast.Name, frame: CallFrame, origin: Span) -
 # Calls: definitions expanded once for each set of arguments, primitives, and functions of lists and heights.
 
 
-def call(lowering: Context, node: ast.Call, env: Mapping[str, Value], frame: CallFrame) -> Call[Value]:
+def call(lowering: Lowering, node: ast.Call, env: Mapping[str, Value], frame: CallFrame) -> Value:
     name = node.function.id
     values: dict[str, Value] = {}
     for parameter, argument, role in _arguments(lowering, node, frame):
-        value = lowering.at_once(argument, env, frame) or (yield lowering.lower(argument, env, frame))
+        value = lowering.at_once(argument, env, frame) or lowering.lower(argument, env, frame)
         values[parameter] = value if value.role else value.moved(value.origin, role)
     declared = lowering.scope.definition(name, frame.source)
     if declared is not None:
-        expanded: Value = yield _expand(lowering, declared, values, node, frame)
-        return expanded
+        return _expand(lowering, declared, values, node, frame)
     if name in HEIGHTS:
         return height_function(lowering, name, list(values.values()), node, frame)
     if name in STEPS:
@@ -150,7 +153,7 @@ def call(lowering: Context, node: ast.Call, env: Mapping[str, Value], frame: Cal
     return lowering.expansions[key][0].moved(lowering.origin(node, frame))
 
 
-def _arguments(lowering: Context, node: ast.Call, frame: CallFrame) -> list[tuple[str, ast.Expr, str]]:
+def _arguments(lowering: Lowering, node: ast.Call, frame: CallFrame) -> list[tuple[str, ast.Expr, str]]:
     """Parameter, argument and the argument's role, for each argument of a call; worked out once per call."""
     known = lowering.calls.get(id(node))
     if known is None:
@@ -168,8 +171,8 @@ def _arguments(lowering: Context, node: ast.Call, frame: CallFrame) -> list[tupl
 
 
 def _expand(
-    lowering: Context, declared: Declared, values: dict[str, Value], node: ast.Call, frame: CallFrame
-) -> Call[Value]:
+    lowering: Lowering, declared: Declared, values: dict[str, Value], node: ast.Call, frame: CallFrame
+) -> Value:
     definition = declared.statement
     assert isinstance(definition, ast.Definition)
     if declared is lowering.scope.definitions.get(definition.name.id):
@@ -178,7 +181,7 @@ def _expand(
     for parameter in definition.parameters:
         if parameter.name.id not in values:
             assert parameter.default is not None
-            value = yield lowering.lower(parameter.default, {}, CallFrame(declared.source, places))
+            value = lowering.lower(parameter.default, {}, CallFrame(declared.source, places))
             values[parameter.name.id] = value.moved(value.origin)
     if definition.name.id in OF_SUPPORT and declared.source is lowering.scope.prelude:
         note_elsewhere(lowering, definition.name.id, values, node, frame)
@@ -187,16 +190,55 @@ def _expand(
     if key not in lowering.expansions:
         text = f"{definition.name.id}({', '.join(map(lowering.text, ordered))})"
         inside = CallFrame(declared.source, places, text, definition.body, frame.where)
-        expanded: Value = yield lowering.lower(definition.body, values, inside)
+        expanded: Value = lowering.lower(definition.body, values, inside)
         lowering.expansions[key] = (expanded, ordered)
     return lowering.expansions[key][0].moved(places[0])
 
 
+# --------------------------------------------------------------------------------------------------------------------
+# Formulas as deep as the parser lets them be.
+
+
+class _DeepRecursion:
+    """Python's limit of recursion, lifted while some thread expands a formula, and then as it was. Calls from Python to
+    Python take no room on the C stack; how much is expanded at all is limited below."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._inside = 0
+        self._usual = 0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._inside:
+                self._usual = sys.getrecursionlimit()
+                sys.setrecursionlimit(MOST_FRAMES)
+            self._inside += 1
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._lock:
+            self._inside -= 1
+            if not self._inside:
+                sys.setrecursionlimit(self._usual)
+
+
+_DEEP = _DeepRecursion()
+
+# --------------------------------------------------------------------------------------------------------------------
+# Expressions, each with its kind and unit.
+
+
 Environment = Mapping[str, Value]
+
+MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
 
 MAX_WORK = 4_000_000  # expressions to expand
 MAX_INSIDE = 150_000  # of these, in rounds of quantifiers and in definitions; two or three seconds
 FOR_A_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
+
+MOST_FRAMES = 4 * MAX_WORK  # of Python: no expression takes more
 
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
 
@@ -262,65 +304,76 @@ class Lowering:
     # ---- where to put the blame
 
     def spans(self, node: ast.Node, frame: CallFrame) -> tuple[Span, ...]:
-        return blame.spans(node, frame, self.scope.prelude)
+        """The user's places for a node, innermost first: the prelude's own lines are of no help to anybody."""
+        places = (node.span(frame.source), *frame.calls)
+        own = tuple(span for span in places if span.source is not self.scope.prelude)
+        return (own or places)[:MOST_CALLS]
 
     def origin(self, node: ast.Node, frame: CallFrame) -> Span:
-        return blame.origin(node, frame, self.scope.prelude)
+        """The user's innermost place for a node."""
+        if frame.source is self.scope.prelude and frame.calls:
+            return frame.calls[0]
+        return Span(frame.source, node.start, node.end)
 
     def error(self, kind: Kind, node: ast.Node, frame: CallFrame, /, **facts: Any) -> SpecError:
+        """A mistake at a node, told at the user's own place, with the way that led there and what the variables of
+        quantifiers stand for."""
+        places = self.spans(node, frame)
+        called = places[1].place if len(places) > 1 else None
         where = [f"{name} = {self.text(value)}" for choice in frame.where for name, value in choice.items()]
-        return blame.error(kind, node, frame, self.scope.prelude, where, **facts)
+        shown = ", ".join(where[-MOST_VARIABLES:])
+        return SpecError(kind(places[0], expansion=frame.text, where=shown, called=called, **facts))
 
     # ---- expressions
 
-    def lower(self, node: ast.Expr, env: Environment, frame: CallFrame) -> Call[Value]:
-        """The value of an expression, as a call for `trampoline.run`. Raises SpecError, and FormulaTooLarge."""
+    def evaluate(self, node: ast.Expr, frame: CallFrame, env: Environment = MappingProxyType({})) -> Value:
+        """The value of an expression, however deep. Raises SpecError, and FormulaTooLarge."""
+        with _DEEP:
+            return self.lower(node, env, frame)
+
+    def lower(self, node: ast.Expr, env: Environment, frame: CallFrame) -> Value:
+        """The value of an expression inside of another. Raises SpecError, and FormulaTooLarge."""
         self.spend(1, frame)
         origin = self.origin(node, frame)
         value: Value
         match node:
             case ast.Name():
-                value = yield refer(self, node, env, frame)
-                return value
+                return refer(self, node, env, frame)
             case ast.Quantity():
                 return self._quantity(node, frame)
             case ast.Truth(truth):
                 return FormulaValue(TRUE if truth else FALSE, origin=origin)
             case ast.Point(coordinates):
-                point: Value = yield self._point(node, coordinates, env, frame)
-                return point
+                return self._point(node, coordinates, env, frame)
             case ast.List(items):
                 values = []
                 for item in items:
-                    value = yield self.lower(item, env, frame)
+                    value = self.lower(item, env, frame)
                     values.append(value)
                 check_alike(values)
                 return ListValue(tuple(values), origin=origin)
             case ast.Member(base, name):
-                value = yield self.lower(base, env, frame)
+                value = self.lower(base, env, frame)
                 return member(self, value, node, name.id, frame)
             case ast.Index(base, place):
-                value = self.at_once(base, env, frame) or (yield self.lower(base, env, frame))
-                which = self.at_once(place, env, frame) or (yield self.lower(place, env, frame))
+                value = self.at_once(base, env, frame) or self.lower(base, env, frame)
+                which = self.at_once(place, env, frame) or self.lower(place, env, frame)
                 return index(self, value, self.coerce.number(which, "an index"), node, frame)
             case ast.Quantifier():
-                over: Value = yield quantify(self, node, env, frame)
-                return over
+                return quantify(self, node, env, frame)
             case ast.Negative() | ast.Binary():
-                result: Value = yield self._arithmetic(node, env, frame)
-                return result
+                return self._arithmetic(node, env, frame)
             case ast.Compare():
-                compared: Value = yield self._compare(node, env, frame)
-                return compared
+                return self._compare(node, env, frame)
             case ast.Not(inner):
-                value = yield self.lower(inner, env, frame)
+                value = self.lower(inner, env, frame)
                 turned = self.builder.negate(self.coerce.formula(value, "what `!` negates"))
                 return FormulaValue(turned, _by_name(value), origin=origin)
             case ast.And(parts) | ast.Or(parts):
                 symbol = "&" if isinstance(node, ast.And) else "|"
                 formulas, named, absorbing = [], True, FALSE if isinstance(node, ast.And) else TRUE
                 for part in parts:
-                    value = yield self.lower(part, env, frame)
+                    value = self.lower(part, env, frame)
                     formulas.append(self.coerce.formula(value, f"each side of `{symbol}`"))
                     if _by_name(value) and formulas[-1] == absorbing:
                         return FormulaValue(absorbing, True, origin=origin)
@@ -329,10 +382,10 @@ class Lowering:
                 kind: Any = "min" if isinstance(node, ast.And) else "max"
                 return FormulaValue(self.builder.junction(kind, formulas, text), named, origin=origin)
             case ast.Implies(condition, consequence):
-                before = yield self.lower(condition, env, frame)
+                before = self.lower(condition, env, frame)
                 if _by_name(before) and before.node == FALSE:
                     return FormulaValue(TRUE, True, origin=origin)
-                after = yield self.lower(consequence, env, frame)
+                after = self.lower(consequence, env, frame)
                 sides = [
                     self.builder.negate(self.coerce.formula(before, "what stands before `->`")),
                     self.coerce.formula(after, "what stands after `->`"),
@@ -340,11 +393,9 @@ class Lowering:
                 text = frame.text if node is frame.body else ""
                 return FormulaValue(self.builder.junction("max", sides, text), origin=origin)
             case ast.Call():
-                called: Value = yield call(self, node, env, frame)
-                return called
+                return call(self, node, env, frame)
             case ast.Temporal() | ast.Until():
-                later: Value = yield temporal(self, node, env, frame)
-                return later
+                return temporal(self, node, env, frame)
             case ast.Range():
                 raise self.error(STRAY_RANGE, node, frame)
         raise AssertionError(f"the resolver let {type(node).__name__} pass")
@@ -369,14 +420,12 @@ class Lowering:
             raise self.error(NUMBER_TOO_LARGE, node, frame)
         return NumberValue(self.builder.const(amount), unit, origin=self.origin(node, frame))
 
-    def _point(
-        self, node: ast.Point, coordinates: tuple[ast.Expr, ...], env: Environment, frame: CallFrame
-    ) -> Call[Value]:
+    def _point(self, node: ast.Point, coordinates: tuple[ast.Expr, ...], env: Environment, frame: CallFrame) -> Value:
         if len(coordinates) != 2:
             raise self.error(NOT_TWO_COORDINATES, node, frame, given=len(coordinates))
         numbers = []
         for coordinate in coordinates:
-            value = yield self.lower(coordinate, env, frame)
+            value = self.lower(coordinate, env, frame)
             number = self.coerce.number(value, "a coordinate")
             self.agree(node, frame, "used as", number.unit, LENGTH)
             numbers.append(number.node)
@@ -384,12 +433,12 @@ class Lowering:
 
     # ---- arithmetic and comparisons
 
-    def _arithmetic(self, node: ast.Negative | ast.Binary, env: Environment, frame: CallFrame) -> Call[Value]:
+    def _arithmetic(self, node: ast.Negative | ast.Binary, env: Environment, frame: CallFrame) -> Value:
         parts = [node.value] if isinstance(node, ast.Negative) else [node.left, node.right]
         symbol = "-" if isinstance(node, ast.Negative) else node.operator
         values = []
         for part in parts:
-            values.append(self.at_once(part, env, frame) or (yield self.lower(part, env, frame)))
+            values.append(self.at_once(part, env, frame) or self.lower(part, env, frame))
         if isinstance(node, ast.Binary) and symbol == "+":
             both = joined(self, values, node, frame)
             if both is not None:
@@ -449,13 +498,13 @@ class Lowering:
         except UnitMismatch as mismatch:
             raise self._mismatch(mismatch, verb, node, frame) from None
 
-    def _different(self, node: ast.Compare, env: Environment, frame: CallFrame) -> Call[Value]:
+    def _different(self, node: ast.Compare, env: Environment, frame: CallFrame) -> Value:
         """`a != b`: whether two things, or two constants, are different ones. Names say that, not scenes."""
         if len(node.operands) > 2:
             raise self.error(EQUALITY, node, frame, instead="write a != b & b != c")
         values: list[Value] = []
         for operand in node.operands:
-            values.append(self.at_once(operand, env, frame) or (yield self.lower(operand, env, frame)))
+            values.append(self.at_once(operand, env, frame) or self.lower(operand, env, frame))
         first, second = values
         origin = self.origin(node, frame)
         if any(isinstance(one, AnyValue) for one in values):
@@ -473,13 +522,12 @@ class Lowering:
                 raise DependsOnValue
         return FormulaValue(TRUE if first != second else FALSE, True, origin=origin)
 
-    def _compare(self, node: ast.Compare, env: Environment, frame: CallFrame) -> Call[Value]:
+    def _compare(self, node: ast.Compare, env: Environment, frame: CallFrame) -> Value:
         if "!=" in node.operators:
-            differ: Value = yield self._different(node, env, frame)
-            return differ
+            return self._different(node, env, frame)
         numbers: list[NumberValue] = []
         for operand in node.operands:
-            value = self.at_once(operand, env, frame) or (yield self.lower(operand, env, frame))
+            value = self.at_once(operand, env, frame) or self.lower(operand, env, frame)
             numbers.append(self.coerce.number(value, "each side of a comparison"))
         self.refuse_degrees(numbers)
         atoms = []
@@ -518,6 +566,6 @@ class Lowering:
                 return "..."
 
 
-def _by_name(value: Value) -> bool:
+def _by_name(value: Value) -> TypeGuard[FormulaValue]:
     """Whether the names in a formula say that it holds, or that it does not."""
     return isinstance(value, FormulaValue) and value.named

@@ -16,17 +16,25 @@ from scenegen.errors.declarations import TOO_MANY_ROUNDS
 from scenegen.errors.language import EMPTY_LIST, EMPTY_RANGE, ONE_NEIGHBOUR, TOO_FEW_TO_CHOOSE
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.units import BARE
-from scenegen.lang.check.context import MOST_VARIABLES, Call, CallFrame
 from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.template import DependsOnValue, Template
-from scenegen.lang.check.values import AnyValue, FormulaValue, NeighboursValue, NumberValue, ObjectValue, Value
+from scenegen.lang.check.values import (
+    MOST_VARIABLES,
+    AnyValue,
+    CallFrame,
+    FormulaValue,
+    NeighboursValue,
+    NumberValue,
+    ObjectValue,
+    Value,
+)
 from scenegen.lang.formula.builder import FormulaTooLarge
 from scenegen.lang.formula.core import Apply, Atom, Const, Junction
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax.printer import print_expr
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.context import Context
+    from scenegen.lang.check.expressions import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -114,7 +122,7 @@ class QuantifierRounds:
     kinds of choices (numbers with the same unit, free objects with the same footprint) that come up often."""
 
     def __init__(
-        self, lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame, count: int
+        self, lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame, count: int
     ) -> None:
         self.lowering = lowering
         self.node = node
@@ -143,13 +151,13 @@ class QuantifierRounds:
         self.left -= made is not None
         return made
 
-    def formula(self, choice: Sequence[Value]) -> Call[int]:
+    def formula(self, choice: Sequence[Value]) -> int:
         """The formula of the body for one choice, expanded by itself. Raises SpecError, and FormulaTooLarge."""
         lowering = self.lowering
         self.left -= 1
         before = lowering.inside
         chosen = {name: value.moved(value.origin) for name, value in zip(self.names, choice, strict=True)}
-        value = yield self._body(chosen)
+        value = self._body(chosen)
         formula = lowering.coerce.formula(value, f"the formula of `{self.node.kind}`")
         if self.left < FEW and not self.templates:
             return formula
@@ -157,12 +165,12 @@ class QuantifierRounds:
         if kind is not None and kind not in self.templates:
             self.seen[kind] = self.seen.get(kind, 0) + 1
             if self.seen[kind] >= ALONE:
-                self.templates[kind] = yield self._template(choice, self.left)
+                self.templates[kind] = self._template(choice, self.left)
         elif self.left:
             lowering.foresee((lowering.inside - before) * self.left // 2)  # later rounds may have less to do
         return formula
 
-    def _body(self, chosen: Mapping[str, Value]) -> Call[Value]:
+    def _body(self, chosen: Mapping[str, Value]) -> Value:
         frame = self.frame
         inside = CallFrame(
             frame.source, frame.calls, frame.text, frame.body, (*frame.where, chosen)[-MOST_VARIABLES:], frame.rounds
@@ -187,7 +195,7 @@ class QuantifierRounds:
                 return None
         return tuple(kind)
 
-    def _template(self, choice: Sequence[Value], left: int) -> Call[InstantiatedTemplate | None]:
+    def _template(self, choice: Sequence[Value], left: int) -> InstantiatedTemplate | None:
         """The body for a choice of this kind. None where it has no template.
 
         Raises SpecError and FormulaTooLarge for one that is too large for so many rounds.
@@ -207,7 +215,7 @@ class QuantifierRounds:
                 chosen[name] = NumberValue(template.number(), value.unit, origin=value.origin)
         lowering.use(template)
         try:
-            value = yield self._body(chosen)
+            value = self._body(chosen)
             result = lowering.coerce.formula(value, "")
         except (DependsOnValue, SpecError):
             return None  # a mistake shows again, where it belongs, in the round itself
@@ -223,7 +231,7 @@ class QuantifierRounds:
 
     # ---- rounds over numbers, of which the hardest are enough
 
-    def hardest(self, domain: range) -> Call[list[int] | None]:
+    def hardest(self, domain: range) -> list[int] | None:
         """The formulas of the rounds over numbers that the others follow from, if that is known.
 
         Atoms that differ in a constant only, and grow with it, rounding included, are all satisfied by the same margin
@@ -235,7 +243,7 @@ class QuantifierRounds:
         number = NumberValue(
             lowering.builder.const(float(domain[0])), BARE, origin=self.node.domain.span(self.frame.source)
         )
-        found = yield self._template([number] * len(self.names), 1)
+        found = self._template([number] * len(self.names), 1)
         if found is None or found.inner:
             return None
         template, result, *_ = found
@@ -294,19 +302,19 @@ MOST_FORESEEN = 10 * MAX_STEPS  # refused at once, in case that later rounds of 
 LONGEST = 40  # characters of the domain that a sub-formula's name shows
 
 
-def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame) -> Call[Value]:
+def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame) -> Value:
     """The junction of the body over the domain. Several variables over a list take unordered groups of its members,
     over `consecutive(list)` neighbours, over a range increasing numbers. Raises SpecError, and FormulaTooLarge."""
     names = [variable.id for variable in node.variables]
     domain: Value | range
     if isinstance(node.domain, ast.Range):
-        domain = yield _range(lowering, node.domain, env, frame)
+        domain = _range(lowering, node.domain, env, frame)
     else:
-        domain = yield lowering.lower(node.domain, env, frame)
+        domain = lowering.lower(node.domain, env, frame)
     origin = lowering.origin(node, frame)
     if isinstance(domain, AnyValue):
         env = {**env, **{name: AnyValue(origin=origin) for name in names}}
-        value: Value = yield lowering.lower(node.body, env, frame)
+        value: Value = lowering.lower(node.body, env, frame)
         lowering.coerce.formula(value, f"what `{node.kind}` ranges over")
         return FormulaValue(lowering.coerce.formula(value, ""), origin=origin)
     count, choices = _choices(lowering, domain, node, frame)
@@ -315,13 +323,13 @@ def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], 
     lowering.steps += count
     inside = CallFrame(frame.source, frame.calls, frame.text, frame.body, frame.where, around)
     rounds = QuantifierRounds(lowering, node, env, inside, count)
-    formulas = (yield rounds.hardest(domain)) if isinstance(domain, range) else None
+    formulas = rounds.hardest(domain) if isinstance(domain, range) else None
     if formulas is None:
         formulas = []
         for choice in choices:
             formula = rounds.made(choice)
             if formula is None:
-                formula = yield rounds.formula(choice)
+                formula = rounds.formula(choice)
             formulas.append(formula)
     shown = print_expr(node.domain)
     shown = shown if len(shown) <= LONGEST else shown[:LONGEST] + "..."
@@ -330,15 +338,15 @@ def quantify(lowering: Context, node: ast.Quantifier, env: Mapping[str, Value], 
     return FormulaValue(lowering.builder.junction(kind, formulas, text), origin=origin)
 
 
-def too_many(lowering: Context, node: ast.Expr, frame: CallFrame) -> SpecError:
+def too_many(lowering: Lowering, node: ast.Expr, frame: CallFrame) -> SpecError:
     """Nested quantifiers make a spec larger than its text shows."""
     return lowering.error(TOO_MANY_ROUNDS, node, frame, limit=MAX_STEPS)
 
 
-def _range(lowering: Context, node: ast.Range, env: Mapping[str, Value], frame: CallFrame) -> Call[range | AnyValue]:
+def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame: CallFrame) -> range | AnyValue:
     ends = []
     for end in (node.lowest, node.highest):
-        value = yield lowering.lower(end, env, frame)
+        value = lowering.lower(end, env, frame)
         if isinstance(value, AnyValue):
             return value
         number = lowering.coerce.number(value, "an end of a range")
@@ -354,7 +362,7 @@ def _range(lowering: Context, node: ast.Range, env: Mapping[str, Value], frame: 
 
 
 def _choices(
-    lowering: Context, domain: Value | range, node: ast.Quantifier, frame: CallFrame
+    lowering: Lowering, domain: Value | range, node: ast.Quantifier, frame: CallFrame
 ) -> tuple[int, Iterator[tuple[Value, ...]]]:
     """How many ways there are to choose the variables, and the ways. Raises SpecError where there is none."""
     many = len(node.variables)
@@ -382,6 +390,6 @@ def _choices(
     return comb(len(items), many), combinations(items, many)
 
 
-def _may_be_empty(lowering: Context, frame: CallFrame) -> bool:
+def _may_be_empty(lowering: Lowering, frame: CallFrame) -> bool:
     """Relations of the prelude hold of too few things as they do of many: one object overlaps no other."""
     return frame.source is lowering.scope.prelude

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
@@ -19,6 +19,7 @@ from scenegen.errors.declarations import (
     NOT_AN_OUTLINE,
     ONE_OBJECT_MANY_PLACES,
     PLACE_OUTSIDE_WORKSPACE,
+    STANDS_IN,
     TOO_MANY_COUNTS,
     TOO_MANY_OBJECTS,
     UNKNOWN_ASSET,
@@ -30,26 +31,36 @@ from scenegen.errors.language import EMPTY_RANGE, NOT_A_PLAIN_NUMBER, NOT_AN_ANG
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
 from scenegen.geometry.units import ANGLE, BARE
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.check.context import Call, CallFrame, run
-from scenegen.lang.check.families import MOST_COMBINATIONS, Category, Variants, category_of, is_category, variants
+from scenegen.lang.check.families import (
+    MOST_COMBINATIONS,
+    WORD,
+    Category,
+    Variants,
+    category_of,
+    is_category,
+    picked,
+    variants,
+)
 from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import BUILT, FILES, SHAPES, bind
 from scenegen.lang.check.regions import SIGNATURES, Arguments, arguments, color, corners, number, point, size
-from scenegen.lang.check.scope import DeclaredObject, Point
-from scenegen.lang.check.values import ListValue, NumberValue
+from scenegen.lang.check.scope import DeclaredObject, Scope
+from scenegen.lang.check.values import CallFrame, ListValue, NumberValue, Point
 from scenegen.lang.spec import Count, Pose
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.pieces import print_expr
+from scenegen.lang.syntax import ast as traversal
+from scenegen.lang.syntax.printer import print_expr, print_module
 from scenegen.pose import TWO_PI
-from scenegen.things import ASSETS, PLAIN, Shape, shape_of
+from scenegen.things import ASSETS, PLAIN, Shape, meant_by, shape_of
 from scenegen.things.cabinet import DRAWERS, MOST, Cabinet
 from scenegen.things.library import cabinet_shape
 from scenegen.things.parts import SupportSurface
 from scenegen.things.surfaces import narrowest
 
 if TYPE_CHECKING:
+    from scenegen.lang.check.draft import Draft
+    from scenegen.lang.check.expressions import Lowering
     from scenegen.lang.check.imports import Project
-    from scenegen.lang.check.lower import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -191,7 +202,7 @@ def name_objects(
 
 def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> int:
     frame = CallFrame(source)
-    value = lowering.coerce.number(run(lowering.lower(expr, {}, frame)), "the number of elements")
+    value = lowering.coerce.number(lowering.evaluate(expr, frame), "the number of elements")
     count = whole_number(lowering, value, expr, frame, "the number of elements")
     if count < 1:
         ends = (expr.left, expr.right) if isinstance(expr, ast.Binary) and expr.operator == "-" else ()
@@ -221,7 +232,7 @@ def shape(lowering: Lowering, thing: DeclaredObject, name: str, project: Project
     one = thing.declaration
     if one is None or one.shape is None:
         return shape_of(name)
-    return run(_shape(lowering, one.shape, thing.source, project))
+    return _shape(lowering, one.shape, thing.source, project)
 
 
 def categories(lowering: Lowering, project: Project, counts: Mapping[str, int]) -> tuple[dict[str, Category], Variants]:
@@ -234,8 +245,7 @@ def categories(lowering: Lowering, project: Project, counts: Mapping[str, int]) 
             continue
 
         def outlined(expr: ast.Expr, source: Source = thing.source) -> Shape:
-            made: Shape = run(_shape(lowering, expr, source, project))
-            return made
+            return _shape(lowering, expr, source, project)
 
         made = category_of(thing, len(scope.arrays.get(name, (0,))), project, outlined)
         if made is not None:
@@ -243,7 +253,7 @@ def categories(lowering: Lowering, project: Project, counts: Mapping[str, int]) 
     return found, variants(scope, found, counts)
 
 
-def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project) -> Call[Shape]:
+def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project) -> Shape:
     here = expr.span(source)
     if isinstance(expr, ast.Name):
         if expr.id in ASSETS:
@@ -255,16 +265,15 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
         raise SpecError(NOT_A_SHAPE(here, name=written, known=SHAPES, usages=usages))
     kind = expr.function.id
     if kind in FILES:
-        file: Shape = yield _file(lowering, expr, source, project)
-        return file
-    given: Arguments = yield arguments(lowering, expr, source)
+        return _file(lowering, expr, source, project)
+    given: Arguments = arguments(lowering, expr, source)
     if kind in BUILT:
         return cabinet(lowering, given, source)
     sizes = Sizes(lowering, source, kind, given)
     return Shape(kind, OUTLINES[kind](sizes), sizes.length("height"), color=color(given, source))
 
 
-def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Call[Shape]:
+def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Shape:
     """A file's outline; where the outline stands beside the path, the file is not read."""
     from scenegen.lang.check.families import indexed
     from scenegen.things.urdf import UrdfError, mesh_outline, outline
@@ -280,7 +289,7 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
             FILE_WITHOUT_QUOTES(here, what="an asset" if kind == "asset" else "a file", usage=SIGNATURES[kind].usage)
         )
     if "shape" in given:
-        stated: Shape = yield _shape(lowering, given["shape"], source, project)
+        stated: Shape = _shape(lowering, given["shape"], source, project)
         if stated.path or stated.color or stated.asset not in PLAIN:
             raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
@@ -329,7 +338,7 @@ def pose(lowering: Lowering, thing: DeclaredObject, within: Workspace) -> tuple[
     count = len(lowering.scope.arrays.get(thing.name.id, (0,)))
     here = one.pose.span(thing.source)
     if thing.is_array and not isinstance(one.pose, ast.List):
-        value = run(lowering.lower(one.pose, {}, CallFrame(thing.source)))  # a constant may be a list of places
+        value = lowering.evaluate(one.pose, CallFrame(thing.source))  # a constant may be a list of places
         items = value.items if isinstance(value, ListValue) else (value,)
         _count_places(len(items), count, here)
         places = [point(lowering, item, "the place of an object") for item in items]
@@ -354,13 +363,13 @@ def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace)
     theta = 0.0
     if isinstance(expr, ast.Point):
         x, y = (
-            number(lowering, run(lowering.lower(part, {}, frame)), part, source, "a coordinate")
+            number(lowering, lowering.evaluate(part, frame), part, source, "a coordinate")
             for part in expr.coordinates[:2]
         )
         if len(expr.coordinates) == 3:
             theta = _heading(lowering, expr.coordinates[2], source)
     else:
-        x, y = point(lowering, run(lowering.lower(expr, {}, frame)), "the place of an object")
+        x, y = point(lowering, lowering.evaluate(expr, frame), "the place of an object")
     _refuse_outside(x, y, expr.span(source), within)
     return x, y, theta
 
@@ -373,7 +382,7 @@ def _refuse_outside(x: float, y: float, here: Span, within: Workspace) -> None:
 
 def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
     """A heading in [0, 2 pi). Raises SpecError."""
-    given = lowering.coerce.number(run(lowering.lower(expr, {}, CallFrame(source))), "a heading")
+    given = lowering.coerce.number(lowering.evaluate(expr, CallFrame(source)), "a heading")
     amount = lowering.builder.value(given.node)
     if amount is None:
         raise SpecError(NOT_CONSTANT(expr.span(source), what="a heading"))
@@ -383,3 +392,134 @@ def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
     wrapped = math.fmod(amount, TWO_PI)
     wrapped = wrapped + TWO_PI if wrapped < 0.0 else wrapped
     return 0.0 if wrapped >= TWO_PI else wrapped
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The canonical text of a spec, which scene and model files carry: all it needs, in one piece.
+#
+# Imports are replaced by what they import, and the outline of a URDF or mesh file stands beside its path: the text
+# means the same wherever it is read again.
+
+
+def canonical(draft: Draft, counts: Mapping[str, int]) -> str:
+    """The canonical text; `counts` are the numbers of things that are drawn no more."""
+    statements = tuple(
+        ast.Objects(tuple(_resolved(draft, each, counts) for each in one.statement.declarations))
+        if isinstance(one.statement, ast.Objects)
+        else one.statement
+        for one in draft.placed
+    )
+    return print_module(ast.Module(Source("", ""), statements, draft.module.bare))
+
+
+def _resolved(draft: Draft, one: ast.Declaration, counts: Mapping[str, int]) -> ast.Declaration:
+    """The declaration with every file's outline written out, and every number that is drawn no more."""
+    name, shape, count = one.name.id, one.shape, one.count
+    if isinstance(count, ast.Range) and name in counts:
+        count = ast.Quantity(str(counts[name]), "")
+    if name in draft.kinds:
+        shape = _category(draft.kinds[name], picked(name, draft.kinds[name], one.count is not None, counts))
+    elif isinstance(shape, ast.Call) and shape.function.id in FILES:
+        looks = draft.shapes[draft.places(draft.scope.things[name])[0]]
+        shape = _call(shape.function.id, ast.Text(looks.path), _outline(looks))
+    return replace(one, count=count, shape=shape)
+
+
+def _category(kind: Category, picks: Sequence[int]) -> ast.Call:
+    """The category with its assets and their outlines; with what is drawn no more."""
+    each = tuple(_call("asset", ast.Text(one.path), _outline(one)) for one in kind.assets)
+    picked = [ast.List(tuple(ast.Quantity(str(pick), "") for pick in picks))] if any(picks) else []
+    return _call(WORD, ast.Text(kind.path), ast.List(each), *picked)
+
+
+def _outline(looks: Shape) -> ast.Call:
+    height = _number(looks.height)
+    match looks.footprint:
+        case Circle(radius):
+            return _call("cylinder", _number(radius), height)
+        case Box(length, width):
+            return _call("box", _number(length), _number(width), height)
+        case footprint:
+            corners = tuple(ast.Point((_number(x), _number(y))) for x, y in footprint.vertices)
+            return _call("prism", ast.List(corners), height)
+
+
+def _call(name: str, *arguments: ast.Expr) -> ast.Call:
+    return ast.Call(ast.Name(name), tuple(ast.Argument(None, one) for one in arguments))
+
+
+def _number(value: float) -> ast.Expr:
+    written = ast.Quantity(repr(abs(value)), "")
+    return ast.Negative(written) if value < 0.0 else written
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Warnings: names of objects that are nearly those of the library, and sizes without a unit that are hardly metres.
+
+
+WIDE = 10.0  # metres: a table is shorter
+
+
+SMALL = 0.5  # numbers below this are metres, whatever the others are
+
+
+def unlikely(draft: Draft) -> list[Diagnostic]:
+    """Warnings about declarations that can hardly be meant so."""
+    return [*_misspelt(draft.scope), *_centimetres(draft)]
+
+
+def _misspelt(scope: Scope) -> Iterator[Diagnostic]:
+    """Objects without a shape whose names are nearly those of the library."""
+    for name, thing in scope.things.items():
+        shapeless = thing.declaration is None or thing.declaration.shape is None
+        meant = meant_by(name) if shapeless and scope.is_own(thing.source) else None
+        if meant is not None:
+            inferred = thing.declaration is None or None
+            yield STANDS_IN(thing.name.span(thing.source), name=name, meant=meant, inferred=inferred)
+
+
+def _centimetres(draft: Draft) -> Iterator[Diagnostic]:
+    """Shapes, regions and a workspace with bare numbers that are too large for metres."""
+    scope, space = draft.scope, draft.space
+    far = max(LARGE, *map(abs, (*space.x, *space.y)))
+    for one in draft.placed:
+        measured: list[tuple[ast.Expr | ast.Workspace, float]] = []
+        match one.statement:
+            case ast.Objects(declarations):
+                measured = [(each.shape, far) for each in declarations if isinstance(each.shape, ast.Call)]
+                measured = [(node, most) for node, most in measured if _named(node) in OUTLINES]
+            case ast.Region(shape=ast.Call() as shape):
+                measured = [(shape, far)]
+            case ast.Workspace() if max(space.x[1] - space.x[0], space.y[1] - space.y[0]) > WIDE:
+                measured = [(one.statement, WIDE)]
+        for node, most in measured if scope.is_own(one.source) else ():
+            here = node.span(one.source)
+            numbers = [
+                (part.start - here.start, part.end - here.start, abs(float(part.number)), part.number)
+                for root in (traversal.expressions(node) if isinstance(node, ast.Workspace) else (node,))
+                for part in _quantities(root)
+                if not part.unit and abs(float(part.number)) >= SMALL
+            ]
+            *_, largest, written = max(numbers, key=lambda number: number[2], default=(0, 0, 0.0, ""))
+            if largest > most:
+                mended, unit = here.text, "cm" if largest <= 100.0 * most else "mm"
+                for _, end, _, _ in sorted(numbers, reverse=True):
+                    mended = f"{mended[:end]} {unit}{mended[end:]}"
+                facts = {"largest": largest, "mended": mended, "written": written}
+                yield replace(UNLIKELY_SHAPE(here, **facts), severity="warning")
+
+
+def _named(node: object) -> str:
+    return node.function.id if isinstance(node, ast.Call) else ""
+
+
+def _quantities(root: ast.Expr) -> Iterator[ast.Quantity]:
+    """Its numbers, but factors and divisors: these are no lengths."""
+    stack: list[ast.Expr | ast.Argument] = [root]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ast.Binary) and node.operator in "*/":
+            continue
+        if isinstance(node, ast.Quantity):
+            yield node
+        stack.extend(traversal.children(node))

@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from scenegen.lang.check.context import Context
 
 
-_OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
-
-
 def key_of(value: Value) -> object:
     """What tells an argument from another, in time that does not grow with it: lists by identity. It stays true while
     somebody holds the list."""
@@ -106,7 +103,7 @@ def function(lowering: Context, name: str, values: list[Value], node: ast.Call, 
             return _of_options(lowering, name, values, at, node, frame)
         if kind == "number":
             number = lowering.coerce.number(value, what)
-            if name in _OF_ANGLES:
+            if primitive.of_angle:  # a bare number is in radians
                 lowering.refuse_degrees([number, NumberValue(number.node, ANGLE, origin=number.origin)])
             units.append(number.unit)
             args.append(number.node)

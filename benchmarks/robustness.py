@@ -1,4 +1,4 @@
-"""phi of a million scenes beside the time that memory takes: operation by operation, and compiled.
+"""phi of a million scenes beside the time that memory takes.
 
     python benchmarks/robustness.py [--scenes 1000000] [--seconds 6] [--out FILE]
 
@@ -6,18 +6,15 @@ One process, one thread, CPU seconds of that thread, the fastest of all rounds: 
 slows one down. A round makes each call twice and times the second, so that what fits into a cache is there for all of
 them (in float32, a million scenes of the smallest formula are 20 MB). The floor is measured in the same rounds: the
 numbers that a formula reads (the rows of the storage that occur in it, and no others) and writes (one for each label)
-are moved through memory once, in the fastest way of four: half of them copied to the other half, all of them summed up,
-the rows added up by torch into a row, or by machine code of ours, which is the formula's own access to memory with next
-to no arithmetic. `plain` is compiled without check=False and out: all rows are searched for NaN and infinity, and phi
-gets memory of its own, which the system may have to hand out page by page. Compiling is the first call with 64 scenes,
-CPU seconds of this process and of the C compiler; nothing is cached between processes.
+are moved through memory once, in the fastest way of three: half of them copied to the other half, all of them summed
+up, the rows added up by torch into a row. `plain` is without check=False and out: all rows are searched for NaN and
+infinity, and phi gets memory of its own, which the system may have to hand out page by page.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import resource
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -28,11 +25,10 @@ import torch
 
 import scenegen
 from scenegen.lang.formula.core import Coord
-from scenegen.learn.native import make_kernel
 from scenegen.pose import row_count
 from scenegen.resources import shipped_specs
 
-OF_POINTS, OF_FOOTPRINTS = (12.0, 2.0), (50.0, 5.0)  # the bars, eager and compiled, in floors
+OF_POINTS, OF_FOOTPRINTS = 12.0, 50.0  # the bars, in floors
 
 BOXES = "object a, b, c, d = box(0.1, 0.06, 0.05)\ntask: noOverlap()"
 ON_TRAY = """object a, b = box(0.1, 0.06, 0.05)
@@ -76,59 +72,33 @@ def floor_calls(read: int, written: int, scenes: int, dtype: torch.dtype) -> dic
     other = other[: len(half)]
     rows, out = numbers[: read * scenes].view(read, scenes), numbers[read * scenes :].view(written, scenes)
 
-    objects = [f"o{place}" for place in range(-(-read // 2))]
-    terms = [f"{axis}({name})" for name in objects for axis in "xy"][:read]
-    task = f"{' + '.join(terms)} <= 1"
-    labels = "\n".join(f"label{place}: {task}" for place in range(written))
-    core = scenegen.parse(f"object {', '.join(objects)}\n{labels}").checked.core
-    kernel = make_kernel(core, single=dtype == torch.float32)
-    storage, phi = torch.rand(row_count(len(objects)), scenes, dtype=dtype).numpy(), out.numpy()
-
     return {
         "copied": lambda: other.copy_(half[: len(other)]),
         "summed": numbers.sum,
         "added": lambda: (torch.sum(rows, 0, out=out[0]), *(row.copy_(out[0]) for row in out[1:])),
-        "kernel": lambda: kernel(storage, phi),
     }
 
 
 def measure(source: str, dtype: torch.dtype, scenes: int, seconds: float) -> tuple[dict[str, float], int]:
-    """Seconds of the floor, eager, compiled and plain; and the number of rows that the formula reads."""
+    """Seconds of the floor, eager and plain; and the number of rows that the formula reads."""
     spec = scenegen.parse(text_of(source))
     core = spec.checked.core
     read = len({node.row for node in core.nodes if isinstance(node, Coord)})
     generator = torch.Generator().manual_seed(0)
     rows = torch.rand(row_count(len(spec.objects)), scenes, dtype=dtype, generator=generator)
-    eager, compiled = spec.robustness(), spec.robustness(compiled=True)
-    difference = (compiled.rows(rows) - eager.rows(rows)).abs().max().item()
-    assert difference <= 64 * torch.finfo(dtype).eps, (source, difference)
+    eager = spec.robustness()
     phi = torch.empty(len(spec.labels), scenes, dtype=dtype)
     floors = floor_calls(read, len(spec.labels), scenes, dtype)
     took = fastest(
         {
             **floors,
             "eager": lambda: eager.rows(rows, check=False, out=phi),
-            "compiled": lambda: compiled.rows(rows, check=False, out=phi),
-            "plain": lambda: compiled.rows(rows),
+            "plain": lambda: eager.rows(rows),
         },
         seconds,
     )
     took["floor"] = min(took[name] for name in floors)
     return took, read
-
-
-def compile_seconds(source: str, dtype: torch.dtype) -> float:
-    """CPU seconds of the first call, which compiles, of this process and of the compiler."""
-
-    def cpu() -> float:
-        used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-        return sum(one.ru_utime + one.ru_stime for one in used)
-
-    spec = scenegen.parse(text_of(source))
-    run, rows = spec.robustness(compiled=True), torch.zeros(row_count(len(spec.objects)), 64, dtype=dtype)
-    start = cpu()
-    run.rows(rows)
-    return cpu() - start
 
 
 def main() -> None:
@@ -139,24 +109,28 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     columns = (
-        "formula", "dtype", "rows read", "floor, ms (GB/s)", "eager, ms", "eager / floor", "compiled, ms",
-        "compiled / floor", "scenes/s compiled", "plain / floor", "compiling, CPU s",
-    )  # fmt: skip
+        "formula",
+        "dtype",
+        "rows read",
+        "floor, ms (GB/s)",
+        "phi, ms",
+        "phi / floor",
+        "scenes/s",
+        "plain / floor",
+    )
     lines = [f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|"]
     print(lines[0], flush=True)
-    for name, what, source, limits in CASES:
+    for name, what, source, limit in CASES:
         for dtype in (torch.float32, torch.float64):
-            compiling = compile_seconds(source, dtype)
             took, read = measure(source, dtype, options.scenes, options.seconds)
             floor = took["floor"]
             written = len(scenegen.parse(text_of(source)).labels)
             moved = (read + written) * options.scenes * dtype.itemsize / floor / 1e9
-            bars = [f" (bar {bar:.0f})" for bar in limits] if limits else ["", ""]
+            bar = f" (bar {limit:.0f})" if limit else ""
             lines.append(
                 f"| {name}: {what} | {str(dtype).removeprefix('torch.')} | {read} | {1e3 * floor:.2f} ({moved:.0f}) "
-                f"| {1e3 * took['eager']:.2f} | {took['eager'] / floor:.1f}{bars[0]} "
-                f"| {1e3 * took['compiled']:.2f} | {took['compiled'] / floor:.2f}{bars[1]} "
-                f"| {options.scenes / took['compiled']:.3g} | {took['plain'] / floor:.2f} | {compiling:.2f} |"
+                f"| {1e3 * took['eager']:.2f} | {took['eager'] / floor:.1f}{bar} "
+                f"| {options.scenes / took['eager']:.3g} | {took['plain'] / floor:.2f} |"
             )
             print(lines[-1], flush=True)
     if options.out is not None:

@@ -9,9 +9,6 @@ compared for every trace that rtamt scores. Where rtamt is not installed, its co
 with an until without a window, for which rtamt is fastest, and one with a window, for which its time grows with the
 square of the window.
 
-Compiled is `trace_robustness(compiled=True)` beside the same without, for the same motions in the same minute: fewer of
-them at T = 2,000. Compiling is timed at the first call, CPU seconds of this process and of the C compiler.
-
 The exponent is the slope of log time over log T, for T from a tenth of the longest on, with windows of a quarter of T:
 1 is linear. The number of motions keeps the number of poses the same, so each call has as much to do beside overhead.
 """
@@ -21,7 +18,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import resource
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -138,31 +134,6 @@ def beside_rtamt(case: str, steps: int, seconds: float) -> list[str]:
     ]
 
 
-def beside_compiled(case: str, steps: int, seconds: float) -> list[str]:
-    """A line of the table: traces a second of both, the ratio, how far phi differs, and what compiling took."""
-    count = min(BATCH, max(1, POSES // (steps + 1)) if steps > 200 else BATCH)
-    eager, poses = ours(case, steps), motions(count, steps)
-    run = scenegen.parse(CASES[case][0].format(**windows(steps))).trace_robustness(compiled=True)
-    began = cpu_with_children()
-    apart = float((run(poses) - eager(poses)).abs().max())
-    compiling = cpu_with_children() - began
-    plain, fast = (count / fastest(lambda one=one: one(poses), seconds) for one in (eager, run))
-    return [
-        case,
-        str(steps),
-        f"{plain:,.0f}",
-        f"{fast:,.0f}",
-        f"{fast / plain:.2f}",
-        f"{apart:.1g}",
-        f"{compiling:.2f}",
-    ]
-
-
-def cpu_with_children() -> float:
-    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in used)
-
-
 def exponent(longest: int, seconds: float, slopes: bool) -> tuple[list[tuple[int, float]], float]:
     """(T, microseconds a pose) and the slope of log time of a motion over log T; with gradients, of both ways."""
     found = []
@@ -193,12 +164,6 @@ def main() -> None:
     for case in CASES:
         for steps in (10, 50, 200):
             lines.append(f"| {' | '.join(beside_rtamt(case, steps, given.seconds))} |")
-            print(lines[-1], flush=True)
-    lines += ["", "| formula | T | traces a second | compiled | times | phi differs by | compiling, CPU s |"]
-    lines += ["|---|---|---|---|---|---|---|"]
-    for case in CASES:
-        for steps in (10, 50, 200, 2000):
-            lines.append(f"| {' | '.join(beside_compiled(case, steps, given.seconds))} |")
             print(lines[-1], flush=True)
     points, slope = exponent(given.longest, given.seconds, False)
     backwards, steep = exponent(given.longest, given.seconds, True)

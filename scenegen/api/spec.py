@@ -199,31 +199,27 @@ class Spec:
 
         return own_scenes(self.drawn, poses, on)
 
-    def robustness(self, *, compiled: bool = False) -> Robustness:
+    def robustness(self) -> Robustness:
         """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity,
         and where an object that the spec holds stands elsewhere: phi takes its place for granted.
 
-        `compiled` makes machine code of it by the machine's C compiler (tenths of a second, at the first call in each
-        dtype): worth it for millions of scenes stored as (3N, B). See Robustness. Raises RequestError where torch is
-        not installed.
+        See Robustness. Raises RequestError where torch is not installed.
         """
         refuse_choices(self, "`robustness()`")
         need("torch", "for `robustness()`")
         from scenegen.learn.robustness import Robustness
 
-        return Robustness(self.checked.core, compiled=compiled, held=self.checked.fixed)
+        return Robustness(self.checked.core, held=self.checked.fixed)
 
-    def trace_robustness(self, *, compiled: bool = False) -> TraceRobustness:
+    def trace_robustness(self) -> TraceRobustness:
         """phi over motions as a differentiable torch function: (B, T + 1, N, 3) poses -> (B, L), for a spec with
-        `time`. `compiled` makes machine code of its formulas of a state (tenths of a second, at the first call in
-        each dtype, whatever T). See TraceRobustness. Raises RequestError for a spec without, and where torch is not
-        installed."""
+        `time`. See TraceRobustness. Raises RequestError for a spec without, and where torch is not installed."""
         if self._checked.timed is None:
             raise RequestError(NOT_OVER_TIME(file=self._checked.name))
         need("torch", "for `trace_robustness()`")
         from scenegen.learn.robustness.traces import TraceRobustness
 
-        return TraceRobustness(self._checked.timed, compiled=compiled, held=self._checked.fixed)
+        return TraceRobustness(self._checked.timed, held=self._checked.fixed)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """What phi of each label can be at least and at most, anywhere in the workspace (interval bounds: never too

@@ -1,29 +1,34 @@
-"""The table of scalar primitives. A new one is one entry here; every reader of the core formula picks it up.
+"""The table of scalar primitives: all that any reader knows of one stands in its row.
 
-`x`, `y` and `theta` read a coordinate of an object and have no entry: they are the leaves of the core formula.
+`x`, `y` and `theta` read a coordinate of an object and have no entry: they are the leaves of the core formula. The
+operators, `min`, `max` and `pick` are what formulas are made of: readers of formulas know them by name, too.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from scenegen.geometry import backward as back
 from scenegen.geometry import clearance, clearance_bounds
-from scenegen.geometry import clearance_bounds as clearance_backward
 from scenegen.geometry import interval as iv
 from scenegen.geometry.backward import Rule
 from scenegen.geometry.interval import Interval
 from scenegen.geometry.namespace import Namespace
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, Unit, agree, over, times
-from scenegen.pose import TWO_PI
+from scenegen.pose import FLAT, PLACE, TWO_PI
 
 Shape = Literal["number", "place", "footprint"]
 """What an argument is in the language. A place (an object or a point) reaches the primitive as two numbers, x and y; a
 footprint (an object, a region or a point) as three, x, y and theta, and as a constant Footprint: all constants stand
 before all numbers."""
+
+
+Slopes = Callable[[Sequence[float | None]], Sequence[float] | None]
+"""Of arguments, of which constants have a value: what the result grows by with each of the others, 0 for constants;
+None where it is not linear in them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +37,20 @@ class Primitive:
 
     evaluate(ns, *shapes, *numbers) computes it over the namespace `ns`; interval(*shapes, *intervals) bounds it;
     unit(*units) gives the result's unit from one unit per argument (that of a place or footprint is LENGTH) or raises
-    UnitMismatch. `operator` is set for those written infix; specs cannot
-    call those that are `hidden`.
+    UnitMismatch; `doc` is a sentence for editors. `operator` is set for those written infix; specs cannot call those
+    that are `hidden`. `names` are what its parameters are called: a, b, c where none are given.
     backward(*shapes, wanted, *intervals) narrows the intervals of the arguments to what the wanted interval of the
     result leaves, see scenegen.geometry.backward; None: the arguments stay as they are.
+
+    What else readers ask, and what is lost where a trait is left out:
+    `of_angle`: its number is an angle: a bare one is in radians, and a turn more makes no difference (a wrong warning);
+    `relative`: of two places it needs only how they lie to each other (weaker pruning);
+    `smooth`: no set of scenes with a volume has one value of it (more work to prove that a value cannot be);
+    `vanishes`: it is 0 where both halves of its arguments are the same (a formula keeps what is 0);
+    `exact`: all namespaces round it alike; `monotone`: it grows with each argument; `slopes`: it is linear (quantifiers
+    over many numbers take longer);
+    `drawn`: how a picture shows its value: a line between centres, across the gap, out to the rim of what contains;
+    a turn; or, as an edge, with the place that it is added to (no picture).
     """
 
     name: str
@@ -48,6 +63,34 @@ class Primitive:
     operator: str = ""
     backward: Rule | None = None
     hidden: bool = False
+    names: tuple[str, ...] = ()
+    of_angle: bool = False
+    relative: bool = False
+    smooth: bool = False
+    vanishes: bool = False
+    exact: bool = False
+    monotone: bool = False
+    slopes: Slopes | None = None
+    drawn: Literal["", "centres", "gap", "room", "turn", "edge"] = ""
+
+    @property
+    def spatial(self) -> bool:
+        """Whether it takes places or footprints."""
+        return any(kind != "number" for kind in self.params)
+
+    @property
+    def places(self) -> tuple[tuple[int, int], ...]:
+        """Which numbers are x and y of each place or footprint."""
+        found, at = [], 0
+        for kind in self.params:
+            if kind != "number":
+                found.append((at, at + 1))
+            at += NUMBERS[kind]
+        return tuple(found)
+
+
+NUMBERS: dict[Shape, int] = {"number": 1, "place": len(PLACE), "footprint": len(FLAT)}
+"""How many numbers an argument is."""
 
 
 def _wrap(ns: Namespace, a: Any) -> Any:
@@ -86,156 +129,107 @@ def _angle_in(result: Unit) -> Callable[[Unit], Unit]:
     return unit
 
 
+def _product(values: Sequence[float | None]) -> Sequence[float] | None:
+    a, b = values
+    if b is not None:
+        return b, 0.0
+    return None if a is None else (0.0, a)
+
+
+def _quotient(values: Sequence[float | None]) -> Sequence[float] | None:
+    divisor = values[1]
+    return None if divisor is None else (1.0 / divisor, 0.0)
+
+
+def _each(values: Sequence[float | None]) -> Sequence[float]:
+    return [1.0] * len(values)
+
+
+_ONE: tuple[Shape, ...] = ("number",)
+_TWO: tuple[Shape, ...] = ("number", "number")
+_PLACES: tuple[Shape, ...] = ("place", "place")
+_FOOTPRINTS: tuple[Shape, ...] = ("footprint", "footprint")
+
 PRIMITIVES: dict[str, Primitive] = {
     primitive.name: primitive
     for primitive in (
         Primitive(
-            "add",
-            ("number", "number"),
-            lambda ns, a, b: a + b,
-            iv.add,
-            agree,
-            "a + b",
-            operator="+",
-            backward=back.add,
+            "add", _TWO, lambda ns, a, b: a + b, iv.add, agree, "a + b",
+            operator="+", backward=back.add, exact=True, slopes=_each,
         ),
         Primitive(
-            "sub",
-            ("number", "number"),
-            lambda ns, a, b: a - b,
-            iv.sub,
-            agree,
-            "a - b",
-            operator="-",
-            backward=back.sub,
+            "sub", _TWO, lambda ns, a, b: a - b, iv.sub, agree, "a - b",
+            operator="-", backward=back.sub, exact=True, vanishes=True, slopes=lambda values: (1.0, -1.0),
         ),
         Primitive(
-            "mul",
-            ("number", "number"),
-            lambda ns, a, b: a * b,
-            iv.mul,
-            times,
-            "a * b",
-            operator="*",
-            backward=back.mul,
+            "mul", _TWO, lambda ns, a, b: a * b, iv.mul, times, "a * b",
+            operator="*", backward=back.mul, exact=True, slopes=_product,
         ),
         Primitive(
-            "div",
-            ("number", "number"),
-            lambda ns, a, b: a / b,
-            iv.div,
-            over,
-            "a / constant",
-            operator="/",
-            backward=back.div,
-        ),
-        Primitive("neg", ("number",), lambda ns, a: -a, iv.neg, _same, "-a", operator="-", backward=back.neg),
-        Primitive(
-            "dist",
-            ("place", "place"),
-            _dist,
-            lambda ax, ay, bx, by: iv.hypot(iv.sub(ax, bx), iv.sub(ay, by)),
-            lambda a, b: LENGTH,
-            "Euclidean distance between two centres or points, in metres",
-            backward=back.dist,
+            "div", _TWO, lambda ns, a, b: a / b, iv.div, over, "a / constant",
+            operator="/", backward=back.div, exact=True, slopes=_quotient,
         ),
         Primitive(
-            "wrap", ("number",), _wrap, iv.wrap, _angle_in(ANGLE), "an angle brought to (-pi, pi]", backward=back.wrap
+            "neg", _ONE, lambda ns, a: -a, iv.neg, _same, "-a",
+            operator="-", backward=back.neg, exact=True, slopes=lambda values: (-1.0,),
         ),
         Primitive(
-            "abs",
-            ("number",),
-            lambda ns, a: ns.absolute(a),
-            iv.absolute,
-            _same,
-            "absolute value",
-            backward=back.absolute,
+            "dist", _PLACES, _dist, lambda ax, ay, bx, by: iv.hypot(iv.sub(ax, bx), iv.sub(ay, by)),
+            lambda a, b: LENGTH, "Euclidean distance between two centres or points, in metres",
+            backward=back.dist, relative=True, smooth=True, vanishes=True, drawn="centres",
         ),
         Primitive(
-            "min",
-            ("number",),
-            _fold("minimum"),
-            iv.minimum,
-            agree,
-            "the smallest argument",
-            variadic=True,
-            backward=back.minimum,
+            "wrap", _ONE, _wrap, iv.wrap, _angle_in(ANGLE), "an angle brought to (-pi, pi]",
+            backward=back.wrap, of_angle=True, drawn="turn",
         ),
         Primitive(
-            "max",
-            ("number",),
-            _fold("maximum"),
-            iv.maximum,
-            agree,
-            "the largest argument",
-            variadic=True,
-            backward=back.maximum,
+            "abs", _ONE, lambda ns, a: ns.absolute(a), iv.absolute, _same, "absolute value",
+            backward=back.absolute, exact=True,
         ),
         Primitive(
-            "sum",
-            ("number",),
-            _total,
-            iv.total,
-            agree,
-            "the sum of all arguments",
-            variadic=True,
-            backward=back.total,
+            "min", _ONE, _fold("minimum"), iv.minimum, agree, "the smallest argument",
+            variadic=True, backward=back.minimum, exact=True, monotone=True,
         ),
         Primitive(
-            "mean",
-            ("number",),
-            lambda ns, *numbers: _total(ns, *numbers) / len(numbers),
-            iv.mean,
-            agree,
+            "max", _ONE, _fold("maximum"), iv.maximum, agree, "the largest argument",
+            variadic=True, backward=back.maximum, exact=True, monotone=True,
+        ),
+        Primitive(
+            "sum", _ONE, _total, iv.total, agree, "the sum of all arguments",
+            variadic=True, backward=back.total, slopes=_each,
+        ),
+        Primitive(
+            "mean", _ONE, lambda ns, *numbers: _total(ns, *numbers) / len(numbers), iv.mean, agree,
             "the mean of all arguments",
-            variadic=True,
-            backward=back.mean,
+            variadic=True, backward=back.mean, slopes=lambda values: [1.0 / len(values)] * len(values),
         ),
         Primitive(
-            "pick",
-            ("number", "number", "number", "number"),
-            lambda ns, switch, end, before, after: ns.where(switch < end, before, after),
-            iv.pick,
-            lambda switch, end, before, after: agree(before, after),
+            "pick", (*_TWO, *_TWO), lambda ns, switch, end, before, after: ns.where(switch < end, before, after),
+            iv.pick, lambda switch, end, before, after: agree(before, after),
             "one number where the switch of a choice is below an end, another elsewhere",
-            hidden=True,
-            backward=back.pick,
+            hidden=True, backward=back.pick,
         ),
-        Primitive("sin", ("number",), lambda ns, a: ns.sin(a), iv.sin, _angle_in(BARE), "sine of an angle"),
-        Primitive("cos", ("number",), lambda ns, a: ns.cos(a), iv.cos, _angle_in(BARE), "cosine of an angle"),
+        Primitive("sin", _ONE, lambda ns, a: ns.sin(a), iv.sin, _angle_in(BARE), "sine of an angle", of_angle=True),
+        Primitive("cos", _ONE, lambda ns, a: ns.cos(a), iv.cos, _angle_in(BARE), "cosine of an angle", of_angle=True),
         Primitive(
-            "gap",
-            ("footprint", "footprint"),
-            clearance.gap,
-            clearance_bounds.gap,
-            lambda a, b: LENGTH,
+            "gap", _FOOTPRINTS, clearance.gap, clearance_bounds.gap, lambda a, b: LENGTH,
             "clearance of two footprints, in metres; where they overlap, minus the smallest shift that parts them",
-            backward=clearance_backward.back_gap,
+            backward=clearance_bounds.back_gap, relative=True, smooth=True, drawn="gap",
         ),
         Primitive(
-            "room",
-            ("footprint", "footprint"),
-            clearance.room,
-            clearance_bounds.room,
-            lambda a, b: LENGTH,
+            "room", _FOOTPRINTS, clearance.room, clearance_bounds.room, lambda a, b: LENGTH,
             "how far a's footprint stays inside b's, in metres; negative by how far it sticks out",
-            backward=clearance_backward.back_room,
+            backward=clearance_bounds.back_room, names=("a", "area"), relative=True, drawn="room",
         ),
         Primitive(
-            "reach",
-            ("footprint", "number"),
-            clearance.reach,
-            clearance_bounds.reach,
+            "reach", ("footprint", "number"), clearance.reach, clearance_bounds.reach,
             lambda a, heading: _angle_in(LENGTH)(heading),
             "how far a's footprint reaches from its centre towards a heading, in metres",
+            names=("a", "heading"), of_angle=True, drawn="edge",
         ),
         Primitive(
-            "bearing",
-            ("place", "place"),
-            clearance.bearing,
-            clearance_bounds.bearing,
-            lambda a, b: ANGLE,
-            "direction of b seen from a, an angle in (-pi, pi]; 0 where they coincide",
+            "bearing", _PLACES, clearance.bearing, clearance_bounds.bearing, lambda a, b: ANGLE,
+            "direction of b seen from a, an angle in (-pi, pi]; 0 where they coincide", relative=True,
         ),
     )
-}
+}  # fmt: skip

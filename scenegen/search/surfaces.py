@@ -17,6 +17,7 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.geometry import PRIMITIVES
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, corners, measures
 from scenegen.lang.check.heights import options_of
 from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction
@@ -24,7 +25,7 @@ from scenegen.lang.spec import CheckedSpec, Support
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of
 from scenegen.search.contract import Ends
 from scenegen.search.effort import PYTHON, Effort
-from scenegen.search.tape import RELATIVE, Tape
+from scenegen.search.tape import Tape
 
 # --------------------------------------------------------------------------------------------------------------------
 # Patches of surfaces, each in the frame of what carries it: where the centre of an object can be on them, for each
@@ -416,8 +417,8 @@ def _smooth(tape: Tape) -> Bool:
             case Apply("add" | "sub", (one, other)):
                 constant = [isinstance(tape.nodes[arg], Const) for arg in (one, other)]
                 smooth[index] = index in tape.differences or (any(constant) and smooth[[one, other]].any())
-            case Apply(name, args) if name in RELATIVE:
-                smooth[index] = name in ("dist", "gap") and any(smooth[args[at]] for at in chain(*RELATIVE[name]))
+            case Apply(name, args) if PRIMITIVES[name].smooth:
+                smooth[index] = any(smooth[args[at]] for at in chain(*PRIMITIVES[name].places))
     return smooth
 
 

@@ -188,14 +188,6 @@ LONGEST = 8  # terms that a sum may have before it counts as one opaque number; 
 MOST_LOOPS = 100
 POLYGON = 5  # visits of nodes that a footprint with corners adds to what a primitive costs
 
-# Primitives that depend on where two places lie to each other only: the arguments that are (x, y) of each.
-RELATIVE: dict[str, tuple[tuple[int, int], tuple[int, int]]] = {
-    "dist": ((0, 1), (2, 3)),
-    "bearing": ((0, 1), (2, 3)),
-    "gap": ((0, 1), (3, 4)),
-    "room": ((0, 1), (3, 4)),
-}
-
 
 @dataclass(frozen=True, slots=True)
 class AffineForm:
@@ -450,8 +442,9 @@ def _apply(writer: _TapeBuilder, node: Apply, args: list[AffineForm]) -> AffineF
             return a.times(b.constant)
         case "div", [a, b] if not b.terms and b.constant != 0.0:
             return a.times(1.0 / b.constant)
-    if node.primitive in RELATIVE:
+    primitive = PRIMITIVES[node.primitive]
+    if primitive.relative:
         args = list(args)
-        for first, second in zip(*RELATIVE[node.primitive], strict=True):
+        for first, second in zip(*primitive.places, strict=True):
             args[first], args[second] = args[first].plus(args[second], -1.0), AffineForm(0.0)
     return AffineForm(0.0, ((writer.add(Apply(node.primitive, tuple(map(writer.write, args)), node.shapes)), 1.0),))

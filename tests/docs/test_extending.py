@@ -99,6 +99,21 @@ def test_a_primitive(extended):
     for method in ("rejection", "splitting"):
         scenegen(project, "sample", "my.spec", "--phi", "0:0.1", "-n", "4", "--method", method, "--out", "s.json")
     assert "roughGap" in scenegen(project, "eval", "my.spec", "s.json", "--explain")
+    # what its traits promise: a node for the difference of both places, a mark in pictures, names in messages
+    program = """
+from scenegen.api.spec import parse
+from scenegen.search.tape import make_tape
+from scenegen.show.figures.dimensions import dimensions
+
+checked = parse("object fork, knife\\ntask: roughGap(fork, knife) >= 10 cm").checked
+tape = make_tape(checked.core, *checked.box())
+(mark,) = dimensions(checked.core, checked.core.labels["task"], [0.25, 0.5, 0.0, 0.75, 0.5, 0.0])
+print(len(tape.differences), mark.start, mark.end)
+"""
+    assert python(project, "-c", program) == "2 (0.25, 0.5) (0.75, 0.5)\n"
+    (project / "my.spec").write_text("object fork, knife\ntask: roughGap(fork) >= 10 cm\n")
+    with pytest.raises(AssertionError, match=r"roughGap\(one, other\)"):
+        scenegen(project, "check", "my.spec")
 
 
 @pytest.mark.slow

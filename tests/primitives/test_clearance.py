@@ -10,7 +10,7 @@ import torch
 from scipy.spatial import ConvexHull
 
 from scenegen.geometry import MATH, NUMPY, POINT, PRIMITIVES, Box, Circle, Polygon
-from scenegen.learn.robustness.namespace import TORCH
+from scenegen.learn.robustness.compile import TORCH
 
 from .drawing import random_footprint
 

@@ -9,7 +9,7 @@ import torch
 from scenegen.geometry import ANGLE, BARE, LENGTH, MATH, NUMPY, PRIMITIVES, Interval, Unit, UnitMismatch
 from scenegen.geometry import interval as iv
 from scenegen.geometry.units import agree, over, quantity, times
-from scenegen.learn.robustness.namespace import TORCH
+from scenegen.learn.robustness.compile import TORCH
 
 from .drawing import arguments, boxes, shapes, within
 

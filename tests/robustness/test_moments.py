@@ -10,13 +10,13 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import gated
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.formula.timed import score
-from scenegen.lang.formula.unroll import unroll
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.traces import TraceRobustness
 
 from ..laws import examples
 from .slow_time import text
 from .test_traces import OBJECTS, T, formulas, motions, seeds
+from .unroll import unroll
 
 
 @settings(max_examples=examples(200), deadline=None, derandomize=True)

@@ -32,7 +32,6 @@ def test_vmap_over_batches_and_over_scenes(phi, poses):
     assert torch.equal(vmap(phi)(poses), wanted)
     assert torch.equal(vmap(phi, in_dims=1, out_dims=1)(poses), wanted)
     assert torch.equal(vmap(vmap(alone(phi)))(poses), wanted)
-    assert torch.equal(vmap(parse(SPEC).robustness(compiled=True))(poses), wanted)
 
 
 def test_vmap_in_several_chunks(poses, monkeypatch):

@@ -26,7 +26,7 @@ from scenegen.editors.grammars.forms import (
     vocabulary,
 )
 from scenegen.errors import Source, SpecError
-from scenegen.geometry import NUMPY
+from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.units import LENGTH, SPEED, TURN_RATE, Unit
 from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.scope import LIST_FUNCTIONS, signatures
@@ -44,7 +44,6 @@ PROBES = 16  # scenes in which an extra argument has to shift phi by as much
 EXACT = 1e-9  # what rounding may make of a shift
 LIVE = 1 << 23  # numbers that a look at some scenes may hold
 MOST_SLOTS = 3  # arguments that relations can have here
-TRIVIAL = ("abs", "min", "max", "sum", "mean", "sin", "cos", "wrap", "height")
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +146,7 @@ class _Trial:
     def _all(self) -> Iterator[tuple[TrialStatement, int]]:
         scope, words = self.lowering.scope, self.words
         for name in (*scope.definitions, *signatures(scope.timed)):
-            if name in LIST_FUNCTIONS or name in TRIVIAL:
+            if name in LIST_FUNCTIONS or name == "height" or (name in PRIMITIVES and not PRIMITIVES[name].spatial):
                 continue
             signature = scope.signature(name)
             assert signature is not None

@@ -469,7 +469,7 @@ class Lowering:
             unit = PRIMITIVES[name].unit(*units)
             result = self.builder.apply(name, args, shapes)
         except UnitMismatch as mismatch:
-            if len(units) == 1 or "place" in PRIMITIVES[name].params or "footprint" in PRIMITIVES[name].params:
+            if len(units) == 1 or PRIMITIVES[name].spatial:
                 left, right = mismatch.left.words, mismatch.right.words
                 raise self.error(UNIT_OF_ARGUMENT, node, frame, name=name, wanted=right, found=left) from None
             raise self._mismatch(mismatch, "combined with", node, frame) from None

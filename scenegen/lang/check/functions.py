@@ -59,8 +59,6 @@ if TYPE_CHECKING:
     from scenegen.lang.check.expressions import Lowering
 
 
-_OF_ANGLES = ("sin", "cos", "wrap", "reach")  # a bare number given to these is in radians
-
 
 def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, frame: CallFrame) -> Value:
     """A call of `consecutive` or `gaps` over a list. Raises SpecError."""
@@ -121,7 +119,7 @@ def function(lowering: Lowering, name: str, values: list[Value], node: ast.Call,
             return _of_options(lowering, name, values, at, node, frame)
         if kind == "number":
             number = lowering.coerce.number(value, what)
-            if name in _OF_ANGLES:
+            if primitive.of_angle:  # a bare number is in radians
                 lowering.refuse_degrees([number, NumberValue(number.node, ANGLE, origin=number.origin)])
             units.append(number.unit)
             args.append(number.node)

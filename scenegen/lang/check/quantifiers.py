@@ -41,9 +41,6 @@ if TYPE_CHECKING:
 # Margins of a template that grow or fall with one constant: the same expression in every round, but for that.
 
 
-_EXACT = ("add", "sub", "mul", "div", "neg", "abs", "min", "max")  # rounded alike by every evaluator
-
-
 @dataclass(frozen=True, slots=True)
 class MonotoneDependence:
     """The constant of a template that a number depends on alone, and whether it grows with it or falls."""
@@ -65,20 +62,13 @@ def chain(template: Template, margin: int) -> MonotoneDependence | None:
         if len(mine) != 1:
             return None
         (place,) = mine
-        match node.primitive:
-            case "add" | "min" | "max" | "sum" | "mean":
-                pass
-            case "sub":
-                grows ^= place == 1
-            case "neg":
-                grows = not grows
-            case "mul" | "div":
-                factor = template.below.value(node.args[1 - place])
-                if factor is None or (node.primitive == "div" and place == 1):
-                    return None
-                grows ^= factor < 0.0
-            case _:
+        primitive = PRIMITIVES[node.primitive]
+        if not primitive.monotone:
+            values = [None if arg in template.own else template.below.value(arg) for arg in node.args]
+            slopes = None if primitive.slopes is None else primitive.slopes(values)
+            if slopes is None:
                 return None
+            grows ^= slopes[place] < 0.0
         index = node.args[place]
     return MonotoneDependence(index, grows)
 
@@ -90,7 +80,8 @@ def evaluate(template: Template, constant: int, given: npt.NDArray[np.float64]) 
         if kind == "constant":
             primitive, args, _ = rest
             numbers = [values[arg] if arg in values else template.below.value(arg) for arg in args]
-            values[slot] = PRIMITIVES[primitive].evaluate(NUMPY, *numbers) if primitive in _EXACT else np.nan
+            function = PRIMITIVES[primitive]
+            values[slot] = function.evaluate(NUMPY, *numbers) if function.exact else np.nan
     return values[constant]
 
 

@@ -172,9 +172,6 @@ REPLACEABLE = (
     *("reachableFromAbove", "noCollision"),
 )
 
-# parameters whose name says more than a, b, c
-_PARAMETERS = {"reach": ("a", "heading"), "room": ("a", "area")}
-
 
 STEPS = {
     "displacement": "how far a moved since the moment before; metres; 0 at moment 0",
@@ -202,7 +199,7 @@ def signatures(timed: bool = False) -> Mapping[str, Signature]:
     table = {axis: Signature(axis, ("a",), 1, usage=f"{axis}(a)") for axis in NAMES}
     for primitive in PRIMITIVES.values():
         if not (primitive.operator or primitive.hidden):
-            names = _PARAMETERS.get(primitive.name, tuple("abcdefgh"[: len(primitive.params)]))
+            names = primitive.names or tuple("abcdefgh"[: len(primitive.params)])
             dots = ", ..." if primitive.variadic else ""
             usage = f"{primitive.name}({', '.join(names)}{dots})"
             table[primitive.name] = Signature(primitive.name, names, len(names), primitive.variadic, usage)

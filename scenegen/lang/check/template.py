@@ -163,7 +163,7 @@ class Template(CoreBuilder):
             return short
         constant = [arg in self.constant or isinstance(self.nodes[arg], Const) for arg in args]
         if not all(constant):
-            plain = not any(constant) and primitive not in ("sub", "dist")
+            plain = not any(constant) and not PRIMITIVES[primitive].vanishes
             key = ("plain" if plain else "apply", primitive, tuple(args), shapes)
             return self._step(key, Apply(primitive, tuple(args), shapes))
         slot = self._step(("constant", primitive, tuple(args), shapes), Apply(primitive, tuple(args), shapes))

@@ -65,7 +65,7 @@ def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded:
             return [f"{NAMES[axis]}({objects[which]})"]
         case Apply("neg", (value,)):
             return ["-", (value, 3)]
-        case Apply(primitive, args, shapes) if {"place", "footprint"} & set(PRIMITIVES[primitive].params):
+        case Apply(primitive, args, shapes) if PRIMITIVES[primitive].spatial:
             return _spatial(nodes, objects, PRIMITIVES[primitive], args, shapes)
         case Apply(primitive, args) if primitive in _INFIX:
             strength, symbol = _INFIX[primitive]
@@ -212,9 +212,9 @@ class CoreBuilder:
                 return args[0]
             if primitive == "add":
                 return args[1] if values[0] == 0.0 else None
-            return self.const(0.0) if args[0] == args[1] else None
         # a thing beside itself: the same in every scene, and the checker says so
-        return self.const(0.0) if primitive == "dist" and args[:2] == args[2:] else None
+        alike = PRIMITIVES[primitive].vanishes and args[: len(args) // 2] == args[len(args) // 2 :]
+        return self.const(0.0) if alike else None
 
     def plain(self, primitive: str, args: tuple[int, ...], shapes: tuple[Footprint, ...]) -> int:
         """`apply` for arguments of which none is constant and no two are alike."""

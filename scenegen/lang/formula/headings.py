@@ -15,7 +15,6 @@ from scenegen.geometry import PRIMITIVES
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Node
 from scenegen.pose import FLAT, PLACE, THETA, owner
 
-_PERIODIC = ("wrap", "sin", "cos", "reach")  # of the number that they take
 _Turns = Mapping[int, float]  # heading's row -> what a number grows by with it, nan where it does not grow evenly
 
 
@@ -43,18 +42,9 @@ def bare_rows(core: Core) -> frozenset[int]:
 
 
 def _through(node: Apply, nodes: Sequence[Node], parts: Sequence[_Turns]) -> _Turns:
-    name = node.primitive
-    factors: list[float] | None = None
-    if name in ("add", "sum", "neg", "sub", "mean"):
-        factors = [-1.0 if name == "neg" or (name == "sub" and place) else 1.0 for place in range(len(parts))]
-        if name == "mean":
-            factors = [1.0 / len(parts)] * len(parts)
-    elif name in ("mul", "div"):
-        first, second = (nodes[arg] for arg in node.args)
-        if isinstance(second, Const):
-            factors = [second.value if name == "mul" else 1.0 / second.value, 0.0]
-        elif isinstance(first, Const):
-            factors = [0.0, first.value]
+    slopes = PRIMITIVES[node.primitive].slopes
+    values = [one.value if isinstance(one := nodes[arg], Const) else None for arg in node.args]
+    factors = None if slopes is None else slopes(values)
     total: dict[int, float] = {}
     if factors is None:
         for part, whole in zip(parts, _whole_turns(node), strict=True):
@@ -76,7 +66,7 @@ def _whole_turns(node: Apply) -> Iterator[bool]:
         return
     for kind in primitive.params:
         if kind == "number":
-            yield node.primitive in _PERIODIC
+            yield primitive.of_angle
         else:
             yield from (axis == THETA for axis in (FLAT if kind == "footprint" else PLACE))
 

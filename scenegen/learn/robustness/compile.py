@@ -1,8 +1,7 @@
 """Core formula -> vectorised torch robustness.
 
 Storage is (3N, B): one contiguous row per coordinate, 3 to 4 times faster than one row per scene. The
-tape is run row-wise with each intermediate freed after its last use, in chunks of scenes that stay in cache; or as one
-loop of machine code.
+tape is run row-wise with each intermediate freed after its last use, in chunks of scenes that stay in cache.
 """
 
 from __future__ import annotations
@@ -23,9 +22,82 @@ from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction, last
 from scenegen.lang.formula.headings import bare_rows
 from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.lang.formula.nearest import ConjunctionTerms, find, last_uses_of, least
-from scenegen.learn.robustness.fused import fused
-from scenegen.learn.robustness.namespace import TORCH
 from scenegen.pose import AXES, NAMES, SIZE, THETA, TWO_PI, axis_of, owner, row_count, row_of
+
+# --------------------------------------------------------------------------------------------------------------------
+# The primitives' functions over torch tensors.
+
+
+def _sqrt(square: Tensor) -> Tensor:
+    """The square root whose gradient at 0 is 0: torch's own gives infinity there, and NaN further down the chain."""
+    if not (torch.is_grad_enabled() and square.requires_grad):
+        return square.sqrt()
+    zero = square == 0
+    return torch.where(zero, torch.zeros_like(square), torch.where(zero, torch.ones_like(square), square).sqrt())
+
+
+def _hypot(a: Tensor, b: Tensor) -> Tensor:
+    """sqrt(a^2 + b^2) whose gradient at coincident points is 0: torch's own sqrt and hypot give NaN there."""
+    return _sqrt(a * a + b * b)
+
+
+def _atan2(y: Tensor, x: Tensor) -> Tensor:
+    """atan2 whose gradient is 0 where x^2 + y^2, by which torch divides, is 0 or too small for 1 over it."""
+    angle = torch.atan2(y, x)
+    if not (torch.is_grad_enabled() and angle.requires_grad):
+        return angle
+    zero = x * x + y * y < torch.finfo(angle.dtype).tiny
+    return torch.where(zero, angle.detach(), torch.atan2(y, torch.where(zero, torch.ones_like(x), x)))
+
+
+def _turn(a: Tensor) -> tuple[Tensor, Tensor]:
+    return a.cos(), a.sin()
+
+
+def _signed_root(square: Tensor, signed: Tensor) -> Tensor:
+    """sqrt(square) with the sign of `signed`, whose gradient is the result's where that is 0."""
+    root = torch.copysign(_sqrt(square), signed)
+    if not (torch.is_grad_enabled() and root.requires_grad):
+        return root
+    return torch.where(root == 0, signed, root)
+
+
+def _clip(a: Tensor, lowest: float, highest: float) -> Tensor:
+    return a.clamp(lowest, highest)
+
+
+def _beyond(a: Tensor, half: float) -> Tensor:
+    return a - a.clamp(-half, half)
+
+
+def _copysign(size: Tensor, sign: Tensor) -> Tensor:
+    return torch.copysign(size, sign.detach())
+
+
+def _where(condition: Tensor, a: Tensor, b: Tensor) -> Tensor:
+    return torch.where(condition, a, b)
+
+
+class _TorchNamespace:
+    minimum = staticmethod(torch.minimum)
+    maximum = staticmethod(torch.maximum)
+    absolute = staticmethod(torch.abs)
+    ceil = staticmethod(torch.ceil)
+    sin = staticmethod(torch.sin)
+    cos = staticmethod(torch.cos)
+    turn = staticmethod(_turn)
+    sqrt = staticmethod(_sqrt)
+    signed_root = staticmethod(_signed_root)
+    hypot = staticmethod(_hypot)
+    atan2 = staticmethod(_atan2)
+    clip = staticmethod(_clip)
+    beyond = staticmethod(_beyond)
+    copysign = staticmethod(_copysign)
+    where = staticmethod(_where)
+
+
+TORCH: Namespace = _TorchNamespace()
+
 
 # --------------------------------------------------------------------------------------------------------------------
 # The tape of a core formula, run once over torch tensors.
@@ -226,23 +298,17 @@ class Robustness:
     The transforms of torch.func (vmap, grad, jacrev, jacfwd, ...) work on it; inside them, the message about a
     coordinate that is not finite cannot say whose it is.
 
-    With `compiled`, the C compiler of the machine makes one loop of the formula: several times as fast on large
-    batches. The first call in each dtype pays for that: 0.1 to 0.5 seconds, five for a formula of 4,000 operations;
-    larger ones are not compiled. Values are the same but for rounding (the last bits of sin, cos and atan2, and
-    products and sums that become one instruction), whatever the batch. A call that wants gradients or `beta`, or that
-    is not on the CPU, runs operation by operation as without `compiled`; so do all calls after a RuntimeWarning where
-    compiling fails, above all where there is no C compiler.
+    torch.compile takes it as it takes any function: faster on millions of scenes, after seconds of compiling.
 
     `held` are the poses of objects that the spec holds, by index. phi takes these for granted, so other poses of these
     objects are refused, but inside transforms of torch.func, where nothing can be refused scene by scene.
     """
 
-    def __init__(self, core: Core, *, compiled: bool = False, held: Held | None = None) -> None:
+    def __init__(self, core: Core, *, held: Held | None = None) -> None:
         self.core = core
         self.held = {} if held is None else dict(held)
         self.labels = tuple(core.labels)
         self.objects = core.objects
-        self.compiled = compiled
         self._scored = part_of(core, self.labels)  # requirements are no part of phi
         self._dead = last_uses(self._scored)
         self._closest = find(self._scored)
@@ -251,11 +317,9 @@ class Robustness:
         pairs = max((closest.count for closest in self._closest.values()), default=0)
         self._most = max(256, LIVE // (pairs + max(most_alive(self._dead), most_alive(self._dead_closest))))
         self._chunk = min(CHUNK, self._most)
-        self._fused = fused(self._scored) if compiled else None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Machine code is not pickled; it is compiled again on the other side, where there is a compiler.
-        return _again, (self.core, self.compiled, self.held)
+        return _again, (self.core, self.held)
 
     def __call__(self, poses: Tensor, *, beta: float | None = None) -> Tensor:
         """(B, N, 3) poses -> (B, L). No copy is made where `poses` is a view of (3N, B) storage. A heading outside
@@ -307,8 +371,6 @@ class Robustness:
             out = rows.new_empty(shape)
         elif out.shape != shape or (out.dtype, out.device) != (rows.dtype, rows.device) or not out.is_contiguous():
             raise ValueError(f"`out` must be contiguous, {shape}, {rows.dtype} and on {rows.device}")
-        if self._fused is not None and beta is None and rows.device.type == "cpu" and self._fused(rows, out):
-            return out
         plainly = rows.device.type == "cpu" and beta is None and not torch.compiler.is_compiling()
         for start in range(0, rows.shape[1], wider * self._chunk):
             some = slice(start, start + wider * self._chunk)
@@ -375,5 +437,5 @@ def held_elsewhere(name: str, pose: tuple[float, float, float], where: str) -> s
     )
 
 
-def _again(core: Core, compiled: bool, held: Held) -> Robustness:
-    return Robustness(core, compiled=compiled, held=held)
+def _again(core: Core, held: Held) -> Robustness:
+    return Robustness(core, held=held)

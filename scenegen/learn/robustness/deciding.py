@@ -18,8 +18,7 @@ from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction
 from scenegen.lang.formula.headings import bare_rows
 from scenegen.lang.formula.interpret import Algebra, fold
 from scenegen.lang.formula.nearest import ConjunctionTerms, find, last_uses_of, least
-from scenegen.learn.robustness.compile import coordinates, run
-from scenegen.learn.robustness.namespace import TORCH
+from scenegen.learn.robustness.compile import TORCH, coordinates, run
 from scenegen.pose import SIZE, THETA
 
 _CHUNK = 32_768

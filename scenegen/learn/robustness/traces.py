@@ -23,23 +23,18 @@ class TraceRobustness:
     real-valued signals", FORMATS 2010, in discrete time with closed windows that end with the motion). Values are exact
     minima and maxima, differentiable; time grows with T log T at most, whatever the windows. Works in the dtype and on
     the device of its input.
-
-    With `compiled`, the formulas of a state are one loop of machine code, for all moments of all motions;
-    windows over time, which are a few operations on whole arrays, stay as they are. So compiling takes as long as for
-    a scene, whatever T. Everything else that Robustness says of `compiled` holds here.
     """
 
-    def __init__(self, timed: Timed, *, compiled: bool = False, held: Held | None = None) -> None:
+    def __init__(self, timed: Timed, *, held: Held | None = None) -> None:
         self.timed = timed
         self.held = {} if held is None else dict(held)
-        self.compiled = compiled
         self.labels = tuple(timed.labels)
         self.objects = timed.objects
         self.horizon = timed.horizon
-        self._state = Robustness(timed.state, compiled=compiled)
+        self._state = Robustness(timed.state)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (self.timed, self.compiled, self.held)
+        return _again, (self.timed, self.held)
 
     def __call__(self, poses: Tensor, *, signals: bool = False) -> Tensor:
         """(B, T + 1, N, 3) poses -> (B, L); with `signals`, the value at every moment: (B, T + 1, L). What looks beyond
@@ -114,8 +109,8 @@ class TraceRobustness:
                 raise ValueError(held_elsewhere(self.objects[which], self.held[which], where))
 
 
-def _again(timed: Timed, compiled: bool, held: Held) -> TraceRobustness:
-    return TraceRobustness(timed, compiled=compiled, held=held)
+def _again(timed: Timed, held: Held) -> TraceRobustness:
+    return TraceRobustness(timed, held=held)
 
 
 class _TorchTraces:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.geometry import PRIMITIVES, Box, Circle, Footprint, Polygon
 from scenegen.geometry.footprint import corners
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, children
 from scenegen.lang.formula.interpret import evaluate
@@ -227,15 +227,17 @@ def _measured(
     core: Core, part: Apply, index: int, values: Sequence[float], rows: Sequence[float], good: bool
 ) -> Iterator[Mark]:
     numbers = [values[arg] for arg in part.args]
-    match part.primitive, numbers:
-        case "dist", (ax, ay, bx, by):
-            yield Dimension((ax, ay), (bx, by), metres(values[index]), good)
-        case "gap" | "room", (ax, ay, a_theta, bx, by, b_theta):
-            segment = gap_segment if part.primitive == "gap" else room_segment
-            a, b = part.shapes
+    primitive = PRIMITIVES[part.primitive]
+    match primitive.drawn:
+        case "centres":
+            start, end = ((numbers[x], numbers[y]) for x, y in primitive.places)
+            yield Dimension(start, end, metres(values[index]), good)
+        case "gap" | "room":
+            segment = gap_segment if primitive.drawn == "gap" else room_segment
+            (a, b), (ax, ay, a_theta, bx, by, b_theta) = part.shapes, numbers
             start, end = segment(a, (ax, ay, a_theta), b, (bx, by, b_theta))
             yield Dimension(start, end, metres(values[index]), good)
-        case "wrap", _:
+        case "turn":
             for below in _below(core, index):
                 turned = core.nodes[below]
                 if isinstance(turned, Coord) and turned.axis == THETA:
@@ -308,7 +310,9 @@ def _terms(core: Core, root: int, values: Sequence[float]) -> _Sum:
                 stack += [(left, weight), (right, -weight)]
             case Apply("neg", (inner,)):
                 stack.append((inner, -weight))
-            case Apply("reach", (first, *_)) if isinstance(centre := core.nodes[first], Coord):
+            case Apply(name, (first, *_)) if PRIMITIVES[name].drawn == "edge" and isinstance(
+                centre := core.nodes[first], Coord
+            ):
                 total.places.setdefault(centre.object, _Place()).amount += weight * values[index]
             case _:
                 total.plain = False

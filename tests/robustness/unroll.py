@@ -1,6 +1,6 @@
 """A spec over time as one formula of a single scene with (T + 1) N objects: each object once at every moment.
 
-For explanations, bounds and comparison, where T is small: the formula grows with T times the widths of windows.
+The tests compare it with the layer over time, where T is small: the formula grows with T times the widths of windows.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ class Starts(Protocol):
         """The lowest and highest requested phi of each of the D labels."""
 
 
-class Moves(Protocol):
+class Actions(Protocol):
     """The actions of an environment."""
 
     @property
@@ -176,7 +176,7 @@ class Episodes(ABC):
 
     @property
     @abstractmethod
-    def moves(self) -> Moves:
+    def moves(self) -> Actions:
         """What an agent does."""
 
     @property

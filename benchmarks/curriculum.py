@@ -47,7 +47,7 @@ def measure(name: str, resets: int) -> str:
     start = time.process_time()
     env.reset(seed=0)
     first = 1e3 * (time.process_time() - start)
-    library = env.resets.library
+    library = env.starts.library
     hard = library.hard
     width = -0.05 * hard
     rng = np.random.default_rng(0)
@@ -59,9 +59,9 @@ def measure(name: str, resets: int) -> str:
         library.more = Draws(Sampler(env.rules.target))  # which forgets what was drawn
         whole = each(resets, lambda k, options=options: env.reset(options=options[k]))  # type: ignore[misc]
         library.more = Draws(Sampler(env.rules.target))
-        asks = [env.resets.read(one) for one in options]
-        stream = env.resets.stream(rng)
-        times += [whole, each(resets, lambda k, asks=asks, stream=stream: env.resets.draw(stream, asks[k]))]  # type: ignore[misc]
+        asks = [env.starts.read(one) for one in options]
+        stream = env.starts.stream(rng)
+        times += [whole, each(resets, lambda k, asks=asks, stream=stream: env.starts.draw(stream, asks[k]))]  # type: ignore[misc]
     env.reset(options=moving[0])
     actions = rng.integers(len(env.moves.names), size=(STEPS, BATCH))
 
@@ -84,9 +84,9 @@ def share(learner: str, run: Callable[[], None]) -> str:
     stats = pstats.Stats(profile)
     spent = {"deal": 0.0, "reset": 0.0, "step": 0.0}
     for (file, _, function), (_, _, _, cumulative, _) in stats.stats.items():  # type: ignore[attr-defined]
-        place = {"reset.py": ("deal",), "env.py": ("reset", "step")}.get(Path(file).name, ())
+        place = {"tabletop.py": ("draw",), "env.py": ("reset", "step")}.get(Path(file).name, ())
         if "curriculum" in file and function in place:
-            spent[function] += cumulative
+            spent["deal" if function == "draw" else function] += cumulative
     total = stats.total_tt  # type: ignore[attr-defined]
     shares = " | ".join(f"{100.0 * value / total:.1f} %" for value in spent.values())
     return f"| {learner} | {total:.1f} | {shares} |"

@@ -156,7 +156,7 @@ def beyond(size: int, seeds: tuple[int, ...]) -> Iterator[Case]:
 def strategies(size: int, levels: int, seeds: tuple[int, ...]) -> Iterator[Case]:
     """Every strategy that any learner can use, with the fair learner on task A; those that know levels with one as wide
     as a cell."""
-    from scenegen.learn.curriculum.strategies.registry import STRATEGIES
+    from scenegen.learn.curriculum.strategies import STRATEGIES
 
     cells = (2 * size + 1) ** 2
     known: dict[str, tuple[tuple[str, float], ...]] = {

@@ -26,7 +26,7 @@ from experiments.tabular.starts import Starts, of_scenes
 from experiments.trained import Training, ensure, find
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import DataError
-from scenegen.learn.curriculum.strategies.registry import strategy
+from scenegen.learn.curriculum.strategies import strategy
 from scenegen.learn.curriculum.tasks import PhiBox, Strategy
 from scenegen.learn.model import Model
 from scenegen.learn.training.config import make_config

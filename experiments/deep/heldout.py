@@ -13,7 +13,7 @@ import numpy.typing as npt
 from experiments.deep.tasks import Task
 from experiments.measure import Array, rows_of
 from scenegen.api.sample import sample
-from scenegen.learn.curriculum.rules import Rules, Tables
+from scenegen.learn.curriculum.tabletop import Rules, Tables
 
 SEED = 2**31 + 7
 Policy = Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]
@@ -36,10 +36,10 @@ def success(rules: Rules, scenes: Array, policy: Policy, horizon: int) -> float:
     solved = 0
     for _ in range(horizon):
         actions = rules.moves.checked(policy(rules.views(tables.rows)), tables.rows.shape[1])
-        done = rules.step(tables, actions)
+        after, done = rules.step(tables, actions)
         solved += int(done.success.sum())
-        on = ~(done.success | done.off)
+        on = ~done.ended
         if not on.any():
             break
-        tables = Tables(done.tables.rows[:, on], done.tables.phi[:, on], done.tables.slack[on])
+        tables = Tables(after.rows[:, on], after.phi[:, on], after.slack[on])
     return solved / int(scenes.shape[1])

@@ -42,7 +42,7 @@ class Lesson:
         """All settings of the strategy, its own defaults included."""
         if self.strategy is None:
             return {"bands": BANDS}
-        return STRATEGIES[self.strategy].load().settings_class(**self.settings).model_dump(mode="json")
+        return STRATEGIES[self.strategy].settings_class(**self.settings).model_dump(mode="json")
 
 
 LESSONS: dict[str, Lesson] = {

@@ -21,7 +21,7 @@ from experiments.errors import CHANGED_RECORD
 from experiments.trained import Training, find
 from scenegen.errors import DataError
 from scenegen.learn.curriculum.library import forget
-from scenegen.learn.curriculum.vector import TableTopVector
+from scenegen.learn.curriculum.tabletop import TableTopVector
 from scenegen.learn.curriculum.wrapper import VectorCurriculum
 from scenegen.learn.model import Model
 from scenegen.learn.training.config import make_config
@@ -160,11 +160,11 @@ def _learn(job: Job) -> Record:
     space = library.timed(lambda: tables.space)()
     meter = _Meter()
     plan = job.how.make(space, job.seed, phi.tolist())
-    # a strategy and a resets may be any objects; only their methods are wrapped
+    # a strategy and starts may be any objects; only their methods are wrapped
     setattr(plan, "next_task", meter.timed(plan.next_task))  # noqa: B010
     setattr(plan, "report", meter.timed(plan.report, count=True))  # noqa: B010
-    resets = tables._one.resets
-    setattr(resets, "draw", meter.timed(resets.draw))  # noqa: B010
+    starts = tables.starts
+    setattr(starts, "draw", meter.timed(starts.draw))  # noqa: B010
     learner = make_learner(VectorCurriculum(tables, plan), job.seed)
 
     def examined() -> float:

@@ -142,7 +142,7 @@ def test_phi_and_observations_are_those_of_the_scene():
     env.reset(seed=0)
     for _ in range(20):
         _, _, over, _, info = env.step(env.action_space.sample())
-        poses = env._tables.rows.T.reshape(1, -1, 3)
+        poses = env.episodes.rows.T.reshape(1, -1, 3)
         exact = float(spec.robustness()(torch.from_numpy(poses))[0, 0])
         assert info["phi"]["task"] == pytest.approx(exact, abs=1e-12)
         if over:

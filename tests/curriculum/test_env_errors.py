@@ -7,7 +7,7 @@ from gymnasium import error
 
 import scenegen
 from scenegen.curriculum import Curriculum, PhiBox, TableTop, TableTopVector, VectorCurriculum
-from scenegen.learn.curriculum.strategies.uniform import Uniform
+from scenegen.learn.curriculum.strategies.levels import Uniform
 
 LEFT = "leftOf(mug, plate)"
 APART = (

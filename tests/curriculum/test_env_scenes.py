@@ -28,7 +28,7 @@ def starts(env, requests, seed=None):
     rows, infos = [], []
     for number, request in enumerate(requests):
         _, info = env.reset(seed=seed if number == 0 else None, options=request)
-        rows.append(env._tables.rows[:, 0].copy())
+        rows.append(env.episodes.rows[:, 0].copy())
         infos.append(info)
     return np.array(rows), infos
 
@@ -123,7 +123,7 @@ def test_given_scenes(form):
     env = TableTop(spec)
     _, info = env.reset(options={"scene": given})
     assert info["phi"] == pytest.approx(dict(scene.phi))
-    np.testing.assert_array_equal(env._tables.rows[:, 0].reshape(-1, 3), list(pose.values()))
+    np.testing.assert_array_equal(env.episodes.rows[:, 0].reshape(-1, 3), list(pose.values()))
     assert np.isinf(info["task"]["task"]).all()
 
 
@@ -179,7 +179,7 @@ def test_tasks_in_several_labels_take_few_draws():
         _, info = env.reset(options={"phi": box, "nearest": True})
         phi = np.array([info["phi"]["near"], info["phi"]["side"]])
         away.append(np.maximum(np.maximum(corner - phi, phi - corner - 0.2 * (high - low)), 0.0).max())
-    assert env._feed._draws.total() <= 20  # 300 without a supply; about 6, more where time is short
+    assert env.episodes._streams[0]._draws.total() <= 20  # 300 without a supply; about 6, more where time is short
     assert np.mean(np.array(away) == 0.0) > 0.6  # the others are out of reach, or in the next cell
 
 
@@ -223,7 +223,7 @@ def test_where_the_nearest_will_do_there_is_always_a_scene(text, monkeypatch):
 
 
 def test_a_cell_overlaps_with_itself_alone():
-    index = TableTop(TWO).resets.library.index((0, 1))
+    index = TableTop(TWO).starts.library.index((0, 1))
     for cell in range(len(index.members)):
         low, high = index.low[cell], index.high[cell]
         whole = PhiRanges((*low.tolist(), -math.inf), (*high.tolist(), math.inf))

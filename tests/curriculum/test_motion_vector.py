@@ -130,7 +130,7 @@ def test_options_and_given_scenes() -> None:
         many.reset(options={"phi": (5.0, 6.0)})
     with pytest.raises(error.Error, match="unknown-choice"):
         many.reset(options={"fi": (5.0, 6.0)})
-    same(many._seen(), kept)
+    same(many.episodes.seen(), kept)
 
 
 def test_what_is_refused() -> None:

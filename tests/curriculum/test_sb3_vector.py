@@ -5,8 +5,8 @@ import pytest
 from gymnasium import error
 from stable_baselines3.common.vec_env import VecMonitor
 
-from scenegen.learn.curriculum.sb3_vector import SB3Vector
-from scenegen.learn.curriculum.vector import TableTopVector
+from scenegen.learn.curriculum.sb3 import SB3Vector
+from scenegen.learn.curriculum.tabletop import TableTopVector
 
 SPEC = "object mug, plate\ntask: closeTo(mug, plate, 0.1)"
 TABLES, LIMIT = 6, 8

@@ -14,8 +14,8 @@ from experiments.deep.runs import IN_A_ROW, MASTERED, Job, Record, kept, mastere
 from experiments.deep.tasks import TASKS
 from experiments.figures.learning import STYLES, together
 from experiments.run import run
-from scenegen.learn.curriculum.rules import make_rules
-from scenegen.learn.curriculum.strategies.linear import Linear
+from scenegen.learn.curriculum.strategies.levels import Linear
+from scenegen.learn.curriculum.tabletop import make_rules
 from scenegen.learn.curriculum.tasks import PhiBox
 
 SPACE = PhiBox((-2.0,), (0.0,))

@@ -15,8 +15,7 @@ from experiments.tabular.qlearning import NEVER, Learner, Stop, stepwise, train
 from experiments.tabular.rng import below, bits, seeded, share
 from experiments.tabular.starts import every_cell
 from scenegen.api.spec import parse
-from scenegen.learn.curriculum.strategies.self_paced import SelfPaced
-from scenegen.learn.curriculum.strategies.uniform import Uniform
+from scenegen.learn.curriculum.strategies.levels import SelfPaced, Uniform
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 A = "object mug\nobject plate at (0.5, 0.5, 0)\ntask: closeTo(mug, plate, 0)\n"

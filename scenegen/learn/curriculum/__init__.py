@@ -10,20 +10,22 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from scenegen.learn.curriculum.register import register_environments
+ID = "scenegen/TableTop-v0"
+MOTION_ID = "scenegen/Motion-v0"
+MAX_STEPS = 100  # of an episode, unless given as `gymnasium.make(..., max_episode_steps=)`
 
 # name -> the module that defines it
 _PUBLIC = {
     "Curriculum": "scenegen.learn.curriculum.wrapper",
     "CurriculumCallback": "scenegen.learn.curriculum.sb3",
-    "MotionTable": "scenegen.learn.curriculum.motion_env",
-    "MotionVector": "scenegen.learn.curriculum.motion_vector",
+    "MotionTable": "scenegen.learn.curriculum.motion",
+    "MotionVector": "scenegen.learn.curriculum.motion",
     "Outcome": "scenegen.learn.curriculum.tasks",
     "PhiBox": "scenegen.learn.curriculum.tasks",
-    "SB3Vector": "scenegen.learn.curriculum.sb3_vector",
+    "SB3Vector": "scenegen.learn.curriculum.sb3",
     "Strategy": "scenegen.learn.curriculum.tasks",
-    "TableTop": "scenegen.learn.curriculum.env",
-    "TableTopVector": "scenegen.learn.curriculum.vector",
+    "TableTop": "scenegen.learn.curriculum.tabletop",
+    "TableTopVector": "scenegen.learn.curriculum.tabletop",
     "VectorCurriculum": "scenegen.learn.curriculum.wrapper",
 }
 
@@ -42,13 +44,10 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from scenegen.learn.curriculum.env import TableTop
-    from scenegen.learn.curriculum.motion_env import MotionTable
-    from scenegen.learn.curriculum.motion_vector import MotionVector
-    from scenegen.learn.curriculum.sb3 import CurriculumCallback
-    from scenegen.learn.curriculum.sb3_vector import SB3Vector
+    from scenegen.learn.curriculum.motion import MotionTable, MotionVector
+    from scenegen.learn.curriculum.sb3 import CurriculumCallback, SB3Vector
+    from scenegen.learn.curriculum.tabletop import TableTop, TableTopVector
     from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy
-    from scenegen.learn.curriculum.vector import TableTopVector
     from scenegen.learn.curriculum.wrapper import Curriculum, VectorCurriculum
 
 
@@ -62,6 +61,28 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+def register_environments() -> None:
+    """Make both environments known to gymnasium, once; does nothing if it is not installed."""
+    try:
+        import gymnasium
+    except ImportError:  # strategies do not need gymnasium
+        return
+    if ID in gymnasium.registry:
+        return
+    gymnasium.register(
+        id=ID,
+        entry_point="scenegen.learn.curriculum.tabletop:TableTop",
+        vector_entry_point="scenegen.learn.curriculum.tabletop:TableTopVector",
+        max_episode_steps=MAX_STEPS,
+    )
+    # its episodes end with the spec's horizon, so there is no limit of steps
+    gymnasium.register(
+        id=MOTION_ID,
+        entry_point="scenegen.learn.curriculum.motion:MotionTable",
+        vector_entry_point="scenegen.learn.curriculum.motion:MotionVector",
+    )
 
 
 register_environments()

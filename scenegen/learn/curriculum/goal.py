@@ -7,15 +7,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from numbers import Real
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import error
 
-from scenegen.api.spec import Spec
+from scenegen.api.spec import Spec, load, parse
 from scenegen.errors import Diagnostic, ScenegenError, quoted
-from scenegen.errors.requests import UNKNOWN_CHOICE, UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.errors.requests import MISSING_ARGUMENT, UNKNOWN_CHOICE, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.geometry import MATH, NUMPY
 from scenegen.lang.check.families import members_of
 from scenegen.lang.formula.core import Core, Junction, gated
@@ -82,6 +83,27 @@ def names(name: str, value: object, kind: str) -> tuple[str, ...]:
 Array = npt.NDArray[np.float64]
 
 
+def load_spec(spec: Spec | str | Path | None) -> Spec:
+    """A spec as users give it: a Spec, the path of a file, or a text. Raises gymnasium.error.MissingArgument for None,
+    gymnasium.error.Error, with the diagnostics, for one with mistakes."""
+    if spec is None:
+        question = 'say what the table is about: spec="leftOf(mug, plate)", or the path of a spec file'
+        raise refused(MISSING_ARGUMENT(argument="spec", question=question), error.MissingArgument)
+    if isinstance(spec, Spec):
+        return spec
+    try:
+        if isinstance(spec, Path) or (
+            isinstance(spec, str) and "\n" not in spec and spec.rstrip().lower().endswith(".spec")
+        ):
+            return load(spec)
+        if isinstance(spec, str):
+            return parse(spec)
+    except ScenegenError as problem:
+        raise error.Error(str(problem)) from problem
+    wanted = "a Spec, the path of a spec file or its text"
+    raise refused(WRONG_VALUE(argument="spec", value=f"of type {type(spec).__name__}", wanted=wanted))
+
+
 @dataclass(frozen=True, slots=True)
 class Goal:
     """`spec` is the given spec; if several labels have to be satisfied, it has one more label, the last: their minimum.
@@ -95,8 +117,8 @@ class Goal:
     wanted: tuple[str, ...]
 
 
-def make_goal(spec: Spec, goal: str | Sequence[str] | None) -> Goal:
-    """`goal` names the labels to satisfy, all of them if it is None. Raises gymnasium.error.Error for unknown ones."""
+def wanted_labels(spec: Spec, goal: str | Sequence[str] | None) -> tuple[str, ...]:
+    """The labels that have to be satisfied, all for None. Raises gymnasium.error.Error for unknown ones."""
     wanted = spec.labels if goal is None else names("goal", goal, "a label")
     for name in wanted:
         if name not in spec.labels:
@@ -104,6 +126,12 @@ def make_goal(spec: Spec, goal: str | Sequence[str] | None) -> Goal:
     if not wanted:
         usage = f"a label, {quoted(spec.labels)}, or leave it out"
         raise refused(WRONG_VALUE(argument="goal", value="empty", wanted=usage))
+    return wanted
+
+
+def make_goal(spec: Spec, goal: str | Sequence[str] | None) -> Goal:
+    """`goal` names the labels to satisfy, all of them if it is None. Raises gymnasium.error.Error for unknown ones."""
+    wanted = wanted_labels(spec, goal)
     if len(wanted) == 1:
         return Goal(spec, spec.labels, spec.labels.index(wanted[0]), len(spec.labels), wanted)
     aimed = _aimed(spec.drawn, wanted)

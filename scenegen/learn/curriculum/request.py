@@ -73,6 +73,16 @@ class PhiRanges:
         return " and ".join(parts) or "any phi"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class StartRequest:
+    """Checked options of `reset`: a given scene (its storage, phi, and the lowest allowed margin of the requirement),
+    or the requested phi; both None if the options have neither."""
+
+    scene: tuple[Array, Array, float] | None = None
+    ranges: PhiRanges | None = None
+    nearest: bool = False
+
+
 def everything(target: Goal) -> PhiRanges:
     """No range for any label."""
     count = len(target.names)

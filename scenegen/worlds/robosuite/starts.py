@@ -24,8 +24,7 @@ from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.data import RequestData
 
 if TYPE_CHECKING:
-    from scenegen.learn.curriculum.library import Library
-    from scenegen.learn.curriculum.scene_stream import LibraryStream
+    from scenegen.learn.curriculum.library import Library, LibraryStream
 
 Array = npt.NDArray[np.float64]
 Wanted: TypeAlias = Phi | PhiBox | Strategy | Callable[[], Phi | PhiBox | None] | None
@@ -112,8 +111,8 @@ class StrategyStarts:
             return self._take()
 
     def _take(self) -> Start:
+        from scenegen.learn.curriculum.library import LibraryStream
         from scenegen.learn.curriculum.request import read_phi as read_task
-        from scenegen.learn.curriculum.scene_stream import LibraryStream
 
         if self._stream is None:
             self._stream = LibraryStream(_library(self._spec, self._goal), self._seed)

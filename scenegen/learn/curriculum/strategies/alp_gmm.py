@@ -1,15 +1,4 @@
-"""Where success changes, by a mixture of Gaussians (Portelas, Colas, Hofmann and Oudeyer, Teacher algorithms for
-curriculum learning of deep RL in continuously parameterized environments, CoRL 2019: ALP-GMM).
-
-The absolute learning progress of an outcome is the difference of its score from that of the nearest earlier scene.
-Every `refit` outcomes a mixture is fitted to the last `window` pairs of scene and progress; a task is drawn from a
-Gaussian that was chosen by its mean progress, sometimes from anywhere. Here the score is success, 0 or 1. So where
-nothing is learnt, progress is 2 p (1 - p) on average, not 0, and the strategy is similar to `learnability`. The nearest
-scene is searched among the last `memory` ones, and a mixture has up to 4 Gaussians, not 10: both limit the cost. It
-refits more often than the source does (250), because the source's learners take far longer.
-
-Several labels: the space is that of all their shares, each label on its own; no cells.
-"""
+"""ALP-GMM: absolute learning progress by mixtures of Gaussians."""
 
 from __future__ import annotations
 
@@ -96,6 +85,21 @@ class AlpGmmSettings(Settings):
 
 
 class AlpGmm(Base):
+    """Where success changes, by a mixture of Gaussians (Portelas, Colas, Hofmann and Oudeyer, Teacher algorithms for
+    curriculum learning of deep RL in continuously parameterized environments, CoRL 2019: ALP-GMM).
+
+    The absolute learning progress of an outcome is the difference of its score from that of the nearest earlier
+    scene. Every `refit` outcomes a mixture is fitted to the last `window` pairs of scene and progress; a task is
+    drawn from a Gaussian that was chosen by its mean progress, sometimes from anywhere. Here the score is success, 0
+    or 1. So where nothing is learnt, progress is 2 p (1 - p) on average, not 0, and the strategy is similar to
+    `learnability`. The nearest scene is searched among the last `memory` ones, and a mixture has up to 4 Gaussians,
+    not 10: both limit the cost. It refits more often than the source does (250), because the source's learners take
+    far longer.
+
+    Several labels: the space is that of all their shares, each label on its own; no cells.
+    """
+
+    name = "alp_gmm"
     settings_class = AlpGmmSettings
     settings: AlpGmmSettings
     fixed_shapes = False  # the number of Gaussians varies: the one that fits best

@@ -190,6 +190,7 @@ class Base(ABC):
     outcome whose first scene lies outside of the space, or is NaN, is ignored.
     """
 
+    name: ClassVar[str]
     settings_class: ClassVar[type[Settings]] = Settings
     memory: ClassVar[tuple[str, ...]] = ()
     """Attributes (`name`, or `part.name`) that change from episode to episode: numbers, arrays and lists of numbers.
@@ -202,17 +203,12 @@ class Base(ABC):
 
     def __init__(self, space: PhiBox, rng: np.random.Generator, **settings: Any) -> None:
         """Raises RequestError for a bad space, an unknown setting, or a value out of its range."""
-        self.settings = checked(self.settings_class, self.name(), settings)
+        self.settings = checked(self.settings_class, self.name, settings)
         if not isinstance(rng, np.random.Generator):
             raise RequestError(NOT_A_GENERATOR(value=repr(rng)))
         self.axis = DifficultyAxis(space, self.settings.labels)
         self.space, self.rng = space, rng
         self.begin()
-
-    @classmethod
-    def name(cls) -> str:
-        """The strategy's name: that of its file, and in the table."""
-        return cls.__module__.rpartition(".")[2]
 
     @abstractmethod
     def begin(self) -> None:
@@ -275,11 +271,11 @@ class Base(ABC):
         return _plain(saved)
 
     def _not_whole(self) -> DataError:
-        return DataError(PARTIAL_STATE(strategy=self.name()))
+        return DataError(PARTIAL_STATE(strategy=self.name))
 
     def _who(self) -> dict[str, Any]:
         space = {"low": list(self.space.low), "high": list(self.space.high)}
-        return {"strategy": self.name(), "space": space, "settings": self.settings.model_dump(mode="json")}
+        return {"strategy": self.name, "space": space, "settings": self.settings.model_dump(mode="json")}
 
 
 def _number(value: object) -> bool:

@@ -7,10 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Polygon, convex_hull, signed_area
-from scenegen.things.mesh import Floats
 
+Floats = npt.NDArray[np.float64]
+
+DRAWN = 64  # corners of a prism at most; one with more is drawn as one round it
 CORNERS = 32  # of an outline at most: clearances are worked out corner by corner
 SAME = 1e-5  # sizes, relative: 1.5708 is a right angle. Outlines are a circle or a box where they are to this
 STRAIGHT = 1e-6  # relative: a corner that stands out less is none

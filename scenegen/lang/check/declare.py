@@ -42,9 +42,8 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.pieces import print_expr
 from scenegen.pose import TWO_PI
 from scenegen.things import ASSETS, PLAIN, Shape, shape_of
-from scenegen.things.cabinet import DRAWERS, MOST, Cabinet
+from scenegen.things.furniture import DRAWERS, MOST, Cabinet, SupportSurface
 from scenegen.things.library import cabinet_shape
-from scenegen.things.parts import SupportSurface
 from scenegen.things.surfaces import narrowest
 
 if TYPE_CHECKING:

@@ -47,7 +47,8 @@ from scenegen.lang.check.values import (
 from scenegen.lang.spec import CheckedSpec, Support, SurfaceChoice
 from scenegen.lang.syntax import ast
 from scenegen.pose import FLAT, PLACE, X, row_of
-from scenegen.things.surfaces import SupportSurface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
+from scenegen.things.furniture import SupportSurface
+from scenegen.things.surfaces import fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.context import Context

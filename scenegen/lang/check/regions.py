@@ -34,7 +34,7 @@ from scenegen.lang.check.names import AREAS, SHAPES, bind
 from scenegen.lang.check.scope import Area, Declared, Point, Signature, board_gap, disc, polygon, rectangle
 from scenegen.lang.check.values import AnyValue, ListValue, PointValue, Value
 from scenegen.lang.syntax import ast
-from scenegen.things.palette import NAMED, hex_of
+from scenegen.things.library import NAMED, hex_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.context import Context

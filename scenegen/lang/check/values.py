@@ -15,7 +15,7 @@ from scenegen.geometry.units import BARE, LENGTH, Unit
 from scenegen.lang.check.scope import NO_NUMBERS, Area, Scope
 from scenegen.lang.formula.builder import TRUE, CoreBuilder
 from scenegen.lang.spec import Pose
-from scenegen.things.surfaces import SupportSurface
+from scenegen.things.furniture import SupportSurface
 
 LONGEST = 40  # characters of the user's text that a help line repeats
 

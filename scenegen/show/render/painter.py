@@ -30,9 +30,8 @@ from scenegen.show.render.light import TOWARDS, Lighting, landscape_camera, ligh
 from scenegen.show.render.models import Model
 from scenegen.things import PLAIN, parts_of
 from scenegen.things.colored_mesh import ColoredMesh
-from scenegen.things.mesh import Floats, Mesh, box, shaded
+from scenegen.things.mesh import Floats, Mesh, box, plain, shaded
 from scenegen.things.palette import RGB, mix
-from scenegen.things.parts import plain
 
 Bodies = npt.NDArray[np.int32]
 

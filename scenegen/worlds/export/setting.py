@@ -22,11 +22,11 @@ from scenegen.scenes.blocks import Block, counts_in
 from scenegen.scenes.data import RegionData, SceneFile, ShapeData, check_sizes, footprint_of
 from scenegen.scenes.numbers import member_of
 from scenegen.scenes.stage import heights_of
-from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, parts_of
+from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, parts_of
 from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of
 from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.mesh import Floats, Mesh
-from scenegen.things.palette import LINEN, RGB, of_regions, rgb_of
+from scenegen.things.palette import LINEN, RGB, colors_of, of_regions, rgb_of
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export.world import (
     LEAST_MASS,

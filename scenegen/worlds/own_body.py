@@ -15,13 +15,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from scenegen.errors import DataError
+from scenegen.errors.files import NO_MODEL, UNUSABLE_BODY
 from scenegen.needs import need
 from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
 from scenegen.processes.worker import DONE
-from scenegen.things.colored_mesh import ColoredMesh, MeshBudget
+from scenegen.scenes.data import SceneFile, ShapeData
+from scenegen.scenes.own_files import is_read, own_file, reason_of
+from scenegen.things.colored_mesh import ColoredMesh, MeshBudget, check_texture
 from scenegen.things.drawn import mesh_surfaces, robot_surfaces
 from scenegen.things.mesh import Floats, Indices, Mesh, box, disc, joined, revolve
 from scenegen.things.meshfile import LEAST_MASS, MOST_FRICTION, MOST_MASS, MeshError, beside
@@ -36,7 +41,6 @@ from scenegen.things.urdf import (
     sizes_of,
     solid_of,
 )
-from scenegen.worlds.cutting import cut
 
 # --------------------------------------------------------------------------------------------------------------------
 # Convex pieces of a mesh, by CoACD (Wei et al. 2022, https://colin97.github.io/CoACD/): what it collides with.
@@ -135,6 +139,16 @@ def _cut(vertices: Floats, faces: Indices) -> tuple[tuple[Floats, Indices], ...]
     if not found or not all(np.isfinite(one).all() for one, _ in found):
         raise MeshError("CoACD cannot cut it into convex pieces")
     return found
+
+
+def cut(order: tuple[Floats, Indices, dict[str, Any]]) -> list[tuple[Floats, Indices]]:
+    """What a process does that cuts a mesh: vertices (V, 3), faces (F, 3), CoACD's options -> those of the pieces."""
+    import coacd
+
+    vertices, faces, options = order
+    coacd.set_log_level("off")
+    pieces = coacd.run_coacd(coacd.Mesh(vertices, faces.astype(np.int32)), **options)
+    return [(np.asarray(v, dtype=np.float64), np.asarray(f, dtype=np.int64)) for v, f in pieces]
 
 
 def _folder() -> Path:
@@ -325,3 +339,46 @@ def _friction(robot: Element, links: list[Element]) -> float | None:
     if any(one > MOST_FRICTION for one in said):
         raise UrdfError(f"its friction of {max(said):g} is beyond {MOST_FRICTION:g}")
     return max(said) if said else None
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The bodies of a scene file's objects that are from files of one's own, read again from these files.
+
+
+def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> dict[str, OwnBody]:
+    """By the objects' names, in the objects' frames (z = 0 the lowest point of the outline): the bodies of those whose
+    shape is `mesh` or `asset` of a glTF, .obj, .stl or URDF file, or `urdf`. `folder` is where the spec lay; a file
+    outside it is not read. With `painted`, they have what is drawn, with colours and textures, too. Objects from other
+    mesh files have none, and collide as their outline.
+
+    Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
+    were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
+    """
+    known: dict[str, OwnBody | None] = {}
+    bodies: dict[str, OwnBody] = {}
+    for item in file.objects:
+        key = item.shape.model_dump_json()
+        try:
+            if key not in known:
+                known[key] = _own_body(folder, item.shape, painted) if is_read(item.shape, folder) else None
+        except (MeshError, UrdfError) as error:
+            raise DataError(UNUSABLE_BODY(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
+        body = known[key]
+        if body is not None:
+            bodies[item.name] = body
+    if not bodies:
+        raise DataError(NO_MODEL())
+    return bodies
+
+
+def _own_body(folder: Path, shape: ShapeData, painted: bool) -> OwnBody:
+    file = own_file(folder, shape)
+    if file.is_robot:
+        made = robot_body(file.data, file.beside, painted=painted).turned(file.matrix)
+    else:
+        made = mesh_body(file.path, file.data, file.beside, file.matrix, painted=painted)
+    for texture in {one.texture for one in made.skins if one.texture} if painted else ():
+        check_texture(texture, "a texture of it")
+    mass = made.mass if file.mass is None else file.mass
+    friction = made.friction if file.friction is None else file.friction
+    return replace(made, mass=mass, friction=friction).moved(file.offset)

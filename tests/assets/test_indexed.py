@@ -197,7 +197,7 @@ ROBOT = """<robot name="r"><link name="base"><inertial><mass value="0.4"/></iner
 def test_a_urdf_file_is_an_entry_with_its_own_mass_and_friction(tmp_path):
     import scenegen
     from scenegen.geometry import Circle
-    from scenegen.worlds.export.world import own_bodies_of
+    from scenegen.worlds.own_body import own_bodies_of
 
     (tmp_path / "look.obj").write_bytes(solid(100, 50, 20))
     (tmp_path / "can.urdf").write_text(ROBOT)

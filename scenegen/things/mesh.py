@@ -15,10 +15,9 @@ import numpy.typing as npt
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Polygon, centroid
 from scenegen.things.outline import DRAWN, simplified
+from scenegen.things.outline import Floats as Floats
+from scenegen.things.outline import Indices as Indices
 from scenegen.things.palette import RGB, mix
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 CREASE = math.radians(35.0)  # edges sharper than this are drawn as edges, flatter ones as a smooth surface
 

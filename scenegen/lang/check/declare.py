@@ -266,7 +266,8 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
 def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Call[Shape]:
     """A file's outline; where the outline stands beside the path, the file is not read."""
     from scenegen.lang.check.families import indexed
-    from scenegen.things.urdf import UrdfError, mesh_outline, outline
+    from scenegen.things.outline import MeshError
+    from scenegen.things.urdf import mesh_outline, outline
 
     kind = call.function.id
     given = bind(call, SIGNATURES[kind], source)
@@ -298,7 +299,7 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
             footprint, height = mesh_outline(name, data, beside)
         else:
             footprint, height = outline(data, beside)
-    except UrdfError as error:
+    except MeshError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, path=path.value, reason=str(error))) from None
     found = Shape(kind, footprint, height, path.value)
     _notice(lowering, found, here)

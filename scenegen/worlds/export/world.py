@@ -29,8 +29,8 @@ from scenegen.scenes.numbers import member_of
 from scenegen.scenes.stage import heights_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, parts_of
 from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of
-from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.mesh import Floats, Mesh, prism
+from scenegen.things.meshfile import ColoredMesh
 from scenegen.things.palette import LINEN, RGB, colors_of, of_regions, rgb_of
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export.xml import check_names, printable

@@ -29,12 +29,12 @@ _PUBLIC = {
     "Monitor": "scenegen.api.monitor",
     "sample_motions": "scenegen.api.motions",
     "pairs": "scenegen.api.pairs",
-    "load_pybullet": "scenegen.worlds.physics.simulate",
+    "load_pybullet": "scenegen.worlds.physics.simulation",
     "rarity": "scenegen.api.rarity",
     "sample": "scenegen.api.sample",
     "sample_to": "scenegen.api.stream",
-    "settle": "scenegen.worlds.physics.settle",
-    "SettledScenes": "scenegen.worlds.physics.settle",
+    "settle": "scenegen.worlds.physics.rest",
+    "SettledScenes": "scenegen.worlds.physics.rest",
     "Written": "scenegen.api.sample",
     "grammar_of": "scenegen.editors.grammars.grammar",
     "import_problem": "scenegen.worlds.planning",
@@ -98,8 +98,8 @@ if TYPE_CHECKING:
     from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError, SpecError
     from scenegen.learn.model import Model, ModelFamily, load_model
     from scenegen.learn.train import train
-    from scenegen.worlds.physics.settle import SettledScenes, settle
-    from scenegen.worlds.physics.simulate import load_pybullet
+    from scenegen.worlds.physics.rest import SettledScenes, settle
+    from scenegen.worlds.physics.simulation import load_pybullet
     from scenegen.worlds.planning import export_problems, import_problem
 
 

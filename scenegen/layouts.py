@@ -1,10 +1,10 @@
-"""Start layouts for simulators that run many environments at once. The door of `scenegen.worlds.layouts`."""
+"""Start layouts for simulators that run many environments at once: tensors (B, N, 7), and files of layouts.
 
-from typing import TYPE_CHECKING
+from scenegen.layouts import Layouts
+layouts = Layouts(spec, (0, None), quaternion="wxyz", device="cuda")
+poses, phi = layouts.take(len(env_ids))
+"""
 
-from scenegen.worlds.layouts import __all__ as __all__
-from scenegen.worlds.layouts import __dir__ as __dir__
-from scenegen.worlds.layouts import __getattr__ as __getattr__
+from scenegen.worlds.layouts import Layouts, Taken, write_arena_pool
 
-if TYPE_CHECKING:
-    from scenegen.worlds.layouts import *  # noqa: F403
+__all__ = ["Layouts", "Taken", "write_arena_pool"]

@@ -1,10 +1,11 @@
-"""robosuite: its environments start from scenes of a spec. The door of `scenegen.worlds.robosuite`."""
+"""robosuite: its environments start from scenes of a spec.
 
-from typing import TYPE_CHECKING
+    from scenegen.robosuite import Placement
+    env = robosuite.make("Stack", robots="Panda", placement_initializer=Placement(spec, (-0.2, 0), reference_pos=...))
 
-from scenegen.worlds.robosuite import __all__ as __all__
-from scenegen.worlds.robosuite import __dir__ as __dir__
-from scenegen.worlds.robosuite import __getattr__ as __getattr__
+Nothing here imports robosuite: a placement works with the objects that the environment gives it.
+"""
 
-if TYPE_CHECKING:
-    from scenegen.worlds.robosuite import *  # noqa: F403
+from scenegen.worlds.robosuite import InitStates, Placement, init_states, phi_space
+
+__all__ = ["InitStates", "Placement", "init_states", "phi_space"]

@@ -75,7 +75,7 @@ def settle(
     """
     from scenegen.api.spec import load
     from scenegen.cli.output import print_error, progress_bar
-    from scenegen.worlds.physics.settle import settle_file
+    from scenegen.worlds.physics.rest import settle_file
 
     loaded = None if spec is None else load(spec)
     limits = _quantity("max_shift", max_shift, LENGTHS), _quantity("max_turn", max_turn, ANGLES)
@@ -114,7 +114,7 @@ class _SettleJob:
 
     def __call__(self, paths: tuple[Path, Path]) -> JobMessages:
         from scenegen.api.spec import load
-        from scenegen.worlds.physics.settle import settle_file
+        from scenegen.worlds.physics.rest import settle_file
 
         summary = settle_file(
             *paths, self.simulator, seconds=self.seconds, max_shift=self.max_shift, max_turn=self.max_turn,

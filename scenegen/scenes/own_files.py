@@ -13,9 +13,9 @@ from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.scenes.data import ShapeData, footprint_of
 from scenegen.things.indexed import AssetEntry, IndexFileError, fitted, read_index
 from scenegen.things.library import INDEX
-from scenegen.things.mesh import Floats
-from scenegen.things.meshfile import MeshError, ending_of, local_name
-from scenegen.things.urdf import GLTF, PLAIN, measured, mesh_shadow, robot_shadow
+from scenegen.things.meshfile import GLTF, PLAIN, ending_of, local_name
+from scenegen.things.outline import Floats, MeshError
+from scenegen.things.urdf import measured, mesh_shadow, robot_shadow
 
 MOST_BYTES = 64_000_000  # of a file, as specs read it
 SAME = 1e-6  # metres by which an outline may differ from the one that the scenes were made with
@@ -55,7 +55,7 @@ def reason_of(error: Exception) -> str:
 def own_file(folder: Path, shape: ShapeData) -> OwnFile:
     """The file of a shape. `folder` is where the spec lay; a file outside it is not read.
 
-    Raises MeshError and UrdfError where it cannot be read, or has another outline than the scenes were made with.
+    Raises MeshError where it cannot be read, or has another outline than the scenes were made with.
     """
     name, entry = _entry(folder, shape.path) if shape.asset == "asset" else (shape.path.replace("\\", "/"), None)
     path = folder / name

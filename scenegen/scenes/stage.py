@@ -24,12 +24,10 @@ from scenegen.scenes.data import (
     footprint_of,
 )
 from scenegen.scenes.numbers import objects_of
-from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, has_picture
-from scenegen.things.outline import simplified
-from scenegen.things.overlap import overlapping
-from scenegen.things.palette import RGB, of_regions, rgb_of
-from scenegen.things.parts import DRAWN
-from scenegen.things.surfaces import base_heights
+from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, has_picture
+from scenegen.things.outline import DRAWN, simplified
+from scenegen.things.palette import RGB, colors_of, of_regions, rgb_of
+from scenegen.things.surfaces import base_heights, overlapping
 
 # --------------------------------------------------------------------------------------------------------------------
 # How high the objects of scene files stand, where files say so.

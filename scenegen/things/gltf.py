@@ -19,10 +19,9 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.things.colored_mesh import WHITE, ColoredMesh, MeshBudget, tidy
-from scenegen.things.mesh import Floats, Indices
-from scenegen.things.meshfile import FARTHEST, MeshError
-from scenegen.things.palette import RGB
+from scenegen.things.library import RGB
+from scenegen.things.meshfile import FARTHEST, WHITE, ColoredMesh, MeshBudget, tidy
+from scenegen.things.outline import Floats, Indices, MeshError
 
 # --------------------------------------------------------------------------------------------------------------------
 # A glTF file as JSON and buffers: items, arrays and images by their numbers, each checked before it is read.

@@ -16,10 +16,9 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, ValidationError
 
 from scenegen.geometry import Footprint
-from scenegen.things.mesh import Floats
-from scenegen.things.meshfile import LEAST_MASS, MOST_FRICTION, MOST_MASS, ending_of
-from scenegen.things.outline import OutlineError, Shadow
-from scenegen.things.urdf import GLTF, PLAIN, ROBOT, RobotPlacement, UrdfError, mesh_points, robot_shadow
+from scenegen.things.meshfile import GLTF, LEAST_MASS, MOST_FRICTION, MOST_MASS, PLAIN, Read, ending_of, mesh_points
+from scenegen.things.outline import Floats, MeshError, Shadow
+from scenegen.things.urdf import ROBOT, RobotPlacement, robot_shadow
 
 MOST_BYTES = 16_000_000  # of an index: a hundred thousand entries
 LARGEST, SMALLEST = 20.0, 0.001  # metres: what is larger or smaller is in another unit than its index says
@@ -42,7 +41,7 @@ class IndexFileError(Exception):
     """The index cannot be used; the text says why, and in which line."""
 
 
-class AssetSizeError(UrdfError):
+class AssetSizeError(MeshError):
     """A size that no object on a table has: its largest in metres, and what to write instead."""
 
     def __init__(self, size: float, hint: str) -> None:
@@ -208,13 +207,13 @@ class FittedAsset:
     offset: Floats
 
 
-def fitted(entry: AssetEntry, data: bytes, read: Callable[[str], bytes]) -> FittedAsset:
-    """The asset whose file has these bytes; `read` gives those of a file that a glTF or URDF names. Raises UrdfError,
+def fitted(entry: AssetEntry, data: bytes, read: Read) -> FittedAsset:
+    """The asset whose file has these bytes; `read` gives those of a file that a glTF or URDF names. Raises MeshError,
     AssetSizeError where it is far too large or small for a thing on a table, and what `read` raises."""
     if not entry.is_read:
         kind = f"{ending_of(entry.file)} files" if ending_of(entry.file) else "a file without an ending"
         known = "convert it to .glb, .gltf, .obj or .stl, with Blender or trimesh for instance"
-        raise UrdfError(f"{kind} cannot be read here: {known}")
+        raise MeshError(f"{kind} cannot be read here: {known}")
     shadow_at = _robot_shadows(entry, data, read) if entry.is_robot else _mesh_shadows(entry, data, read)
     low, high = shadow_at(np.zeros(3)).spread
     _check_size(float((high - low).max()), entry.scale)
@@ -223,14 +222,11 @@ def fitted(entry: AssetEntry, data: bytes, read: Callable[[str], bytes]) -> Fitt
     shadow = shadow_at(offset)
     height = round(shadow.top - shadow.bottom, 9)
     if height < SMALLEST / 1000.0:
-        raise UrdfError("it has no height")
-    try:
-        return FittedAsset(shadow.footprint(), height, offset)
-    except OutlineError as error:
-        raise UrdfError(str(error)) from None
+        raise MeshError("it has no height")
+    return FittedAsset(shadow.footprint(), height, offset)
 
 
-def _robot_shadows(entry: AssetEntry, data: bytes, read: Callable[[str], bytes]) -> Callable[[Floats], Shadow]:
+def _robot_shadows(entry: AssetEntry, data: bytes, read: Read) -> Callable[[Floats], Shadow]:
     known: dict[str, bytes] = {}
 
     def mesh(name: str) -> bytes:
@@ -241,7 +237,7 @@ def _robot_shadows(entry: AssetEntry, data: bytes, read: Callable[[str], bytes])
     return lambda at: robot_shadow(data, mesh, RobotPlacement(entry.turn, entry.scale, at))
 
 
-def _mesh_shadows(entry: AssetEntry, data: bytes, read: Callable[[str], bytes]) -> Callable[[Floats], Shadow]:
+def _mesh_shadows(entry: AssetEntry, data: bytes, read: Read) -> Callable[[Floats], Shadow]:
     points = np.concatenate([part @ entry.matrix.T for part in mesh_points(entry.file, data, read)])
 
     def at(offset: Floats) -> Shadow:

@@ -1,4 +1,4 @@
-"""Closed triangle meshes made from a few numbers: boxes, lofts, surfaces of revolution, tubes.
+"""Closed triangle meshes made from a few numbers: boxes, lofts, surfaces of revolution, tubes; and parts of objects.
 
 Vertices are shared between triangles and triangles wind counter-clockwise seen from outside, so that "every edge is
 used once in each direction" says that a mesh is closed.
@@ -13,8 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Polygon, centroid
+from scenegen.things.outline import DRAWN, simplified
+from scenegen.things.outline import Floats as Floats
+from scenegen.things.outline import Indices as Indices
+from scenegen.things.palette import RGB, mix
 
 CREASE = math.radians(35.0)  # edges sharper than this are drawn as edges, flatter ones as a smooth surface
 
@@ -197,3 +200,143 @@ def ribbon(stations: Sequence[tuple[float, float, float, float, float]]) -> Mesh
         flat = [(y0, z0), (y1, z0), (y1, shoulder), (y1 - side, z1), (y0 + side, z1), (y0, shoulder)]
         sections.append([[x, y, z] for y, z in flat])
     return loft(sections)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What a part is, and the few details that several objects share.
+
+
+CREAM: RGB = (0.96, 0.93, 0.84)
+WHITE: RGB = (0.97, 0.97, 0.96)
+STEEL: RGB = (0.70, 0.72, 0.75)
+DARK: RGB = (0.20, 0.18, 0.18)
+COFFEE: RGB = (0.28, 0.17, 0.11)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A closed mesh in the object's frame (metres; z = 0 the table, heading along +x) and its colour."""
+
+    mesh: Mesh
+    color: RGB
+
+
+def handle(inner: float, reach: float, low: float, high: float) -> Mesh:
+    """The ear of a mug: from the wall at x = `inner` out to x = `reach`, between two heights."""
+    thick = 0.0042
+    middle, half = (low + high) / 2, (high - low) / 2
+    bow = [0.5 * math.pi - math.pi * step / 14 for step in range(15)]
+    path = [(inner + (reach - thick - inner) * math.cos(a) ** 0.7, middle + half * math.sin(a)) for a in bow[1:-1]]
+    return tube([(inner - 0.003, middle + half), *path, (inner - 0.003, middle - half)], 0.0065, thick)
+
+
+def patch(radius: float, depth: float, low: float, high: float, sweep: float) -> Mesh:
+    """A label on a round wall: `sweep` radians of it, centred on the heading, its outside at `radius`."""
+    inner = radius - depth
+    ring = [(inner, low), (radius, low), (radius, high), (inner, high)]
+    return revolve(ring, max(4, round(sweep / 0.13)), start=-sweep / 2, sweep=sweep)
+
+
+def lining(inside: list[tuple[float, float]], thickness: float = 0.0008) -> Mesh:
+    """A thin coat on the inside of a vessel; `inside` runs from the axis to the rim as (radius, z)."""
+    coat = [(max(r - thickness, 0.0), z + thickness) for r, z in inside[:-1]]
+    rim, height = inside[-1]
+    coat.append((rim - thickness, height))
+    below = [(r + thickness / 2 if r else 0.0, z - thickness / 2) for r, z in inside]
+    return revolve([*coat, *reversed(below)])
+
+
+def crescent(profile: Sequence[tuple[float, float]], sweep: float, thickness: float = 0.0006) -> Mesh:
+    """A brush stroke of glaze on the inside of a vessel: it shows the heading of what is round.
+
+    `profile` runs as (radius, z) from the rim inwards. The stroke covers all of it at the heading, and ever less of it
+    to either side, over `sweep` radians in all.
+    """
+    points = np.array(profile)
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    sections = []
+    for angle in np.linspace(-sweep / 2, sweep / 2, max(8, round(sweep / 0.1))):
+        share = max(math.cos(math.pi * angle / sweep), 0.02)
+        places = np.linspace(0.0, share * along[-1], 6)
+        line = np.column_stack([np.interp(places, along, points[:, 0]), np.interp(places, along, points[:, 1])])
+        tangent = np.gradient(line, axis=0)
+        normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])  # towards the axis and up
+        normal *= thickness / np.linalg.norm(normal, axis=1, keepdims=True)
+        radius, z = np.concatenate([line - normal, (line + normal)[::-1]]).T
+        sections.append(np.column_stack([radius * math.cos(angle), radius * math.sin(angle), z]))
+    return loft(sections)
+
+
+def pip(length: float, width: float, bottom: float, top: float) -> Mesh:
+    """An arrow head in the plane that points along the heading: the mark of blocks and plain shapes."""
+    x, y, tip = length / 2, width / 2, width * 0.06
+    return prism([(-x, -y), (x, -tip), (x, tip), (-x, y)], bottom, top)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Plain shapes with sizes of their own: boxes, cylinders and prisms, with an arrow head on top for their heading.
+
+
+BEVEL = 0.05  # of the smallest size: what edges lose
+RAISED = 0.02  # of the smallest size: how far the mark stands out
+LARGEST_MARK = 0.06  # metres
+
+
+def plain(footprint: Footprint, height: float, color: RGB) -> tuple[Part, ...]:
+    """Footprint x height as closed meshes: the body in its colour, and the mark. Sizes in metres."""
+    light = sum(color) / 3 > 0.55
+    ink = mix(color, DARK, 0.55) if light else mix(color, WHITE, 0.65)
+    match footprint:
+        case Circle(radius):
+            smallest = min(2.0 * radius, height)
+            body = _round(radius, height - RAISED * smallest, BEVEL * smallest)
+            long = wide = min(radius, LARGEST_MARK)
+            x, y = 0.0, 0.0
+        case Box(length, width):
+            smallest = min(length, width, height)
+            corners = [(-length, -width), (length, -width), (length, width), (-length, width)]
+            half = np.array(corners) / 2.0
+            body = _upright(half, 1.0 - 2.0 * BEVEL * smallest / np.array([length, width]), height, smallest)
+            # In the middle of a cube, at the front of what is longer or larger.
+            long = wide = min(0.5 * min(length, width), LARGEST_MARK)
+            x, y = length / 2.0 - 0.25 * min(length, width) - long / 2.0, 0.0
+        case Polygon(vertices):
+            outline = simplified(vertices, DRAWN)
+            x, y, room = _middle(outline)
+            smallest = min(2.0 * room, height)
+            centred = np.array(outline) - (x, y)
+            body = _upright(centred, np.full(2, 1.0 - BEVEL * smallest / room), height, smallest).moved(x, y)
+            long = wide = min(room, LARGEST_MARK)
+    raised = RAISED * smallest
+    mark = pip(long, wide, height - 2.0 * raised, height).moved(x, y)
+    return Part(body, color), Part(mark, ink)
+
+
+def _round(radius: float, height: float, bevel: float) -> Mesh:
+    return revolve(
+        [
+            (0.0, 0.0),
+            (radius - bevel, 0.0),
+            (radius, bevel),
+            (radius, height - bevel),
+            (radius - bevel, height),
+            (0.0, height),
+        ]
+    )
+
+
+def _upright(outline: Floats, inset: Floats, height: float, smallest: float) -> Mesh:
+    """A convex outline (K, 2) round the origin, extruded; `inset` scales it at its bevelled ends."""
+    bevel, top = BEVEL * smallest, height - RAISED * smallest
+    levels = [(0.0, inset), (bevel, np.ones(2)), (top - bevel, np.ones(2)), (top, inset)]
+    return loft(np.stack([np.column_stack([outline * scale, np.full(len(outline), z)]) for z, scale in levels]))
+
+
+def _middle(outline: Sequence[Point]) -> tuple[float, float, float]:
+    """The centroid of a convex polygon, counter-clockwise, and its distance from the nearest edge."""
+    x, y = centroid(Polygon(tuple(outline)))
+    edges = zip(outline, (*outline[1:], outline[0]), strict=True)
+    room = min(
+        ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / math.hypot(bx - ax, by - ay) for (ax, ay), (bx, by) in edges
+    )
+    return x, y, room

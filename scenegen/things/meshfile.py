@@ -1,16 +1,39 @@
-"""The vertices of mesh files: Wavefront .obj, and .stl as text or binary."""
+"""Mesh files: what .obj, .stl, .glb and .gltf files show, and what all files of one object may hold together.
+
+Everything is measured before it is read. An error says what is wrong and where; who reads a file adds its name.
+(trimesh would not carry this: of our damaged and hostile files it accepts half, names no line of the others, and keeps
+no picture as it is.)
+"""
 
 from __future__ import annotations
 
 import contextlib
+import io
 import re
 import struct
+import warnings
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from scenegen.things.mesh import Floats, Indices
+from scenegen.things.library import RGB
+from scenegen.things.outline import Floats, Indices, MeshError
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+LEAST_MASS, MOST_MASS = 1e-6, 1e6  # kg
+MOST_FRICTION = 100.0  # coefficient of sliding friction
+FARTHEST = 1e9  # of a coordinate, in the file's own unit
+PLAIN = (".obj", ".stl")
+GLTF = (".glb", ".gltf")
+
+Read = Callable[[str], bytes]  # the bytes of a file by its name, relative to the one that names it; raises MeshError
 
 # --------------------------------------------------------------------------------------------------------------------
 # Names of files, as descriptions write them.
@@ -51,27 +74,189 @@ def local_name(name: str, folder: Path, root: Path) -> str:
     return inner
 
 
-MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a text
-FARTHEST = 1e9  # of a coordinate, in the file's own unit
-_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_HEADER = 80  # bytes of a binary STL before the number of triangles
+# --------------------------------------------------------------------------------------------------------------------
+# Surfaces, and the limits of all files of one object.
 
 
-class MeshError(Exception):
-    """The file is of no use; the text says why."""
+MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
+MOST_TRIANGLES = 4_000_000
+MOST_PIXELS = 2**26  # of all textures together: four of 4,096 by 4,096
+MOST_BYTES = 128_000_000  # of all files together
+MOST_LAYERS = 200  # of surface over surface: each is drawn, and only one is seen
+WHITE: RGB = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColoredMesh:
+    """Triangles of one material: `vertices` (V, 3) in metres, z upwards; `faces` (F, 3); a colour from 0 to 1, by which
+    the `texture` (the bytes of a PNG or JPEG file, or none) is multiplied at `uv` (V, 2), v = 0 its upper edge. No
+    colour: the file names none, and the object's own is meant."""
+
+    vertices: Floats
+    faces: Indices
+    color: RGB | None
+    uv: Floats | None = None
+    texture: bytes = b""
+
+
+def tidy(surface: ColoredMesh) -> ColoredMesh:
+    """The surface without vertices that no triangle uses, or only one whose corners coincide."""
+    kept = used(surface.vertices, surface.faces)
+    if len(kept) == len(surface.vertices):
+        return surface
+    order = np.full(len(surface.vertices), -1, dtype=np.int64)
+    order[kept] = np.arange(len(kept))
+    faces = order[surface.faces]
+    uv = None if surface.uv is None else surface.uv[kept]
+    return replace(surface, vertices=surface.vertices[kept], faces=faces[(faces >= 0).all(axis=1)], uv=uv)
+
+
+@dataclass(slots=True)
+class MeshBudget:
+    """What has been read so far. Every method raises MeshError where it is too much."""
+
+    vertices: int = 0
+    triangles: int = 0
+    pixels: int = 0
+    size: int = 0
+
+    def add_vertices(self, count: int) -> None:
+        self.vertices += count
+        if self.vertices > MOST_VERTICES:
+            raise MeshError(f"its meshes have more than {MOST_VERTICES:,} vertices together")
+
+    def add_triangles(self, count: int) -> None:
+        self.triangles += count
+        if self.triangles > MOST_TRIANGLES:
+            raise MeshError(f"its meshes have more than {MOST_TRIANGLES:,} triangles together")
+
+    def add_texture(self, data: bytes, what: str) -> None:
+        self.pixels += pixels_of(data, what)
+        if self.pixels > MOST_PIXELS:
+            raise MeshError(f"its textures have more than {MOST_PIXELS:,} pixels together")
+        check_texture(data, what, quick=True)
+
+    def add_file(self, data: bytes) -> None:
+        self.size += len(data)
+        if self.size > MOST_BYTES:
+            raise MeshError(f"its files are larger than {MOST_BYTES:,} bytes together")
+
+
+def refuse_layers(surfaces: Sequence[ColoredMesh]) -> None:
+    """Raises MeshError where surfaces have hundreds of times the area of the box round them: thousands of parts in one
+    place, which take minutes to draw."""
+    surfaces = [one for one in surfaces if len(one.faces)]
+    if not surfaces:
+        return
+    low = np.min([one.vertices.min(axis=0) for one in surfaces], axis=0)
+    high = np.max([one.vertices.max(axis=0) for one in surfaces], axis=0)
+    x, y, z = np.maximum(high - low, 0.0)
+    area = 0.0
+    for one in surfaces:
+        a, b, c = one.vertices[one.faces].transpose(1, 0, 2)
+        area += 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    box = 2.0 * float(x * y + y * z + z * x)
+    if area > MOST_LAYERS * box:
+        raise MeshError(
+            f"its surfaces have more than {MOST_LAYERS} times the area of the box round them: leave out what is hidden"
+        )
+
+
+def used(points: Floats, faces: Indices) -> Indices:
+    """Which of some points (P, 3) triangles (F, 3) use, in their order, but for triangles whose corners coincide; all
+    corners, where each is one."""
+    a, b, c = points[faces].transpose(1, 0, 2)
+    open_ = faces[~((a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1))]
+    found = np.zeros(len(points), dtype=np.bool_)
+    found[open_ if len(open_) else faces] = True
+    return np.flatnonzero(found)
+
+
+def pixels_of(data: bytes, what: str) -> int:
+    """How many pixels a PNG or JPEG file announces; they are not read. Raises MeshError."""
+    with _opened(data, f"{what} is neither PNG nor JPEG") as image:
+        return image.width * image.height
+
+
+def check_texture(data: bytes, what: str, *, quick: bool = False) -> None:
+    """Raises MeshError for a picture that ends early or is damaged; what it announces has been checked. `quick`: by the
+    checksums of a PNG file, or an eighth of the pixels of a JPEG file."""
+    with _opened(data, f"{what} is damaged or cut short") as image:
+        if quick and image.format == "PNG":
+            image.verify()
+            return
+        if quick:
+            image.draft("RGB", (image.width // 8, image.height // 8))
+        image.convert("RGB")
+
+
+@contextmanager
+def _opened(data: bytes, otherwise: str) -> Iterator[Image.Image]:
+    """A PNG or JPEG file. Raises MeshError, also where the block finds damage."""
+    from PIL import Image  # only objects with textures need it
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
+                yield image
+    except Image.DecompressionBombError:
+        raise MeshError(f"its textures have more than {MOST_PIXELS:,} pixels together") from None
+    except (OSError, ValueError, SyntaxError):
+        raise MeshError(otherwise) from None
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Reading a file: as it is drawn, or its geometry alone.
+
+
+def mesh_surfaces(
+    name: str, data: bytes, read: Read, budget: MeshBudget | None = None, *, painted: bool = True
+) -> tuple[ColoredMesh, ...]:
+    """The surfaces of a .glb, .gltf, .obj or .stl file, in its own unit, z upwards (as `gltf.surfaces` turns them).
+
+    `read` gives the bytes of a file that it names; what that raises passes through. Not `painted`, the colours of .obj
+    files are left out. Raises MeshError.
+    """
+    budget = budget or MeshBudget()
+    ending = ending_of(name)
+    if ending in GLTF:
+        from scenegen.things import gltf
+
+        found = gltf.surfaces(name, data, read)
+    elif ending == ".obj" and painted:
+        found = tuple(map(tidy, _painted(data, read, budget)))
+    else:
+        points, faces = _geometry(name, data)
+        if ending == ".stl" and len(points) % 3:
+            raise MeshError("it is cut short: a triangle in it has fewer than three corners")
+        if not len(faces):
+            raise MeshError("it has no faces")
+        budget.add_vertices(len(points))
+        budget.add_triangles(len(faces))
+        found = (tidy(ColoredMesh(points, faces, None)),)
+    refuse_layers(found)
+    return found
+
+
+def mesh_points(name: str, data: bytes, read: Read) -> list[Floats]:
+    """The vertices (V, 3) of the triangles of a mesh file's parts, in its unit, z upwards; all vertices of an .obj file
+    without faces. Raises MeshError."""
+    if ending_of(name) in GLTF:
+        from scenegen.things import gltf
+
+        return [one.vertices for one in gltf.surfaces(name, data, read)]
+    points, faces = _geometry(name, data)
+    return [points[used(points, faces)] if len(faces) else points]
 
 
 def vertices(name: str, data: bytes) -> Floats:
-    """(V, 3): all vertices of a mesh file, V >= 1, whether a face uses them or not; the ending of `name` says which
-    format it is. In the unit of the file. Raises MeshError."""
-    match ending_of(name):
-        case ".obj":
-            found = _obj(data)
-        case ".stl":
-            found = _stl(data)
-        case other:
-            kind = f"{other} files" if other else "a file without an ending"
-            raise MeshError(f"{kind} cannot be read here, .obj and .stl can: convert it, or give the outline beside it")
+    """(V, 3): all vertices of an .obj or .stl file, V >= 1, whether a face uses them or not, in the unit of the file.
+    Raises MeshError."""
+    return _finite(_obj_points(_plain(data)) if ending_of(name) == ".obj" else _stl(data))
+
+
+def _finite(found: Floats) -> Floats:
     if not len(found):
         raise MeshError("it has no vertices")
     if not np.isfinite(found).all() or np.abs(found).max() > FARTHEST:
@@ -79,65 +264,18 @@ def vertices(name: str, data: bytes) -> Floats:
     return found
 
 
-def corners(name: str, data: bytes) -> Floats:
-    """(V, 3): the vertices that triangles use, in the unit of the file, but for triangles whose corners coincide; all,
-    where an .obj file has no faces. Raises MeshError."""
+def _geometry(name: str, data: bytes) -> tuple[Floats, Indices]:
+    """All vertices and triangles of an .obj or .stl file."""
+    if ending_of(name) not in PLAIN:
+        kind = f"{ending_of(name)} files" if ending_of(name) else "a file without an ending"
+        known = "convert it to .glb, .gltf, .obj or .stl, or give the outline beside it"
+        raise MeshError(f"{kind} cannot be read here: {known}")
     points = vertices(name, data)
-    if ending_of(name) != ".obj":
-        whole = points[: len(points) // 3 * 3].reshape(-1, 3, 3)
-        kept = whole[_open(whole)].reshape(-1, 3)
-        return kept if len(kept) else points
-    faces = _obj_faces(data, len(points))
-    return points[used(points, faces)] if len(faces) else points
-
-
-def used(points: Floats, faces: Indices) -> Indices:
-    """Which of some points (P, 3) triangles (F, 3) use, in their order, but for triangles whose corners coincide; all
-    corners, where each is one."""
-    open_ = faces[_open(points[faces])]
-    found = np.zeros(len(points), dtype=np.bool_)
-    found[open_ if len(open_) else faces] = True
-    return np.flatnonzero(found)
-
-
-def _open(triangles: Floats) -> npt.NDArray[np.bool_]:
-    """Whether no two corners of triangles (F, 3, 3) coincide."""
-    a, b, c = triangles.transpose(1, 0, 2)
-    same = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
-    return np.asarray(~same, dtype=np.bool_)
-
-
-def _obj_faces(data: bytes, count: int) -> Indices:
-    """The triangles (F, 3) of an .obj file of `count` vertices; polygons are cut from their first corner. Raises
-    MeshError."""
-    data = _plain(data)
-    rows = re.findall(rb"^[ \t]*f[ \t]+([^\r\n#]*)", data, re.MULTILINE)
-    if not rows:
-        return np.empty((0, 3), dtype=np.int64)
-    sizes = np.array([len(row.split()) for row in rows], dtype=np.int64)
-    text = re.sub(rb"/\S*", b"", b" ".join(rows))
-    try:
-        if b"_" in text:
-            raise ValueError  # as in `_numbers`
-        flat = np.array(text.split(), dtype=np.int64)
-    except (ValueError, OverflowError):
-        raise MeshError("a face in it names no vertex by its number") from None
-    if len(flat) != sizes.sum():
-        raise MeshError("a face in it names no vertex by its number")
-    if sizes.min() < 3:
-        raise MeshError("a face in it has fewer than 3 corners")
-    if (flat < 0).any():  # which counts back from the face
-        before = np.cumsum([kind == b"v" for kind in re.findall(rb"^[ \t]*([vf])[ \t]", data, re.MULTILINE)])
-        kinds = np.array([kind == b"f" for kind in re.findall(rb"^[ \t]*([vf])[ \t]", data, re.MULTILINE)])
-        flat = np.where(flat < 0, flat + np.repeat(before[kinds], sizes) + 1, flat)
-    flat -= 1
-    if flat.min() < 0 or flat.max() >= count:
-        raise MeshError(f"a face in it names a vertex beyond its {count:,}")
-    triangles = sizes - 2
-    first = np.repeat(np.cumsum(sizes) - sizes, triangles)
-    step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
-    faces: Indices = flat[np.column_stack([first, first + step + 1, first + step + 2])]
-    return faces
+    if ending_of(name) == ".stl":
+        return points, np.arange(len(points) // 3 * 3).reshape(-1, 3)
+    faces = _ObjFaces(_plain(data), len(points))
+    order = np.argsort(faces.group, kind="stable")
+    return points, _fans(faces.corners, faces.sizes, order)
 
 
 def _numbers(rows: list[bytes]) -> Floats:
@@ -150,13 +288,12 @@ def _numbers(rows: list[bytes]) -> Floats:
         raise MeshError("a vertex in it is not three numbers") from None
 
 
-def _plain(data: bytes) -> bytes:
-    """An .obj file without lines that go on, and without a byte order mark."""
-    return re.sub(rb"\\\r?\n", b" ", data.removeprefix(MARK))
+# --------------------------------------------------------------------------------------------------------------------
+# Binary STL files, and those in words.
 
 
-def _obj(data: bytes) -> Floats:
-    return _numbers(re.findall(rb"^[ \t]*v[ \t]+([^\r\n#]*)", _plain(data), re.MULTILINE))
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_HEADER = 80  # bytes of a binary STL before the number of triangles
 
 
 def _stl(data: bytes) -> Floats:
@@ -173,8 +310,291 @@ def _stl(data: bytes) -> Floats:
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# What files of one's own may say of an object's body.
+# Wavefront .obj files, with the colours and textures of their .mtl files.
+#
+# The format: http://www.martinreddy.net/gfx/3d/OBJ.spec and http://paulbourke.net/dataformats/mtl/.
 
 
-LEAST_MASS, MOST_MASS = 1e-6, 1e6  # kg
-MOST_FRICTION = 100.0  # coefficient of sliding friction
+MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a text
+MOST_MATERIALS = 10_000
+WITHOUT = ("", "None", "(null)")  # names of exporters for no material
+# Options of a texture: how many numbers or words follow at most. Those with a place in `MOVES` shift or stretch it.
+OPTIONS = {
+    "-blendu": 1,
+    "-blendv": 1,
+    "-boost": 1,
+    "-bm": 1,
+    "-clamp": 1,
+    "-imfchan": 1,
+    "-texres": 1,
+    "-o": 3,
+    "-s": 3,
+}
+MOVES = ("-o", "-s")
+
+
+@dataclass(slots=True)
+class _Material:
+    place: str
+    color: RGB | None = None
+    image: str = ""
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+
+
+def _plain(data: bytes) -> bytes:
+    """A file without comments and a byte order mark. What goes on in the next line stands in its first one, and empty
+    lines after it keep the numbers of the others."""
+
+    def whole(found: re.Match[bytes]) -> bytes:
+        return re.sub(rb"\\\r?\n", b" ", found[0]) + b"\n" * found[0].count(b"\n")
+
+    text = data.removeprefix(MARK)
+    text = re.sub(rb"^(?:[^\n]*\\\r?\n)+[^\n]*", whole, text, flags=re.MULTILINE) if b"\\" in text else text
+    return re.sub(rb"#[^\n]*", b"", text) if b"#" in text else text
+
+
+def _rows(text: bytes, word: bytes) -> Iterator[tuple[int, bytes]]:
+    """What follows a word that opens a line, with the place of this line in the text."""
+    pattern = rb"^[ \t]*" + word + rb"(?=[ \t\r\n]|\Z)([^\r\n]*)"
+    return ((one.start(), one[1]) for one in re.finditer(pattern, text, re.MULTILINE))
+
+
+def _obj_points(text: bytes) -> Floats:
+    return _numbers([row for _, row in _rows(text, b"v")])
+
+
+class _ObjFaces:
+    """The faces of an .obj file of `count` vertices (`places` in textures): `words` of their corners, one after the
+    other, and for each face how many (`sizes`), where its line begins (`starts`) and the number of its material among
+    `names`, in the order of their first faces (`group`). `corners` are the numbers of vertices, from 0. Raises
+    MeshError, with the line."""
+
+    def __init__(self, text: bytes, count: int) -> None:
+        rows = list(_rows(text, b"f"))
+        self.text = text
+        self.starts = [start for start, _ in rows]
+        split = [row.split() for _, row in rows]
+        self.sizes = np.array([len(words) for words in split], dtype=np.int64)
+        self.words = [word for words in split for word in words]
+        for start, words in zip(self.starts, split, strict=True):
+            if len(words) < 3:
+                raise MeshError(f"{self.line(start)}: a face has at least 3 corners; here are {len(words)}")
+        uses = [(start, _words(row)) for start, row in _rows(text, b"usemtl")]
+        above = np.searchsorted(np.array([start for start, _ in uses]), self.starts)
+        titles = ["", *(name for _, name in uses)]
+        self.names = list(dict.fromkeys(titles[place] for place in above.tolist()))
+        numbers = {name: number for number, name in enumerate(self.names)}
+        self.group = np.array([numbers[titles[place]] for place in above.tolist()], dtype=np.int64)
+        self.corners = self.indices([word.partition(b"/")[0] for word in self.words], b"v", count, "vertex")
+
+    def line(self, start: int) -> str:
+        return _line(self.text, start)
+
+    def line_of(self, corner: int) -> str:
+        """The line of a corner, by its place among `words`."""
+        return self.line(self.starts[int(np.searchsorted(np.cumsum(self.sizes), corner, side="right"))])
+
+    def indices(self, words: list[bytes], kind: bytes, count: int, what: str) -> Indices:
+        """Numbers from 0 of what lines of a kind have, which corners name from 1, or back from their own line; -1 where
+        a word is empty and may be."""
+        if not all(map(re.compile(rb"-?0*[1-9]\d{0,9}|" if kind == b"vt" else rb"-?0*[1-9]\d{0,9}").fullmatch, words)):
+            wrong = re.compile(rb"-?0*[1-9]\d{0,9}")
+            place = next(k for k, word in enumerate(words) if (word or kind == b"v") and not wrong.fullmatch(word))
+            shown = words[place][:20].decode("ascii", "replace")
+            raise MeshError(f"{self.line_of(place)}: `{shown}` is not the number of a vertex, which count from 1")
+        found = np.array([word or b"0" for word in words], dtype=np.int64)
+        if (found < 0).any():
+            lines = [start for start, _ in _rows(self.text, kind)]
+            before = np.repeat([bisect_left(lines, start) for start in self.starts], self.sizes)
+            past = np.flatnonzero(-found > before)
+            if past.size:
+                place = int(past[0])
+                raise MeshError(
+                    f"{self.line_of(place)}: {found[place]} counts back past the first of {int(before[place])}"
+                )
+            found = np.where(found < 0, found + before + 1, found)
+        past = np.flatnonzero(found > count)
+        if past.size:
+            raise MeshError(f"{self.line_of(int(past[0]))}: a face names {what} {found[past[0]]} of {count}")
+        return np.asarray(found - 1)
+
+
+def _fans(corners: Indices, sizes: Indices, faces: Indices) -> Indices:
+    """The triangles (F, 3) of some faces in this order, polygons cut from their first corner."""
+    first, triangles = (np.cumsum(sizes) - sizes)[faces], sizes[faces] - 2
+    step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    start = np.repeat(first, triangles)
+    found: Indices = corners[np.column_stack([start, start + step + 1, start + step + 2])]
+    return found
+
+
+def _painted(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
+    """A surface for each material, coloured by its Kd and map_Kd. A material without a colour, and faces without a
+    material, get none. A surface has `uv` where all its corners name places in a texture."""
+    text = _plain(data)
+    points = _finite(_obj_points(text))
+    places = np.array([_place(row.split(), _line(text, start)) for start, row in _rows(text, b"vt")]).reshape(-1, 2)
+    faces = _ObjFaces(text, len(points))
+    if not len(faces.sizes):
+        raise MeshError("it has no faces")
+    materials, libraries = _libraries(faces, read, budget)
+    budget.add_triangles(int((faces.sizes - 2).sum()))
+    at = faces.indices(
+        [word.split(b"/", 2)[1] if b"/" in word else b"" for word in faces.words],
+        b"vt",
+        len(places),
+        "place in a texture",
+    )
+    starts = np.cumsum(faces.sizes) - faces.sizes
+    images: dict[str, bytes] = {}
+    made = []
+    for number, name in enumerate(faces.names):
+        mine = np.flatnonzero(faces.group == number)
+        order = np.concatenate([np.arange(starts[k], starts[k] + faces.sizes[k]) for k in mine])
+        known: dict[bytes | int, int] = {}
+        firsts: list[int] = []
+        corners = np.empty(len(faces.words), dtype=np.int64)
+        for place in order.tolist():
+            word = faces.words[place]
+            key = place if b"-" in word else word  # what counts back means another one in each line
+            if key not in known:
+                known[key] = len(firsts)
+                firsts.append(place)
+            corners[place] = known[key]
+        budget.add_vertices(len(firsts))
+        if name not in materials and libraries and name not in WITHOUT:
+            line = faces.line(next(start for start, row in _rows(text, b"usemtl") if _words(row) == name))
+            raise MeshError(f"{line}: material `{name[:60]}` is not in {', '.join(libraries)[:100]}")
+        material = materials.get(name, _Material(""))
+        bare = np.flatnonzero(at[firsts] < 0)
+        if material.image and bare.size:
+            line = faces.line_of(firsts[bare[0]])
+            raise MeshError(f"{line}: a face has a texture, but no places in it (1/2 names the second vt)")
+        if material.image and material.image not in images:
+            image = _beside(material.image, material.place, read, budget)
+            budget.add_texture(image, f"{material.place}: {material.image}")
+            images[material.image] = image
+        uv = None
+        if len(places) and not bare.size:
+            uv = places[at[firsts]] * material.scale + material.offset
+            uv = uv * (1.0, -1.0) + (0.0, 1.0)  # v = 0 is the lower edge here
+        texture = images[material.image] if material.image else b""
+        triangles = _fans(corners, faces.sizes, mine)
+        made.append(ColoredMesh(points[faces.corners[firsts]], triangles, material.color, uv, texture))
+    return made
+
+
+def _libraries(faces: _ObjFaces, read: Read, budget: MeshBudget) -> tuple[dict[str, _Material], list[str]]:
+    """The materials of all .mtl files, and the names of these: a name with spaces, or several names."""
+    materials: dict[str, _Material] = {}
+    libraries: list[str] = []
+    for start, row in _rows(faces.text, b"mtllib"):
+        names, line = _words(row), faces.line(start)
+        try:
+            found = [(names, _beside(names, line, read, budget))]
+        except MeshError:
+            parts = names.split()
+            if len(parts) < 2:
+                raise
+            found = [(part, _beside(part, line, read, budget)) for part in parts]
+        for name, data in found:
+            libraries.append(name)
+            for title, material in _materials(name, data):
+                materials.setdefault(title, material)
+            if len(materials) > MOST_MATERIALS:
+                raise MeshError(f"{line}: its files have more than {MOST_MATERIALS:,} materials together")
+    return materials, libraries
+
+
+def _beside(name: str, place: str, read: Read, budget: MeshBudget) -> bytes:
+    try:
+        data = read(name.replace("\\", "/"))
+    except MeshError as error:
+        raise MeshError(f"{place}: {error}") from None
+    budget.add_file(data)
+    return data
+
+
+def _words(row: bytes) -> str:
+    return row.strip().decode("utf-8", "replace")
+
+
+def _line(text: bytes, start: int) -> str:
+    number = text.count(b"\n", 0, start) + 1
+    return f"line {number}"
+
+
+def _place(words: list[bytes], line: str) -> tuple[float, float]:
+    values = _floats(words[:2], line)
+    return values[0], values[1] if len(values) > 1 else 0.0
+
+
+def _floats(words: list[bytes], place: str) -> list[float]:
+    try:
+        if any(b"_" in word for word in words) or not words:
+            raise ValueError
+        values = [float(word) for word in words]
+    except ValueError:
+        raise MeshError(f"{place}: here must be numbers") from None
+    if not all(abs(value) <= FARTHEST for value in values):  # nor nan
+        raise MeshError(f"{place}: a number is none, or beyond all measure")
+    return values
+
+
+def _materials(name: str, data: bytes) -> Iterator[tuple[str, _Material]]:
+    """The materials of an .mtl file, in order."""
+    title, current = "", None
+    for number, whole in enumerate(_plain(data).split(b"\n"), 1):
+        line, place = whole.strip(), f"{name}, line {number}"
+        word = line.partition(b" ")[0].partition(b"\t")[0].lower()
+        if word == b"newmtl":
+            if current is not None:
+                yield title, current
+            title, current = _words(line[len(word) :]), _Material(place)
+        elif current is None:
+            continue
+        elif word == b"kd":
+            values = np.clip(_floats(line.split()[1:4], place), 0.0, 1.0).tolist()
+            red, green, blue = values if len(values) == 3 else values[:1] * 3
+            current.color = red, green, blue
+        elif word == b"map_kd":
+            _texture(current, _words(line[len(word) :]), place)
+    if current is not None:
+        yield title, current
+
+
+def _texture(material: _Material, text: str, place: str) -> None:
+    """The options and file of a `map_Kd`."""
+    words = text.split()
+    at = 0
+    while at < len(words) and words[at] in OPTIONS:
+        option, most = words[at], OPTIONS[words[at]]
+        at += 1
+        given = 0
+        while given < most and at + given < len(words) - 1 and (option not in MOVES or _is_number(words[at + given])):
+            given += 1
+        if option in MOVES:
+            values = _floats([word.encode() for word in words[at : at + given]], place)
+            rest = 1.0 if option == "-s" else 0.0
+            pair = values[0], values[1] if len(values) > 1 else rest
+            if option == "-s":
+                material.scale = pair
+            else:
+                material.offset = pair
+        at += given
+    if at < len(words) and words[at].startswith("-") and len(words) > at + 1:
+        raise MeshError(f"{place}: the option {words[at][:20]} of a texture is not read here: export it without")
+    if at == len(words):
+        raise MeshError(f"{place}: a texture without a file")
+    material.image, material.place = text.split(None, at)[at].strip(), place
+    if material.color is None:
+        material.color = WHITE
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

@@ -7,10 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Polygon, convex_hull, signed_area
-from scenegen.things.mesh import Floats
 
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+DRAWN = 64  # corners of a prism at most; one with more is drawn as one round it
 CORNERS = 32  # of an outline at most: clearances are worked out corner by corner
 SAME = 1e-5  # sizes, relative: 1.5708 is a right angle. Outlines are a circle or a box where they are to this
 STRAIGHT = 1e-6  # relative: a corner that stands out less is none
@@ -19,8 +23,8 @@ DIGITS = 9  # of metres: a nanometre, so that outlines read back as they were wr
 SIDES = 32  # of the polygons that stand for round things
 
 
-class OutlineError(Exception):
-    """There is no outline; the text says why."""
+class MeshError(Exception):
+    """A file of one's own is of no use; the text says why."""
 
 
 @dataclass(slots=True)
@@ -80,7 +84,7 @@ class Shadow:
         Round shadows count as polygons drawn round them, which reach 0.5 % of the radius further, and an outline with
         too many corners is replaced by one drawn round it: a polygon holds all that was added, but for a millionth of
         its size.
-        Raises OutlineError where it covers no area.
+        Raises MeshError where it covers no area.
         """
         points = np.concatenate([*self.corners, np.empty((0, 2))])
         center = max((r for x, y, r in self.discs if math.hypot(x, y) <= SAME * r), default=0.0)
@@ -93,7 +97,7 @@ class Shadow:
         hull = _hull(corners)
         diameter = max((math.dist(hull[0], corner) for corner in hull), default=0.0)
         if not hull or signed_area(hull) < THINNEST * max(diameter, THINNEST):
-            raise OutlineError("it covers no area of the table")
+            raise MeshError("it covers no area of the table")
         x, y = (max(abs(corner[axis]) for corner in hull) for axis in (0, 1))
         outline = simplified(hull, CORNERS)
         slack = SAME * max(x, y)
@@ -101,7 +105,7 @@ class Shadow:
             return Box(round(2.0 * x, DIGITS), round(2.0 * y, DIGITS))
         rounded = _hull([(round(u, DIGITS) + 0.0, round(v, DIGITS) + 0.0) for u, v in outline])
         if not rounded:
-            raise OutlineError("it covers no area of the table")
+            raise MeshError("it covers no area of the table")
         return Polygon(rounded)
 
 

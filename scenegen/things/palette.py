@@ -1,28 +1,15 @@
-"""Colours: one for a name that the library does not know, and shades that tell equal objects apart."""
+"""Colours: the library's, one for a name that it does not know, and shades that tell equal objects apart."""
 
 from __future__ import annotations
 
 import colorsys
 import hashlib
 import re
+from collections import Counter
 from collections.abc import Sequence
 
-RGB = tuple[float, float, float]
-
-NAMED = ("red", "orange", "yellow", "green", "blue", "purple", "pink", "brown", "white", "grey", "black")  # some names
-
-
-def hex_of(written: str) -> str | None:
-    """A colour as people write it, `red` or `#ffdd33`, as "#rrggbb"; None where it is none."""
-    from PIL import ImageColor
-
-    if not re.fullmatch(r"#[0-9a-fA-F]{3}([0-9a-fA-F]{3})?|[A-Za-z]+", written):
-        return None
-    try:
-        red, green, blue = ImageColor.getrgb(written.lower())[:3]
-    except ValueError:
-        return None
-    return f"#{red:02x}{green:02x}{blue:02x}"
+from scenegen.things.library import ASSETS, PLAIN, UNKNOWN, known_as
+from scenegen.things.library import RGB as RGB
 
 
 def rgb_of(color: str) -> RGB:
@@ -89,3 +76,69 @@ def mix(color: RGB, other: RGB, share: float) -> RGB:
     """`share` of the other colour in the first."""
     red, green, blue = ((1.0 - share) * a + share * b for a, b in zip(color, other, strict=True))
     return red, green, blue
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The colours of a scene's objects.
+
+
+def _family(name: str, asset: str) -> str | None:
+    """What an object gets a shade of its colour with: the array of a plain shape, the library's objects of one name.
+    None where its colour is its own."""
+    if asset in PLAIN:
+        return f"{_array(name)}[]"
+    return asset if known_as(name) == asset else None
+
+
+def _array(name: str) -> str:
+    return re.sub(r"\[\d+\]$", "", name)
+
+
+def _family_color(name: str, asset: str, used: Sequence[RGB]) -> RGB:
+    known = known_as(_array(name)) if asset in PLAIN else asset
+    if known is None or (asset in PLAIN and ASSETS[known].color in used):
+        return stable(_array(name), used)
+    return ASSETS[known].color
+
+
+def colors_of(objects: Sequence[tuple[str, str]], *, distinct: bool = False) -> tuple[RGB, ...]:
+    """The main colour of every object of a scene, given as (name, asset), in the order given.
+
+    What the library knows has the library's colour, and the elements of an array look the same. Blocks and plain shapes
+    that have names of their own get colours that can be told apart: the library's where it knows the name, else one
+    that belongs to the name. `distinct` tells apart all objects that would look the same.
+    """
+    if distinct:
+        return _all_different(objects)
+    alike = [(asset if _natural(asset) else _array(name), asset) for name, asset in objects]
+    kinds = list(dict.fromkeys(alike))
+    color = dict(zip(kinds, _all_different(kinds), strict=True))
+    return tuple(color[kind] for kind in alike)
+
+
+def _natural(asset: str) -> bool:
+    """Whether a colour belongs to what the asset is: apples are red, whereas blocks and bins come in all colours."""
+    return asset not in (*PLAIN, UNKNOWN, "bin")
+
+
+def _all_different(objects: Sequence[tuple[str, str]]) -> tuple[RGB, ...]:
+    """Colours of which no two objects of an asset share one: the asset's own or one that belongs to the name, and
+    shades of it for further objects of that asset, or of that array of plain shapes."""
+    families = [_family(name, asset) for name, asset in objects]
+    counts = Counter(families)
+    seen: Counter[str] = Counter()
+    first: dict[str, RGB] = {}
+    taken: dict[str, list[RGB]] = {}
+    colors: list[RGB] = []
+    for (name, asset), family in zip(objects, families, strict=True):
+        used = taken.setdefault("" if asset in PLAIN else asset, [])
+        if family is None:
+            color = stable(name, used)
+        else:
+            if family not in first:
+                first[family] = _family_color(name, asset, used)
+            color = shade(first[family], seen[family], counts[family])
+            seen[family] += 1
+        used.append(color)
+        colors.append(color)
+    return tuple(colors)

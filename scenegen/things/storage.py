@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from scenegen.things.cabinet import (
+from scenegen.things.furniture import (
     BAR,
     BASE,
     BOARD,
@@ -30,13 +30,32 @@ from scenegen.things.cabinet import (
     WALL,
     WIDTH,
     Cabinet,
+    Crate,
     Drawer,
     Rack,
+    ShelfUnit,
+    Slab,
 )
-from scenegen.things.mesh import Mesh, box, disc, joined, loft, prism, revolve, tube
-from scenegen.things.palette import RGB, mix
-from scenegen.things.parts import CREAM, DARK, STEEL, UNITS, WHITE, Crate, Part, Slab, crescent, lining, patch
-from scenegen.things.solids import HOLLOWS
+from scenegen.things.library import ASSETS, RGB
+from scenegen.things.mesh import (
+    CREAM,
+    DARK,
+    STEEL,
+    WHITE,
+    Mesh,
+    Part,
+    box,
+    crescent,
+    disc,
+    joined,
+    lining,
+    loft,
+    patch,
+    prism,
+    revolve,
+    tube,
+)
+from scenegen.things.palette import mix
 
 # --------------------------------------------------------------------------------------------------------------------
 # What carries and holds: trays, cartons, boards, teapots.
@@ -44,7 +63,7 @@ from scenegen.things.solids import HOLLOWS
 
 def crate_of(name: str) -> Crate:
     """The library's crate of that name."""
-    found = HOLLOWS[name]
+    found = ASSETS[name].form
     assert isinstance(found, Crate)
     return found
 
@@ -302,7 +321,9 @@ def _slab(one: Slab) -> tuple[float, float, float, float, float, float]:
 
 
 def shelfunit(color: RGB) -> tuple[Part, ...]:
-    left, right, back, *boards = UNITS["shelfunit"].slabs()
+    unit = ASSETS["shelfunit"].form
+    assert isinstance(unit, ShelfUnit)
+    left, right, back, *boards = unit.slabs()
     made = []
     for group, shade in (
         ((left, right), color),

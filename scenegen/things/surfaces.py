@@ -16,35 +16,26 @@ import numpy.typing as npt
 
 from scenegen.geometry import MATH, NUMPY, POINT, PRIMITIVES, Box, Circle, Footprint, Polygon
 from scenegen.geometry.footprint import area, centroid
-from scenegen.pose import flat
-from scenegen.things.cabinet import Cabinet, Drawer, Rack
-from scenegen.things.library import ASSETS, PLAIN, Asset, Shape, own_size
-from scenegen.things.parts import SIDES, UNITS, Rooms, ShelfUnit, Slab, SupportSurface, Vessel
-from scenegen.things.solids import GRIP, HANDLES, HOLLOWS, ROUNDS, Rows
+from scenegen.pose import flat, places
+from scenegen.things.furniture import (
+    SIDES,
+    Cabinet,
+    Crate,
+    Drawer,
+    Rack,
+    Rooms,
+    RoundSolid,
+    Rows,
+    ShelfUnit,
+    Slab,
+    SupportSurface,
+    Vessel,
+)
+from scenegen.things.library import PLAIN, Shape, entry_of, stretch_of
+
+Floats = npt.NDArray[np.float64]
 
 TURNS = 180  # headings that are tried where a footprint has to fit between walls
-
-
-__all__ = [
-    "SupportSurface",
-    "cells_of",
-    "fits",
-    "narrowest",
-    "pocketed",
-    "reach_of",
-    "rim_of",
-    "sizes_of",
-    "slabs_of",
-    "surfaces_of",
-]
-
-TOPS: dict[str, Footprint] = {  # narrower than the footprint
-    "can": Circle(0.0275),
-    "jar": Circle(0.0365),
-    "stand": Circle(0.108),
-}
-RIMS: dict[str, Footprint] = {"pot": Circle(0.006)}  # where the middle of a lid stands
-FLAT = ("crackerbox", "book", "board", "phone", "napkin", "block")  # with a top as wide as they are
 
 
 def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[SupportSurface, ...]:
@@ -52,27 +43,28 @@ def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[SupportSurfac
     on it. Where walls slope, `inside` lies as deep as the object `upper` goes; `rim` is instead of it where that stands
     on the rim."""
 
-    unit, (x, y, z) = UNITS.get(shape.asset), stretch_of(shape)
+    entry, (x, y, z) = entry_of(shape), stretch_of(shape)
+    if entry is None:
+        own = shape.asset in PLAIN or isinstance(shape.footprint, Polygon)
+        return (SupportSurface("top", shape.footprint, shape.height),) if own else ()
     pockets = pocketed(shape)
     if pockets is not None:
         return tuple(_stretched(one, x, y, z) for one in pockets.surfaces())
-    if unit is not None:
-        levels = tuple(_stretched(one, x, y, z) for one in _of_unit(unit))
+    if isinstance(entry.form, ShelfUnit):
+        levels = tuple(_stretched(one, x, y, z) for one in _of_unit(entry.form))
         return (levels[-1], *levels[:-1])
     rooms = rooms_of(shape)
     if rooms:
         inside = SupportSurface("inside", *rooms[0], walled=True)
         if upper is not None and not fits(upper.footprint, inside.outline):
             found = nested(shape, upper)
-            inside = inside if found is None or (found.name == "rim" and shape.asset in RIMS) else found
-        if shape.asset not in RIMS:
+            inside = inside if found is None or (found.name == "rim" and entry.rim is not None) else found
+        if entry.rim is None:
             return (inside,)
-        return inside, _stretched(SupportSurface("rim", RIMS[shape.asset], shape.height / z), x, y, z)
-    if shape.asset in PLAIN or isinstance(shape.footprint, Polygon):
-        return (SupportSurface("top", shape.footprint, shape.height),)
-    if shape.asset in TOPS:
-        return (_stretched(SupportSurface("top", TOPS[shape.asset], shape.height / z), x, y, z),)
-    return (SupportSurface("top", shape.footprint, shape.height),) if shape.asset in FLAT else ()
+        return inside, _stretched(SupportSurface("rim", entry.rim, shape.height / z), x, y, z)
+    if entry.top is not None:
+        return (_stretched(SupportSurface("top", entry.top, shape.height / z), x, y, z),)
+    return (SupportSurface("top", shape.footprint, shape.height),) if entry.flat else ()
 
 
 def sizes_of(shape: Shape, surface: SupportSurface) -> dict[str, float]:
@@ -89,7 +81,9 @@ def sizes_of(shape: Shape, surface: SupportSurface) -> dict[str, float]:
 def slabs_of(shape: Shape) -> tuple[Slab, ...]:
     """The pieces of open furniture; none of what is one prism, or hollow."""
 
-    made, (x, y, z) = pocketed(shape) or UNITS.get(shape.asset), stretch_of(shape)
+    entry, (x, y, z) = entry_of(shape), stretch_of(shape)
+    unit = None if entry is None or not isinstance(entry.form, ShelfUnit) else entry.form
+    made = pocketed(shape) or unit
     if made is None:
         return ()
     return tuple(
@@ -100,17 +94,11 @@ def slabs_of(shape: Shape) -> tuple[Slab, ...]:
 
 def pocketed(shape: Shape) -> Cabinet | Drawer | Rack | None:
     """Furniture whose walled surfaces have nothing above them: all that stands there in full is clear of its pieces."""
-    if isinstance(shape.footprint, Polygon):
-        return None
-    match shape.asset:
-        case "cabinet":
-            return Cabinet(shape.open) if shape.open else Cabinet()
-        case "drawer":
-            return Drawer()
-        case "rack":
-            return Rack()
-        case _:
-            return None
+    entry = entry_of(shape)
+    form = None if entry is None else entry.form
+    if isinstance(form, Cabinet) and shape.open:
+        return Cabinet(shape.open)
+    return form if isinstance(form, Cabinet | Drawer | Rack) else None
 
 
 def _of_unit(unit: ShelfUnit) -> tuple[SupportSurface, ...]:
@@ -198,40 +186,18 @@ def _stretched(one: SupportSurface, x: float, y: float, z: float) -> SupportSurf
     return replace(one, outline=outline, height=one.height * z, clear=one.clear * z)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How objects are stretched from those of the library, and the room inside them.
-
-
 def rooms_of(shape: Shape) -> Rooms:
     """(footprint, height): what fits inside the object, and how high it then stands; the deepest first, of solid
     things none."""
-    asset = asset_of(shape)
-    if asset is None or asset.name not in HOLLOWS:
+    entry = entry_of(shape)
+    if entry is None or not isinstance(entry.form, Vessel | Crate):
         return ()
-    x, y, z = _stretch(shape)
+    x, y, z = stretch_of(shape)
     rooms: list[tuple[Circle | Box, float]] = []
-    for room, height in HOLLOWS[asset.name].rooms():
+    for room, height in entry.form.rooms():
         scaled = Circle(room.radius * min(x, y)) if isinstance(room, Circle) else Box(room.length * x, room.width * y)
         rooms.append((scaled, height * z))
     return tuple(rooms)
-
-
-def stretch_of(shape: Shape) -> tuple[float, float, float]:
-    """How much longer, wider and higher an object is than the library's; 1 for shapes with sizes of their own."""
-    asset = asset_of(shape)
-    return (1.0, 1.0, 1.0) if asset is None else _stretch(shape)
-
-
-def asset_of(shape: Shape) -> Asset | None:
-    """The entry of the library that a shape is, perhaps stretched; None for shapes with sizes of their own."""
-    if shape.asset in PLAIN or isinstance(shape.footprint, Polygon):
-        return None
-    return ASSETS.get(shape.asset)
-
-
-def _stretch(shape: Shape) -> tuple[float, float, float]:
-    (length, width), (own_length, own_width, own_height) = shape.footprint.extent, own_size(shape)
-    return length / own_length, width / own_width, shape.height / own_height
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -240,8 +206,6 @@ def _stretch(shape: Shape) -> tuple[float, float, float]:
 # Where a spec does not declare heights (docs/adr/0011-supports.md), this is how they are read from the poses (x, y,
 # theta), for pictures, for files of simulators and for settling alike.
 
-
-Floats = npt.NDArray[np.float64]
 
 ROUNDING = 1e-9  # of a distance: far more than computing it can lose
 
@@ -356,7 +320,7 @@ SLACK = (
 NARROWEST = 0.001  # metres that a foot overlaps a rim on which it stands
 UNSURE = 0.0018  # metres by which a height may be off: walls are flat pieces, so it depends on how both are turned
 TILT = math.tan(math.radians(2.2))  # that what is no solid of revolution may lean by
-BULGING = ("mouse", "teapot", "laptop")  # of these, less than the footprint's corners touches a wall
+GRIP = 0.013  # how wide a handle is
 COME_IN = math.cos(math.pi / SIDES)  # how far the pieces of a wall come in
 STEPS = 60  # of a bisection
 
@@ -376,19 +340,19 @@ class Profile:
 
 def profile_of(shape: Shape) -> Profile:
     """What holds an object's collision pieces, turned about its axis; of a prism, the circle round its footprint."""
-    asset, name = asset_of(shape), shape.asset
-    x, y, z = stretch_of(shape)
-    if asset is not None and name in ROUNDS:
-        return Profile(_scaled(ROUNDS[name], max(x, y), z))
-    vessel = None if asset is None else HOLLOWS.get(name)
-    if not isinstance(vessel, Vessel):
-        reach = _reach(shape)
-        return Profile(((0.0, reach), (shape.height, reach)))
-    body = _scaled([(height, outer) for height, outer, _ in vessel.rows], max(x, y), z)
-    if name not in HANDLES:
-        return Profile(body)
-    _, end, low, high = HANDLES[name]
-    return Profile(body, ((low * z, high * z, math.hypot(end, GRIP / 2.0) * max(x, y)),))
+    entry, (x, y, z) = entry_of(shape), stretch_of(shape)
+    match None if entry is None else entry.form:
+        case RoundSolid(rows):
+            return Profile(_scaled(rows, max(x, y), z))
+        case Vessel(rows, handle):
+            body = _scaled([(height, outer) for height, outer, _ in rows], max(x, y), z)
+            if handle is None:
+                return Profile(body)
+            _, end, low, high = handle
+            return Profile(body, ((low * z, high * z, math.hypot(end, GRIP / 2.0) * max(x, y)),))
+        case _:
+            reach = reach_of(shape.footprint)
+            return Profile(((0.0, reach), (shape.height, reach)))
 
 
 @cache
@@ -425,7 +389,8 @@ def _lies_level(upper: Shape, unsure: float) -> bool:
     """Whether a thing lies level on the walls where heights under its corners differ by as much as they can."""
     if isinstance(upper.footprint, Circle):
         return True
-    return upper.asset not in BULGING and unsure <= TILT * min(upper.footprint.extent)
+    entry = entry_of(upper)
+    return not (entry is not None and entry.bulging) and unsure <= TILT * min(upper.footprint.extent)
 
 
 def _on_rim(upper: Shape, free: float, mouth: float, height: float) -> SupportSurface | None:
@@ -438,20 +403,20 @@ def _on_rim(upper: Shape, free: float, mouth: float, height: float) -> SupportSu
 
 
 def _surface(name: str, upper: Shape, height: float, free: float) -> SupportSurface:
-    outline = Circle(free + _reach(upper))
+    outline = Circle(free + reach_of(upper.footprint))
     far = free if isinstance(upper.footprint, Circle) else outline.radius
     if isinstance(upper.footprint, Box):  # both ends of a diagonal are in the circle
-        far = math.sqrt(outline.radius**2 - _reach(upper) ** 2)
+        far = math.sqrt(outline.radius**2 - reach_of(upper.footprint) ** 2)
     return SupportSurface(name, outline, height, walled=True, far=far)
 
 
 def _walls(shape: Shape) -> Rows | None:
     """(z, inner radius) of a vessel from its floor to its rim."""
-    vessel = None if asset_of(shape) is None else HOLLOWS.get(shape.asset)
-    if not isinstance(vessel, Vessel):
+    entry = entry_of(shape)
+    if entry is None or not isinstance(entry.form, Vessel):
         return None
     x, y, z = stretch_of(shape)
-    return _scaled([(height, inner) for height, _, inner in vessel.rows if inner > 0.0], min(x, y), z)
+    return _scaled([(height, inner) for height, _, inner in entry.form.rows if inner > 0.0], min(x, y), z)
 
 
 def _leeway(walls: Rows, profile: Profile, height: float) -> float:
@@ -493,11 +458,73 @@ def _scaled(rows: Sequence[tuple[float, float]], wide: float, tall: float) -> Ro
     return tuple((z * tall, radius * wide) for z, radius in rows)
 
 
-def _reach(shape: Shape) -> float:
-    match shape.footprint:
-        case Circle(radius):
-            return radius
-        case Box(length, width):
-            return math.hypot(length, width) / 2.0
-        case outline:
-            return max(math.hypot(x, y) for x, y in outline.vertices)
+# --------------------------------------------------------------------------------------------------------------------
+# Which objects of a scene stand in each other: what pictures show as one thing going through another.
+
+
+SEEN = 1e-3  # metres that two objects share at least, sideways and upwards
+
+
+def overlapping(
+    shapes: Sequence[Shape], poses: Floats, declared: Sequence[float] | Floats | None = None
+) -> list[list[tuple[int, int]]]:
+    """For each scene the pairs of objects whose footprints overlap at one height, by more than a millimetre.
+
+    `poses` is (scenes, objects, 3). What stands on another object, or inside it, does not overlap it.
+    """
+    found: list[list[tuple[int, int]]] = [[] for _ in poses]
+    if not len(poses):
+        return found
+    poses = flat(poses)
+    bottoms = base_heights(shapes, poses, declared=declared)
+    tops = bottoms + np.array([shape.height for shape in shapes])
+    reach = np.array([reach_of(shape.footprint) for shape in shapes])
+    x, y = np.moveaxis(places(poses), -1, 0)
+    kinds = kinds_of(shapes)
+    with np.errstate(over="ignore", invalid="ignore"):  # of sizes that are no longer finite when multiplied
+        for a in range(len(shapes) - 1):
+            rest = slice(a + 1, None)
+            near = np.hypot(x[:, a, None] - x[:, rest], y[:, a, None] - y[:, rest]) < reach[a] + reach[rest]
+            near &= (
+                np.minimum(tops[:, a, None], tops[:, rest]) - np.maximum(bottoms[:, a, None], bottoms[:, rest]) > SEEN
+            )
+            scenes, others = np.nonzero(near)
+            others += a + 1
+            pairs: list[tuple[int, int]] = []
+            for kind in np.unique(kinds[others]):
+                some, b = (numbers[kinds[others] == kind] for numbers in (scenes, others))
+                seen = _seen(shapes, (a, int(b[0])), poses[some, a], poses[some, b], bottoms[some, a], bottoms[some, b])
+                pairs += zip(some[seen].tolist(), b[seen].tolist(), strict=True)
+            for scene, other in sorted(pairs):
+                found[scene].append((a, other))
+    return found
+
+
+def _seen(
+    shapes: Sequence[Shape], pair: tuple[int, int], first: Floats, second: Floats, low: Floats, lowest: Floats
+) -> npt.NDArray[np.bool_]:
+    """(P,): whether two objects overlap, and neither carries the other, at poses (P, 3) each."""
+    a, b = pair
+    lower, upper = carrier_first(shapes, a, b)
+    below, above = (first, second) if lower == a else (second, first)
+    carried = carries(shapes[lower], shapes[upper], below, above)
+    return np.asarray((_apart(shapes[a], shapes[b], first, second, low, lowest) < -SEEN) & ~carried)
+
+
+def _apart(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats, lowest: Floats) -> Floats:
+    """(P,): the clearance of two objects' footprints at poses (P, 3); of furniture, of its pieces at that height."""
+    gap = PRIMITIVES["gap"].evaluate
+    found = np.full(len(first), np.inf)
+    for a, start, stop in _prisms(one):
+        for b, begin, end in _prisms(other):
+            apart = gap(NUMPY, a, b, *first.T, *second.T)
+            shared = np.minimum(low + stop, lowest + end) - np.maximum(low + start, lowest + begin)
+            found = np.where(shared > SEEN, np.minimum(found, apart), found)
+    return found
+
+
+def _prisms(shape: Shape) -> list[tuple[Footprint, float, float]]:
+    """What an object consists of, as upright prisms with the heights of their ends."""
+    pieces: list[tuple[Footprint, float, float]]
+    pieces = [(one.footprint, one.low, one.high) for one in slabs_of(shape)]
+    return pieces or [(shape.footprint, 0.0, shape.height)]

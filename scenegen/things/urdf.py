@@ -1,23 +1,36 @@
-"""The outline of a URDF file: what the robot description's shapes cover of the table, all joints at zero; and that of
-a mesh file alone.
+"""URDF files: what the robot description's shapes cover of the table, and how they are drawn, all joints at zero; and
+the outline of a mesh file alone.
 
-Collision shapes count, and the visual ones of links that have none. The format: http://wiki.ros.org/urdf/XML.
+Of outlines collision shapes count, and the visual ones of links that have none. The format:
+http://wiki.ros.org/urdf/XML.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from xml.parsers import expat
 
 import numpy as np
 
 from scenegen.geometry import Box, Circle, Footprint
-from scenegen.things.gltf import surfaces
-from scenegen.things.mesh import Floats
-from scenegen.things.meshfile import MeshError, corners, ending_of
-from scenegen.things.outline import OutlineError, Shadow
+from scenegen.things.library import RGB
+from scenegen.things.mesh import Mesh, box, disc, revolve
+from scenegen.things.meshfile import (
+    PLAIN,
+    WHITE,
+    ColoredMesh,
+    MeshBudget,
+    Read,
+    beside,
+    ending_of,
+    mesh_points,
+    mesh_surfaces,
+    refuse_layers,
+)
+from scenegen.things.outline import Floats, MeshError, Shadow
 
 # --------------------------------------------------------------------------------------------------------------------
 # XML from strangers: elements with their attributes, lines and short texts, nothing else.
@@ -29,10 +42,6 @@ MOST_XML_BYTES = 8_000_000
 MOST_ELEMENTS = 20_000
 DEEPEST = 50
 LONGEST = 200  # characters of text that are kept of an element
-
-
-class ElementsError(Exception):
-    """The text is not read; the message says why."""
 
 
 @dataclass(slots=True)
@@ -54,24 +63,24 @@ class Element:
         return [child for child in self.children if child.tag == tag]
 
     def one(self, tag: str) -> Element:
-        """The first child of that tag. Raises ElementsError where there is none."""
+        """The first child of that tag. Raises MeshError where there is none."""
         found = self.all(tag)
         if not found:
-            raise ElementsError(f"{self.place}: there is no <{tag}> in it")
+            raise MeshError(f"{self.place}: there is no <{tag}> in it")
         return found[0]
 
     def get(self, name: str, default: str = "") -> str:
-        """An attribute. Raises ElementsError where it is missing and has no default."""
+        """An attribute. Raises MeshError where it is missing and has no default."""
         value = self.attributes.get(name, default)
         if not value:
-            raise ElementsError(f"{self.place}: it has no {name}")
+            raise MeshError(f"{self.place}: it has no {name}")
         return value
 
 
 def elements(data: bytes) -> Element:
-    """The outermost element of an XML document. Raises ElementsError."""
+    """The outermost element of an XML document. Raises MeshError."""
     if len(data) > MOST_XML_BYTES:
-        raise ElementsError(f"it is larger than {MOST_XML_BYTES:,} bytes")
+        raise MeshError(f"it is larger than {MOST_XML_BYTES:,} bytes")
     parser = expat.ParserCreate()
     document = Element("", {}, 0)
     path = [document]
@@ -82,11 +91,11 @@ def elements(data: bytes) -> Element:
         line = parser.CurrentLineNumber
         count += 1
         if tag.startswith("xacro:"):
-            raise ElementsError(f"line {line}: it is a xacro file; expand it first: xacro in.xacro > out.urdf")
+            raise MeshError(f"line {line}: it is a xacro file; expand it first: xacro in.xacro > out.urdf")
         if count > MOST_ELEMENTS:
-            raise ElementsError(f"it has more than {MOST_ELEMENTS:,} elements")
+            raise MeshError(f"it has more than {MOST_ELEMENTS:,} elements")
         if len(path) > DEEPEST:
-            raise ElementsError(f"line {line}: it is nested more than {DEEPEST} deep")
+            raise MeshError(f"line {line}: it is nested more than {DEEPEST} deep")
         element = Element(tag, attributes, line)
         path[-1].children.append(element)
         path.append(element)
@@ -95,7 +104,7 @@ def elements(data: bytes) -> Element:
         path.pop()
 
     def doctype(*_: object) -> None:
-        raise ElementsError(f"line {parser.CurrentLineNumber}: it has a document type, which is not read; remove it")
+        raise MeshError(f"line {parser.CurrentLineNumber}: it has a document type, which is not read; remove it")
 
     def characters(text: str) -> None:
         here = path[-1]
@@ -110,26 +119,18 @@ def elements(data: bytes) -> Element:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise ElementsError(
-            f"it is not well-formed XML at line {error.lineno}: {expat.ErrorString(error.code)}"
-        ) from None
+        raise MeshError(f"it is not well-formed XML at line {error.lineno}: {expat.ErrorString(error.code)}") from None
     except (LookupError, ValueError):  # of the codecs, for an encoding that expat does not know itself
-        raise ElementsError("it is not well-formed XML: its encoding is unknown") from None
+        raise MeshError("it is not well-formed XML: its encoding is unknown") from None
     return document.children[0]
 
 
 # --------------------------------------------------------------------------------------------------------------------
 # The links of a URDF file with their poses, all joints at zero, and the numbers of its elements.
-#
-# The format: http://wiki.ros.org/urdf/XML.
 
 
 FARTHEST = 1e6  # of any number in the file
 KINDS = ("box", "cylinder", "sphere", "mesh")
-
-
-class UrdfError(Exception):
-    """The file is of no use; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,17 +145,17 @@ class LinkFrame:
 
 
 def links_of(robot: Element) -> list[tuple[Element, LinkFrame]]:
-    """Every link with its pose, all joints at zero. Raises UrdfError."""
+    """Every link with its pose, all joints at zero. Raises MeshError."""
     if robot.tag != "robot":
-        raise UrdfError(f"its outermost element is <{robot.tag}>, a URDF's is <robot>")
+        raise MeshError(f"its outermost element is <{robot.tag}>, a URDF's is <robot>")
     links: dict[str, Element] = {}
     for link in robot.all("link"):
         name = link.get("name")
         if name in links:
-            raise UrdfError(f"{link.place}: a second link `{name}`")
+            raise MeshError(f"{link.place}: a second link `{name}`")
         links[name] = link
     if not links:
-        raise UrdfError("it has no link")
+        raise MeshError("it has no link")
     below: dict[str, list[tuple[str, LinkFrame]]] = {}
     parents: dict[str, str] = {}
     for joint in robot.all("joint"):
@@ -163,22 +164,22 @@ def links_of(robot: Element) -> list[tuple[Element, LinkFrame]]:
             end = joint.one(role)
             name = end.get("link")
             if name not in links:
-                raise UrdfError(f"{end.place}: there is no link `{name}`")
+                raise MeshError(f"{end.place}: there is no link `{name}`")
             ends.append(name)
         parent, child = ends
         if child in parents:
-            raise UrdfError(f"{joint.place}: link `{child}` has two parents, `{parents[child]}` and `{parent}`")
+            raise MeshError(f"{joint.place}: link `{child}` has two parents, `{parents[child]}` and `{parent}`")
         parents[child] = parent
         below.setdefault(parent, []).append((child, origin_of(joint)))
     roots = [name for name in links if name not in parents]
     if len(roots) > 1:
-        raise UrdfError(f"its links do not hang together: no joint moves `{roots[0]}` and none `{roots[1]}`")
+        raise MeshError(f"its links do not hang together: no joint moves `{roots[0]}` and none `{roots[1]}`")
     found = [(name, LinkFrame(np.eye(3), np.zeros(3))) for name in roots]
     for name, pose in found:  # grows while it is walked
         found += [(child, pose.then(origin)) for child, origin in below.get(name, [])]
     if len(found) < len(links):
         lost = next(name for name in links if name not in dict(found))
-        raise UrdfError(f"its joints run in a circle through link `{lost}`")
+        raise MeshError(f"its joints run in a circle through link `{lost}`")
     return [(links[name], pose) for name, pose in found]
 
 
@@ -200,11 +201,11 @@ def origin_of(element: Element) -> LinkFrame:
 
 
 def solid_of(shape: Element) -> Element:
-    """The box, cylinder, sphere or mesh of a <visual> or <collision>. Raises UrdfError."""
+    """The box, cylinder, sphere or mesh of a <visual> or <collision>. Raises MeshError."""
     geometry = shape.one("geometry")
     if len(geometry.children) != 1 or geometry.children[0].tag not in KINDS:
         found = " and ".join(f"<{child.tag}>" for child in geometry.children[:3]) or "nothing"
-        raise UrdfError(f"{geometry.place}: a shape is one box, cylinder, sphere or mesh; here is {found}")
+        raise MeshError(f"{geometry.place}: a shape is one box, cylinder, sphere or mesh; here is {found}")
     return geometry.children[0]
 
 
@@ -216,69 +217,118 @@ def numbers_of(element: Element, name: str, count: int, default: str = "") -> li
         values = []
     if len(values) != count or len(text.split()) != count:
         wanted = "a number" if count == 1 else f"{count} numbers"
-        raise UrdfError(f'{element.place}: {name}="{text[:40]}" is not {wanted}')
+        raise MeshError(f'{element.place}: {name}="{text[:40]}" is not {wanted}')
     if not all(abs(value) <= FARTHEST for value in values):  # nor nan
-        raise UrdfError(f'{element.place}: {name}="{text[:40]}" is beyond all measure')
+        raise MeshError(f'{element.place}: {name}="{text[:40]}" is beyond all measure')
     return values
 
 
 def sizes_of(element: Element, name: str, count: int) -> list[float]:
     values = numbers_of(element, name, count)
     if min(values) < 0.0:
-        raise UrdfError(f'{element.place}: {name}="{element.get(name)[:40]}" is negative')
+        raise MeshError(f'{element.place}: {name}="{element.get(name)[:40]}" is negative')
     return values
+
+
+@contextmanager
+def placed_error(element: Element) -> Iterator[None]:
+    """Errors of the block name the element."""
+    try:
+        yield
+    except MeshError as error:
+        raise MeshError(f"{element.place}: {error}") from None
+
+
+def solid_mesh(solid: Element, sides: int, around: int, rings: int) -> Mesh:
+    """The mesh of a box, of a cylinder with so many sides, or of a sphere with so many around and from pole to pole."""
+    match solid.tag:
+        case "box":
+            x, y, z = sizes_of(solid, "size", 3)
+            return box(x, y, z).moved(z=-z / 2.0)
+        case "cylinder":
+            (radius,), (length,) = sizes_of(solid, "radius", 1), sizes_of(solid, "length", 1)
+            return disc(radius, -length / 2.0, length / 2.0, sides)
+        case _:
+            (radius,) = sizes_of(solid, "radius", 1)
+            turns = np.linspace(-np.pi / 2.0, np.pi / 2.0, rings + 1)[1:-1]
+            arc = [(radius * float(np.cos(turn)), radius * float(np.sin(turn))) for turn in turns]
+            return revolve([(0.0, -radius), *arc, (0.0, radius)], around)
+
+
+@dataclass(slots=True)
+class MeshFiles:
+    """The mesh files that shapes name, in their own frames: each is read once, and counted as often as it is placed.
+    `painted` as in `mesh_surfaces`."""
+
+    read: Read
+    painted: bool = True
+    budget: MeshBudget = field(default_factory=MeshBudget)
+    known: dict[str, tuple[ColoredMesh, ...]] = field(default_factory=dict)
+    outlines: dict[str, list[Floats]] = field(default_factory=dict)
+
+    def surfaces(self, name: str) -> tuple[ColoredMesh, ...]:
+        """Raises MeshError."""
+        if name in self.known:
+            for one in self.known[name]:
+                self.budget.add_vertices(len(one.vertices))
+                self.budget.add_triangles(len(one.faces))
+            return self.known[name]
+        data = self._data(name)
+        try:
+            found = mesh_surfaces(name, data, self._beside(name), self.budget, painted=self.painted)
+        except MeshError as error:
+            raise MeshError(f"mesh {name[:60]}: {error}") from None
+        self.known[name] = found
+        return found
+
+    def points(self, name: str) -> list[Floats]:
+        """The vertices (V, 3) of its triangles."""
+        if name not in self.outlines:
+            data = self._data(name)
+            try:
+                self.outlines[name] = mesh_points(name, data, self._beside(name))
+            except MeshError as error:
+                raise MeshError(f"mesh {name[:60]}: {error}") from None
+        self.budget.add_vertices(sum(map(len, self.outlines[name])))
+        return self.outlines[name]
+
+    def _data(self, name: str) -> bytes:
+        if ending_of(name) not in PLAIN:
+            why = "only .obj and .stl meshes are read in a URDF file: convert it, or give the outline beside it"
+            raise MeshError(f"mesh {name[:60]}: {why}")
+        data = self.read(name)
+        self.budget.add_file(data)
+        return data
+
+    def _beside(self, name: str) -> Read:
+        return lambda other: self.read(beside(name, other))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Outlines.
 
 
 LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects, as in the language
 USUAL = 20.0  # metres: a file of something larger is in another unit
-MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
-MOST_BYTES = 128_000_000  # of all mesh files together
-PLAIN = (".obj", ".stl")
-GLTF = (".glb", ".gltf")
 ROBOT = ".urdf"
 
 
-@dataclass(slots=True)
-class _Meshes:
-    """Mesh files, each read once."""
-
-    read: Callable[[str], bytes]
-    known: dict[str, Floats] = field(default_factory=dict)
-    size: int = 0
-    placed: int = 0
-
-    def get(self, name: str) -> Floats:
-        if name not in self.known:
-            data = self.read(name)
-            self.size += len(data)
-            if self.size > MOST_BYTES:
-                raise UrdfError(f"its meshes are larger than {MOST_BYTES:,} bytes together")
-            try:
-                self.known[name] = corners(name, data)
-            except MeshError as error:
-                raise UrdfError(f"mesh {name}: {error}") from None
-        self.placed += len(self.known[name])
-        if self.placed > MOST_VERTICES:
-            raise UrdfError(f"its meshes have more than {MOST_VERTICES:,} vertices together")
-        return self.known[name]
-
-
-def outline(data: bytes, read_mesh: Callable[[str], bytes]) -> tuple[Footprint, float]:
+def outline(data: bytes, read_mesh: Read) -> tuple[Footprint, float]:
     """Footprint and height (metres) of a URDF file, in the frame of its root link.
 
     The footprint is the convex hull of what all shapes cover, as `Shadow.footprint` says: circle or box where it is
     that and stands round the origin, else a polygon. The height is from the lowest to the highest point: the object
     stands with its lowest point on the table, wherever its origin is. `read_mesh` gives the bytes of a mesh file (.obj
-    or .stl) as the file names it; what it raises passes through. Raises UrdfError.
+    or .stl) as the file names it; what it raises passes through. Raises MeshError.
     """
     return measured(robot_shadow(data, read_mesh), 'write scale="0.001 0.001 0.001" in its <mesh>')
 
 
-def mesh_outline(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[Footprint, float]:
+def mesh_outline(name: str, data: bytes, read: Read) -> tuple[Footprint, float]:
     """Footprint and height (metres) of a mesh file, .obj, .stl, .glb or .gltf by the ending of `name`, whose unit is
     the metre; z points up in the first two, y in glTF files. As in `outline`, the footprint is the convex hull of what
     it covers, and the object stands with its lowest point on the table. `read` gives the bytes of a file that a glTF
-    file names; what that raises passes through. Raises UrdfError."""
+    file names; what that raises passes through. Raises MeshError."""
     return measured(
         mesh_shadow(name, data, read), 'give it an entry in assets.toml with scale = 0.001, and write asset("NAME")'
     )
@@ -298,70 +348,43 @@ class RobotPlacement:
         return LinkFrame(self.turn @ inner.turn, self.scale * (self.turn @ inner.at) + self.at)
 
 
-def robot_shadow(data: bytes, read_mesh: Callable[[str], bytes], placed: RobotPlacement | None = None) -> Shadow:
-    """The shadow of what `outline` measures, of the robot placed as said. Raises UrdfError."""
+def robot_shadow(data: bytes, read_mesh: Read, placed: RobotPlacement | None = None) -> Shadow:
+    """The shadow of what `outline` measures, of the robot placed as said. Raises MeshError."""
     placed = placed or RobotPlacement()
-    try:
-        shadow = Shadow()
-        meshes = _Meshes(read_mesh)
-        for link, pose in links_of(elements(data)):
-            for shape in link.all("collision") or link.all("visual"):
-                _add(shadow, shape, placed.then(pose.then(origin_of(shape))), placed.scale, meshes)
-    except ElementsError as error:
-        raise UrdfError(str(error)) from None
+    shadow, files = Shadow(), MeshFiles(read_mesh, painted=False)
+    for link, pose in links_of(elements(data)):
+        for shape in link.all("collision") or link.all("visual"):
+            _add(shadow, shape, placed.then(pose.then(origin_of(shape))), placed.scale, files)
     if shadow.top < shadow.bottom:
-        raise UrdfError("no link of it has a shape")
+        raise MeshError("no link of it has a shape")
     return shadow
 
 
-def mesh_shadow(name: str, data: bytes, read: Callable[[str], bytes]) -> Shadow:
-    """The shadow of what `mesh_outline` measures. Raises UrdfError."""
+def mesh_shadow(name: str, data: bytes, read: Read) -> Shadow:
+    """The shadow of what `mesh_outline` measures. Raises MeshError."""
     shadow = Shadow()
     for points in mesh_points(name, data, read):
         shadow.points(np.eye(3), np.zeros(3), points)
     return shadow
 
 
-def mesh_points(name: str, data: bytes, read: Callable[[str], bytes]) -> list[Floats]:
-    """The vertices (V, 3) of the triangles of a mesh file's parts, in its unit, z upwards, as `mesh_outline` reads it.
-    Raises UrdfError."""
-    ending = ending_of(name)
-    if ending not in (*PLAIN, *GLTF):
-        kind = f"{ending} files" if ending else "a file without an ending"
-        known = "convert it to .glb, .gltf, .obj or .stl, or give the outline beside it"
-        raise UrdfError(f"{kind} cannot be read here: {known}")
-    try:
-        if ending in GLTF:
-            return [one.vertices for one in surfaces(name, data, read)]
-        return [corners(name, data)]
-    except MeshError as error:
-        raise UrdfError(str(error)) from None
-
-
 def measured(shadow: Shadow, hint: str = "") -> tuple[Footprint, float]:
-    """Footprint and height of a shadow, in metres. Raises UrdfError. With a `hint`, which says what to do about a
+    """Footprint and height of a shadow, in metres. Raises MeshError. With a `hint`, which says what to do about a
     file in millimetres, what is larger than things on tables is refused."""
-    try:
-        footprint = shadow.footprint()
-    except OutlineError as error:
-        raise UrdfError(str(error)) from None
+    footprint = shadow.footprint()
     height = round(shadow.top - shadow.bottom, 9)
-    _check_sizes(footprint, height, hint)
+    size = max(*footprint.extent, height)
+    if hint and size > USUAL:
+        raise MeshError(f"it would measure {size:,.4g} m; if its numbers are millimetres, {hint}")
+    if size > LARGEST:
+        raise MeshError(f"it is larger than {LARGEST:,.0f} m")
+    least = min(footprint.extent) if isinstance(footprint, Box | Circle) else SMALLEST
+    if min(least, height) < SMALLEST:
+        raise MeshError("it covers no area of the table" if least < SMALLEST else "it has no height")
     return footprint, height
 
 
-def _check_sizes(footprint: Footprint, height: float, hint: str) -> None:
-    size = max(*footprint.extent, height)
-    if hint and size > USUAL:
-        raise UrdfError(f"it would measure {size:,.4g} m; if its numbers are millimetres, {hint}")
-    if size > LARGEST:
-        raise UrdfError(f"it is larger than {LARGEST:,.0f} m")
-    least = min(footprint.extent) if isinstance(footprint, Box | Circle) else SMALLEST
-    if min(least, height) < SMALLEST:
-        raise UrdfError("it covers no area of the table" if least < SMALLEST else "it has no height")
-
-
-def _add(shadow: Shadow, shape: Element, pose: LinkFrame, by: float, meshes: _Meshes) -> None:
+def _add(shadow: Shadow, shape: Element, pose: LinkFrame, by: float, files: MeshFiles) -> None:
     """`by` is what sizes are multiplied with."""
     solid = solid_of(shape)
     match solid.tag:
@@ -374,4 +397,93 @@ def _add(shadow: Shadow, shape: Element, pose: LinkFrame, by: float, meshes: _Me
             shadow.sphere(pose.at, by * sizes_of(solid, "radius", 1)[0])
         case _:
             scale = by * np.array(numbers_of(solid, "scale", 3, "1 1 1"))
-            shadow.points(pose.turn, pose.at, meshes.get(solid.get("filename")) * scale)
+            for points in files.points(solid.get("filename")):
+                shadow.points(pose.turn, pose.at, points * scale)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Drawings.
+
+
+ROUND = 40, 32, 16  # sides of a cylinder; of a sphere round and from pole to pole
+
+
+def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
+    """The visual shapes of a URDF file in the frame of its root link, all joints at zero; the collision shapes of one
+    that has no visual shape at all.
+
+    A mesh's own colours and textures count; what has none gets those of the shape's <material>. `read` as in
+    `mesh_surfaces`, by names as the file has them. Raises MeshError, with line and element.
+    """
+    robot = elements(data)
+    links = links_of(robot)
+    shapes = [(one, pose) for link, pose in links for one in link.all("visual")]
+    shapes = shapes or [(one, pose) for link, pose in links for one in link.all("collision")]
+    if not shapes:
+        raise MeshError("no link of it has a shape")
+    inside = [one for shape, _ in shapes for one in shape.all("material")]
+    named: dict[str, Element] = {}
+    for material in (*robot.all("material"), *inside):
+        if material.children:
+            named.setdefault(material.attributes.get("name", ""), material)
+    files = MeshFiles(read)
+    textures: dict[str, bytes] = {}
+    found: list[ColoredMesh] = []
+    for shape, pose in shapes:
+        solid, place = solid_of(shape), pose.then(origin_of(shape))
+        color, texture = _material(shape, named, files, textures)
+        for one in _drawn(solid, files):
+            if one.color is None:
+                if texture and one.uv is None:
+                    why = "it has a texture and no places in it: only .obj meshes have them"
+                    raise MeshError(f"{solid.place}: {why}")
+                one = replace(one, color=color, texture=texture)
+            found.append(replace(one, vertices=one.vertices @ place.turn.T + place.at))
+    refuse_layers(found)
+    return tuple(found)
+
+
+def _drawn(solid: Element, files: MeshFiles) -> tuple[ColoredMesh, ...]:
+    """A shape in its own frame."""
+    if solid.tag != "mesh":
+        mesh = solid_mesh(solid, *ROUND)
+        with placed_error(solid):
+            files.budget.add_vertices(len(mesh.vertices))
+            files.budget.add_triangles(len(mesh.faces))
+        return (ColoredMesh(mesh.vertices, mesh.faces, None),)
+    scale = np.array(numbers_of(solid, "scale", 3, "1 1 1"))
+    flipped = float(np.prod(scale)) < 0.0
+    name = solid.get("filename")
+    with placed_error(solid):
+        found = files.surfaces(name)
+    return tuple(
+        replace(one, vertices=one.vertices * scale, faces=one.faces[:, ::-1].copy() if flipped else one.faces)
+        for one in found
+    )
+
+
+def _material(
+    shape: Element, named: Mapping[str, Element], files: MeshFiles, textures: dict[str, bytes]
+) -> tuple[RGB | None, bytes]:
+    """Colour and texture of a visual shape's <material>; `textures` keeps files that were read."""
+    if not (given := shape.all("material")):
+        return None, b""
+    material, name = given[0], given[0].attributes.get("name", "")
+    if not material.children and name:
+        if name not in named:
+            raise MeshError(f"{material.place}: there is no material `{name[:60]}`")
+        material = named[name]
+    color: RGB | None = None
+    if colors := material.all("color"):
+        red, green, blue, _ = np.clip(numbers_of(colors[0], "rgba", 4), 0.0, 1.0).tolist()
+        color = red, green, blue
+    if not (pictures := material.all("texture")):
+        return color, b""
+    file = pictures[0].get("filename")
+    if file not in textures:
+        with placed_error(pictures[0]):
+            data = files.read(file)
+            files.budget.add_file(data)
+            files.budget.add_texture(data, file)
+        textures[file] = data
+    return color or WHITE, textures[file]

@@ -1,33 +1,153 @@
-"""Scenes in other formats: files of scenes, of simulators and of planners."""
+"""Scenes in other formats: files of scenes, of simulators and of planners.
+
+`SIMULATORS` is the table of simulators' formats: name -> module with
+
+    ENDING                               of its files
+    meshes(world)                        (name, bytes) of the mesh files that they need
+    files(world, folder, together=...)   their bytes: one with all scenes in it, or one for each scene
+
+These are written, never read: they store no request, and only USD has the spec and phi, which are in scene files.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import importlib
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from scenegen.api.scene_arrays import SceneArrays, rows_of
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.files import NO_FORMAT, WRONG_ENDING
+import numpy as np
+
+from scenegen.api.scene_arrays import SceneArrays
+from scenegen.errors import OutputError, RequestError
+from scenegen.errors.declarations import ONE_FILE_MANY_NUMBERS
+from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER, NO_FORMAT, WRONG_ENDING
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, UNKNOWN_CHOICE
-from scenegen.errors.worlds import ONE_PROBLEM_A_FILE
+from scenegen.needs import need
 from scenegen.scenes.blocks import Block, joined
-from scenegen.scenes.files import check_writable, scene_name, whole_files
+from scenegen.scenes.data import SceneFile
+from scenegen.scenes.files import check_folder, check_writable, reported, scene_name, whole_files
 from scenegen.scenes.formats import registry as table
-from scenegen.worlds.export import simulators
-from scenegen.worlds.export.simulators import is_file
-from scenegen.worlds.pddl.export import Problems, goal_labels, unsaid
-from scenegen.worlds.pddl.ground import ground
-from scenegen.worlds.pddl.write import vocabulary
+from scenegen.scenes.formats.registry import ENDINGS, FORMATS
+from scenegen.show.looks.look import LOOKS
+from scenegen.things.mesh import Floats
+from scenegen.worlds.export.world import FOLDER as TEXTURES
+from scenegen.worlds.export.world import Own, recorded, worlds_of
 
 if TYPE_CHECKING:
-    from scenegen.scenes.data import SceneFile
-    from scenegen.worlds.export.world import SceneLooks
+    from scenegen.worlds.export.looks import SceneLooks
+
+SIMULATORS: dict[str, str] = {
+    "mjcf": "scenegen.worlds.export.mjcf",
+    "sdf": "scenegen.worlds.export.sdf",
+    "usd": "scenegen.worlds.export.usd",
+}
+NEEDS = {"usd": "pxr"}  # packages that only an extra of scenegen installs
+CRATES = (".usd", ".usdc")  # endings of files that are binary: `files` gives their text
+MESHES = "meshes"
+WITH_LOOKS = ("mjcf", "usd")
+
+
+def is_file(out: Path, to: str) -> bool:
+    """Whether `out` is one file with all scenes, by its ending; else it is a folder with a file each.
+
+    Raises RequestError for the ending of another format.
+    """
+    ending = out.suffix.lower()
+    if ending in FORMATS or ENDINGS.get(ending, to) != to:
+        other = ENDINGS.get(ending, "scene files")
+        raise RequestError(ENDING_OF_ANOTHER(path=out, other=other, format=to, places=_places(to)))
+    return ending in ENDINGS
+
+
+def _places(to: str) -> str:
+    endings = " or ".join(f"`{ending}`" for ending, name in ENDINGS.items() if name == to)
+    return f"name a folder, or a file that ends in {endings}"
+
+
+def check_out(out: Path, to: str, *inputs: Path) -> None:
+    """Refuse, before any work is done, an `out` that cannot be written to, and a format whose library is missing.
+    Raises RequestError, OutputError."""
+    if to in NEEDS:
+        need(NEEDS[to], f"to write {to.upper()}")
+    if is_file(out, to):
+        check_writable(out, *inputs)
+        return
+    with reported(out):
+        if out.is_file():
+            raise OutputError(FILE_FOR_FOLDER(path=out, format=to, places=_places(to)))
+    check_folder(out)
+
+
+def write_worlds(
+    out: Path,
+    to: str,
+    header: SceneFile,
+    scenes: Block,
+    labels: Sequence[str],
+    sources: Path | None = None,
+    dressing: SceneLooks | None = None,
+    rest: Floats | None = None,
+) -> tuple[Path, ...]:
+    """Write scenes for a simulator: a folder with `scene_0001.xml`, ... and `meshes/`, or a file with all scenes and
+    `NAME_meshes/` beside it. Returns the paths of the scenes' files. They appear together or not at all.
+    `labels` are those of the scenes' phi. `sources` is the folder whose files give objects of one's own their bodies
+    (`own_bodies_of`), and in formats of `WITH_LOOKS` what is drawn of
+    them. With a `dressing`, for a folder and a format of `WITH_LOOKS`, there are `textures/` and
+    looks.jsonl, too. `rest` (n, N, 7) are places and quaternions of scenes that came to rest in a simulator.
+
+    Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
+    """
+    module: Any = importlib.import_module(SIMULATORS[to])
+    if not scenes.count:
+        raise RequestError(NO_SCENES())
+    own: Own = {}
+    if sources is not None:
+        from scenegen.worlds.own_body import own_bodies_of
+
+        own = own_bodies_of(header, sources, painted=to in WITH_LOOKS)
+    together = is_file(out, to)
+    if together and header.counts:
+        raise RequestError(ONE_FILE_MANY_NUMBERS(path=out, format=to))
+    folder, meshes = (out.parent, f"{out.stem}_{MESHES}") if together else (out, MESHES)
+    written: dict[int, Path] = {}
+    with whole_files(folder) as put:
+        put_already = set[str]()
+        for bare in worlds_of(header, scenes, own):
+            world = replace(recorded(bare, header, scenes, labels), dressing=dressing)
+            if rest is not None:
+                names = [one.name for one in header.objects]
+                here = [names.index(body.name) for body in world.bodies]
+                world = replace(world, rest=rest[np.array(world.scenes)[:, None] - 1, here])
+            for name, data in module.meshes(world):
+                if name not in put_already:  # worlds share forms
+                    put_already.add(name)
+                    put(f"{meshes}/{name}", data)
+            numbers = world.scenes[:1] if together else world.scenes
+            for number, data in zip(numbers, module.files(world, meshes, together=together), strict=True):
+                name = out.name if together else f"{scene_name(number, scenes.count)}{module.ENDING}"
+                put(name, _crate(data) if together and out.suffix.lower() in CRATES else data)
+                written[number] = folder / name
+        if dressing is not None:
+            for name, data in dressing.textures():
+                put(f"{TEXTURES}/{name}", data)
+            put(LOOKS, dressing.record([path.name for _, path in sorted(written.items())]))
+    return tuple(path for _, path in sorted(written.items()))
+
+
+def _crate(text: bytes) -> bytes:
+    from scenegen.worlds.export.usd import crate
+
+    return crate(text)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# All formats: which one is meant, and what it takes.
 
 
 PLANNERS = "pddl"
-NAMES = {ending.removeprefix("."): ending for ending in table.FORMATS}  # formats of scene files
+NAMES = {ending.removeprefix("."): ending for ending in FORMATS}  # formats of scene files
 
 
 CALLED = {  # what formats are called elsewhere, mostly after what reads them
@@ -40,12 +160,12 @@ CALLED = {  # what formats are called elsewhere, mostly after what reads them
 
 def chosen(to: str | None, out: Path) -> str:
     """The format that is asked for, by its name or else by the ending of `out`. Raises RequestError."""
-    known = (*simulators.SIMULATORS, PLANNERS, *NAMES)
+    known = (*SIMULATORS, PLANNERS, *NAMES)
     if to is None:
         ending = out.suffix.lower()
-        if ending in table.ENDINGS:
-            return table.ENDINGS[ending]
-        if ending in table.FORMATS:
+        if ending in ENDINGS:
+            return ENDINGS[ending]
+        if ending in FORMATS:
             return ending.removeprefix(".")
         raise RequestError(NO_FORMAT(path=out, known=known, name="", instead=table.INSTEAD.get(ending[1:])))
     if to not in known:
@@ -57,8 +177,8 @@ def chosen(to: str | None, out: Path) -> str:
 
 def check_export(out: Path, to: str, *inputs: Path) -> None:
     """Refuse, before any work is done, what cannot be written. Raises RequestError, OutputError."""
-    if to in simulators.SIMULATORS or to == PLANNERS:
-        simulators.check_out(out, to, *inputs)
+    if to in SIMULATORS or to == PLANNERS:
+        check_out(out, to, *inputs)
         return
     if out.suffix.lower() != NAMES[to]:
         better = out.with_suffix(NAMES[to])
@@ -69,7 +189,7 @@ def check_export(out: Path, to: str, *inputs: Path) -> None:
 
 def check_meshes(to: str, meshes: Path | None, option: str = "meshes") -> None:
     """Raises RequestError where a folder of meshes is given for a format without bodies."""
-    if meshes is not None and to not in simulators.SIMULATORS:
+    if meshes is not None and to not in SIMULATORS:
         raise RequestError(
             OUT_OF_PLACE(option=option, rule="gives bodies to simulators", remedy="take mjcf, sdf or usd")
         )
@@ -79,9 +199,9 @@ def check_looks(out: Path, to: str, looks: str | Path | None, option: str = "loo
     """Raises RequestError where looks are given for a format without them, or for one file."""
     if looks is None:
         return
-    if to not in simulators.WITH_LOOKS:
+    if to not in WITH_LOOKS:
         raise RequestError(OUT_OF_PLACE(option=option, rule="goes with mjcf and usd", remedy="leave it out"))
-    if simulators.is_file(out, to):
+    if is_file(out, to):
         rule = "gives each scene a file of its own"
         raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="name a folder"))
 
@@ -99,30 +219,18 @@ def export(
     check_export(out, to)
     check_meshes(to, meshes)
     check_looks(out, to, looks)
-    if to in simulators.SIMULATORS:
-        given = None if looks is None else _dressing(scenes.file(), looks, seed)
+    if to in SIMULATORS:
+        from scenegen.worlds.export.looks import dressing_of
+
+        given = None if looks is None else dressing_of(scenes.file(), looks, seed)
         whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
-        return simulators.write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes, given, scenes.rest)
+        return write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes, given, scenes.rest)
     scenes.refuse_rest(to)
     if to == PLANNERS:
+        from scenegen.worlds.planning import of_scenes
+
         return of_scenes(scenes, out).problems
     return (scenes.save(out),)
-
-
-def _dressing(file: SceneFile, looks: str | Path, seed: int) -> SceneLooks:
-    """The looks of scenes, with the cameras of their pictures. Raises RequestError, DataError."""
-    from scenegen.scenes.stage import stage_of
-    from scenegen.show.looks.read import read_looks
-    from scenegen.show.render.files import check_seed, usual_size
-    from scenegen.worlds.export.world import SceneLooks
-
-    if not file.scenes:
-        raise RequestError(NO_SCENES())
-    given = read_looks(looks)
-    drawn = given.drawn(check_seed(seed), len(file.scenes), [item.name for item in file.objects])
-    stage, size = stage_of(file), usual_size(file)
-    cameras = [look.camera(stage.corners(), size) for look in drawn]
-    return SceneLooks(drawn, cameras, stage, given.files, seed)
 
 
 def convert(source: Path, out: Path, to: str | None = None, meshes: Path | None = None) -> tuple[int, tuple[Path, ...]]:
@@ -134,9 +242,9 @@ def convert(source: Path, out: Path, to: str | None = None, meshes: Path | None 
     check_export(out, to, source)
     check_meshes(to, meshes)
     reading = table.read_scenes(source)
-    if to in simulators.SIMULATORS:
+    if to in SIMULATORS:
         scenes = reading.whole()
-        files = simulators.write_worlds(out, to, reading.header, scenes, reading.labels, meshes)
+        files = write_worlds(out, to, reading.header, scenes, reading.labels, meshes)
         return scenes.count, files
     counts: list[int] = []
     table.write_scenes(out, reading.header, reading.labels, _counted(reading.blocks, counts))
@@ -148,83 +256,3 @@ def _counted(blocks: Iterator[Block], counts: list[int]) -> Iterator[Block]:
     for block in blocks:
         counts.append(block.count)
         yield block
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Scenes as files of PDDL problems.
-
-
-ENDING = ".pddl"
-OF_SCENES = "the spec of the scenes"
-
-Own = Mapping[str, str] | None  # predicates and formulas of a map
-
-
-@dataclass(frozen=True, slots=True)
-class Exported:
-    """The files of planning problems: `problems` in scene order, and their `domain`."""
-
-    problems: tuple[Path, ...]
-    domain: Path | None
-    warnings: tuple[Diagnostic, ...]
-
-
-def of_scenes(
-    scenes: SceneArrays,
-    out: Path,
-    facts: Sequence[str] | None = None,
-    own: Own = None,
-    goal: Sequence[str] | None = None,
-) -> Exported:
-    """The problems of scenes. Where the spec draws how many things there are, scenes with as many share their
-    facts; all share the domain. Raises RequestError, DataError, OutputError."""
-    if not len(scenes):
-        raise RequestError(NO_SCENES())
-    source = scenes.header.spec.source
-    named: dict[tuple[str, int], str] = {}
-    parts = [
-        (ground(source, OF_SCENES, facts, own, counts=numbers, parts=named), numbers, which)
-        for numbers, which in scenes.parts()
-    ]
-    words = vocabulary([grounded for grounded, _, _ in parts])
-    made = [Problems(grounded, goal_labels(grounded, goal), words) for grounded, _, _ in parts]
-
-    def texts() -> Iterator[tuple[int, str]]:
-        for problems, (grounded, counts, which) in zip(made, parts, strict=True):
-            some = scenes.only(counts, which) if counts else scenes
-            comments = {place + 1: _comment(scenes, place) for place in which.tolist()}
-            written = problems.of_scenes(rows_of(grounded.spec, some), comments)
-            yield from zip(comments, written, strict=True)
-
-    files = write(out, texts(), made[0].domain, len(scenes))
-    return replace(files, warnings=unsaid(made))
-
-
-def _comment(scenes: SceneArrays, place: int) -> str:
-    phi = ", ".join(f"{name} = {values[place]:.6g}" for name, values in scenes.phi.items())
-    return f"Scene {place + 1}" + (f"; phi: {phi}" if phi else "")
-
-
-def numbers(count: int) -> range:
-    """The numbers of scenes, from 1."""
-    return range(1, count + 1)
-
-
-def write(out: Path, texts: Iterable[tuple[int, str]], words: str | None, count: int) -> Exported:
-    """Writes texts, which come with the numbers of their scenes."""
-    together = is_file(out, "pddl")
-    if together and count > 1:
-        raise RequestError(ONE_PROBLEM_A_FILE(path=out, count=count))
-    folder = out.parent if together else out
-    domain = f"{out.stem}_domain{ENDING}" if together else f"domain{ENDING}"
-    written: dict[int, Path] = {}
-    with whole_files(folder) as put:
-        for number, text in texts:
-            name = out.name if together else f"{scene_name(number, count)}{ENDING}"
-            put(name, text.encode())
-            written[number] = folder / name
-        if words is not None:
-            put(domain, words.encode())
-    return Exported(
-        tuple(written[number] for number in sorted(written)), None if words is None else folder / domain, ()
-    )

@@ -11,32 +11,44 @@ import pickle
 import queue
 import tempfile
 import zipfile
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from scenegen.errors import DataError
+from scenegen.errors.files import NO_MODEL, UNUSABLE_BODY
 from scenegen.needs import need
 from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
 from scenegen.processes.worker import DONE
-from scenegen.things.colored_mesh import ColoredMesh, MeshBudget
-from scenegen.things.drawn import mesh_surfaces, robot_surfaces
-from scenegen.things.mesh import Floats, Indices, Mesh, box, disc, joined, revolve
-from scenegen.things.meshfile import LEAST_MASS, MOST_FRICTION, MOST_MASS, MeshError, beside
+from scenegen.scenes.data import SceneFile, ShapeData
+from scenegen.scenes.own_files import is_read, own_file, reason_of
+from scenegen.things.mesh import Floats, Indices, Mesh, joined
+from scenegen.things.meshfile import (
+    LEAST_MASS,
+    MOST_FRICTION,
+    MOST_MASS,
+    ColoredMesh,
+    Read,
+    check_texture,
+    mesh_surfaces,
+)
+from scenegen.things.outline import MeshError
 from scenegen.things.urdf import (
     Element,
-    ElementsError,
-    UrdfError,
+    MeshFiles,
     elements,
     links_of,
     numbers_of,
     origin_of,
+    placed_error,
+    robot_surfaces,
     sizes_of,
+    solid_mesh,
     solid_of,
 )
-from scenegen.worlds.cutting import cut
 
 # --------------------------------------------------------------------------------------------------------------------
 # Convex pieces of a mesh, by CoACD (Wei et al. 2022, https://colin97.github.io/CoACD/): what it collides with.
@@ -137,6 +149,16 @@ def _cut(vertices: Floats, faces: Indices) -> tuple[tuple[Floats, Indices], ...]
     return found
 
 
+def cut(order: tuple[Floats, Indices, dict[str, Any]]) -> list[tuple[Floats, Indices]]:
+    """What a process does that cuts a mesh: vertices (V, 3), faces (F, 3), CoACD's options -> those of the pieces."""
+    import coacd
+
+    vertices, faces, options = order
+    coacd.set_log_level("off")
+    pieces = coacd.run_coacd(coacd.Mesh(vertices, faces.astype(np.int32)), **options)
+    return [(np.asarray(v, dtype=np.float64), np.asarray(f, dtype=np.int64)) for v, f in pieces]
+
+
 def _folder() -> Path:
     """Where pieces are kept between runs."""
     root = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
@@ -178,10 +200,8 @@ def _keep(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
                 raise
 
 
-SIDES, RINGS = 24, 8  # of round shapes
+ROUND = 24, 24, 8  # sides of a cylinder; of a sphere round and from pole to pole
 MOST_PIECES = 1_000
-
-Read = Callable[[str], bytes]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -210,10 +230,10 @@ class OwnBody:
 def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None, *, painted: bool = False) -> OwnBody:
     """The body of a .glb, .gltf, .obj or .stl file: convex pieces; no mass or friction, which such files do not have.
     `matrix` (3, 3) turns and scales it, without mirroring, to metres; without it, the file is in metres.
-    `read` as in `drawn.mesh_surfaces`; `skins` and colours of .obj files are only read if `painted`. Raises MeshError,
+    `read` as in `mesh_surfaces`; `skins` and colours of .obj files are only read if `painted`. Raises MeshError,
     and RequestError as `convex_pieces`."""
     place = np.eye(3) if matrix is None else matrix
-    found = mesh_surfaces(name, data, read, MeshBudget(), painted=painted)
+    found = mesh_surfaces(name, data, read, painted=painted)
     mesh = joined([Mesh(one.vertices, one.faces) for one in found])
     pieces = convex_pieces(mesh if matrix is None else Mesh(mesh.vertices @ place.T, mesh.faces))
     skins = tuple(replace(one, vertices=one.vertices @ place.T) for one in found) if painted else ()
@@ -227,76 +247,52 @@ def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
     The mass is the sum of the links' <inertial> masses, none where that is 0. The friction is the largest of those that
     <contact><lateral_friction> and <gazebo><mu1> say. `skins` are the visual shapes, if
     `painted`. `read` gives the bytes of a file by its name in this one.
-    Raises UrdfError, with line and element, and RequestError as `convex_pieces`.
+    Raises MeshError, with line and element, and RequestError as `convex_pieces`.
     """
-    try:
-        robot = elements(data)
-        links = links_of(robot)
-        reader = _OwnBodyReader(read)
-        pieces = [
-            Mesh(piece.vertices @ place.turn.T + place.at, piece.faces)
-            for link, pose in links
-            for shape in link.all("collision") or link.all("visual")
-            for place in (pose.then(origin_of(shape)),)
-            for piece in reader.pieces(solid_of(shape))
-        ]
-        bare = [link for link, _ in links]
-        skins = robot_surfaces(data, read) if painted else ()
-        return OwnBody(tuple(pieces), _mass(bare), _friction(robot, bare), skins)
-    except ElementsError as error:
-        raise UrdfError(str(error)) from None
+    robot = elements(data)
+    links = links_of(robot)
+    reader = _PieceReader(MeshFiles(read, painted=False))
+    pieces = [
+        Mesh(piece.vertices @ place.turn.T + place.at, piece.faces)
+        for link, pose in links
+        for shape in link.all("collision") or link.all("visual")
+        for place in (pose.then(origin_of(shape)),)
+        for piece in reader.pieces(solid_of(shape))
+    ]
+    bare = [link for link, _ in links]
+    skins = robot_surfaces(data, read) if painted else ()
+    return OwnBody(tuple(pieces), _mass(bare), _friction(robot, bare), skins)
 
 
 @dataclass(slots=True)
-class _OwnBodyReader:
-    read: Read
-    budget: MeshBudget = field(default_factory=MeshBudget)
+class _PieceReader:
+    """The convex pieces of shapes, each in its own frame."""
+
+    files: MeshFiles
     meshes: dict[tuple[str, tuple[float, ...]], tuple[Mesh, ...]] = field(default_factory=dict)
     count: int = 0
 
     def pieces(self, solid: Element) -> tuple[Mesh, ...]:
-        """Of a shape, in its own frame. Raises UrdfError, ElementsError."""
-        try:
-            found = self._pieces(solid)
-        except MeshError as error:
-            raise UrdfError(f"{solid.place}: {error}") from None
+        """Raises MeshError, with line and element."""
+        found = self._pieces(solid)
         self.count += len(found)
         if self.count > MOST_PIECES:
-            raise UrdfError(f"{solid.place}: it has more than {MOST_PIECES:,} convex pieces")
+            raise MeshError(f"{solid.place}: it has more than {MOST_PIECES:,} convex pieces")
         return found
 
     def _pieces(self, solid: Element) -> tuple[Mesh, ...]:
-        match solid.tag:
-            case "box":
-                x, y, z = sizes_of(solid, "size", 3)
-                return (box(x, y, z).moved(z=-z / 2.0),)
-            case "cylinder":
-                (radius,), (length,) = sizes_of(solid, "radius", 1), sizes_of(solid, "length", 1)
-                return (disc(radius, -length / 2.0, length / 2.0, SIDES),)
-            case "sphere":
-                (radius,) = sizes_of(solid, "radius", 1)
-                turns = np.linspace(-np.pi / 2.0, np.pi / 2.0, RINGS + 1)[1:-1]
-                arc = [(radius * float(np.cos(turn)), radius * float(np.sin(turn))) for turn in turns]
-                return (revolve([(0.0, -radius), *arc, (0.0, radius)], SIDES),)
-            case _:
-                name, scale = solid.get("filename"), tuple(numbers_of(solid, "scale", 3, "1 1 1"))
-                if (name, scale) not in self.meshes:
-                    self.meshes[name, scale] = self._mesh(name, np.array(scale))
-                return self.meshes[name, scale]
-
-    def _mesh(self, name: str, scale: Floats) -> tuple[Mesh, ...]:
-        data = self.read(name)
-        self.budget.add_file(data)
-        try:
-            mesh = _solid_mesh(name, data, lambda other: self.read(beside(name, other)), self.budget)
-            flipped = float(np.prod(scale)) < 0.0
-            return convex_pieces(Mesh(mesh.vertices * scale, mesh.faces[:, ::-1].copy() if flipped else mesh.faces))
-        except MeshError as error:
-            raise MeshError(f"mesh {name[:60]}: {error}") from None
-
-
-def _solid_mesh(name: str, data: bytes, read: Read, budget: MeshBudget) -> Mesh:
-    return joined([Mesh(one.vertices, one.faces) for one in mesh_surfaces(name, data, read, budget, painted=False)])
+        if solid.tag != "mesh":
+            return (solid_mesh(solid, *ROUND),)
+        key = name, scale = solid.get("filename"), tuple(numbers_of(solid, "scale", 3, "1 1 1"))
+        if key not in self.meshes:
+            with placed_error(solid):
+                mesh = joined([Mesh(one.vertices, one.faces) for one in self.files.surfaces(name)])
+                faces = mesh.faces[:, ::-1].copy() if float(np.prod(scale)) < 0.0 else mesh.faces
+                try:
+                    self.meshes[key] = convex_pieces(Mesh(mesh.vertices * np.array(scale), faces))
+                except MeshError as error:
+                    raise MeshError(f"mesh {name[:60]}: {error}") from None
+        return self.meshes[key]
 
 
 def _mass(links: list[Element]) -> float | None:
@@ -306,7 +302,7 @@ def _mass(links: list[Element]) -> float | None:
             (mass,) = sizes_of(inertial.one("mass"), "value", 1)
             total += mass
     if total and not LEAST_MASS <= total <= MOST_MASS:
-        raise UrdfError(f"its mass of {total:g} kg is beyond {LEAST_MASS:g} to {MOST_MASS:g} kg")
+        raise MeshError(f"its mass of {total:g} kg is beyond {LEAST_MASS:g} to {MOST_MASS:g} kg")
     return total or None
 
 
@@ -323,5 +319,48 @@ def _friction(robot: Element, links: list[Element]) -> float | None:
             given = one if "value" in one.attributes else Element(one.tag, {"value": one.text.strip()}, one.line)
             said += sizes_of(given, "value", 1)
     if any(one > MOST_FRICTION for one in said):
-        raise UrdfError(f"its friction of {max(said):g} is beyond {MOST_FRICTION:g}")
+        raise MeshError(f"its friction of {max(said):g} is beyond {MOST_FRICTION:g}")
     return max(said) if said else None
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The bodies of a scene file's objects that are from files of one's own, read again from these files.
+
+
+def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> dict[str, OwnBody]:
+    """By the objects' names, in the objects' frames (z = 0 the lowest point of the outline): the bodies of those whose
+    shape is `mesh` or `asset` of a glTF, .obj, .stl or URDF file, or `urdf`. `folder` is where the spec lay; a file
+    outside it is not read. With `painted`, they have what is drawn, with colours and textures, too. Objects from other
+    mesh files have none, and collide as their outline.
+
+    Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
+    were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
+    """
+    known: dict[str, OwnBody | None] = {}
+    bodies: dict[str, OwnBody] = {}
+    for item in file.objects:
+        key = item.shape.model_dump_json()
+        try:
+            if key not in known:
+                known[key] = _own_body(folder, item.shape, painted) if is_read(item.shape, folder) else None
+        except MeshError as error:
+            raise DataError(UNUSABLE_BODY(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
+        body = known[key]
+        if body is not None:
+            bodies[item.name] = body
+    if not bodies:
+        raise DataError(NO_MODEL())
+    return bodies
+
+
+def _own_body(folder: Path, shape: ShapeData, painted: bool) -> OwnBody:
+    file = own_file(folder, shape)
+    if file.is_robot:
+        made = robot_body(file.data, file.beside, painted=painted).turned(file.matrix)
+    else:
+        made = mesh_body(file.path, file.data, file.beside, file.matrix, painted=painted)
+    for texture in {one.texture for one in made.skins if one.texture} if painted else ():
+        check_texture(texture, "a texture of it")
+    mass = made.mass if file.mass is None else file.mass
+    friction = made.friction if file.friction is None else file.friction
+    return replace(made, mass=mass, friction=friction).moved(file.offset)

@@ -115,7 +115,7 @@ def test_furniture_has_one_height_in_files_arrays_pictures_and_gazebo(furnished,
 def test_mujoco_has_the_same_heights_and_finds_no_collision(which, request, tmp_path):
     """The convex pieces of simulators, at the heights of the file, reach into each other by no more than 0.1 mm."""
     mujoco = pytest.importorskip("mujoco")
-    from scenegen.worlds.export.setting import world_of
+    from scenegen.worlds.export.world import world_of
 
     scenes = request.getfixturevalue(which)
     world = world_of(scenes.header, next(scenes.blocks()))

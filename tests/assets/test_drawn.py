@@ -5,10 +5,10 @@ import struct
 import numpy as np
 import pytest
 
-from scenegen.things import colored_mesh, drawn
-from scenegen.things.drawn import mesh_surfaces, robot_surfaces
-from scenegen.things.meshfile import MeshError
-from scenegen.things.urdf import UrdfError
+from scenegen.things import meshfile
+from scenegen.things.meshfile import mesh_surfaces
+from scenegen.things.outline import MeshError
+from scenegen.things.urdf import robot_surfaces
 
 from .gltf_files import png
 
@@ -109,16 +109,16 @@ def test_hostile_materials_are_refused(line, words):
 
 
 def test_files_that_are_too_much_are_refused(monkeypatch):
-    monkeypatch.setattr(colored_mesh, "MOST_PIXELS", 31)
+    monkeypatch.setattr(meshfile, "MOST_PIXELS", 31)
     with pytest.raises(MeshError, match="more than 31 pixels"):
         obj()
-    monkeypatch.setattr(colored_mesh, "MOST_TRIANGLES", 3)
+    monkeypatch.setattr(meshfile, "MOST_TRIANGLES", 3)
     with pytest.raises(MeshError, match="more than 3 triangles"):
         obj()
-    monkeypatch.setattr(drawn, "MOST_MATERIALS", 1)
+    monkeypatch.setattr(meshfile, "MOST_MATERIALS", 1)
     with pytest.raises(MeshError, match="line 1: its files have more than 1 materials"):
         obj()
-    monkeypatch.setattr(colored_mesh, "MOST_BYTES", 10)
+    monkeypatch.setattr(meshfile, "MOST_BYTES", 10)
     with pytest.raises(MeshError, match="its files are larger than 10 bytes"):
         obj()
 
@@ -188,10 +188,10 @@ SKIN = '<material name="s"><texture filename="package://props/skin.png"/></mater
 
 
 def test_many_shapes_are_counted_together(monkeypatch):
-    monkeypatch.setattr(colored_mesh, "MOST_TRIANGLES", 5000)
-    with pytest.raises(UrdfError, match="line 1, <sphere>: its meshes have more than 5,000 triangles"):
+    monkeypatch.setattr(meshfile, "MOST_TRIANGLES", 5000)
+    with pytest.raises(MeshError, match="line 1, <sphere>: its meshes have more than 5,000 triangles"):
         robot(visual(BALL) * 6)
-    with pytest.raises(UrdfError, match="more than 5,000 triangles"):
+    with pytest.raises(MeshError, match="more than 5,000 triangles"):
         robot(visual(MESH) * 1300)
 
 
@@ -209,7 +209,7 @@ def test_many_shapes_are_counted_together(monkeypatch):
     ],
 )
 def test_hostile_visuals_are_refused(shape, words):
-    with pytest.raises(UrdfError, match=words):
+    with pytest.raises(MeshError, match=words):
         robot(shape)
 
 
@@ -221,5 +221,5 @@ def test_thousands_of_parts_in_one_place_are_refused():
     boxes = "<visual><geometry><box size='1 1 1'/></geometry></visual>"
     robot = "<robot name='r'><link name='a'>{}</link></robot>"
     assert robot_surfaces(robot.format(10 * boxes).encode(), read=None)
-    with pytest.raises(UrdfError, match="leave out what is hidden"):
+    with pytest.raises(MeshError, match="leave out what is hidden"):
         robot_surfaces(robot.format(300 * boxes).encode(), read=None)

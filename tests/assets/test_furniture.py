@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from scenegen.geometry import Box, Circle, Polygon
-from scenegen.things import ASSETS, colors_of, parts_of, shape_of
+from scenegen.things import ASSETS, parts_of, shape_of
 from scenegen.things.bodies import collision_of, mass_of
-from scenegen.things.cabinet import PITCH, Cabinet
+from scenegen.things.furniture import PITCH, Cabinet
 from scenegen.things.library import cabinet_shape
-from scenegen.things.overlap import overlapping
-from scenegen.things.surfaces import base_heights, fits, narrowest, slabs_of, surfaces_of
+from scenegen.things.palette import colors_of
+from scenegen.things.surfaces import base_heights, fits, narrowest, overlapping, slabs_of, surfaces_of
 
 OPEN = [(0.0,), (0.02,), (0.4,), (1.0, 0.7, 0.3), (0.0, 0.9, 0.0), (0.1, 0.05, 0.9, 0.0), (1.0,) * 6]
 SHAPES = [*map(cabinet_shape, OPEN), *map(shape_of, ("cabinet", "drawer", "rack"))]

@@ -12,8 +12,8 @@ from scenegen.geometry import Box
 from scenegen.lang.checker import check_file
 from scenegen.things.gltf import surfaces
 from scenegen.things.mesh import Mesh
-from scenegen.things.meshfile import MeshError
-from scenegen.things.urdf import UrdfError, mesh_outline
+from scenegen.things.outline import MeshError
+from scenegen.things.urdf import mesh_outline
 
 from .gltf_files import BODY, CORNERS, FACES, UV, document, glb, inline, png
 
@@ -174,7 +174,7 @@ def test_damaged_files_are_read_or_refused():
         try:
             mesh_outline("a.glb", bytes(data), lambda name: b"")
             read += 1
-        except UrdfError as error:
+        except MeshError as error:
             assert str(error) and "\n" not in str(error)
     assert 10 < read < 380, read  # materials are read, too: what is damaged there is refused
 

@@ -8,7 +8,7 @@ from scenegen.geometry import Box
 from scenegen.lang.checker import check_file
 from scenegen.show.render.models import models_of, still_outlines
 from scenegen.things.indexed import UPRIGHT, AssetEntry, IndexFileError, categories, fitted, read_index
-from scenegen.things.urdf import UrdfError
+from scenegen.things.outline import MeshError
 
 from .gltf_files import glb
 
@@ -152,7 +152,7 @@ def test_sizes_that_nothing_on_a_table_has_name_the_unit(folder):
     refused(folder, '"mug"', "asset-size", "scale = 1000")
     (folder / "mug.obj").write_bytes(solid(1, 1, 0))
     refused(folder, '"mug"', "unusable-shape-file", "no height")
-    with pytest.raises(UrdfError, match=r"\.ply files cannot be read here: convert it to \.glb"):
+    with pytest.raises(MeshError, match=r"\.ply files cannot be read here: convert it to \.glb"):
         fitted(AssetEntry(name="a", file="a.ply"), b"", nothing)
     index = folder / "set" / "assets.toml"
     (folder / "set" / "old.dae").write_text("<COLLADA/>")
@@ -197,7 +197,7 @@ ROBOT = """<robot name="r"><link name="base"><inertial><mass value="0.4"/></iner
 def test_a_urdf_file_is_an_entry_with_its_own_mass_and_friction(tmp_path):
     import scenegen
     from scenegen.geometry import Circle
-    from scenegen.worlds.export.world import own_bodies_of
+    from scenegen.worlds.own_body import own_bodies_of
 
     (tmp_path / "look.obj").write_bytes(solid(100, 50, 20))
     (tmp_path / "can.urdf").write_text(ROBOT)
@@ -232,4 +232,7 @@ def test_a_urdf_file_with_a_dae_mesh_says_what_to_convert_it_to(tmp_path):
     (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="a">{mesh}</link></robot>')
     (tmp_path / "m.dae").write_text("<COLLADA/>")
     (tmp_path / "assets.toml").write_text('[[asset]]\nname = "r"\nfile = "r.urdf"\n')
-    refused(tmp_path, '"r"', "unusable-shape-file", "m.dae: .dae files cannot be read here, .obj and .stl can")
+    words = "m.dae: only .obj and .stl meshes are read in a URDF file: convert it"
+    refused(tmp_path, '"r"', "unusable-shape-file", words)
+        tmp_path, '"r"', "unusable-shape-file", "m.dae: only .obj and .stl meshes are read in a URDF file: convert it"
+    )

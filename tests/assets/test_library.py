@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from scenegen.scenes.data import ShapeData, footprint_data, footprint_of
-from scenegen.things import ASSETS, Box, Circle, asset_of, colors_of, has_picture, shape_of, stem
+from scenegen.things import ASSETS, Box, Circle, asset_of, has_picture, shape_of, stem
+from scenegen.things.palette import colors_of
 
 
 @pytest.mark.parametrize(

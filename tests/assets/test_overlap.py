@@ -5,7 +5,7 @@ import pytest
 
 from scenegen.geometry import Polygon
 from scenegen.things import Shape, shape_of
-from scenegen.things.overlap import overlapping
+from scenegen.things.surfaces import overlapping
 
 WEDGE = Shape("prism", Polygon(((0.0, 0.0), (0.2, 0.0), (0.0, 0.2))), 0.05)
 PAIRS = [

@@ -10,8 +10,7 @@ from scenegen import needs
 from scenegen.errors import RequestError
 from scenegen.processes.process import WorkerProcess
 from scenegen.things.mesh import Mesh, box, joined
-from scenegen.things.meshfile import MeshError
-from scenegen.things.urdf import UrdfError
+from scenegen.things.outline import MeshError
 from scenegen.worlds import own_body
 from scenegen.worlds import own_body as convex
 from scenegen.worlds.own_body import convex_pieces, mesh_body, robot_body
@@ -146,7 +145,7 @@ def test_a_robot_has_its_own_shapes_mass_and_friction():
 
 def test_pieces_are_counted_together(monkeypatch):
     monkeypatch.setattr(own_body, "MOST_PIECES", 20)
-    with pytest.raises(UrdfError, match="line 1, <cylinder>: it has more than 20 convex pieces"):
+    with pytest.raises(MeshError, match="line 1, <cylinder>: it has more than 20 convex pieces"):
         robot(ROD * 21)
 
 
@@ -171,5 +170,5 @@ def test_frictions_of_gazebo_and_none():
     ],
 )
 def test_hostile_robots_are_refused(inside, rest, words):
-    with pytest.raises(UrdfError, match=words):
+    with pytest.raises(MeshError, match=words):
         robot(inside, rest)

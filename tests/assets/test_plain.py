@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from scenegen.geometry import Box, Circle, Polygon
 from scenegen.geometry.footprint import convex_hull
-from scenegen.things import ASSETS, Shape, colors_of, parts_of
+from scenegen.things import ASSETS, Shape, parts_of
+from scenegen.things.palette import colors_of
 
 from ..laws import examples
 

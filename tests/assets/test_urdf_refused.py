@@ -8,7 +8,8 @@ from scenegen.errors import SpecError
 from scenegen.geometry import Polygon
 from scenegen.geometry.footprint import is_convex
 from scenegen.lang.checker import check_file
-from scenegen.things.urdf import UrdfError, outline
+from scenegen.things.outline import MeshError
+from scenegen.things.urdf import outline
 
 from .urdf_files import HERE, OBJ, stl, stl_text
 
@@ -69,8 +70,8 @@ BAD = {
         "in a circle through link `b`",
     ),
     "a joint without a child": (f'<robot>{LINK}<joint><parent link="a"/></joint></robot>', "there is no <child>"),
-    "collada": (mesh("m.dae"), r"mesh m.dae: .dae files cannot be read here, .obj and .stl can"),
-    "no ending": (mesh("m"), "a file without an ending"),
+    "collada": (mesh("m.dae"), "mesh m.dae: only .obj and .stl meshes are read in a URDF file"),
+    "no ending": (mesh("m"), "mesh m: only .obj and .stl meshes"),
     "no such file": (mesh(""), "it has no filename"),
     "obj without vertices": (mesh("empty.obj"), "it has no vertices"),
     "obj with a word": (mesh("word.obj"), "not three numbers"),
@@ -93,13 +94,13 @@ MESHES = {
 @pytest.mark.parametrize("name", BAD)
 def test_what_is_of_no_use_is_refused_with_the_reason(name):
     text, words = BAD[name]
-    with pytest.raises(UrdfError) as caught:
+    with pytest.raises(MeshError) as caught:
         outline(text.encode(), lambda name: MESHES[name.partition(".")[0]])
     assert words in str(caught.value)
 
 
 def test_damaged_files_are_read_or_refused():
-    """Bytes changed at random, in the URDF and in its meshes: nothing but UrdfError comes."""
+    """Bytes changed at random, in the URDF and in its meshes: nothing but MeshError comes."""
     source = random.Random(7)
     tray, bookend = ((HERE / name).read_bytes() for name in ("tray.urdf", "bookend.urdf"))
     bookend_stl = bookend.replace(b".obj", b".stl")
@@ -137,7 +138,7 @@ def test_damaged_files_are_read_or_refused():
         urdf = (tray, bookend, bookend_stl)[k % 3]
         try:
             footprint, height = outline(damaged(urdf) if k % 2 else urdf, lambda name: damaged(source.choice(meshes)))
-        except UrdfError as error:
+        except MeshError as error:
             assert str(error) and "\n" not in str(error)
             refused += 1
         else:

@@ -7,7 +7,7 @@ import pytest
 
 from scenegen.scenes import files
 from scenegen.show.render import scenes as pictures
-from scenegen.worlds.export import simulators
+from scenegen.worlds import files as simulators
 
 COMMANDS = {
     "sample": ["sample", "good.spec", "-n", "4", "--out"],

@@ -32,9 +32,9 @@ def names():
 def tray():
     """A mesh that is not convex, as STL."""
     from scenegen.things.mesh import box, joined
-    from scenegen.worlds.export import stl
+    from scenegen.worlds.export.meshes import stl
 
-    return stl.binary(joined([box(0.2, 0.1, 0.01), box(0.01, 0.1, 0.05).moved(x=0.1, z=0.02)]))
+    return stl(joined([box(0.2, 0.1, 0.01), box(0.01, 0.1, 0.05).moved(x=0.1, z=0.02)]))
 
 
 def commands():

@@ -6,8 +6,8 @@ import pytest
 import scenegen
 from scenegen.errors import DataError, RequestError
 from scenegen.things.mesh import box, revolve
-from scenegen.worlds.export.setting import world_of
-from scenegen.worlds.export.world import own_bodies_of
+from scenegen.worlds.export.world import world_of
+from scenegen.worlds.own_body import own_bodies_of
 
 ROBOT = """<robot name="r"><link name="a"><inertial><mass value="0.7"/></inertial>
 <contact><lateral_friction value="0.9"/></contact>

@@ -10,7 +10,7 @@ import pytest
 from scenegen.things import shape_of
 from scenegen.things.bodies import collision_of
 from scenegen.things.meshfile import vertices
-from scenegen.worlds.export import stl
+from scenegen.worlds.export.meshes import stl
 from tests.export.sdf_facts import faults
 from tests.export.worlds import crates, library, tower
 
@@ -86,7 +86,7 @@ def test_pieces_read_back(tmp_path):
         boxes += not path.exists()
         if path.exists():
             np.testing.assert_allclose(vertices(path.name, path.read_bytes()), piece.vertices, atol=1e-9)
-        corners = vertices("x.stl", stl.binary(piece)).reshape(-1, 3, 3)
+        corners = vertices("x.stl", stl(piece)).reshape(-1, 3, 3)
         np.testing.assert_allclose(corners, piece.vertices[piece.faces], atol=1e-7)
     assert boxes == 3  # the bars of the handle
 

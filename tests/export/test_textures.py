@@ -9,7 +9,7 @@ from PIL import Image
 
 import scenegen
 from scenegen.things.mesh import box
-from scenegen.worlds.export.world import own_bodies_of
+from scenegen.worlds.own_body import own_bodies_of
 
 MTL = "newmtl skin\nKd 0.5 1 1\nmap_Kd skin.jpg\nnewmtl lid\nKd 0.2 0.4 0.6\n"
 

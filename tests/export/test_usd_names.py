@@ -6,17 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenegen.worlds.export.usd.files import identifiers
-from scenegen.worlds.export.usd.stage import principal
-from scenegen.worlds.export.world import Record
+from scenegen.worlds.export.usd import identifiers
+from scenegen.worlds.export.world import Record, principal
 from tests.export.stages import faults, opened, poses, rotation, things
 from tests.export.worlds import crates, scenes_of, world
 
 pxr = pytest.importorskip("pxr")
 from pxr import Sdf  # noqa: E402
 
-from scenegen.worlds.export.usd.files import UsdScenes  # noqa: E402
-from scenegen.worlds.export.usd.stage import UsdStage, crate  # noqa: E402
+from scenegen.worlds.export.usd import (  # noqa: E402
+    UsdScenes,
+    UsdStage,
+    crate,
+)
 
 HOSTILE = [
     "block[1]",
@@ -71,7 +73,8 @@ def test_objects_of_any_name(name, tmp_path):
 def test_odd_letters_come_back(tmp_path):
     text = 'a\n"quoted" \'\'\' """ \\n \x1b \\x00 é 🍜 \\\n'
     stage = UsdStage("/Scene", "assembly", text)
-    layer = stage.finished()
+    stage.finish()
+    layer = stage
     facts = {"spec": text, "phi": {text: 0.1, "a:b": 1e-300}}
     layer.say("/Scene", facts)
     (tmp_path / "x.usda").write_bytes(layer.text())

@@ -11,8 +11,8 @@ from scenegen.errors import DataError, OutputError, RequestError, SpecError
 from scenegen.scenes import files as folders
 from scenegen.scenes.data import CircleFootprint, PolygonFootprint
 from scenegen.scenes.formats.registry import ENDINGS, FORMATS
-from scenegen.worlds.export.setting import world_of
-from scenegen.worlds.export.simulators import SIMULATORS
+from scenegen.worlds.export.world import world_of
+from scenegen.worlds.files import SIMULATORS
 from tests.export.stages import opened, things
 from tests.export.worlds import crates, scenes_of
 

@@ -9,7 +9,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.lang.checker import check_text
 from scenegen.scenes.data import RequestData
 from scenegen.things import ASSETS
-from scenegen.worlds.export.setting import world_of
+from scenegen.worlds.export.world import world_of
 
 
 def scenes_of(text, *poses):

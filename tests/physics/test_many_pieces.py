@@ -5,7 +5,7 @@ import pytest
 
 from scenegen.things.mesh import box, disc
 from scenegen.worlds.physics.bodies import MOST_PIECES, InertialBody, piece_files
-from scenegen.worlds.physics.drop import PybulletWorld
+from scenegen.worlds.physics.bullet import PybulletWorld
 
 SIDE = 0.05
 

@@ -12,9 +12,10 @@ import scenegen
 from scenegen.errors import RequestError
 from scenegen.geometry.attitude import standing, turn_between, upright
 from scenegen.worlds.export import mjcf, sdf
-from scenegen.worlds.export.setting import world_of
+from scenegen.worlds.export.world import world_of
 from scenegen.worlds.physics.bodies import TABLE, Contact, board_of, gathered, piece_files, whole_of
-from scenegen.worlds.physics.settle import SIMULATORS, MujocoSetup, PybulletSetup, RestJob, settle_file
+from scenegen.worlds.physics.rest import settle_file
+from scenegen.worlds.physics.simulation import FINE, SIMULATORS, MujocoSetup, PybulletSetup, RestJob
 from tests.export.worlds import scenes_of, tower
 
 BOXES = "object base = box(0.1, 0.1, 0.1) at (0.5, 0.5, 0), near = box(0.1, 0.1, 0.1), far = box(0.04, 0.06, 0.02)\n"
@@ -43,7 +44,7 @@ def rested(scenes, simulator, seconds):
         return RestJob(MujocoSetup(mjcf.bench(world).decode()), seconds)(places)
     bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.ROUGH) for board in world.boards)]
     with piece_files(bodies) as files:
-        return RestJob(PybulletSetup(bodies, files, len(world.boards)), seconds)(places)
+        return RestJob(PybulletSetup(bodies, files, len(world.boards), step=FINE), seconds)(places)
 
 
 def test_what_stands_in_and_on_things_rests(simulator):
@@ -166,7 +167,8 @@ def test_no_scenes_are_refused_and_a_missing_simulator_is_named(monkeypatch):
 def test_what_diverges_is_null_and_has_not_settled(tmp_path):
     """A simulation that leaves NaN: the file says so."""
     from scenegen.lang.checker import check_text
-    from scenegen.worlds.physics.settle import RestResult, _header, _judged
+    from scenegen.worlds.physics.rest import _header, _judged
+    from scenegen.worlds.physics.simulation import RestResult
 
     scenes = boxes()
     header = _header(scenes.header, "pybullet", 2.0, 0.002, 2.0)

@@ -254,7 +254,7 @@ def indexed(path: str, here: Span, project: Project) -> Shape:
 
 def _read(path: str, here: Span, project: Project) -> Shape:
     from scenegen.things.indexed import AssetSizeError, fitted
-    from scenegen.things.urdf import UrdfError
+    from scenegen.things.outline import MeshError
 
     where, name = index_of(path)
     entries = entries_of(path, here, project)
@@ -272,7 +272,7 @@ def _read(path: str, here: Span, project: Project) -> Shape:
         found = fitted(entry, project.read(file, here, kind), beside)
     except AssetSizeError as error:
         raise SpecError(ASSET_SIZE(here, name=name, size=error.size, hint=error.hint or None)) from None
-    except UrdfError as error:
+    except MeshError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, path=file, reason=str(error))) from None
     return Shape("asset", found.footprint, found.height, path)
 

@@ -59,7 +59,6 @@ if TYPE_CHECKING:
     from scenegen.lang.check.expressions import Lowering
 
 
-
 def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, frame: CallFrame) -> Value:
     """A call of `consecutive` or `gaps` over a list. Raises SpecError."""
     origin = lowering.origin(node, frame)

@@ -52,7 +52,8 @@ from scenegen.lang.check.values import (
 from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
 from scenegen.pose import FLAT, PLACE, X
-from scenegen.things.surfaces import SupportSurface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
+from scenegen.things.furniture import SupportSurface
+from scenegen.things.surfaces import fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.expressions import Lowering

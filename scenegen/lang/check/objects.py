@@ -52,9 +52,8 @@ from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.printer import print_expr, print_module
 from scenegen.pose import TWO_PI
 from scenegen.things import ASSETS, PLAIN, Shape, meant_by, shape_of
-from scenegen.things.cabinet import DRAWERS, MOST, Cabinet
+from scenegen.things.furniture import DRAWERS, MOST, Cabinet, SupportSurface
 from scenegen.things.library import cabinet_shape
-from scenegen.things.parts import SupportSurface
 from scenegen.things.surfaces import narrowest
 
 if TYPE_CHECKING:
@@ -276,7 +275,8 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
 def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Shape:
     """A file's outline; where the outline stands beside the path, the file is not read."""
     from scenegen.lang.check.families import indexed
-    from scenegen.things.urdf import UrdfError, mesh_outline, outline
+    from scenegen.things.outline import MeshError
+    from scenegen.things.urdf import mesh_outline, outline
 
     kind = call.function.id
     given = bind(call, SIGNATURES[kind], source)
@@ -308,7 +308,7 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
             footprint, height = mesh_outline(name, data, beside)
         else:
             footprint, height = outline(data, beside)
-    except UrdfError as error:
+    except MeshError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, path=path.value, reason=str(error))) from None
     found = Shape(kind, footprint, height, path.value)
     _notice(lowering, found, here)

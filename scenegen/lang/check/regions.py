@@ -45,7 +45,7 @@ from scenegen.lang.check.values import (
     rectangle,
 )
 from scenegen.lang.syntax import ast
-from scenegen.things.palette import NAMED, hex_of
+from scenegen.things.library import NAMED, hex_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.expressions import Lowering

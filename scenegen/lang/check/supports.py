@@ -43,7 +43,8 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.foreign import one_list
 from scenegen.pose import FLAT, PLACE, X
 from scenegen.things import Shape
-from scenegen.things.surfaces import SupportSurface, fits, reach_of, surfaces_of
+from scenegen.things.furniture import SupportSurface
+from scenegen.things.surfaces import fits, reach_of, surfaces_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.expressions import Lowering

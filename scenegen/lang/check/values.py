@@ -18,7 +18,7 @@ from scenegen.lang.check.scope import NO_NUMBERS, Scope
 from scenegen.lang.formula.builder import TRUE, CoreBuilder
 from scenegen.lang.spec import Pose
 from scenegen.lang.syntax import ast
-from scenegen.things.surfaces import SupportSurface
+from scenegen.things.furniture import SupportSurface
 
 # --------------------------------------------------------------------------------------------------------------------
 # Regions and their named points: what `placemat.left` and `workspace.center` stand for.

@@ -34,7 +34,7 @@ from scenegen.errors.language import (
 from scenegen.geometry import PRIMITIVES
 from scenegen.lang.syntax.tokens import ending
 from scenegen.pose import NAMES
-from scenegen.things.palette import NAMED
+from scenegen.things.library import NAMED
 
 # --------------------------------------------------------------------------------------------------------------------
 # What people call things in other languages and in everyday life, and what to write for it here.

@@ -9,10 +9,9 @@ from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.own_files import is_read, own_file, reason_of
-from scenegen.things.colored_mesh import ColoredMesh, check_texture
-from scenegen.things.drawn import mesh_surfaces, robot_surfaces
-from scenegen.things.meshfile import MeshError
-from scenegen.things.urdf import UrdfError
+from scenegen.things.meshfile import ColoredMesh, check_texture, mesh_surfaces
+from scenegen.things.outline import MeshError
+from scenegen.things.urdf import robot_surfaces
 
 Model = tuple[ColoredMesh, ...]
 
@@ -37,7 +36,7 @@ def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
         try:
             if key not in known:
                 known[key] = _model(folder, item.shape) if is_read(item.shape, folder) else None
-        except (MeshError, UrdfError) as error:
+        except MeshError as error:
             raise DataError(UNUSABLE_MODEL(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
         models.append(known[key])
     if not any(models):

@@ -29,10 +29,9 @@ from scenegen.show.render.files import FIRST, Image, Picture, RenderedView
 from scenegen.show.render.light import TOWARDS, Lighting, landscape_camera, light_camera
 from scenegen.show.render.models import Model
 from scenegen.things import PLAIN, parts_of
-from scenegen.things.colored_mesh import ColoredMesh
-from scenegen.things.mesh import Floats, Mesh, box, shaded
+from scenegen.things.mesh import Floats, Mesh, box, plain, shaded
+from scenegen.things.meshfile import ColoredMesh
 from scenegen.things.palette import RGB, mix
-from scenegen.things.parts import plain
 
 Bodies = npt.NDArray[np.int32]
 

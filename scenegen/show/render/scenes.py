@@ -43,7 +43,7 @@ from scenegen.show.render.models import Model
 from scenegen.show.render.worker import RenderJob
 
 if TYPE_CHECKING:
-    from scenegen.things.colored_mesh import ColoredMesh
+    from scenegen.things.meshfile import ColoredMesh
 
 
 # --------------------------------------------------------------------------------------------------------------------

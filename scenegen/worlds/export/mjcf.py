@@ -16,7 +16,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scenegen.things.mesh import Mesh
-from scenegen.worlds.export import obj
+from scenegen.worlds.export.looks import SceneLook, TexturedColor
+from scenegen.worlds.export.meshes import drawn_obj
 from scenegen.worlds.export.world import (
     FOLDER,
     TALL,
@@ -24,8 +25,6 @@ from scenegen.worlds.export.world import (
     Body,
     BodyForm,
     Patch,
-    SceneLook,
-    TexturedColor,
     World,
     piece_of,
 )
@@ -149,9 +148,9 @@ def meshes(world: World) -> Iterator[tuple[str, bytes]]:
         for number, part in enumerate(form.parts, start=1):
             paint = form.paints.get(number)
             if paint is None:
-                yield f"{_part(form, number)}.obj", obj.smooth(part)
+                yield f"{_part(form, number)}.obj", drawn_obj(part)
             else:
-                yield f"{_part(form, number)}.obj", obj.painted(part, paint.places)
+                yield f"{_part(form, number)}.obj", drawn_obj(part, paint.places)
                 yield f"{_part(form, number)}.png", paint.png
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from scenegen.things.mesh import Floats
 from scenegen.things.palette import RGB
-from scenegen.worlds.export import obj, stl
+from scenegen.worlds.export.meshes import drawn_obj, plain_obj, stl
 from scenegen.worlds.export.world import TALL, WOODEN, Body, BodyForm, World, piece_of
 from scenegen.worlds.export.xml import Element, document, gathered, node, numbers, short
 
@@ -34,12 +34,12 @@ def meshes(world: World, *, hulls: Hulls = "obj") -> Iterator[tuple[str, bytes]]
     """Additional files of this world's scenes: name, bytes."""
     for form in world.forms:
         for number, part in enumerate(form.parts, start=1):
-            yield _part(form, number), obj.smooth(part)
+            yield _part(form, number), drawn_obj(part)
         for number, piece in enumerate(form.pieces, start=1):
             if piece.box is None:
-                yield _hull(form, number, hulls), obj.plain(piece.mesh) if hulls == "obj" else stl.binary(piece.mesh)
+                yield _hull(form, number, hulls), plain_obj(piece.mesh) if hulls == "obj" else stl(piece.mesh)
     for number, patch in enumerate(world.patches, start=1):
-        yield f"region_{number}.obj", obj.smooth(patch.mesh())
+        yield f"region_{number}.obj", drawn_obj(patch.mesh())
 
 
 def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:

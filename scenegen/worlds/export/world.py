@@ -1,4 +1,4 @@
-"""Scenes for simulators: bodies with mass, friction and convex pieces, on a table with legs.
+"""Scenes for simulators: bodies with mass, friction and convex pieces, on a table with legs; made from a scene file.
 
 One world is used for all scenes of a file: they share the objects and differ in the poses. Metres, kilograms, radians;
 the table's top is z = 0, as in pictures.
@@ -7,233 +7,39 @@ the table's top is z = 0, as in pictures.
 from __future__ import annotations
 
 import io
+import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from scenegen.errors import DataError
-from scenegen.errors.files import NO_MODEL, UNUSABLE_BODY
-from scenegen.scenes.data import SceneFile, ShapeData
-from scenegen.scenes.own_files import is_read, own_file, reason_of
-from scenegen.scenes.stage import PictureSetup
-from scenegen.show.looks.camera import Camera
-from scenegen.show.looks.look import Look, Point, looks_jsonl
-from scenegen.show.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
-from scenegen.things.colored_mesh import check_texture
+from scenegen.errors.files import NO_VOLUME, OFF_THE_TABLE
+from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.geometry.footprint import Rectangle, clipped, signed_area
+from scenegen.geometry.workspace import BOARD, LARGEST
+from scenegen.lang.checker import check_text
+from scenegen.lang.spec import Region
+from scenegen.pose import as_poses, flat, row_count
+from scenegen.scenes.blocks import Block, counts_in
+from scenegen.scenes.data import RegionData, SceneFile, ShapeData, check_sizes, footprint_of
+from scenegen.scenes.numbers import member_of
+from scenegen.scenes.stage import heights_of
+from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, parts_of
+from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of
 from scenegen.things.mesh import Floats, Mesh, prism
-from scenegen.things.meshfile import MeshError
-from scenegen.things.palette import RGB
-from scenegen.things.urdf import UrdfError
-from scenegen.worlds.own_body import OwnBody, mesh_body, robot_body
+from scenegen.things.meshfile import ColoredMesh
+from scenegen.things.palette import LINEN, RGB, colors_of, of_regions, rgb_of
+from scenegen.things.surfaces import base_heights
+from scenegen.worlds.export.xml import check_names, printable
 
-# --------------------------------------------------------------------------------------------------------------------
-# Looks for simulators: what the table, the ground and the walls of each scene are covered with, and its camera.
-
+if TYPE_CHECKING:
+    from scenegen.worlds.export.looks import SceneLook, SceneLooks
+    from scenegen.worlds.own_body import OwnBody
 
 FOLDER = "textures"
-SIDE = 1024  # pixels along the longer side of a wooden table
-HIGH = 3.0  # metres: walls, from the floor
-
-Rectangle = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class TexturedColor:
-    """A colour, and the file in `FOLDER` of the texture that multiplies it, if there is one: `width` and `height`
-    metres of the surface, repeated, or where these are 0, all of it. `mean` is what it looks like from afar."""
-
-    color: RGB
-    mean: RGB
-    file: str = ""
-    width: float = 0.0
-    height: float = 0.0
-
-    def repeats(self, width: float, height: float) -> tuple[float, float]:
-        """How often the texture is on a rectangle of these metres, from left to right and from its lower edge up."""
-        return (width / self.width, height / self.height) if self.width else (1.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Wall:
-    """A rectangle that is seen from one side: its middle, the directions of its width and height, of length 1, and
-    both in metres."""
-
-    middle: Point
-    across: Point
-    width: float
-    height: float
-    up: Point = (0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SceneLook:
-    """The look of one scene."""
-
-    look: Look
-    camera: Camera
-    table: TexturedColor
-    ground: TexturedColor
-    walls: TexturedColor
-    room: Rectangle | None
-
-    def each_wall(self, floor: float, table: Rectangle) -> Iterator[Wall]:
-        """The walls of the room, which stand at the height `floor`. Simulators let walls cast shadows, pictures do not:
-        those on the side of the light are only so high that it shines on the whole `table`, whose top is z = 0."""
-        if self.room is None:
-            return
-        x0, y0, x1, y1 = self.room
-        across, along, _ = self.look.towards  # of the light, for each metre of height
-        for at, inwards, width, gap, light in (
-            (((x0 + x1) / 2.0, y1), (0.0, -1.0), x1 - x0, y1 - table[3], along),
-            (((x0 + x1) / 2.0, y0), (0.0, 1.0), x1 - x0, table[1] - y0, -along),
-            ((x0, (y0 + y1) / 2.0), (1.0, 0.0), y1 - y0, table[0] - x0, -across),
-            ((x1, (y0 + y1) / 2.0), (-1.0, 0.0), y1 - y0, x1 - table[2], across),
-        ):
-            high = min(HIGH, max(gap, 0.0) / light - floor) if light > 0.0 else HIGH
-            yield Wall((*at, floor + high / 2.0), (-inwards[1], inwards[0], 0.0), width, high)
-
-
-class SceneLooks:
-    """The looks of the scenes of a file. `cameras` are those of their view "look"; `stage` is the table of pictures;
-    `files` are those of textures, by name."""
-
-    def __init__(
-        self,
-        looks: Sequence[Look],
-        cameras: Sequence[Camera],
-        stage: PictureSetup,
-        files: Mapping[str, bytes],
-        seed: int,
-    ) -> None:
-        self._looks, self._cameras, self._stage, self._seed = looks, cameras, stage, seed
-        self._files = files
-        used = dict.fromkeys(name for look in looks for name in look.textures if name not in (PLAIN, WOOD))
-        self._names = _file_names(list(used))
-        images = {name: image_of(name, files) for name in used}
-        self._ratios = {name: image.shape[0] / image.shape[1] for name, image in images.items()}
-        self._means = {name: mean_of(image) for name, image in images.items()}
-        self._wooden: dict[Rectangle, str] = {}  # tables, and the files of their wood
-
-    def of(self, scene: int, table: Rectangle) -> SceneLook:
-        """The look of a scene, by its number from 1, with the simulator's table (x lowest, y lowest, x highest, y
-        highest)."""
-        look, camera = self._looks[scene - 1], self._cameras[scene - 1]
-        if look.table_texture == WOOD:
-            file = self._wooden.setdefault(table, f"{WOOD}_{len(self._wooden) + 1}.png")
-            top = TexturedColor(look.table, look.table, file)
-        else:
-            top = self._covering(look.table, look.table_texture, look.table_texture_size)
-        room = look.room(self._stage.table, camera.eye)
-        seen = PLAIN if room is None else look.walls_texture  # which is not among `textures` without walls
-        return SceneLook(
-            look,
-            camera,
-            top,
-            self._covering(look.ground_color, look.ground_texture, look.ground_texture_size),
-            self._covering(look.walls_color, seen, look.walls_texture_size),
-            room,
-        )
-
-    def textures(self) -> Iterator[tuple[str, bytes]]:
-        """The files of the textures that scenes were given: name, PNG."""
-        for name, file in self._names.items():
-            yield file, _encoded(image_of(name, self._files))
-        for table, file in self._wooden.items():
-            yield file, _encoded(_wood(self._stage, table))
-
-    def record(self, files: Sequence[str]) -> bytes:
-        """`looks.jsonl` for scenes in these files."""
-        return looks_jsonl(self._looks, self._seed, [("file", name) for name in files], self._cameras)
-
-    def _covering(self, color: RGB, texture: str, size: float) -> TexturedColor:
-        if texture == PLAIN:
-            return TexturedColor(color, color)
-        red, green, blue = (one * share for one, share in zip(color, self._means[texture], strict=True))
-        return TexturedColor(color, (red, green, blue), self._names[texture], size, size * self._ratios[texture])
-
-
-def _file_names(textures: Sequence[str]) -> dict[str, str]:
-    """A file name for each texture, no two alike, whatever the case of letters."""
-    names: dict[str, str] = {}
-    used = set[str]()
-    for texture in textures:
-        stem = "".join(one if one.isascii() and one.isalnum() else "_" for one in PurePosixPath(texture).stem)
-        stem = stem or "texture"
-        name, number = stem, 1
-        while name.lower() in used:
-            number += 1
-            name = f"{stem}_{number}"
-        used.add(name.lower())
-        names[texture] = f"{name}.png"
-    return names
-
-
-def _encoded(image: Pixels) -> bytes:
-    from PIL import Image
-
-    out = io.BytesIO()
-    Image.fromarray(image).save(out, format="PNG")
-    return out.getvalue()
-
-
-def _wood(stage: PictureSetup, table: Rectangle) -> Pixels:
-    """(h, w, 3): the wood of a whole table, from above."""
-    x0, y0, x1, y1 = table
-    pixel = max(x1 - x0, y1 - y0) / SIDE
-    across, along = (max(round(length / pixel), 1) for length in (x1 - x0, y1 - y0))
-    x = x0 + (np.arange(across) + 0.5) / across * (x1 - x0)
-    y = y1 - (np.arange(along) + 0.5) / along * (y1 - y0)
-    columns, rows = np.meshgrid(x, y)
-    sizes = np.full(columns.size, pixel), np.full(columns.size, pixel)
-    shares = wood(stage, columns.ravel(), rows.ravel(), sizes, inlay=False).reshape(along, across, 3)
-    return np.rint(255.0 * np.clip(shares, 0.0, 1.0)).astype(np.uint8)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The bodies of a scene file's objects that are from files of one's own, read again from these files.
-
-
-def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> dict[str, OwnBody]:
-    """By the objects' names, in the objects' frames (z = 0 the lowest point of the outline): the bodies of those whose
-    shape is `mesh` or `asset` of a glTF, .obj, .stl or URDF file, or `urdf`. `folder` is where the spec lay; a file
-    outside it is not read. With `painted`, they have what is drawn, with colours and textures, too. Objects from other
-    mesh files have none, and collide as their outline.
-
-    Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
-    were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
-    """
-    known: dict[str, OwnBody | None] = {}
-    bodies: dict[str, OwnBody] = {}
-    for item in file.objects:
-        key = item.shape.model_dump_json()
-        try:
-            if key not in known:
-                known[key] = _body(folder, item.shape, painted) if is_read(item.shape, folder) else None
-        except (MeshError, UrdfError) as error:
-            raise DataError(UNUSABLE_BODY(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
-        body = known[key]
-        if body is not None:
-            bodies[item.name] = body
-    if not bodies:
-        raise DataError(NO_MODEL())
-    return bodies
-
-
-def _body(folder: Path, shape: ShapeData, painted: bool) -> OwnBody:
-    file = own_file(folder, shape)
-    if file.is_robot:
-        made = robot_body(file.data, file.beside, painted=painted).turned(file.matrix)
-    else:
-        made = mesh_body(file.path, file.data, file.beside, file.matrix, painted=painted)
-    for texture in {one.texture for one in made.skins if one.texture} if painted else ():
-        check_texture(texture, "a texture of it")
-    mass = made.mass if file.mass is None else file.mass
-    friction = made.friction if file.friction is None else file.friction
-    return replace(made, mass=mass, friction=friction).moved(file.offset)
-
 
 # --------------------------------------------------------------------------------------------------------------------
 # Mass properties: centre and moments of closed meshes, by the divergence theorem.
@@ -280,6 +86,39 @@ def inertia(meshes: Sequence[Mesh]) -> Inertia:
 
 def _clean(values: Floats, size: float) -> Floats:
     return np.where(np.abs(values) < 1e-9 * size, 0.0, values)
+
+
+Quaternion = tuple[float, float, float, float]  # w, x, y, z
+STILL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+def principal(moments: Floats) -> tuple[tuple[float, float, float], Quaternion]:
+    """The principal moments of a symmetric matrix (3, 3), and the rotation from their axes to the matrix's, as USD has
+    the inertia of a body.
+
+    Of the 24 rotations that do it, the one closest to none: a matrix that is diagonal keeps its axes.
+    """
+    if not (moments - np.diag(np.diag(moments))).any():
+        xx, yy, zz = np.diag(moments).tolist()
+        return (xx, yy, zz), STILL
+    values, vectors = np.linalg.eigh(moments)
+    best, closest = -math.inf, np.eye(3)
+    order: tuple[int, ...] = (0, 1, 2)
+    for tried in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            turn = vectors[:, tried] * np.array(signs)
+            near = round(float(np.trace(turn)), 9)  # ties are not decided by rounding
+            if np.linalg.det(turn) > 0.0 and near > best:
+                best, closest, order = near, turn, tried
+    a, b, c = values[list(order)].tolist()
+    return (a, b, c), _quaternion(closest)
+
+
+def _quaternion(turn: Floats) -> Quaternion:
+    """Of a rotation by less than 63 degrees, the most that `principal` needs."""
+    w = math.sqrt(1.0 + float(np.trace(turn))) / 2.0
+    x, y, z = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
+    return w, float(x / (4.0 * w)), float(y / (4.0 * w)), float(z / (4.0 * w))
 
 
 THICK, LEG, TALL = 0.03, 0.05, 0.72  # metres: the table top, its legs' width, its height above the floor
@@ -449,3 +288,221 @@ def piece_of(mesh: Mesh) -> ConvexPiece:
     full = float(np.prod(most - least))
     box = ((least + most) / 2).tolist(), (most - least).tolist()
     return ConvexPiece(mesh, None if mesh.volume < full * (1.0 - 1e-6) else box)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Pictures on objects from files of one's own, as simulators take them: PNG, and places from the lower edge.
+
+
+def paints_of(skins: Sequence[ColoredMesh]) -> dict[int, Paint]:
+    """By the number of the surface, from 1; for those with a texture."""
+    found: dict[int, Paint] = {}
+    files: dict[bytes, bytes] = {}
+    for number, skin in enumerate(skins, start=1):
+        if skin.texture and skin.uv is not None:
+            if skin.texture not in files:
+                files[skin.texture] = _without_alpha(skin.texture)
+            found[number] = Paint(files[skin.texture], np.column_stack([skin.uv[:, 0], 1.0 - skin.uv[:, 1]]))
+    return found
+
+
+def _without_alpha(data: bytes) -> bytes:
+    """MuJoCo reads no JPEG. Transparency is left out."""
+    from PIL import Image  # only objects with textures need it
+
+    out = io.BytesIO()
+    with Image.open(io.BytesIO(data)) as picture:
+        picture.convert("RGB").save(out, "PNG")
+    return out.getvalue()
+
+
+MARGIN = 0.07  # metres of table beyond what is on it
+FARTHEST = 100.0  # maximum extent of a table beyond the workspace, in metres
+SHEET = 0.0004  # metres: the thickness of the first region
+WIDE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
+DRAWN = 32  # corners of a round region
+Own: TypeAlias = "Mapping[str, OwnBody]"  # by the objects' names
+NOTHING: Own = {}
+LEAST_SHEET = 1e-9  # square metres: smaller parts of a region are left out
+
+
+def worlds_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> Iterator[World]:
+    """The worlds of a scene file: one, or one for all scenes with the same numbers of things. `own` and what is raised
+    as in `world_of`."""
+    if not header.counts:
+        yield world_of(header, scenes, own)
+        return
+    whole = {one.name: one for one in _bodies(header, own)}
+    found = counts_in(header, scenes.rows)
+    for numbers in np.unique(found, axis=1).T:
+        mine = np.flatnonzero((found == numbers[:, None]).all(axis=0))
+        member = member_of(header, dict(zip((one.name for one in header.counts), numbers.tolist(), strict=True)))
+        rows = scenes.rows[np.ix_(~np.isnan(scenes.rows[:, mine[0]]), mine)]
+        world = world_of(member, Block(rows, scenes.phi[:, mine]), own)
+        bodies = tuple(whole[one.name] for one in member.objects)  # of the same colours in all scenes
+        yield replace(world, bodies=bodies, numbers=tuple((mine + 1).tolist()))
+
+
+def recorded(world: World, header: SceneFile, scenes: Block, labels: Sequence[str]) -> World:
+    """A world of `worlds_of` with what the file says of its scenes; `labels` are those of the block's phi."""
+    mine = np.array(world.scenes) - 1
+    phi = dict(zip(labels, scenes.phi[:, mine], strict=True))
+    counts: dict[str, int] = {}
+    assets: dict[str, str] = {}
+    if header.counts:
+        numbers = counts_in(header, scenes.rows[:, mine[:1]])[:, 0].tolist()
+        for one, number in zip(header.counts, numbers, strict=True):
+            if one.assets:
+                assets[one.name] = one.assets[number - 1]
+            else:
+                counts[one.name] = number
+    everything = tuple(one.name for one in header.objects)
+    return replace(world, record=Record(header.spec.source, phi, counts, assets, everything))
+
+
+def _bodies(header: SceneFile, own: Own) -> tuple[Body, ...]:
+    spec = check_text(header.spec.source, "the spec of the scenes")
+    fixed = {spec.objects[index] for index in spec.fixed}
+    return bodies_of([one.name for one in header.objects], [_shape(one.shape) for one in header.objects], fixed, own)
+
+
+def world_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> World:
+    """The world of a scene file's header and (some of) its scenes, which have the same objects. `own` has the bodies of
+    objects, by name, that are from files of one's own; without it these are prisms over their outlines.
+
+    Raises DataError if an object is too far from the table, SpecError if the header's spec is damaged.
+    """
+    names = [one.name for one in header.objects]
+    check_names(names)
+    check_sizes(header, WIDE)
+    shapes = [_shape(one.shape) for one in header.objects]
+    bodies = _bodies(header, own)
+    rows = scenes.rows[: row_count(len(names))]
+    places = np.ascontiguousarray(flat(as_poses(rows)))
+    table = _table(header, shapes, names, places)
+    heights = base_heights(shapes, places, declared=heights_of(header, scenes.rows[len(rows) :].T))
+    poses = np.concatenate([places[..., :2], heights[..., None], np.remainder(places[..., 2:], math.tau)], axis=-1)
+    return World(printable(header.spec.title), bodies, _patches(header.regions, table), table, poses)
+
+
+def bodies_of(
+    names: Sequence[str], shapes: Sequence[Shape], fixed: Collection[str], own: Own = NOTHING
+) -> tuple[Body, ...]:
+    """The bodies of objects; those named in `fixed` cannot be moved, and those in `own` are drawn as their skins or,
+    without these, as their convex pieces. Raises DataError for one without a volume."""
+    usual = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
+    colors = [rgb_of(shape.color) if shape.color else one for shape, one in zip(shapes, usual, strict=True)]
+    shapes = [replace(shape, color="") for shape in shapes]  # those of one size share a mesh, whatever their colours
+    forms = _forms(names, shapes, own)
+    return tuple(
+        Body(
+            name,
+            forms[shape, own.get(name)],
+            _colors(shape, color, own.get(name)),
+            max(_mass(shape, own.get(name)), LEAST_MASS),
+            _friction(shape, own.get(name)),
+            name in fixed,
+        )
+        for name, shape, color in zip(names, shapes, colors, strict=True)
+    )
+
+
+def _colors(shape: Shape, color: RGB, own: OwnBody | None) -> tuple[RGB, ...]:
+    if own is not None and own.skins:
+        return tuple(skin.color or color for skin in own.skins)
+    return tuple(part.color for part in parts_of(shape, color)) if own is None else (color,) * len(own.pieces)
+
+
+def _mass(shape: Shape, own: OwnBody | None) -> float:
+    """Kilograms: what its file says, else of wood that fills its convex pieces."""
+    if own is None:
+        return mass_of(shape)
+    return DENSITY * sum(piece.volume for piece in own.pieces) if own.mass is None else own.mass
+
+
+def _friction(shape: Shape, own: OwnBody | None) -> float:
+    return friction_of(shape) if own is None or own.friction is None else own.friction
+
+
+def _shape(data: ShapeData) -> Shape:
+    asset = data.asset if data.asset in ASSETS or data.asset in PLAIN else UNKNOWN
+    return Shape(asset, footprint_of(data.footprint), data.height, open=tuple(data.open), color=data.color)
+
+
+def _forms(names: Sequence[str], shapes: Sequence[Shape], own: Own) -> dict[tuple[Shape, OwnBody | None], BodyForm]:
+    forms: dict[tuple[Shape, OwnBody | None], BodyForm] = {}
+    for name, shape in zip(names, shapes, strict=True):
+        mine = own.get(name)
+        if (shape, mine) not in forms:
+            same = sum(other.asset == shape.asset for other, _ in forms)
+            solids = collision_of(shape) if mine is None else mine.pieces
+            pieces = tuple(piece_of(solid) for solid in solids)
+            skins = () if mine is None else mine.skins
+            parts = tuple(part.mesh for part in parts_of(shape, WOODEN)) if mine is None else solids
+            parts = tuple(Mesh(skin.vertices, skin.faces) for skin in skins) or parts
+            try:
+                mass = inertia(solids)
+            except ValueError:
+                raise DataError(NO_VOLUME(name=name)) from None
+            form = f"{shape.asset}{same + 1 if same else ''}"
+            forms[shape, mine] = BodyForm(form, parts, pieces, mass, paints_of(skins), bool(skins))
+    return forms
+
+
+def boards_of(regions: Sequence[Region]) -> tuple[Patch, ...]:
+    """The boards of a spec: its regions at heights."""
+    boards = []
+    for region in regions:
+        if region.height:
+            corners = tuple(_corners(region.footprint, region.pose))
+            boards.append(Patch(corners, LINEN, min(BOARD, region.height), region.height))
+    return tuple(boards)
+
+
+def _corners(footprint: Footprint, pose: tuple[float, float, float]) -> list[tuple[float, float]]:
+    x, y, theta = pose
+    cos, sin = math.cos(theta), math.sin(theta)
+    return [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in _outline(footprint)]
+
+
+def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ...]:
+    """The regions as sheets, clipped at the table."""
+    patches: list[Patch] = []
+    for region, color in zip(regions, of_regions([region.name for region in regions]), strict=True):
+        pose = (region.pose.x, region.pose.y, region.pose.theta)
+        lying = clipped(_corners(footprint_of(region.footprint), pose), table)
+        if len(lying) >= 3 and signed_area(lying) > LEAST_SHEET:
+            top = region.height
+            sheet = min(BOARD, top) if top else SHEET * (1.0 + 0.25 * len(patches))
+            patches.append(Patch(lying, color, sheet, top))
+    return tuple(patches)
+
+
+def _outline(footprint: Footprint) -> Sequence[tuple[float, float]]:
+    match footprint:
+        case Circle(radius):
+            turns = [k * math.tau / DRAWN for k in range(DRAWN)]
+            return [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
+        case Box(length, width):
+            x, y = length / 2.0, width / 2.0
+            return [(-x, -y), (x, -y), (x, y), (-x, y)]
+        case Polygon(vertices):
+            return vertices
+
+
+def _table(header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], places: Floats) -> Rectangle:
+    """The workspace, extended to contain all objects. Raises DataError if that is too far."""
+    (x0, x1), (y0, y1) = header.workspace.x, header.workspace.y
+    least, most = np.array([x0, y0]), np.array([x1, y1])
+    for shape, name, place in zip(shapes, names, np.moveaxis(places, 1, 0), strict=True):
+        if not len(place):
+            continue
+        away = np.maximum(place[:, :2] - (x1, y1), (x0, y0) - place[:, :2]).max(axis=1)
+        if away.max() > FARTHEST:
+            facts = {"distance": away.max(), "scene": int(away.argmax()) + 1, "limit": FARTHEST}
+            raise DataError(OFF_THE_TABLE(name=name, **facts))
+        reach = max(math.hypot(u, v) for u, v in _outline(shape.footprint))
+        least = np.minimum(least, place[:, :2].min(axis=0) - reach)
+        most = np.maximum(most, place[:, :2].max(axis=0) + reach)
+    (left, front), (right, back) = (least - MARGIN).tolist(), (most + MARGIN).tolist()
+    return left, front, right, back

@@ -1,1 +1,1 @@
-"""Scenes in a simulator: settling, and loading a world into PyBullet. Only `drop` and `load` import pybullet."""
+"""Scenes in a simulator: settling, and loading a world into PyBullet. Only `bullet` imports pybullet."""

@@ -25,12 +25,14 @@ from scenegen.things import Shape
 from scenegen.things.bodies import DENSITY
 from scenegen.things.mesh import Floats, Mesh
 from scenegen.things.outline import simplified
-from scenegen.worlds.export import stl, world
+from scenegen.worlds.export import world
+from scenegen.worlds.export.meshes import stl
 
 Triple = tuple[float, float, float]
 Brick = tuple[list[float], list[float]]  # middle and sizes of a box along the axes of its body
 
 SIDES = 32  # number of sides of prisms for round objects
+STEP = 1.0 / 240.0  # seconds: PyBullet's usual one
 MOST_PIECES = 16  # that `createCollisionShapeArray` takes: it drops all others without a word
 ROBOT = ".urdf"
 MOST = 64  # maximum corners of an outline; one with more is replaced by an enclosing one
@@ -88,7 +90,7 @@ def piece_files(bodies: Sequence[InertialBody]) -> Iterator[tuple[tuple[str | Br
             brick = world.piece_of(piece).box
             if brick is not None:
                 return brick
-            data = stl.binary(piece)
+            data = stl(piece)
             if data not in written:
                 path = Path(folder) / f"{len(written)}.stl"
                 path.write_bytes(data)

@@ -2,7 +2,7 @@
 
 A scene settles if no object's centre of mass gets more than 1 cm from where it started and none turns by more than 5
 degrees, about any axis, at any of the 30 moments of the second at which it is looked at. The objects start at rest on
-what they stand on (see `assets.support`), on an infinite table, under gravity and friction, without bounce. They are
+what they stand on (see `things.surfaces`), on an infinite table, under gravity and friction, without bounce. They are
 prisms of footprint x height where heights are read from poses; where a spec declares heights they have their own convex
 pieces, since things then stand in others (see `bodies`). Fixed objects cannot be moved. The scenes keep their poses
 from before the simulation, because phi was verified for them.
@@ -14,7 +14,7 @@ import math
 from collections.abc import Collection, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -32,28 +32,21 @@ from scenegen.search.effort import NEVER, Stop
 from scenegen.things import Shape
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export import sdf
-from scenegen.worlds.export.setting import boards_of, bodies_of
-from scenegen.worlds.export.world import Patch
+from scenegen.worlds.export.world import Patch, boards_of, bodies_of
 from scenegen.worlds.physics.bodies import (
     FRICTION,
-    Brick,
-    InertialBody,
     board_of,
     piece_files,
     prism_of,
     whole_of,
     within,
 )
-
-if TYPE_CHECKING:
-    from scenegen.worlds.physics.drop import PybulletWorld
-
+from scenegen.worlds.physics.simulation import ROUND, DropJob, PybulletSetup
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 ROUGH = math.sqrt(FRICTION)  # the table's friction where bodies are prisms
-ROUND = 8  # scenes given to a process at a time: half a second of a full table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,28 +68,6 @@ class Displacements:
     def kept(self) -> Mask:
         """(scenes,): which scenes settled."""
         return np.asarray(~self.moved.any(axis=1))
-
-
-class DropJob:
-    """Scenes (scenes, objects, 4): x, y, theta, height -> the motions (scenes, objects, 2) that `drop.PybulletWorld`
-    measures. pybullet is imported with the first scene, in the worker."""
-
-    def __init__(
-        self,
-        bodies: Sequence[InertialBody],
-        files: Sequence[Sequence[str | Brick]] | None,
-        friction: float,
-        boards: int = 0,
-    ) -> None:
-        self.bodies, self.files, self.friction, self.boards = bodies, files, friction, boards
-        self._world: PybulletWorld | None = None  # of the process that drops
-
-    def __call__(self, places: Floats) -> Floats:
-        if self._world is None:
-            from scenegen.worlds.physics.drop import PybulletWorld
-
-            self._world = PybulletWorld(self.bodies, self.files, friction=self.friction, boards=self.boards)
-        return np.stack([self._world.drop(scene) for scene in places])
 
 
 class Settler:
@@ -126,14 +97,14 @@ class Settler:
         if not declared:
             bodies = [prism_of(shape, fixed=which in fixed) for which, shape in enumerate(shapes)]
             bodies += [board_of(board, ROUGH) for board in boards]
-            drop = DropJob(bodies, None, ROUGH, len(boards))
+            made = PybulletSetup(bodies, None, len(boards), ROUGH)
         else:
             names = [f"{which}" for which in range(len(shapes))]
             bodies = [whole_of(one) for one in bodies_of(names, shapes, {f"{which}" for which in fixed})]
             bodies += [board_of(board, sdf.ROUGH) for board in boards]
-            drop = DropJob(bodies, self._opened.enter_context(piece_files(bodies)), sdf.ROUGH, len(boards))
+            made = PybulletSetup(bodies, self._opened.enter_context(piece_files(bodies)), len(boards))
         self._pool: Pool[Floats, Floats] = Pool(
-            drop, workers or cores(), what="a process that drops scenes", unit="round"
+            DropJob(made), workers or cores(), what="a process that drops scenes", unit="round"
         )
 
     def __enter__(self) -> Settler:

@@ -26,8 +26,7 @@ from scenegen.show.view.jobs.describe import stage_of_spec, trees_of
 from scenegen.show.view.jobs.source import mark_data, spec_of
 from scenegen.show.view.jobs.trees import own
 from scenegen.show.view.limits import MAX_POSES
-from scenegen.things.overlap import overlapping
-from scenegen.things.surfaces import base_heights
+from scenegen.things.surfaces import base_heights, overlapping
 
 Array = npt.NDArray[np.float64]
 

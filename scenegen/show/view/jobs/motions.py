@@ -24,8 +24,7 @@ from scenegen.show.figures.dimensions import dimensions
 from scenegen.show.view.jobs.describe import stage_of_spec
 from scenegen.show.view.jobs.source import mark_data
 from scenegen.show.view.jobs.trees import check_size, own, timed_of, trees_of
-from scenegen.things.overlap import overlapping
-from scenegen.things.surfaces import base_heights
+from scenegen.things.surfaces import base_heights, overlapping
 
 Array = npt.NDArray[np.float64]
 

@@ -1,14 +1,154 @@
-"""A chest of drawers, each open by a share of its length; and one drawer alone.
+"""What holds and carries other things, in numbers: vessels, crates, shelf units, cabinets, drawers and racks.
 
-Sizes in metres. The carcass is one solid piece: what is in it can neither be seen nor reached. A drawer's surface is
-the part of its floor that is out, clear of all that juts out above it: whatever stands there has free height above it.
+In the object's own frame: metres, z = 0 its lowest point, heading along +x, which is where furniture has its front.
+Nothing here makes a mesh, so specs are checked without: `bodies` has the pieces that collide, `storage` those drawn.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 
-from scenegen.things.parts import DrawerPull, Slab, SupportSurface
+import numpy as np
+
+from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
+
+# --------------------------------------------------------------------------------------------------------------------
+# What furniture is made of: upright pieces, and surfaces. In the object's frame, with its front along +x; metres.
+
+
+@dataclass(frozen=True, slots=True)
+class DrawerPull:
+    """How far a drawer is open: the share of its length `full`, and how much of that can be reached from above; what
+    juts out above it hides the rest. `reach` is negative where more is hidden than is open."""
+
+    share: float
+    reach: float
+    full: float
+    width: float
+
+    def least(self, need: float) -> float:
+        """The share from which on `need` metres can be reached, whatever else stays as it is; may be above 1."""
+        return self.share + (need - self.reach) / self.full
+
+
+@dataclass(frozen=True, slots=True)
+class SupportSurface:
+    """A flat part that other things can stand on.
+
+    `height` is above the object's lowest point and `clear` the free height above the surface. On a `walled` surface
+    things stand with all of their footprint, elsewhere with their centre: they may reach over the edge. `pull` says of
+    a cabinet's drawer how far it is open, and `far` how far from the origin a thing's centre can be, where the surface
+    was made for this thing (`surfaces.py`).
+    """
+
+    name: str
+    outline: Footprint
+    height: float
+    clear: float = math.inf
+    walled: bool = False
+    pull: DrawerPull | None = None
+    far: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Slab:
+    """An upright piece: a rectangle of the object's frame, (x lowest, y lowest, x highest, y highest), and the heights
+    of its bottom and its top."""
+
+    box: tuple[float, float, float, float]
+    low: float
+    high: float
+
+    @property
+    def footprint(self) -> Polygon:
+        x0, y0, x1, y1 = self.box
+        return Polygon(((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+
+
+@dataclass(frozen=True, slots=True)
+class ShelfUnit:
+    """Boards between two sides and a back, open in front; sizes in metres. `levels` are the tops of the boards, of
+    which the last is the lid."""
+
+    depth: float
+    width: float
+    levels: tuple[float, ...]
+    side: float = 0.018
+    back: float = 0.008
+    board: float = 0.018
+
+    def slabs(self) -> tuple[Slab, ...]:
+        x, y, top = self.depth / 2.0, self.width / 2.0, self.levels[-1]
+        sides = [Slab((-x, low, x, low + self.side), 0.0, top) for low in (-y, y - self.side)]
+        inner = (-x, self.side - y, x, y - self.side)
+        back = Slab((-x, self.side - y, self.back - x, y - self.side), 0.0, top)
+        return (*sides, back, *(Slab(inner, level - self.board, level) for level in self.levels))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Things with room inside: vessels of revolution and crates, as convex pieces and as the rooms that they leave.
+
+
+Rooms = tuple[tuple[Circle | Box, float], ...]
+
+SIDES = 16  # of a vessel's wall
+STEP = 0.004  # metres between the heights at which a sloping wall is looked at
+
+
+@dataclass(frozen=True, slots=True)
+class Vessel:
+    """A surface of revolution with an inside: rows (z, outer radius, inner radius) from the bottom up, in metres; the
+    inner radius is 0 as long as it is solid. `handle`: from x, to x; lowest z, highest z."""
+
+    rows: tuple[tuple[float, float, float], ...]
+    handle: tuple[float, float, float, float] | None = None
+
+    def rooms(self) -> Rooms:
+        """What fits inside, and how high it then stands: the deepest first. A wall of flat pieces takes a little."""
+        found: dict[float, float] = {}
+        for (z0, _, inner0), (z1, _, inner1) in pairwise(self.rows):
+            if inner0 == 0.0 and inner1 > 0.0:
+                found.setdefault(z1, inner1)
+                continue
+            if inner1 > inner0:
+                for share in np.linspace(0.0, 1.0, 1 + math.ceil((z1 - z0) / STEP)):
+                    found.setdefault(z0 + float(share) * (z1 - z0), inner0 + float(share) * (inner1 - inner0))
+        flat = math.cos(math.pi / SIDES)
+        return tuple((Circle(radius * flat), z) for z, radius in sorted(found.items()))
+
+
+@dataclass(frozen=True, slots=True)
+class Crate:
+    """A box without a lid: sizes of its outside, and how thick its walls and its floor are, in metres."""
+
+    length: float
+    width: float
+    height: float
+    wall: float
+    floor: float
+
+    def rooms(self) -> Rooms:
+        return ((Box(self.length - 2.0 * self.wall, self.width - 2.0 * self.wall), self.floor),)
+
+
+Rows = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RoundSolid:
+    """A solid of revolution: rows (z, radius) from the bottom up, in metres; a height that occurs twice is a step."""
+
+    rows: Rows
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A chest of drawers, each open by a share of its length; and one drawer alone.
+#
+# The carcass is one solid piece: what is in it can neither be seen nor reached. A drawer's surface is the part of its
+# floor that is out, clear of all that juts out above it: whatever stands there has free height above it.
+
 
 WIDTH = 0.440
 BODY = 0.320  # from the back to the fronts of closed drawers
@@ -169,3 +309,6 @@ class Rack:
                 cell = Slab((start, left, start + CELL, left + CELL), 0.0, 0.0).footprint
                 found.append(SupportSurface(f"slot[{len(found) + 1}]", cell, BASE, walled=True))
         return tuple(found)
+
+
+Form = Vessel | Crate | RoundSolid | ShelfUnit | Cabinet | Drawer | Rack

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from numbers import Real
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -20,14 +18,11 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
-from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.geometry.attitude import Floats, standing, turn_between, upright
+from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
+from scenegen.geometry.attitude import upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
-from scenegen.needs import need
 from scenegen.pose import as_poses, row_count, rows_of
-from scenegen.processes.pool import Pool, check_workers
-from scenegen.processes.process import cores
 from scenegen.scenes.blocks import Block, counts_in, joined
 from scenegen.scenes.data import SceneFile, SettledHeader, SimulatorData
 from scenegen.scenes.files import check_writable
@@ -36,142 +31,9 @@ from scenegen.scenes.formats.settled import write_settled
 from scenegen.scenes.formats.settled_blocks import MM, POSE, SettledBlock, Touch
 from scenegen.scenes.numbers import member_of
 from scenegen.validation import as_path, as_seconds
-from scenegen.worlds.export import mjcf, sdf
-from scenegen.worlds.export.setting import NOTHING, Own, world_of
-from scenegen.worlds.export.world import World
-from scenegen.worlds.physics.bodies import TABLE, Brick, Contact, InertialBody, board_of, piece_files, whole_of
-
-# --------------------------------------------------------------------------------------------------------------------
-# Where the objects of scenes come to rest, in PyBullet or MuJoCo, on several processes.
-#
-# The objects are those of files for simulators (`export.world`): convex pieces, mass, friction. They start where the
-# scene has them, on an infinite table with the spec's boards, under gravity. Fixed objects cannot be moved.
-
-
-# name -> its package. Names are those of packages, for which `needs` says how to install them.
-SIMULATORS = ("mujoco", "pybullet")
-TITLES = {"mujoco": "MuJoCo", "pybullet": "PyBullet"}
-FINE = 1.0 / 960.0  # seconds: with pybullet's usual 240 steps a second, towers lean by up to 2 degrees
-ROUND = 8  # scenes given to a process at a time: up to two seconds of a core
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RestResult:
-    """Of m scenes of N objects: `planned` and `poses` (m, N, 7), place and quaternion (w first) before and after, and
-    what touched before, by scene. A simulation that diverged leaves NaN."""
-
-    planned: Floats
-    poses: Floats
-    contacts: tuple[tuple[Contact, ...], ...]
-
-    @property
-    def shift(self) -> Floats:
-        """(m, N): how far each object's origin is from where it was planned, in metres."""
-        return np.asarray(np.linalg.norm(self.poses[..., :3] - self.planned[..., :3], axis=-1))
-
-    @property
-    def turn(self) -> Floats:
-        """(m, N): by how much each is turned against the plan, about any axis, in degrees."""
-        return turn_between(self.planned[..., 3:], self.poses[..., 3:])
-
-
-class DropSimulator(Protocol):
-    def rest(self, places: Floats, seconds: float) -> tuple[Floats, tuple[Contact, ...]]: ...
-
-
-@dataclass(frozen=True, slots=True)
-class MujocoSetup:
-    """What a worker needs for MuJoCo: the model as XML."""
-
-    model: str
-
-    def world(self) -> DropSimulator:
-        from scenegen.worlds.physics.drop_mujoco import MujocoWorld
-
-        return MujocoWorld(self.model)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PybulletSetup:
-    """What a worker needs for PyBullet: the bodies, and the files of their pieces."""
-
-    bodies: Sequence[InertialBody]
-    files: Sequence[Sequence[str | Brick]]
-    boards: int
-
-    def world(self) -> DropSimulator:
-        from scenegen.worlds.physics.drop import PybulletWorld
-
-        return PybulletWorld(self.bodies, self.files, friction=sdf.ROUGH, step=FINE, boards=self.boards)
-
-
-class RestJob:
-    """Scenes (m, N, 4): x, y, theta, z -> where they come to rest. The simulator is loaded with the first, in the
-    worker."""
-
-    def __init__(self, simulator: MujocoSetup | PybulletSetup, seconds: float) -> None:
-        self._simulator, self._seconds = simulator, seconds
-        self._world: DropSimulator | None = None
-
-    def __call__(self, places: Floats) -> RestResult:
-        if self._world is None:
-            self._world = self._simulator.world()
-        found = [self._world.rest(scene, self._seconds) for scene in places]
-        poses = np.stack([one for one, _ in found])
-        finite = np.isfinite(poses).all(axis=-1, keepdims=True)
-        return RestResult(standing(places), np.where(finite, poses, np.nan), tuple(contacts for _, contacts in found))
-
-
-class RestPool:
-    """Lets scenes of a world's bodies come to rest on several processes, which start with the first scenes and run
-    until `close`: use it as a context manager. Results do not depend on the number of processes.
-
-    Raises RequestError for an unknown simulator, for one that is not installed, and for fewer than 1 worker.
-    """
-
-    def __init__(self, world: World, simulator: str, seconds: float, workers: int | None = None) -> None:
-        check_simulator(simulator)
-        workers = cores() if workers is None else check_workers(workers)
-        self._opened = ExitStack()
-        made: MujocoSetup | PybulletSetup
-        if simulator == "mujoco":
-            made = MujocoSetup(mjcf.bench(world).decode())
-        else:
-            bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.ROUGH) for board in world.boards)]
-            files = self._opened.enter_context(piece_files(bodies))
-            made = PybulletSetup(bodies, files, len(world.boards))
-        self._pool: Pool[Floats, RestResult] = Pool(
-            RestJob(made, seconds), workers, what="a process that simulates scenes", unit="round"
-        )
-
-    def __enter__(self) -> RestPool:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End the processes."""
-        self._pool.close()
-        self._opened.close()
-
-    def rest(self, rounds: Iterable[Floats]) -> Generator[RestResult, None, None]:
-        """What becomes of rounds of scenes (m, N, 4), each x, y, theta, z; in their order. Raises ScenegenError if a
-        process fails."""
-        return self._pool.map(rounds)
-
-
-def check_simulator(name: str) -> None:
-    """Raises RequestError for an unknown simulator, and for one that is not installed."""
-    if name not in SIMULATORS:
-        raise RequestError(UNKNOWN_CHOICE(what="simulator", name=str(name), known=SIMULATORS))
-    need(name, f"to settle scenes in {TITLES[name]}")
-
-
-def version_of(simulator: str) -> str:
-    """The version that is installed."""
-    return version(simulator)
-
+from scenegen.worlds.export.world import NOTHING, Own, World, world_of
+from scenegen.worlds.physics.bodies import TABLE, Contact
+from scenegen.worlds.physics.simulation import ROUND, RestResult, check_simulator, resting, version_of
 
 # --------------------------------------------------------------------------------------------------------------------
 # Settling scenes that differ in how many things there are: scenes of the same things together.
@@ -427,7 +289,7 @@ def settle_file(
 def _own(scenes: SceneFile, meshes: str | Path | None) -> Own:
     if meshes is None:
         return NOTHING
-    from scenegen.worlds.export.world import own_bodies_of
+    from scenegen.worlds.own_body import own_bodies_of
 
     return own_bodies_of(scenes, as_path("meshes", meshes))
 
@@ -492,10 +354,7 @@ def _same_objects(
                 yield poses[start : start + ROUND][..., [0, 1, 3, 2]]
 
     simulator = header.simulator
-    with (
-        RestPool(bare, simulator.name, simulator.seconds, workers) as resting,
-        closing(resting.rest(rounds())) as rested,
-    ):
+    with resting(bare, simulator.name, simulator.seconds, workers) as rest, closing(rest(rounds())) as rested:
         for one in rested:
             yield _judged(spec, scenes, header, bare, one, *waiting.popleft())
 

@@ -1,4 +1,4 @@
-"""Scenes in PyBullet: how far objects move, and where they come to rest. It, `painter` and `load` import pybullet.
+"""Scenes in PyBullet: how far objects move, and where they come to rest. Only this module and `painter` import it.
 
 Every scene gets a new world. Moving the bodies of the last scene instead would save 2 ms, but its contacts and the
 engine's order of pairs would affect the next scene: its last digits, and sometimes the verdict, would depend on the
@@ -8,17 +8,22 @@ scenes before it (measured: in another order none of 60 scenes gave the same res
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pybullet
 
-from scenegen.worlds.physics.bodies import ROBOT, TABLE, Brick, Contact, InertialBody, Triple, gathered, within
+from scenegen.errors import RequestError
+from scenegen.errors.program import NOT_CONNECTED
+from scenegen.worlds.export import sdf
+from scenegen.worlds.export.world import World
+from scenegen.worlds.physics.bodies import ROBOT, STEP, TABLE, Brick, Contact, InertialBody, Triple, gathered, within
 
 Floats = npt.NDArray[np.float64]
 
-STEP = 1.0 / 240.0  # seconds
 LOOKS = 30  # calls a second, each of several steps; after each, `drop` looks where the objects are
 GRAVITY = 9.81
 MARGIN = 1e-5  # metres by which pybullet rounds off bodies. They start at rest on their margins. Falls, or wider
@@ -226,3 +231,38 @@ def _motion(before: Where, now: Where) -> tuple[float, float]:
         aw * bz - ax * by + ay * bx - az * bw,
     )
     return math.dist(before[0], now[0]), math.degrees(2.0 * math.atan2(sin, cos))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A world in a running PyBullet.
+#
+# PyBullet reads the SDF that Gazebo does, but takes neither inertia nor friction from it, and rounds bodies off by a
+# millimetre: these are set afterwards. (It lets the rounding of convex pieces be set where these are STL files.)
+
+
+def load(world: World, client: int, *, table: bool) -> dict[str, int]:
+    """Add the first scene of a world; returns the number of each object's body, by name. With `table` the table is
+    added too, with the smallest number. Raises RequestError if the client is not connected."""
+    if not pybullet.isConnected(physicsClientId=client):
+        raise RequestError(NOT_CONNECTED(client=client))
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "meshes").mkdir()
+        for name, data in sdf.meshes(world, hulls="stl"):
+            (Path(folder) / "meshes" / name).write_bytes(data)
+        path = Path(folder) / "scene.sdf"
+        path.write_bytes(sdf.bare(world, "meshes", table=table, hulls="stl"))
+        numbers = list(pybullet.loadSDF(str(path), physicsClientId=client))
+    if table:
+        _settle(numbers.pop(0), sdf.ROUGH, client)
+    for number, body in zip(numbers, world.bodies, strict=True):
+        _settle(number, body.friction, client)
+        if not body.fixed:
+            moments = np.diag(body.moments).tolist()  # its axes are the object's, or nearly so
+            pybullet.changeDynamics(number, -1, localInertiaDiagonal=moments, physicsClientId=client)
+    return {body.name: number for body, number in zip(world.bodies, numbers, strict=True)}
+
+
+def _settle(number: int, friction: float, client: int) -> None:
+    pybullet.changeDynamics(
+        number, -1, lateralFriction=friction, restitution=0.0, collisionMargin=MARGIN, physicsClientId=client
+    )

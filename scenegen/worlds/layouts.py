@@ -102,7 +102,7 @@ def lifts(scenes: SceneArrays, origins: Origins) -> Array:
 
 ORDERS = ("wxyz", "xyzw")
 DRAWS = 8  # draws that are kept for `at`
-STREAM = 13  # the stream of random numbers of layouts; worlds/robosuite/starts.py and others have streams of their own
+STREAM = 13  # the stream of random numbers of layouts; worlds/robosuite.py and others have streams of their own
 
 
 class Taken(NamedTuple):

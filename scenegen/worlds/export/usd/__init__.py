@@ -1,1 +1,0 @@
-"""Scenes as OpenUSD stages, for Isaac Sim, Isaac Lab and other users of Omniverse (https://openusd.org)."""

@@ -112,7 +112,7 @@ def export(
 def _dressing(file: SceneFile, looks: str | Path, seed: int) -> SceneLooks:
     """The looks of scenes, with the cameras of their pictures. Raises RequestError, DataError."""
     from scenegen.scenes.stage import stage_of
-    from scenegen.show.looks.read import read_looks
+    from scenegen.show.looks.configuration import read_looks
     from scenegen.show.render.files import check_seed, usual_size
     from scenegen.worlds.export.world import SceneLooks
 

@@ -29,7 +29,7 @@ from scenegen.scenes.data import RequestData, SceneFile
 from scenegen.scenes.stage import heights_of, varying
 
 if TYPE_CHECKING:
-    from scenegen.show.render.live import LiveRenderer
+    from scenegen.show.render.worker import LiveRenderer
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -51,7 +51,7 @@ def check_render(mode: str | None, view: str, size: tuple[int, int]) -> None:
         wanted = "(width, height) in whole pixels"
         raise refused(WRONG_VALUE(argument="size", value=repr(size), wanted=wanted))
     if mode is not None:
-        from scenegen.show.render.live import check_request
+        from scenegen.show.render.worker import check_request
 
         with as_gymnasium():
             check_request((view,), size, None)
@@ -68,7 +68,7 @@ class SceneRenderer:
 
     def draw(self, row: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
         """A scene (3N,) as (height, width, 3). The first one determines how high the camera looks."""
-        from scenegen.show.render.live import LiveRenderer
+        from scenegen.show.render.worker import LiveRenderer
 
         count = row_count(len(self._spec.objects))
         poses, on = as_poses(row[:count]), stored_rows(self._spec, row[:, None])[count:].T

@@ -64,7 +64,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def exported(name: str) -> str:
     """A shipped spec as a page without a server (`scenegen view --export`)."""
     from scenegen.show.view.export import export_page
-    from scenegen.show.view.opened import open_
+    from scenegen.show.view.project import open_
 
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"

@@ -324,7 +324,7 @@ def _check_figure(figure: Path, path: Path) -> None:
 def _draw(figure: Path, scored: TimedValues, spec: Spec) -> None:
     from scenegen.cli.output import print_error
     from scenegen.scenes.files import write_whole
-    from scenegen.show.motions import phi_chart
+    from scenegen.show.figures.charts import phi_chart
 
     assert spec.horizon is not None
     times = [moment * spec.horizon.dt for moment in range(spec.horizon.moments)]

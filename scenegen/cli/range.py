@@ -80,7 +80,7 @@ def range_(
     complain(*found.warnings)
     if png is not None:
         from scenegen.cli.output import print_error
-        from scenegen.show.figures.plot import RarityPanel, plot
+        from scenegen.show.figures.charts import RarityPanel, plot
 
         panels = [
             RarityPanel(one.label, one.bounds, _points(one.curve, "above"), _points(one.curve, "below"))

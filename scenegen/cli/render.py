@@ -12,7 +12,7 @@ import typer
 
 from scenegen.cli.many import Address, Engine, JobMessages, names_of, refuse_engine, shared_work
 from scenegen.cli.options import Meshes, PosesOf, whole
-from scenegen.errors.program import NO_PICTURE, STILL_OUTLINES
+from scenegen.errors.program import NOT_ITS_MODEL
 from scenegen.errors.requests import OUT_OF_PLACE, OUT_OF_RANGE, SIZE_SYNTAX
 
 TELL = 10.0  # seconds between two lines of progress where there is no terminal
@@ -302,10 +302,10 @@ def draw(
     took = time.perf_counter() - started
     _note_unknown(scenes)
     if meshes is not None:
-        from scenegen.show.render.models import still_outlines
+        from scenegen.show.render.scenes import still_outlines
 
         if left := still_outlines(scenes.header, meshes):
-            note(STILL_OUTLINES(names=left))
+            note(NOT_ITS_MODEL(outlines=left))
     speed = f"{len(scenes) / took:.3g} scenes/s"
     print_error(f"drew {len(drawn.pictures)} pictures in {out} ({speed}); contact sheet: {drawn.sheet}")
     note_others(out, len(scenes), ".png")
@@ -347,7 +347,7 @@ def _unknown(scenes: SceneSet) -> tuple[Diagnostic, ...]:
 
     shown = {*ASSETS, *PLAIN} - {UNKNOWN}
     unknown = [one.name for one in scenes.header.objects if one.shape.asset not in shown and not has_picture(one.name)]
-    return (NO_PICTURE(names=unknown),) if unknown else ()
+    return (NOT_ITS_MODEL(blocks=unknown),) if unknown else ()
 
 
 def _refuse_with_figures(

@@ -51,7 +51,7 @@ def view(
     from scenegen.errors import RequestError
     from scenegen.errors.program import PUBLIC_ADDRESS, SERVED_IN_PUBLIC
     from scenegen.errors.requests import NOT_INSTALLED
-    from scenegen.show.view.opened import open_
+    from scenegen.show.view.project import open_
 
     if host not in LOOPBACK and not public:
         raise RequestError(PUBLIC_ADDRESS(host=host))

@@ -33,17 +33,15 @@ NOT_CONNECTED = Kind(
 NO_EGL = Kind("no-egl", "this pybullet has no EGL renderer", help="leave `<renderer=egl>` out")
 
 # notes
-NO_PICTURE = Kind(
-    "no-picture",
-    "no picture for {names:quoted}: drawn as blocks",
-    help="`scenegen assets` lists what there is",
+NOT_ITS_MODEL = Kind(
+    "not-its-model",
+    ("no picture for {blocks:quoted}: drawn as blocks", "drawn as outlines: {outlines:quoted}"),
+    help=(
+        "{blocks:?}`scenegen assets` lists what there is",
+        "{outlines:?}`<meshes>` draws .glb, .gltf, .obj and .stl meshes and URDF files",
+    ),
     severity="note",
-)
-STILL_OUTLINES = Kind(
-    "still-outlines",
-    "drawn as outlines: {names:quoted}",
-    help="`<meshes>` draws .glb, .gltf, .obj and .stl meshes and URDF files",
-    severity="note",
+    formerly=("no-picture", "still-outlines"),
 )
 OTHER_FILES = Kind("other-files", "{files} scene_*{ending} in {folder} {verb} not of these scenes", severity="note")
 PHI_NOT_COMPARED = Kind(
@@ -87,12 +85,12 @@ NEW_RATE = Kind(
 # What goes wrong with the page of `scenegen view`: opening it, serving it, and what it wants.
 
 
-NOTHING_TO_OPEN = Kind(
-    "nothing-to-open",
-    "cannot open {name}: there is no such file",
-    help=(NEAREST, "name a spec, a scene file, a model or a folder; `scenegen specs` lists specs"),
+NOT_OPENED = Kind(
+    "not-opened",
+    ("cannot open {name}: there is no such file", "cannot open {file}: {reason}"),
+    help=(NEAREST, "{name:?}name a spec, a scene file, a model or a folder; `scenegen specs` lists specs"),
+    formerly=("nothing-to-open",),
 )
-NOT_OPENED = Kind("not-opened", "cannot open {file}: {reason}")
 PUBLIC_ADDRESS = Kind(
     "public-address",
     "{host} is an address that other machines can reach",
@@ -109,22 +107,22 @@ CANNOT_LISTEN = Kind(
     "cannot listen on {host}:{port}: {reason}",
     help="leave --port out: any free one is taken then",
 )
-PAGE_TOO_LARGE = Kind("page-too-large", "the page would have {size:.0f} MB", help="ask for fewer scenes with -n")
 NO_MESSAGE = Kind("no-message", "the server does not know what to do with this: {reason}", help="reload the page")
-TOO_MANY_SHOWN = Kind(
-    "too-many-shown",
-    "the page shows 1 to {most} {what} of these objects, not {count:,}",
-    help="`scenegen sample` makes as many as you like",
-)
-MOTION_TOO_LONG = Kind(
-    "motion-too-long",
-    "a motion of {poses:,} poses, each object's at each moment, is too long for the page: {most:,} are the most",
-    help="`scenegen sample` draws it; on the page take fewer steps",
-)
-LONG_GIF = Kind(
-    "long-gif",
-    "a motion of {moments:,} moments takes too long to be drawn here: {most} are the most",
-    help="`scenegen render MOTIONS --out x.gif` draws it",
+PAGE_LIMIT = Kind(
+    "page-limit",
+    (
+        "the page would have {size:.0f} MB",
+        "the page shows 1 to {most} {what} of these objects, not {count:,}",
+        "a motion of {poses:,} poses, each object's at each moment, is too long for the page: {most:,} are the most",
+        "a motion of {moments:,} moments takes too long to be drawn here: {most} are the most",
+    ),
+    help=(
+        "{size:?}ask for fewer scenes with -n",
+        "{what:?}`scenegen sample` makes as many as you like",
+        "{poses:?}`scenegen sample` draws it; on the page take fewer steps",
+        "{moments:?}`scenegen render MOTIONS --out x.gif` draws it",
+    ),
+    formerly=("page-too-large", "too-many-shown", "motion-too-long", "long-gif"),
 )
 ANOTHER_SPEC = Kind(
     "another-spec",

@@ -49,8 +49,7 @@ from scenegen.scenes.files import whole_file
 from scenegen.validation import as_int, as_number, as_path, as_point, as_seconds
 
 if TYPE_CHECKING:
-    from scenegen.learn.curriculum.library import Library
-    from scenegen.learn.curriculum.library import LibraryStream
+    from scenegen.learn.curriculum.library import Library, LibraryStream
 
 
 Array = npt.NDArray[np.float64]
@@ -138,8 +137,8 @@ class StrategyStarts:
             return self._take()
 
     def _take(self) -> Start:
-        from scenegen.learn.curriculum.request import read_phi as read_task
         from scenegen.learn.curriculum.library import LibraryStream
+        from scenegen.learn.curriculum.request import read_phi as read_task
 
         if self._stream is None:
             self._stream = LibraryStream(_library(self._spec, self._goal), self._seed)

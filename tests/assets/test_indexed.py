@@ -6,7 +6,7 @@ import pytest
 from scenegen.errors import DataError, SpecError
 from scenegen.geometry import Box
 from scenegen.lang.checker import check_file
-from scenegen.show.render.models import models_of, still_outlines
+from scenegen.show.render.scenes import models_of, still_outlines
 from scenegen.things.indexed import UPRIGHT, AssetEntry, IndexFileError, categories, fitted, read_index
 from scenegen.things.outline import MeshError
 

@@ -1,8 +1,7 @@
 """`make fuzz`: python -m tests.fuzz [--minutes 30] [--seed 0] [--workers CORES] [--out fuzz-out] [--number K]
 
 Writes each kind of fault once, minimised, to OUT/SEED-NUMBER.spec with its story beside it. Exit status 1 if there is
-any. `--number K` judges input K alone and prints it. Every tenth input comes with a session of the language server
-whose messages are damaged, kept as SEED-NUMBER.messages where it finds a fault.
+any. `--number K` judges input K alone and prints it.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from .run import SIZES, Bench, corpus, inputs, make, scratch
 
 MEMORY = 2 << 30  # bytes of address space
 FILES = 20  # one input in so many is followed by a hostile scene file of its number
-SESSIONS = 10  # every so many inputs a session with the language server
 STUCK = 300.0  # seconds after which a worker that no signal reaches shows where it is and ends
 
 
@@ -58,14 +56,6 @@ def work(seed: int, first: int, step: int, seconds: float, out: Path) -> int:
                     out.mkdir(parents=True, exist_ok=True)
                     said = f"{signature}\nseed {seed}, number {number}\n{story}"
                     (out / f"{seed}-{number}-file.txt").write_text(said)
-            if number % SESSIONS == 0:
-                signature, story, data = bench.attacked(seed, number)
-                if signature and signature not in known:
-                    known.add(signature)
-                    print(f"session {number}: {signature}", flush=True)
-                    out.mkdir(parents=True, exist_ok=True)
-                    (out / f"{seed}-{number}.messages").write_bytes(data)
-                    (out / f"{seed}-{number}.messages.txt").write_text(f"{signature}\nseed {seed}, {number}\n{story}")
             now = time.monotonic()
             if now - report > 30:
                 report = now

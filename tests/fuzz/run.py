@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .generate import Case, generate
-from .judge import Fault, Hang, deadline, grammar_names, judge
-from .messages import attack, survive
+from .judge import Fault, Hang, grammar_names, judge
 from .minimise import minimise
 from .mutate import mutate
 from .scenefiles import good_file, judge_file
 from .sizes import sized
 
 SIZES = 0.02  # of the inputs of `make fuzz`; they take a second, the others a hundredth
-SESSION = 10.0  # seconds of CPU after which a session with the language server is broken off
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -88,17 +86,6 @@ class Bench:
         except Exception as error:
             return signature(error), "".join(traceback.format_exception(error, limit=-12))
         return "", ""
-
-    def attacked(self, seed: int, number: int) -> tuple[str, str, bytes]:
-        """Signature and story of the fault of the language server under attack `number` of a seed ("" where there is
-        none), and the bytes of the attack."""
-        data = attack(random.Random(f"{seed}:{number}:messages"))
-        try:
-            with deadline(SESSION):
-                survive(data)
-        except (Exception, Hang) as error:
-            return signature(error), "".join(traceback.format_exception(error, limit=-12)), data
-        return "", "", data
 
     def shrink(self, case: Case, wanted: str) -> Case:
         if case.sized:

@@ -31,22 +31,6 @@ def test_accepted_with_one_meaning_or_refused_politely(bench):
     assert COUNT * 0.1 < accepted < COUNT * 0.9, "a fuzzer that is always refused, or never, tests half of the language"
 
 
-@pytest.mark.long
-def test_damaged_messages_leave_the_language_server_usable(bench):
-    pytest.importorskip("pygls")
-    for number in range(25):
-        signature, story, data = bench.attacked(SEED, number)
-        assert not signature, f"{data!r}\n{story}"
-
-
-def test_it_finds_a_server_that_does_not_answer(bench, monkeypatch):
-    pytest.importorskip("pygls")
-    from scenegen.editors.lsp.server import Protocol
-
-    monkeypatch.setattr(Protocol, "_dispatch", lambda self, message: None)
-    assert "without its one answer" in bench.attacked(SEED, 0)[0]
-
-
 def test_the_same_number_is_the_same_input():
     texts = corpus()
     for number in range(30):

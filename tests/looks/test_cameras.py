@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from scenegen.show.looks.camera import at_angles, from_place
+from scenegen.show.looks.configuration import read_looks
 from scenegen.show.looks.look import field_of
-from scenegen.show.looks.read import read_looks
 
 POINTS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (-0.04, 0.2)])
 SIZE = (640, 480)

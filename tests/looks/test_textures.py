@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenegen.show.looks.read import read_looks
+from scenegen.show.looks.configuration import read_looks
 from scenegen.show.looks.textures import BUILT_IN, PATTERNS, Textures, checked, found_files, image_of, mean_of
 from tests.looks.pictures import four_colors
 

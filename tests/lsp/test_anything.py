@@ -3,9 +3,8 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.editors.lsp.answers import formatted, problems
-from scenegen.editors.lsp.complete import complete
-from scenegen.editors.lsp.define import definition, refusal, symbols, uses
+from scenegen.editors.lsp.answers import definition, formatted, problems, refusal, symbols, uses
+from scenegen.editors.lsp.completion import completions
 from scenegen.editors.lsp.document import Document
 from scenegen.editors.lsp.hover import hover
 
@@ -39,7 +38,7 @@ def test_mutations(at, cut, new, cursor, near):
     text = SEED[:at] + "".join(new) + SEED[at + cut :]
     document = Document(text)
     offset = min(at + len("".join(new)) if near else cursor, len(document.text))
-    for item in complete(document, offset):
+    for item in completions(document, offset):
         assert 0 <= item.start <= item.end <= len(document.text)
     for found in (hover(document, offset), *symbols(document), *uses(document, offset), *problems(document)):
         assert found is None or 0 <= found.start <= found.end <= len(document.text)
@@ -53,5 +52,5 @@ def test_every_place_of_a_good_text():
     assert [one.severity for one in problems(document)] == []
     for offset in range(0, len(document.text) + 1, 9):
         hover(document, offset)
-        complete(document, offset)
+        completions(document, offset)
         definition(document, offset)

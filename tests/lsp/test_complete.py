@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenegen.editors.lsp.complete import complete
+from scenegen.editors.lsp.completion import completions
 from scenegen.things import ASSETS
 
 from .marks import at_cursor
@@ -22,7 +22,7 @@ OPERAND = {"plate", "mug", "block", "mat", "NEAR", "onMat", "safe", "leftOf", "d
 
 def offered(text):
     document, offset = at_cursor(text)
-    return {one.word: one for one in complete(document, offset)}
+    return {one.word: one for one in completions(document, offset)}
 
 
 @pytest.mark.parametrize("start", ["", "# title\n", HEAD, HEAD + "con", "const A = 3\n", "  obj"])
@@ -147,7 +147,7 @@ def test_named_arguments():
 
 def test_the_word_so_far_is_replaced():
     document, offset = at_cursor(HEAD + "task: lef§tOf")
-    (word,) = (one for one in complete(document, offset) if one.word == "leftOf")
+    (word,) = (one for one in completions(document, offset) if one.word == "leftOf")
     assert document.text[word.start : word.end] == "lef"
 
 
@@ -160,7 +160,7 @@ def test_an_import_names_the_files_beside(tmp_path):
     for name in ("main.spec", "table.spec", "notes.txt"):
         (tmp_path / name).write_text("")
     document, offset = at_cursor('import "ta§"', path=tmp_path / "main.spec")
-    assert [(one.word, one.start, one.end) for one in complete(document, offset)] == [("table.spec", 8, 10)]
+    assert [(one.word, one.start, one.end) for one in completions(document, offset)] == [("table.spec", 8, 10)]
 
 
 def test_a_file_of_one_formula():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenegen.editors.lsp.define import definition, refusal, symbols, uses
+from scenegen.editors.lsp.answers import definition, refusal, symbols, uses
 from scenegen.editors.lsp.document import Document
 from scenegen.lang.checker import check_text
 from scenegen.resources import grammar_file

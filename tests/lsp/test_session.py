@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("pygls")
 
-from scenegen.editors.lsp.desk import MOST
+from scenegen.editors.lsp.analysis import MOST
 
 TABLE = """# the furniture
 const NEAR = 25 cm

@@ -8,7 +8,7 @@ from PIL import Image
 
 import scenegen
 from scenegen.errors import DataError
-from scenegen.show.render.models import models_of, still_outlines
+from scenegen.show.render.scenes import models_of, still_outlines
 
 from ..assets.gltf_files import BODY, document, inline, png
 

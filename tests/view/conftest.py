@@ -21,8 +21,7 @@ import uvicorn
 from websockets.sync.client import connect
 
 from scenegen.show.view import serve
-from scenegen.show.view.folder import Folder
-from scenegen.show.view.opened import OpenProject
+from scenegen.show.view.project import Folder, OpenProject
 from scenegen.show.view.serve import make_app
 
 TOKEN = "the-token"

@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from scenegen.show.view.folder import FileRefused, Folder, digest, shipped
 from scenegen.show.view.limits import MAX_TEXT
+from scenegen.show.view.project import FileRefused, Folder, digest, shipped
 
 
 @pytest.fixture

@@ -12,7 +12,8 @@ import pytest
 
 pytest.importorskip("uvicorn")
 
-from scenegen.show.view import security, serve
+from scenegen.show.view import serve
+from scenegen.show.view import serve as security
 from scenegen.show.view.limits import MAX_TEXT
 
 from ..laws import FULL, in_full_again

@@ -18,9 +18,9 @@ import pytest
 import scenegen
 from scenegen.cli.eval import as_json
 from scenegen.errors import DataError, RequestError, SpecError
-from scenegen.errors.program import TOO_MANY_SHOWN
+from scenegen.errors.program import PAGE_LIMIT
 from scenegen.resources import shipped_specs
-from scenegen.show.view.jobs import JOBS, TABLE, source
+from scenegen.show.view.jobs import TABLE, job_of, source
 from scenegen.show.view.limits import SECONDS
 from scenegen.show.view.worker import dumps
 
@@ -36,12 +36,12 @@ SHELVES = (
 
 def do(job, tmp_path, **fields):
     message = {"job": job, "root": str(tmp_path), "path": None, "text": TEXT, **fields}
-    return list(JOBS[job](message))
+    return list(job_of(job)(message))
 
 
 def test_every_job_has_a_time_limit():
     assert set(TABLE) == set(SECONDS)
-    assert all(callable(JOBS[name]) for name in TABLE)
+    assert all(callable(job_of(name)) for name in TABLE)
 
 
 def test_check_describes_a_spec_and_lists_its_problems(tmp_path):
@@ -200,12 +200,10 @@ def test_every_shipped_spec_works_on_the_page(tmp_path, name):
 
 
 def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
-    some = replace(
-        scenegen.sample(scenegen.parse(TEXT), n=2), warnings=(TOO_MANY_SHOWN(most=1, count=2, what="scenes"),)
-    )
+    some = replace(scenegen.sample(scenegen.parse(TEXT), n=2), warnings=(PAGE_LIMIT(most=1, count=2, what="scenes"),))
     monkeypatch.setattr("scenegen.api.sample.sample", lambda *_, **__: some)
     (found,) = do("sample", tmp_path, request={"n": 2})
-    assert found["warnings"] == [{"code": TOO_MANY_SHOWN.code, "title": some.warnings[0].title}]
+    assert found["warnings"] == [{"code": PAGE_LIMIT.code, "title": some.warnings[0].title}]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux alone")

@@ -15,9 +15,9 @@ from scenegen.api.monitor import score_trajectory
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.show.view import export
-from scenegen.show.view.jobs import JOBS
+from scenegen.show.view.jobs import job_of
 from scenegen.show.view.limits import MAX_MOTION, MAX_PLAYED
-from scenegen.show.view.opened import open_
+from scenegen.show.view.project import open_
 from scenegen.show.view.worker import dumps
 
 TEXT = """object mug, plate, knife
@@ -39,7 +39,7 @@ task: (always closeTo(mug, plate, 20 cm)) & (finally rightOf(mug, plate))
 
 
 def do(job, tmp_path, text=TEXT, **fields):
-    return list(JOBS[job]({"job": job, "root": str(tmp_path), "path": None, "text": text, **fields}))
+    return list(job_of(job)({"job": job, "root": str(tmp_path), "path": None, "text": text, **fields}))
 
 
 @pytest.fixture(scope="module")
@@ -124,12 +124,12 @@ def test_what_is_no_motion_is_refused(poses, tmp_path):
 @pytest.mark.parametrize(
     ("text", "fields", "code"),
     [
-        (TEXT, {"n": 0}, "too-many-shown"),
-        (TEXT, {"n": 401}, "too-many-shown"),
+        (TEXT, {"n": 0}, "page-limit"),
+        (TEXT, {"n": 401}, "page-limit"),
         (TEXT, {"method": "growth"}, "unknown-choice"),
         (TEXT, {"phi": {"tusk": [0, 1]}}, "unknown-label"),
         (TEXT.replace("require forall a in objects: speed(a) <= 40 cm/s\n", ""), {}, "no-bound-on-steps"),
-        (TEXT.replace("[0, 5 s]", "[0, 3000 s]"), {}, "motion-too-long"),
+        (TEXT.replace("[0, 5 s]", "[0, 3000 s]"), {}, "page-limit"),
     ],
 )
 def test_requests_that_cannot_be(text, fields, code, tmp_path):
@@ -155,7 +155,7 @@ def test_a_long_motion_is_not_drawn(tmp_path):
     poses = [[[[0.2, 0.2, 0.0], [0.5, 0.5, 0.0], [0.8, 0.8, 0.0]]] * (MAX_PLAYED + 1)]
     with pytest.raises(RequestError) as error:
         do("download", tmp_path, text=text, format="gif", poses=poses, into=str(tmp_path), request={"n": 1})
-    assert error.value.diagnostics[0].code == "long-gif"
+    assert error.value.diagnostics[0].code == "page-limit"
 
 
 @pytest.mark.long

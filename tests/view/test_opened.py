@@ -11,7 +11,7 @@ import scenegen
 from scenegen.cli.app import run
 from scenegen.errors import DataError, RequestError, SpecError
 from scenegen.show.view.export import export_page
-from scenegen.show.view.opened import STARTER, open_
+from scenegen.show.view.project import STARTER, open_
 
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"
 
@@ -110,9 +110,9 @@ def test_refusals(words, told, capsys, tmp_path, monkeypatch):
 
 
 def test_the_page_is_told_what_a_format_needs(tmp_path, monkeypatch):
-    monkeypatch.setattr("scenegen.show.view.opened.found", lambda package: package == "pxr")
+    monkeypatch.setattr("scenegen.show.view.project.found", lambda package: package == "pxr")
     assert open_(tmp_path).data()["missing"] == {}
-    monkeypatch.setattr("scenegen.show.view.opened.found", lambda package: False)
+    monkeypatch.setattr("scenegen.show.view.project.found", lambda package: False)
     assert open_(tmp_path).data()["missing"] == {"usd": 'pip install "scenegen[usd]"'}
 
 

@@ -8,10 +8,9 @@ import pytest
 
 pytest.importorskip("starlette")
 
-from scenegen.show.view.folder import Folder
 from scenegen.show.view.limits import MAX_REQUESTS
-from scenegen.show.view.opened import OpenProject
-from scenegen.show.view.security import Gate, Shared
+from scenegen.show.view.project import Folder, OpenProject
+from scenegen.show.view.serve import Gate, Shared
 
 HOST = "127.0.0.1:8000"
 

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from scenegen.resources import shipped_specs
-from scenegen.show.view.opened import open_
+from scenegen.show.view.project import open_
 from scenegen.show.view.serve import STATIC
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,18 +14,116 @@ from typing import Any
 import numpy as np
 
 from scenegen.api.feasibility import idle, infeasible
-from scenegen.editors.lsp.complete import CompletionItem, complete
-from scenegen.editors.lsp.define import Symbol, definition, refusal, symbols, uses
-from scenegen.editors.lsp.document import Document
+from scenegen.editors.lsp.completion import CompletionItem, completions
+from scenegen.editors.lsp.document import Document, prelude_index
 from scenegen.editors.lsp.hover import hover
+from scenegen.editors.lsp.names import Binding, Kind, Occurrence, functions
 from scenegen.errors import Diagnostic, ScenegenError, Severity, Span, SpecError
 from scenegen.errors.diagnostic import as_json
 from scenegen.errors.language import PHI_TOO_LARGE, UNUSED_NAME
 from scenegen.errors.program import INTERNAL_ERROR
+from scenegen.lang.check.scope import BUILT_IN
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax.printer import format_source
+from scenegen.lang.syntax.tokens import KEYWORDS
 from scenegen.search import label_bounds
+
+# --------------------------------------------------------------------------------------------------------------------
+# Where names are declared and used: go to definition, the outline of a file, renaming.
+
+
+@dataclass(frozen=True, slots=True)
+class SourceLocation:
+    """Characters of a file; `path` and `text` are None for the open document itself."""
+
+    path: Path | None
+    text: str | None
+    start: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """A declaration: its name at start..end, all of it at opens..closes, and what its line says."""
+
+    name: str
+    kind: Kind
+    detail: str
+    start: int
+    end: int
+    opens: int
+    closes: int
+
+
+def definition(document: Document, offset: int) -> SourceLocation | None:
+    """Where the name at an offset is declared, or the beginning of the file that an `import` names."""
+    found = document.occurrence(offset)
+    if found is None:
+        return None
+    if found.role == "import":
+        try:
+            path = document.project().find(found.name, Span(document.source, found.start, found.end))
+        except ScenegenError:
+            return None
+        return SourceLocation(path, "", 0, 0) if path.is_file() else None
+    binding = document.meaning(found)
+    if binding is None:
+        return None
+    if binding.source is document.source:
+        return SourceLocation(None, None, binding.start, binding.end)
+    return SourceLocation(binding.path, binding.source.text, binding.start, binding.end)
+
+
+def symbols(document: Document) -> list[Symbol]:
+    """What the file declares, in the order of the text."""
+    found = []
+    for one in document.index.declarations:
+        detail = " ".join(document.text[one.end : one.closes].split()).lstrip("=: ")
+        found.append(Symbol(one.name, one.kind, detail[:60], one.start, one.end, one.opens, max(one.end, one.closes)))
+    return found
+
+
+def uses(document: Document, offset: int) -> list[Occurrence]:
+    """Every place of this file where the name at an offset has the same meaning; empty if it is declared in another
+    file, built in, or unknown."""
+    found = document.occurrence(offset)
+    binding = document.meaning(found) if found is not None else None
+    if binding is None or binding.source is not document.source:
+        return []
+    same = [one for one in document.index.occurrences if one.name == binding.name]
+    return [one for one in same if document.meaning(one) is binding]
+
+
+def refusal(document: Document, offset: int, name: str) -> str:
+    """Why the name at an offset cannot become `name`; "" if it can."""
+    places = uses(document, offset)
+    if not places:
+        return "only names that this file declares can be renamed"
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
+        return "names are made of the letters a-z and A-Z, digits and `_`"
+    if name in KEYWORDS or name in BUILT_IN:
+        return f"`{name}` is a word of the language"
+    binding = document.meaning(places[0])
+    assert binding is not None
+    if binding.kind == "definition":
+        taken = name in document.functions or name in functions()
+    elif binding.kind in ("parameter", "variable"):
+        taken = _is_in_reach(document, binding, name) or name in document.values
+    else:
+        prelude = {one.name for one in prelude_index().declarations}
+        locals_ = {reach.binding.name for reach in document.index.reaches}
+        taken = (name in document.values and not (binding.kind == "constant" and name in prelude)) or name in locals_
+    return f"`{name}` means something else already" if taken else ""
+
+
+def _is_in_reach(document: Document, binding: Binding, name: str) -> bool:
+    """Whether a parameter or variable of that name can be used where this one can."""
+    reaches = document.index.reaches
+    own = [one for one in reaches if one.binding is binding]
+    others = [one for one in reaches if one.binding.name == name]
+    return any(one.start < mine.end and mine.start < one.end for one in others for mine in own)
+
 
 # --------------------------------------------------------------------------------------------------------------------
 # Everything that is wrong with a text, or worth a warning, as an editor shows it.
@@ -299,7 +398,7 @@ def _hover(page: Page, offset: int, question: Question) -> Json | None:
 def _completion(page: Page, offset: int, question: Question) -> Json:
     spans: dict[tuple[int, int], Json] = {}  # there are thousands of items, most of them with the same place
     items = []
-    for order, one in enumerate(complete(page.document, offset)):
+    for order, one in enumerate(completions(page.document, offset)):
         place = (one.start, one.end)
         if place not in spans:
             spans[place] = page.span(*place)

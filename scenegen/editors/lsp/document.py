@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, Generic, TypeVar, overload
 
 from scenegen.editors.lsp import names
 from scenegen.editors.lsp.names import Binding, NameIndex, Occurrence, index
@@ -20,42 +18,6 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse_tolerant, plain_breaks, read_source
 from scenegen.resources import grammar_file
-
-# --------------------------------------------------------------------------------------------------------------------
-# Properties that are computed once per object, by the first thread that needs them; others wait.
-
-
-T = TypeVar("T")
-
-
-class ThreadSafeProperty(Generic[T]):
-    """A property that is computed when it is first read, and cached. Unlike `functools.cached_property` (from Python
-    3.12 on) two threads never compute the same, and (up to 3.11) two objects never wait for each other."""
-
-    def __init__(self, compute: Callable[[Any], T]) -> None:
-        self._compute = compute
-        self.__doc__ = compute.__doc__
-        self._name = compute.__name__
-
-    @overload
-    def __get__(self, owner: None, kind: type) -> ThreadSafeProperty[T]: ...
-    @overload
-    def __get__(self, owner: object, kind: type) -> T: ...
-    def __get__(self, owner: object | None, kind: type) -> T | ThreadSafeProperty[T]:
-        if owner is None:
-            return self
-        kept = owner.__dict__
-        lock = kept.setdefault(f"_lock of {self._name}", threading.RLock())
-        with lock:
-            if self._name not in kept:
-                kept[self._name] = self._compute(owner)
-            found: T = kept[self._name]
-            return found
-
-
-def once(compute: Callable[[Any], T]) -> ThreadSafeProperty[T]:
-    return ThreadSafeProperty(compute)
-
 
 SALVAGES = 4  # how often faulty statements are left out before giving up
 
@@ -93,7 +55,7 @@ class Document:
     ) -> None:
         self.path = path
         self.source = Source(str(path) if path is not None else name, plain_breaks(text))
-        self._open_texts = dict(open_texts or {})
+        self.open_texts = dict(open_texts or {})
         self._root = root
         self.lowering: Lowering | None = None  # what hovers have expanded so far: see hover.py
 
@@ -103,15 +65,15 @@ class Document:
 
     def project(self) -> EditedProject:
         """Where the spec may read from, with nothing read yet."""
-        return EditedProject(self.path, self._root, open_texts=self._open_texts)
+        return EditedProject(self.path, self._root, open_texts=self.open_texts)
 
     # ---- names
 
-    @once
+    @cached_property
     def index(self) -> NameIndex:
         return index(self.source, self.path)
 
-    @once
+    @cached_property
     def imported(self) -> list[NameIndex]:
         """The files that this one imports, directly or indirectly; unreadable ones are left out."""
         project = self.project()
@@ -133,12 +95,12 @@ class Document:
                 waiting.append(found[path])
         return list(found.values())
 
-    @once
+    @cached_property
     def values(self) -> dict[str, Binding]:
         """Names with a meaning of their own anywhere in the spec: objects, regions, constants, labels."""
         return {one.name: one for one in self._declared() if one.kind != "definition"} | self._inferred
 
-    @once
+    @cached_property
     def functions(self) -> dict[str, Binding]:
         """The definitions, those of the prelude included."""
         return {one.name: one for one in self._declared() if one.kind == "definition"}
@@ -149,7 +111,7 @@ class Document:
         yield from prelude_index().declarations
         yield from reversed(own)
 
-    @once
+    @cached_property
     def _inferred(self) -> dict[str, Binding]:
         """Without an `object` statement, undefined names in formulas are objects."""
         files = (self.index, *self.imported)
@@ -168,7 +130,7 @@ class Document:
                         found.setdefault(one.name, binding)
         return found
 
-    @once
+    @cached_property
     def notes(self) -> dict[Binding, tuple[str, str]]:
         """For every declaration what completion shows beside it: its usage or value, and its purpose."""
         return {one: names.notes(one) for one in (*self.values.values(), *self.functions.values())}
@@ -209,12 +171,12 @@ class Document:
 
     # ---- meaning
 
-    @once
+    @cached_property
     def parsed(self) -> tuple[ast.Module | None, list[Diagnostic]]:
         """The statements that parse, and the errors of the rest."""
         return parse_tolerant(self.source)
 
-    @once
+    @cached_property
     def checked(self) -> CheckedSpec | tuple[Diagnostic, ...]:
         """The checked spec, or all errors."""
         module, problems = self.parsed
@@ -225,7 +187,7 @@ class Document:
         except SpecError as error:
             return error.diagnostics
 
-    @once
+    @cached_property
     def salvaged(self) -> tuple[ast.Module, CheckedSpec] | None:
         """The largest part of the text that has a meaning, found by leaving out the statements that are wrong."""
         module = self.parsed[0]

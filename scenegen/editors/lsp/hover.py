@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenegen.editors.lsp import define, names
+from scenegen.editors.lsp import names
 from scenegen.editors.lsp.document import Document
 from scenegen.editors.lsp.names import Binding, Occurrence
 from scenegen.errors import Source, SpecError
-from scenegen.geometry import Interval
+from scenegen.geometry import Box, Circle, Footprint, Interval
 from scenegen.geometry.units import ANGLE, LENGTH, Unit, quantity
 from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.imports import inline
@@ -29,6 +29,7 @@ from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import KEYWORDS as RESERVED
 from scenegen.lang.syntax.tokens import Token
 from scenegen.search import node_bounds
+from scenegen.things import ASSETS, Shape, shape_of
 
 # --------------------------------------------------------------------------------------------------------------------
 # The value of the expression under the cursor, and the bounds of its phi.
@@ -222,6 +223,95 @@ def _union(ends: Sequence[Interval]) -> tuple[float, float]:
     return min(float(one.lo) for one in ends), max(float(one.hi) for one in ends)
 
 
+# --------------------------------------------------------------------------------------------------------------------
+# Facts about the declarations of a spec: sizes, places, values; as far as the text has no errors.
+
+
+SHOWN = 12  # names that a list of objects shows
+
+
+def _spec(document: Document) -> CheckedSpec | None:
+    return document.salvaged[1] if document.salvaged is not None else None
+
+
+def size(footprint: Footprint) -> str:
+    """A footprint in words."""
+    match footprint:
+        case Circle(radius):
+            return f"circle of radius {_metres(radius)}"
+        case Box(length, width):
+            return f"box {_metres(length)} x {_metres(width)}"
+        case _:
+            return f"convex polygon of {len(footprint.vertices)} corners"
+
+
+def _metres(length: float) -> str:
+    return f"{length:.4g} m" if length >= 1.0 else f"{100.0 * length:.4g} cm"
+
+
+def _shape(shape: Shape) -> str:
+    return f"{shape.asset}: {size(shape.footprint)}, {_metres(shape.height)} high"
+
+
+def asset(name: str) -> str:
+    """The size of an entry of the library."""
+    return _shape(shape_of(name)) if name in ASSETS else ""
+
+
+def thing(document: Document, binding: Binding) -> str:
+    """Shape, number and place of an object or array."""
+    spec = _spec(document)
+    name = f"{binding.name}[1]" if binding.is_array else binding.name
+    kind = None if spec is None else next((one for one in spec.counts if one.assets and one.name == name), None)
+    if kind is not None:
+        return f"one of the assets {', '.join(kind.assets)}"
+    if spec is None or name not in spec.objects:
+        written = " ".join(binding.source.text[binding.end : binding.closes].split())
+        return f"`{binding.name}{' ' if written[:1] not in ('', '[') else ''}{written}`"
+    index = spec.objects.index(name)
+    words = _shape(spec.shapes[index])
+    if binding.is_array:
+        count = sum(one.startswith(f"{binding.name}[") for one in spec.objects)
+        drawn = next((one for one in spec.counts if one.name == binding.name), None)
+        return f"{count if drawn is None else f'{drawn.least} to {drawn.most}'} of {words}"
+    if index in spec.fixed:
+        x, y, theta = spec.fixed[index]
+        return f"{words}; held at ({x:.4g}, {y:.4g}), heading {theta:.4g} rad"
+    return words
+
+
+def region(document: Document, name: str) -> list[str]:
+    """Shape and centre of a region."""
+    spec = _spec(document)
+    found = next((one for one in spec.regions if one.name == name), None) if spec is not None else None
+    if found is None:
+        return []
+    x, y, _ = found.pose
+    return [f"**region** {size(found.footprint)}, centre ({x:.4g}, {y:.4g})"]
+
+
+def workspace(document: Document) -> str:
+    """The extent of the table."""
+    spec = _spec(document)
+    if spec is None:
+        return ""
+    (left, right), (bottom, top) = spec.workspace.x, spec.workspace.y
+    return f"[{left:g}, {right:g}] x [{bottom:g}, {top:g}] m"
+
+
+def objects(document: Document) -> str:
+    """The names of all objects."""
+    spec = _spec(document)
+    if spec is None:
+        return ""
+    more = f", ... ({len(spec.objects)} in all)" if len(spec.objects) > SHOWN else ""
+    return ", ".join(f"`{one}`" for one in spec.objects[:SHOWN]) + more
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The text of a hover.
+
+
 LONGEST = 80  # characters of a formula that a hover repeats
 
 
@@ -283,9 +373,9 @@ def _about_name(document: Document, found: Occurrence, around: Sequence[Extent])
         case "member" if found.name in names.MEMBERS:
             return [f"`.{found.name}`: {names.MEMBERS[found.name]}", *value]
         case "asset":
-            return [f"**asset** `{found.name}`", define.asset(found.name)]
+            return [f"**asset** `{found.name}`", asset(found.name)]
         case "value" if binding is None and found.name in names.BUILT_IN:
-            facts_ = define.workspace(document) if found.name == "workspace" else define.objects(document)
+            facts_ = workspace(document) if found.name == "workspace" else objects(document)
             return [f"**built in** `{found.name}`: {names.BUILT_IN[found.name]}", facts_]
         case "call" if binding is None and found.name in names.functions():
             usage, meaning = names.functions()[found.name]
@@ -318,12 +408,12 @@ def _about(document: Document, binding: Binding, value: list[str]) -> list[str]:
         case "object":
             what = "array" if binding.is_array else "object"
             note = " (not declared: inferred from its use)" if binding.inferred else ""
-            return [f"**{what}** `{binding.name}`{note}", *told, define.thing(document, binding)]
+            return [f"**{what}** `{binding.name}`{note}", *told, thing(document, binding)]
         case "constant":
             extent = of_constant(document, binding.name)
             return [_code(written), *told, *([_number(extent)] if extent is not None else value)]
         case "region":
-            return [_code(written), *told, *define.region(document, binding.name)]
+            return [_code(written), *told, *region(document, binding.name)]
         case "label":
             return [f"**label** `{binding.name}`", *told]
         case "parameter":

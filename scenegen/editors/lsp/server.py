@@ -1,192 +1,40 @@
-"""The language server: the features of this folder, wired to the protocol over standard input and output."""
+"""The language server: the features of this folder, wired to pygls, which talks to the editor."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import functools
-import json
 import logging
 import os
 import re
 import sys
 import threading
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from cattrs import transform_error
 from lsprotocol import types
-from pygls.exceptions import (
-    FeatureRequestError,
-    JsonRpcException,
-    JsonRpcInvalidParams,
-    JsonRpcInvalidRequest,
-    JsonRpcParseError,
-    JsonRpcServerNotInitialized,
-)
+from lsprotocol.converters import get_converter
+from pygls.exceptions import FeatureRequestError, JsonRpcContentModified, JsonRpcException
+from pygls.io_ import StdoutWriter, run_async
 from pygls.lsp.server import LanguageServer
-from pygls.protocol import LanguageServerProtocol
-from pygls.protocol.json_rpc import JsonRPCNotification, JsonRPCRequestMessage, JsonRPCResponseMessage
+from pygls.uris import to_fs_path
 
-from scenegen.editors.lsp.answers import Question
-from scenegen.editors.lsp.desk import DiagnosticsService
+from scenegen.editors.lsp.analysis import AnalysisEnded, AnalysisProcesses
+from scenegen.editors.lsp.answers import Page, Question, RequestRefused, answer, failure
+from scenegen.editors.lsp.document import Document
 from scenegen.processes.process import exit_status
 
-# --------------------------------------------------------------------------------------------------------------------
-# The frames of a stream: headers with a `Content-Length`, an empty line, and a body of so many bytes.
-#
-# If a header is wrong, the end of its body is unknown. The reader reports this once and continues at the next valid
-# header: the message is lost, the session is not.
-
-
-MOST = 1 << 28  # bytes of one body
-LINE = 1 << 26  # bytes of one line of a header, or of what is skipped
-
-_LENGTH = re.compile(rb"Content-Length:[ \t]*(\d{1,9})[ \t]*\r?\n", re.IGNORECASE)
-_HEADER = re.compile(rb"[A-Za-z][A-Za-z-]*:[^\r\n]*\r?\n")
-
-
-class Fault(ValueError):  # noqa: N818 - is not raised but stands among the frames
-    """Bytes that are not a frame, and the reason."""
-
-
-def frames(stream: BinaryIO) -> Iterator[bytes | Fault]:
-    """The bodies of a stream in order, and a Fault in place of unreadable ones; ends with the stream."""
-    lost = False  # looking for a header, after a fault
-    length = -1
-    while line := stream.readline(LINE):
-        wanted = (_LENGTH.search if lost else _LENGTH.fullmatch)(line)
-        if wanted is not None and wanted.end() == len(line) and int(wanted[1]) <= MOST:
-            length, lost = int(wanted[1]), False
-        elif line in (b"\r\n", b"\n"):
-            if length < 0:
-                continue  # blank lines between messages do no harm
-            body = stream.read(length)
-            if len(body) < length:
-                return
-            length = -1
-            yield body
-        elif not lost and (_HEADER.fullmatch(line) is None or b"content-length:" in line.lower()):
-            tail = _LENGTH.search(line)
-            length = int(tail[1]) if tail is not None and int(tail[1]) <= MOST else -1
-            lost = length < 0
-            yield Fault(f"this is no header of a message: {line[:60].decode(errors='replace').strip()!r}")
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# JSON-RPC according to its specification: every request gets an answer, malformed ones included.
-#
-# pygls drops messages that it cannot read; here they get an answer with an error code and the reason. Results of the
-# features are JSON bytes and are sent unchanged.
-
-
-LONGEST = 400  # characters of an error's message
+PAUSE, LONGEST_PAUSE = 0.05, 1.0  # seconds without a further change after which a text is checked
+LARGEST = 1 << 26  # bytes of a line of a message's head
 LOG = logging.getLogger("scenegen.editors.lsp")
 
+_IMPORT = re.compile(r'\bimport\s*"')
 
-class Protocol(LanguageServerProtocol):
-    """The protocol of pygls with strict answers. Open documents are handled by the server: see desk.py."""
-
-    lsp_text_document__did_open = None  # type: ignore[assignment]
-    lsp_text_document__did_change = None  # type: ignore[assignment]
-    lsp_text_document__did_close = None  # type: ignore[assignment]
-
-    def receive(self, body: bytes | Fault) -> None:
-        """Handle a message, or answer with its error."""
-        message: dict[str, Any] = {}
-        try:
-            message = _parsed(body)
-            _check(message)
-            self._dispatch(message)
-        except JsonRpcException as error:
-            number = message.get("id")
-            if "method" not in message and ("result" in message or "error" in message):
-                LOG.warning("an answer to request %s: %s", number, error)
-            elif message and "id" not in message and isinstance(message.get("method"), str):
-                LOG.warning("%s: %s", message["method"], error)  # notifications get no answer
-            else:
-                known = isinstance(number, str | int) and not isinstance(number, bool)
-                self._send_response(number if known else None, error=error.to_response_error())
-
-    def _dispatch(self, message: dict[str, Any]) -> None:
-        """Hand a message to its handler. Raises JsonRpcException."""
-        method = message.get("method")
-        if method is not None:
-            if self._workspace is None and method not in (types.INITIALIZE, types.EXIT):
-                raise JsonRpcServerNotInitialized("the first request must be `initialize`")
-            if self._workspace is not None and method == types.INITIALIZE:
-                raise JsonRpcInvalidRequest("`initialize` comes once")
-            if self._shutdown and method != types.EXIT:
-                raise JsonRpcInvalidRequest("the server is shutting down")
-        self.handle_message(self._structured(message))
-
-    def _structured(self, message: dict[str, Any]) -> Any:
-        """A message in the types of the protocol. Raises JsonRpcException."""
-        kind: Any
-        if "method" in message:
-            other = JsonRPCRequestMessage if "id" in message else JsonRPCNotification
-            kind = self.get_message_type(message["method"]) or other
-            if "id" in message and not hasattr(kind, "id"):
-                raise JsonRpcInvalidRequest(f"`{message['method']}` is a notification: it has no id")
-        elif "error" in message:
-            kind = types.ResponseErrorMessage
-        else:
-            kind = self._result_types.pop(message["id"], None) or JsonRPCResponseMessage
-        try:
-            return self._converter.structure({"params": None, **message}, kind)
-        except Exception as error:
-            reasons = "; ".join(transform_error(error, path="message"))
-            raise JsonRpcInvalidParams(f"Invalid Params: {reasons}"[:LONGEST]) from error
-
-    def publish(self, uri: str, version: int | None, diagnostics: bytes) -> None:
-        """Send the diagnostics of a document, the bytes of JSON."""
-        of = "" if version is None else f', "version": {version}'
-        opening = f'{{"jsonrpc": "2.0", "method": "{types.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS}", "params": {{"uri": '
-        self._write(opening.encode() + json.dumps(uri).encode() + of.encode(), b'"diagnostics": ' + diagnostics + b"}}")
-
-    def _send_response(self, msg_id: Any, result: Any = None, error: types.ResponseError | None = None) -> None:
-        """Send the answer to a request; an `error` comes before a `result`. Bytes are JSON already."""
-        self._result_types.pop(msg_id, None)
-        value = result if error is None else error
-        told = value if isinstance(value, bytes) else json.dumps(value, default=self._serialize_message).encode()
-        kind = b'"result": ' if error is None else b'"error": '
-        self._write(b'{"jsonrpc": "2.0", "id": ' + json.dumps(msg_id).encode(), kind + told + b"}")
-
-    def _write(self, opening: bytes, rest: bytes) -> None:
-        """Send an object whose members are in two parts."""
-        if self.writer is not None:
-            length = len(opening) + 2 + len(rest)
-            self.writer.write(b"Content-Length: %d\r\n\r\n%b, %b" % (length, opening, rest))
-
-
-def _parsed(body: bytes | Fault) -> dict[str, Any]:
-    """A message as JSON. Raises JsonRpcException."""
-    if isinstance(body, Fault):
-        raise JsonRpcParseError(str(body))
-    try:
-        message = json.loads(body)
-    except (ValueError, RecursionError) as error:
-        raise JsonRpcParseError(f"Parse Error: {error}"[:LONGEST]) from error
-    if not isinstance(message, dict):
-        raise JsonRpcInvalidRequest("a message is an object; batches are not known to this protocol")
-    return message
-
-
-def _check(message: dict[str, Any]) -> None:
-    """Raises JsonRpcException for anything that is not a JSON-RPC message."""
-    if message.get("jsonrpc") != Protocol.VERSION:
-        raise JsonRpcInvalidRequest('a message has "jsonrpc": "2.0"')
-    if "id" in message and (not isinstance(message["id"], str | int) or isinstance(message["id"], bool)):
-        raise JsonRpcInvalidRequest("the id of a message is a number or a text")
-    if "method" in message and not isinstance(message["method"], str):
-        raise JsonRpcInvalidRequest("the method of a message is a text")
-    if "method" not in message and not ("id" in message and ("result" in message or "error" in message)):
-        raise JsonRpcInvalidRequest("a message has a method, or answers a request")
-
-
-_REQUESTS: list[tuple[str, str, Any]] = [
-    (types.TEXT_DOCUMENT_HOVER, "hover", None),
+# Requests that need no more than the names in a text are answered at once, others by another process.
+_OF_NAMES: list[tuple[str, str, Any]] = [
     (types.TEXT_DOCUMENT_COMPLETION, "completion", types.CompletionOptions(trigger_characters=[".", '"'])),
     (types.TEXT_DOCUMENT_DEFINITION, "definition", None),
     (types.TEXT_DOCUMENT_DOCUMENT_SYMBOL, "symbols", None),
@@ -196,118 +44,210 @@ _REQUESTS: list[tuple[str, str, Any]] = [
 ]
 
 
-class Server(LanguageServer):
-    """A server with every feature, for one client. Errors are logged, not shown in the client's windows."""
+class RequestFailed(JsonRpcException):
+    """A client's request cannot be fulfilled, and the answer says why: not a failure of the server."""
 
-    protocol: Protocol
+    CODE = types.LSPErrorCodes.RequestFailed.value
+
+
+@dataclass(eq=False, slots=True)
+class OpenText:
+    """One version of a document that the client has open, and the questions about it that other processes have."""
+
+    page: Page
+    version: int | None
+    asking: set[asyncio.Task[Any]] = field(default_factory=set)
+
+    @property
+    def imports(self) -> bool:
+        return _IMPORT.search(self.page.document.text) is not None
+
+    def forget(self) -> None:
+        """The text has changed: its answers are of no use."""
+        for task in self.asking:
+            task.cancel()
+
+
+class Server(LanguageServer):
+    """A server with every feature, for one client. Errors are logged, not shown in the client's windows. Nothing
+    outside `root` is read (default: each file's folder)."""
 
     def __init__(self, root: Path | None = None) -> None:
         from scenegen.version import __version__
 
-        sync = types.TextDocumentSyncKind.Full
-        super().__init__("scenegen", __version__, text_document_sync_kind=sync, protocol_cls=Protocol)
-        self.desk = DiagnosticsService(self.protocol.publish, root)
+        super().__init__("scenegen", __version__, text_document_sync_kind=types.TextDocumentSyncKind.Full)
+        self._root = root
+        self._open: dict[str, OpenText] = {}
+        self._took: dict[str, float] = {}  # seconds of the last check of a document
+        self._analyses = AnalysisProcesses()
+        self._converter = get_converter()
         for method, handler in (
-            (types.INITIALIZE, self._initialize),
-            (types.TEXT_DOCUMENT_DID_OPEN, self._opened),
+            (types.TEXT_DOCUMENT_DID_OPEN, self._changed),
             (types.TEXT_DOCUMENT_DID_CHANGE, self._changed),
             (types.TEXT_DOCUMENT_DID_SAVE, self._saved),
             (types.TEXT_DOCUMENT_DID_CLOSE, self._closed),
+            (types.TEXT_DOCUMENT_HOVER, self._hover),
         ):
-            self.feature(method)(functools.partial(handler))  # pygls marks what it is given; a method takes no marks
-        for method, feature, options in _REQUESTS:
-            self.feature(method, options)(self._asking(feature))
+            self.feature(method)(functools.partial(handler))
+        for method, feature, options in _OF_NAMES:
+            self.feature(method, options)(self._names(method, feature))
 
     def report_server_error(self, error: Exception, source: Any) -> None:
         if source is not FeatureRequestError:  # a request has its answer
             LOG.warning("%s", error)
 
-    # ---- the conversation
-
-    async def converse(self, stream: BinaryIO, out: BinaryIO) -> int:
-        """Answer a client until it says goodbye or goes away. Returns the exit status: 1 for a goodbye out of turn."""
-        loop = asyncio.get_running_loop()
-        ended: asyncio.Future[int] = loop.create_future()
-
-        def end(status: int) -> None:
-            if not ended.done():
-                ended.set_result(status)
-
-        def hear(message: bytes | Fault) -> None:
-            try:
-                self.protocol.receive(message)
-            except SystemExit as goodbye:
-                end(goodbye.code if isinstance(goodbye.code, int) else 0)
-            except Exception:  # no message of a client may end the server
-                LOG.exception("a message could not be handled")
-
-        def listen() -> None:  # in a thread of its own, so that the loop never waits for the client
-            with contextlib.suppress(RuntimeError, OSError, ValueError):  # the loop has ended before the stream
-                for message in frames(stream):
-                    loop.call_soon_threadsafe(hear, message)
-                loop.call_soon_threadsafe(end, 0)
-
-        self.protocol.set_writer(_StdoutWriter(out, lambda: end(1)))
-        threading.Thread(target=listen, daemon=True).start()
-        try:
-            return await ended
-        finally:
-            self.desk.close()
-
     # ---- documents
 
-    def _initialize(self, params: types.InitializeParams) -> None:
-        encoding = self.workspace.position_encoding
-        self.desk.encoding = str(getattr(encoding, "value", encoding))
-
-    def _opened(self, params: types.DidOpenTextDocumentParams) -> None:
-        one = params.text_document
-        self.desk.opened(one.uri, one.text, one.version)
-
-    def _changed(self, params: types.DidChangeTextDocumentParams) -> None:
-        one = params.text_document
-        if params.content_changes:  # each is the whole text, as agreed
-            self.desk.opened(one.uri, params.content_changes[-1].text, one.version)
+    def _changed(self, params: types.DidOpenTextDocumentParams | types.DidChangeTextDocumentParams) -> None:
+        self._revise(params.text_document.uri)
+        self._revise_importers(params.text_document.uri)
 
     def _saved(self, params: types.DidSaveTextDocumentParams) -> None:
-        self.desk.saved(params.text_document.uri)
+        """Files that no editor has open may have changed as well."""
+        if params.text_document.uri in self._open:
+            self._revise(params.text_document.uri)
 
     def _closed(self, params: types.DidCloseTextDocumentParams) -> None:
-        self.desk.closed(params.text_document.uri)
+        uri = params.text_document.uri
+        if (one := self._open.pop(uri, None)) is not None:
+            one.forget()
+            self._publish(uri, None, [])
+            self._revise_importers(uri)
 
-    def _asking(self, feature: str) -> Callable[[Any], Awaitable[Any]]:
-        async def ask(params: Any) -> Any:
-            position = getattr(params, "position", None)
-            line, character = (position.line, position.character) if position is not None else (0, 0)
-            question = Question(feature, line, character, getattr(params, "new_name", ""))
-            return await self.desk.ask(params.text_document.uri, question)
+    def _revise_importers(self, changed: str) -> None:
+        for uri, one in list(self._open.items()):
+            if uri != changed and one.imports:
+                self._revise(uri)
+
+    def _revise(self, uri: str) -> None:
+        """A text has changed, or one that it may import: what is under way for the old one ends, the new one is
+        checked."""
+        if (old := self._open.get(uri)) is not None:
+            old.forget()
+        current = self.workspace.get_text_document(uri)
+        text = current.source
+        texts: dict[Path, str] = {}
+        if _IMPORT.search(text) is not None:
+            others = ((path_of(one.uri), one.source) for one in self.workspace.text_documents.values())
+            texts = {path: source for path, source in others if path is not None}
+        encoding = self.workspace.position_encoding
+        page = Page(
+            Document(text, path_of(uri), uri, texts, self._root), uri, str(getattr(encoding, "value", encoding))
+        )
+        self._open[uri] = one = OpenText(page, current.version)
+        self._begin(one, self._check(one))
+
+    async def _check(self, one: OpenText) -> None:
+        """Send the diagnostics of a text, unless it changes soon: the longer a check takes, the later it begins."""
+        uri, loop = one.page.uri, asyncio.get_running_loop()
+        await asyncio.sleep(min(max(PAUSE, self._took.get(uri, 0.0) / 2.0), LONGEST_PAUSE))
+        began = loop.time()
+        try:
+            found = await self._ask(one, Question("diagnostics"))
+        except AnalysisEnded as how:
+            LOG.error("the process that analyses %s %s", uri, how)
+            found = failure(f"the process that analyses this document {how}")
+        self._took[uri] = loop.time() - began
+        self._publish(uri, one.version, found)
+
+    def _publish(self, uri: str, version: int | None, found: list[dict[str, Any]]) -> None:
+        told = {"uri": uri, "diagnostics": found, "version": version}
+        self.text_document_publish_diagnostics(self._converter.structure(told, types.PublishDiagnosticsParams))
+
+    # ---- requests
+
+    def _names(self, method: str, feature: str) -> Callable[[Any], Any]:
+        def ask(params: Any) -> Any:
+            one = self._open.get(params.text_document.uri)
+            if one is None:
+                return None
+            line, character = _place(params)
+            try:
+                found = answer(one.page, Question(feature, line, character, getattr(params, "new_name", "")))
+            except RequestRefused as reason:
+                raise RequestFailed(str(reason)) from None
+            return self._typed(method, found)
 
         return ask
 
-
-class _StdoutWriter:
-    """Standard output. A client that has gone ends the conversation, with no error at every further answer."""
-
-    def __init__(self, out: BinaryIO, lost: Callable[[], None]) -> None:
-        self._out = out
-        self._lost = lost
-
-    def write(self, data: bytes) -> None:
+    async def _hover(self, params: types.HoverParams) -> Any:
+        one = self._open.get(params.text_document.uri)
+        if one is None:
+            return None
+        asking = self._begin(one, self._ask(one, Question("hover", *_place(params))))
         try:
-            self._out.write(data)
-            self._out.flush()
-        except (OSError, ValueError):
-            self._lost()
+            return self._typed(types.TEXT_DOCUMENT_HOVER, await asking)
+        except AnalysisEnded as how:
+            raise RequestFailed(f"the process that analyses this document {how}") from None
+        except asyncio.CancelledError:
+            if self._open.get(params.text_document.uri) is one:
+                raise  # by the client
+            raise JsonRpcContentModified("the text has changed") from None
 
-    def close(self) -> None:
-        with contextlib.suppress(OSError):
-            self._out.close()
+    def _begin(self, one: OpenText, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
+        """Work that ends when the text changes."""
+        task = asyncio.ensure_future(work)
+        one.asking.add(task)
+        task.add_done_callback(one.asking.discard)
+        return task
+
+    async def _ask(self, one: OpenText, question: Question) -> Any:
+        page, document = one.page, one.page.document
+        text = {
+            "uri": page.uri,
+            "text": document.text,
+            "path": None if document.path is None else str(document.path),
+            "open_texts": {str(path): other for path, other in document.open_texts.items()},
+            "root": None if self._root is None else str(self._root),
+            "encoding": page.encoding,
+        }
+        return await self._analyses.ask(text, question)
+
+    def _typed(self, method: str, found: Any) -> Any:
+        """JSON in the types of the protocol."""
+        response: Any = types.METHOD_TO_TYPES[method][1]
+        return self._converter.structure({"id": 0, "jsonrpc": "2.0", "result": found}, response).result
+
+    # ---- the conversation
+
+    async def converse(self, stream: BinaryIO, out: BinaryIO) -> None:
+        """Answer a client until it goes away. Raises SystemExit when it says goodbye."""
+        loop, reader = asyncio.get_running_loop(), asyncio.StreamReader(LARGEST)
+
+        def read() -> None:  # in a thread that nobody waits for: pygls's own would outlive Ctrl-C
+            with contextlib.suppress(RuntimeError, OSError, ValueError):  # the loop has ended before the stream
+                while data := stream.read1(1 << 16):  # type: ignore[attr-defined]
+                    loop.call_soon_threadsafe(reader.feed_data, data)
+                loop.call_soon_threadsafe(reader.feed_eof)
+
+        threading.Thread(target=read, daemon=True).start()
+        self.protocol.set_writer(StdoutWriter(out))
+        try:
+            with contextlib.suppress(asyncio.IncompleteReadError, BrokenPipeError):
+                log = logging.getLogger("pygls.server")
+                await run_async(threading.Event(), reader, self.protocol, log, self.report_server_error)
+        finally:
+            self._analyses.close()
+
+
+def _place(params: Any) -> tuple[int, int]:
+    position = getattr(params, "position", None)
+    return (0, 0) if position is None else (position.line, position.character)
+
+
+def path_of(uri: str) -> Path | None:
+    """The file of a URI, None if there is none: for unsaved texts and invalid file names."""
+    try:
+        found = to_fs_path(uri) if uri.startswith("file:") else None
+        return Path(found).resolve() if found else None
+    except (OSError, RuntimeError, ValueError):  # a NUL, a circle of links, half of a character
+        return None
 
 
 def serve(root: Path | None = None) -> int:
     """Answer one client over standard input and output; messages go to standard error. Returns the exit status."""
     messages = logging.StreamHandler(sys.stderr)
-    messages.addFilter(lambda record: record.exc_info is None or not isinstance(record.exc_info[1], JsonRpcException))
+    messages.addFilter(_is_news)
     logging.basicConfig(handlers=[messages], level=logging.WARNING, format="%(name)s: %(message)s")
     sys.stdout.flush()
     out = os.fdopen(os.dup(1), "wb")
@@ -315,6 +255,17 @@ def serve(root: Path | None = None) -> int:
     # Read by a thread that may still wait when the program ends: not through sys.stdin, which Python closes then.
     stream = os.fdopen(os.dup(0), "rb")
     try:
-        return asyncio.run(Server(root).converse(stream, out))
+        asyncio.run(Server(root).converse(stream, out))
+    except SystemExit as goodbye:
+        return goodbye.code if isinstance(goodbye.code, int) else 0
     except KeyboardInterrupt as error:
         return exit_status(error)
+    return 0
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Refused requests have their answer; whatever else a client has sent wrong is told in a line."""
+    refused = record.exc_info is not None and isinstance(record.exc_info[1], JsonRpcException)
+    if record.name.startswith("pygls"):
+        record.msg, record.args, record.exc_info = record.getMessage().partition("\n")[0], (), None
+    return not refused

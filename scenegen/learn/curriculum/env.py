@@ -35,7 +35,7 @@ from scenegen.scenes.data import RequestData, SceneFile
 from scenegen.scenes.stage import heights_of, varying
 
 if TYPE_CHECKING:
-    from scenegen.show.render.live import LiveRenderer
+    from scenegen.show.render.worker import LiveRenderer
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -65,7 +65,7 @@ class SceneRenderer:
             wanted = "(width, height) in whole pixels"
             raise refused(WRONG_VALUE(argument="size", value=repr(size), wanted=wanted))
         if mode is not None:
-            from scenegen.show.render.live import check_request
+            from scenegen.show.render.worker import check_request
 
             with as_gymnasium():
                 check_request((view,), size, None)
@@ -76,7 +76,7 @@ class SceneRenderer:
 
     def draw(self, spec: CheckedSpec, row: Array) -> npt.NDArray[np.uint8]:
         """A scene (3N,) as (height, width, 3). The first one determines how high the camera looks."""
-        from scenegen.show.render.live import LiveRenderer
+        from scenegen.show.render.worker import LiveRenderer
 
         rows = row_count(len(spec.objects))
         poses, on = as_poses(row[:rows]), stored_rows(spec, row[:, None])[rows:].T

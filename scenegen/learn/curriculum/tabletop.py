@@ -18,6 +18,7 @@ from scenegen.errors.learning import GOAL_ALWAYS_MET
 from scenegen.errors.requests import CHOICES_NOT_HERE, WRONG_VALUE
 from scenegen.errors.time import TIME_NOT_HERE
 from scenegen.lang.formula.core import Coord, part_of
+from scenegen.lang.spec import chosen
 from scenegen.learn.curriculum import MOTION_ID
 from scenegen.learn.curriculum.env import (
     Array,

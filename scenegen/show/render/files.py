@@ -20,6 +20,7 @@ from scenegen.scenes.data import SceneFile
 from scenegen.scenes.stage import MARGIN, TALLEST
 from scenegen.show.looks.camera import PLACES, VIEWS
 from scenegen.show.looks.look import SEEDS, VIEW
+from scenegen.things.meshfile import ColoredMesh
 from scenegen.things.palette import PALETTE
 from scenegen.validation import as_int, as_words
 
@@ -30,6 +31,7 @@ from scenegen.validation import as_int, as_words
 Image = npt.NDArray[np.float32]
 Picture = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.uint16]
+Model = tuple[ColoredMesh, ...]  # an object as its own files show it
 Rows = npt.NDArray[np.intp] | slice  # indices of pixels of a picture, row by row
 
 GROUND, TABLE, FIRST = 0, 1, 2  # in masks: the ground, the table, the first object

@@ -25,9 +25,8 @@ from scenegen.scenes.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.show.looks.camera import Camera, frame
 from scenegen.show.looks.look import VIEW, Look, Tint
 from scenegen.show.looks.textures import Textures
-from scenegen.show.render.files import FIRST, Image, Picture, RenderedView
+from scenegen.show.render.files import FIRST, Image, Model, Picture, RenderedView
 from scenegen.show.render.light import TOWARDS, Lighting, landscape_camera, light_camera
-from scenegen.show.render.models import Model
 from scenegen.things import PLAIN, parts_of
 from scenegen.things.mesh import Floats, Mesh, box, plain, shaded
 from scenegen.things.meshfile import ColoredMesh

@@ -6,45 +6,46 @@ import contextlib
 import io
 import json
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
 from scenegen.errors import DataError
+from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.errors.requests import NO_SCENES
 from scenegen.needs import need
 from scenegen.pose import flat
 from scenegen.processes.pool import Pool
 from scenegen.processes.process import cores
-from scenegen.scenes.data import SceneFile
+from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.files import scene_name, whole_files
+from scenegen.scenes.own_files import is_read, own_file, reason_of
 from scenegen.scenes.stage import PictureSetup, places_of, poses_of, stage_of
 from scenegen.show.figures.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
 from scenegen.show.looks.camera import USUAL, frame
+from scenegen.show.looks.configuration import read_looks
 from scenegen.show.looks.look import LOOKS, VIEW, Look, looks_jsonl
-from scenegen.show.looks.read import read_looks
 from scenegen.show.looks.textures import Textures
 from scenegen.show.render.files import (
     FIRST,
     GROUND,
     STEP,
     TABLE,
+    Model,
     PictureOptions,
     check_renderer,
     check_request,
     check_seed,
     usual_size,
 )
-from scenegen.show.render.models import Model
 from scenegen.show.render.worker import RenderJob
-
-if TYPE_CHECKING:
-    from scenegen.things.meshfile import ColoredMesh
-
+from scenegen.things.meshfile import check_texture, mesh_surfaces
+from scenegen.things.outline import MeshError
+from scenegen.things.urdf import robot_surfaces
 
 # --------------------------------------------------------------------------------------------------------------------
 # `cameras.json`: how every view maps the world to pixels, and what the numbers in masks mean.
@@ -204,7 +205,7 @@ def render_scenes(
     stage, poses = stage_of(file, distinct=distinct), poses_of(file)
     if rest is not None:
         poses = np.concatenate([flat(poses), rest[..., 2:]], axis=2)
-    models = () if meshes is None else _models(file, meshes)
+    models = () if meshes is None else models_of(file, meshes)
     textures = None if given is None else Textures(given.files)
     total = len(file.scenes)
     shown_view = next(view for view in FACES if view in views)
@@ -231,12 +232,6 @@ def render_scenes(
             put(LOOKS, recorded(drawn, seed, stage, options))
     paths, more = (tuple(out / name for name in some) for some in (names, beside))
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
-
-
-def _models(file: SceneFile, folder: Path) -> tuple[tuple[ColoredMesh, ...] | None, ...]:
-    from scenegen.show.render.models import models_of
-
-    return models_of(file, folder)
 
 
 def _small(data: bytes, size: tuple[int, int]) -> Image.Image:
@@ -272,3 +267,43 @@ def pictures(
                 yield picture.convert("RGB")
             if progress is not None:
                 progress(number, total)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The meshes of a scene file's objects, read again from their files, to be drawn as they are.
+
+
+def still_outlines(file: SceneFile, folder: Path) -> tuple[str, ...]:
+    """The names of objects from files that are not drawn as they are, of scenes that `models_of` has read."""
+    return tuple(one.name for one in file.objects if one.shape.path and not is_read(one.shape, folder))
+
+
+def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
+    """The surfaces of every object whose shape is `mesh` or `asset` of a glTF, .obj, .stl or URDF file, or `urdf`, in
+    the object's frame (z = 0 the lowest point of its outline); None for other objects. `folder` is where the spec lay;
+    a file outside it is not read.
+
+    Raises DataError where a file cannot be read or drawn, where it has another outline than the scenes were made
+    with, and where no object has such a file.
+    """
+    known: dict[str, Model | None] = {}
+    models: list[Model | None] = []
+    for item in file.objects:
+        key = item.shape.model_dump_json()
+        try:
+            if key not in known:
+                known[key] = _model(folder, item.shape) if is_read(item.shape, folder) else None
+        except MeshError as error:
+            raise DataError(UNUSABLE_MODEL(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
+        models.append(known[key])
+    if not any(models):
+        raise DataError(NO_MODEL())
+    return tuple(models)
+
+
+def _model(folder: Path, shape: ShapeData) -> Model:
+    file = own_file(folder, shape)
+    made = robot_surfaces(file.data, file.beside) if file.is_robot else mesh_surfaces(file.path, file.data, file.beside)
+    for texture in {one.texture for one in made if one.texture}:
+        check_texture(texture, "a texture of it")
+    return tuple(replace(one, vertices=one.vertices @ file.matrix.T + file.offset) for one in made)

@@ -1,4 +1,4 @@
-"""The job of drawing processes: a scene's pictures as files, or as pixels.
+"""The job of drawing processes: a scene's pictures as files, or as pixels; and a process that draws beside a program.
 
 pybullet is imported with the first scene, in the worker: it writes its banner to standard output from C code, which
 workers keep apart from their results.
@@ -14,12 +14,14 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.scenes.stage import PictureSetup
-from scenegen.show.looks.camera import Camera, Floats
+from scenegen.needs import need
+from scenegen.processes.pool import Pool
+from scenegen.scenes.data import SceneFile
+from scenegen.scenes.stage import PictureSetup, places_of, stage_of
+from scenegen.show.looks.camera import VIEWS, Camera, Floats
 from scenegen.show.looks.look import Look
 from scenegen.show.looks.textures import Textures
-from scenegen.show.render.files import FIRST, Picture, PictureOptions, RenderedView, encode
-from scenegen.show.render.models import Model
+from scenegen.show.render.files import FIRST, Model, Picture, PictureOptions, RenderedView, check_request, encode
 
 if TYPE_CHECKING:
     from scenegen.show.render.painter import Painter
@@ -119,3 +121,34 @@ class DrawPixels(RenderJob):
     def __call__(self, places: Places) -> npt.NDArray[np.uint8]:  # type: ignore[override]  # pixels
         (view,) = self.options.views
         return np.ascontiguousarray(self._shots(places)[view].color[..., :3], dtype=np.uint8)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Pictures while a program runs: one process draws them all, a scene at a time.
+
+
+__all__ = ["VIEWS", "LiveRenderer", "check_request"]
+
+
+class LiveRenderer:
+    """Draws scenes of the objects and in the workspace of `file`; its scenes determine what the camera frames. The
+    process starts with the first picture and runs until `close`. Raises RequestError if pybullet is not installed."""
+
+    def __init__(self, file: SceneFile, view: str, size: tuple[int, int]) -> None:
+        need("pybullet", "to draw pictures")
+        self._stage = stage_of(file)
+        self._job = DrawPixels(self._stage, PictureOptions((view,), size))
+        self._pool: Pool[Places, Picture] | None = None
+
+    def draw(self, poses: npt.NDArray[np.float64]) -> Picture:
+        """A scene (objects, 3) as (height, width, 3). Raises ScenegenError if the process fails."""
+        if self._pool is None:
+            self._pool = Pool(self._job, 1, what="a process that draws", unit="scene", spare="a smaller size")
+        (picture,) = self._pool.map(list(places_of(self._stage, poses[None])))
+        return picture
+
+    def close(self) -> None:
+        """End the process."""
+        if self._pool is not None:
+            self._pool.close()
+            self._pool = None

@@ -16,17 +16,15 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
-from scenegen.errors.program import PAGE_TOO_LARGE
+from scenegen.errors.program import PAGE_LIMIT
 from scenegen.lang.checker import check_file
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import check_writable, write_whole
 from scenegen.scenes.motions import MotionFile
-from scenegen.show.view.jobs.describe import describe, mesh_key, numbers_data, stage_of_spec
-from scenegen.show.view.jobs.evaluate import reasons, scene_set, told
-from scenegen.show.view.jobs.meshes import packed_mesh
-from scenegen.show.view.jobs.range import rarity_data
-from scenegen.show.view.jobs.source import wanted_counts, with_numbers
-from scenegen.show.view.opened import OpenProject
+from scenegen.show.view.jobs.describe import describe, mesh_key, numbers_data, packed_mesh
+from scenegen.show.view.jobs.evaluate import rarity_data, reasons, scene_set, told
+from scenegen.show.view.jobs.source import stage_of_spec, wanted_counts, with_numbers
+from scenegen.show.view.project import OpenProject
 from scenegen.show.view.worker import finite
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -125,7 +123,7 @@ def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str 
     }
     page = alone(finite(data)).encode()
     if len(page) > MOST_BYTES:
-        raise RequestError(PAGE_TOO_LARGE(size=len(page) / 1e6))
+        raise RequestError(PAGE_LIMIT(size=len(page) / 1e6))
     write_whole(out, page)
     return len(page)
 
@@ -174,14 +172,14 @@ def _motions(
     opened: OpenProject, spec: Spec, rare: SpecRarity, n: int, seed: int
 ) -> tuple[dict[str, Any], list[dict[str, Any]], MotionFile]:
     """The same of a spec over time. Raises RequestError for more than the page shows."""
-    from scenegen.show.view.jobs import motions, trees
+    from scenegen.show.view.jobs import motions
 
     if opened.scenes is not None:
         poses = motions.motions_of(spec, opened.scenes["motions"])
         sampler = opened.scenes["sampler"]
     else:
-        trees.check_size(spec, 1)
-        poses = _drawn(spec, rare, min(n, trees.most_of(spec)), seed)
+        motions.check_size(spec, 1)
+        poses = _drawn(spec, rare, min(n, motions.most_of(spec)), seed)
         sampler = {"method": "exact", "seed": seed}
     shown = {
         **motions.told(spec, poses),

@@ -1,9 +1,16 @@
-"""The server: its socket, its link, and how it ends."""
+"""The server of the page: who may talk to it, what it answers, and how it listens and ends.
+
+Only pages that it served itself, to people who have its link, may talk to it. Every request is looked at before any of
+it is read: its host (so that no other name can be made to point here), its origin (so that no other page can use this
+server), and, but for the files of the page itself, its token. How many are served at a time is limited. Each refusal is
+a status of 4xx with one plain sentence.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import hmac
 import json
 import secrets
 import shutil
@@ -11,17 +18,19 @@ import signal
 import socket
 import tempfile
 import threading
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, MutableMapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs
 
 import uvicorn
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.applications import Starlette
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
@@ -34,23 +43,231 @@ from scenegen.errors.program import CANNOT_LISTEN
 from scenegen.processes.process import ENDING, exit_status
 from scenegen.resources import grammar_file
 from scenegen.show.view.export import html
-from scenegen.show.view.folder import FileRefused, shipped
 from scenegen.show.view.limits import (
+    BODY_SECONDS,
     HEADER_SECONDS,
     IDLE_SECONDS,
+    MAX_BODY,
     MAX_CONNECTIONS,
     MAX_MESSAGE,
+    MAX_REQUESTS,
     MAX_SCENES,
     MAX_SESSIONS,
     MAX_TEXT,
 )
-from scenegen.show.view.opened import OpenProject
-from scenegen.show.view.security import Gate, Shared, json_body, refuse
-from scenegen.show.view.session import Lane, PageSession
-from scenegen.show.view.workers import PageWorkerEnded, TooManyWorkers
+from scenegen.show.view.project import FileRefused, OpenProject, shipped
+from scenegen.show.view.session import Lane, PageSession, PageWorkerEnded, TooManyWorkers, Workers
 
 # --------------------------------------------------------------------------------------------------------------------
-# The application: its routes behind the gate.
+# What all routes of one server share.
+
+
+@dataclass(slots=True)
+class Shared:
+    """`sessions` counts the pages that are open, `downloads` the files being made."""
+
+    opened: OpenProject
+    workers: Workers = field(default_factory=Workers)
+    sessions: int = 0
+    downloads: int = 0
+
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "font-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = (
+    (b"content-security-policy", POLICY.encode()),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+)
+
+
+@dataclass(slots=True)
+class Gate:
+    """The application behind its checks. `hosts` are the values of the Host header that mean this server."""
+
+    app: App
+    token: str
+    hosts: frozenset[str]
+    shared: Shared
+    under_way: int = field(default=0, init=False)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        problem = self._problem(scope)
+        # the page itself needs no token: slow readers of its files must not keep out requests that have one
+        counted = scope["type"] == "http" and not scope["path"].startswith("/static/")
+        if problem is None and counted and self.under_way >= MAX_REQUESTS:
+            problem = 429, "this server answers no more requests at a time; try again in a moment"
+        if problem is not None:
+            await refuse(scope, send, *problem)
+            return
+        if scope["type"] == "websocket":
+            await self.app(scope, receive, send)
+            return
+
+        async def guarded(message: MutableMapping[str, Any]) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", ()), *HEADERS]
+            await send(message)
+
+        self.under_way += counted
+        try:
+            await self.app(scope, receive, guarded)
+        finally:
+            self.under_way -= counted
+
+    def _problem(self, scope: Scope) -> tuple[int, str] | None:
+        headers = [(name.lower(), value.decode("latin-1")) for name, value in scope["headers"]]
+
+        def all_of(name: bytes) -> list[str]:
+            return [value for key, value in headers if key == name]
+
+        host = all_of(b"host")
+        if len(host) != 1 or host[0].lower() not in self.hosts:
+            return 403, "this server answers only under the address of its link"
+        for origin in all_of(b"origin"):
+            scheme, _, name = origin.lower().partition("://")
+            if scheme != "http" or name not in self.hosts or name != host[0].lower():
+                return 403, "pages of other origins may not use this server"
+        if any(site not in ("same-origin", "none") for site in all_of(b"sec-fetch-site")) and scope["path"] != "/":
+            return 403, "pages of other origins may not use this server"
+        if scope["path"].startswith("/static/"):
+            return None
+        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
+        given += [value.removeprefix("Bearer ") for value in all_of(b"authorization")]
+        if len(given) != 1 or not hmac.compare_digest(given[0].encode("latin-1", "replace"), self.token.encode()):
+            return 401, "the token is wrong or missing: use the link that `scenegen view` printed"
+        return None
+
+
+async def refuse(scope: Scope, send: Send, status: int, reason: str) -> None:
+    """Answer a request, or the opening of a WebSocket, with a status and a sentence."""
+    body = f"{reason}\n".encode()
+    kind = "websocket.http.response" if scope["type"] == "websocket" else "http.response"
+    if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close", "code": 1008, "reason": reason})
+        return
+    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"content-length", str(len(body)).encode())]
+    if status != 401:
+        headers.append((b"connection", b"close"))
+    await send({"type": f"{kind}.start", "status": status, "headers": [*headers, *HEADERS]})
+    await send({"type": f"{kind}.body", "body": body})
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The body of a request, as far as it may go.
+
+
+async def json_body(request: Request) -> dict[str, Any]:
+    """The JSON object of a request. Raises FileRefused for one that is too large, too slow or no object."""
+    length = request.headers.get("content-length", "0")
+    if length.isdigit() and int(length) > MAX_BODY:
+        raise FileRefused(413, f"a request has at most {MAX_BODY >> 20} MB")
+    data = bytearray()
+    try:
+        async with asyncio.timeout(BODY_SECONDS):
+            async for part in request.stream():
+                data += part
+                if len(data) > MAX_BODY:
+                    raise FileRefused(413, f"a request has at most {MAX_BODY >> 20} MB")
+    except TimeoutError:
+        raise FileRefused(408, "the request took too long to arrive") from None
+    except ClientDisconnect:
+        raise FileRefused(400, "the request did not arrive whole") from None
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise FileRefused(400, "the request is no JSON object")
+    return found
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The routes. The page itself, with what it shows first, and the files of its folder.
+
+
+async def page(request: Request) -> Response:
+    opened = _shared(request).opened
+    draft = await run_in_threadpool(opened.folder.draft, opened.path or opened.name)
+    return HTMLResponse(html({**opened.data(), "draft": draft}), headers={"cache-control": "no-store"})
+
+
+async def files(request: Request) -> Response:
+    specs = await run_in_threadpool(_shared(request).opened.folder.specs)
+    return JSONResponse({"specs": specs, "shipped": await run_in_threadpool(shipped)})
+
+
+async def file(request: Request) -> Response:
+    """A spec of the folder, read or saved."""
+    folder = _shared(request).opened.folder
+    if request.method == "GET":
+        path = request.query_params.get("path", "")
+        text, sha = await run_in_threadpool(folder.read, path)
+        return JSONResponse({"path": path, "text": text, "sha": sha})
+    body = await json_body(request)
+    wanted, new, was = body.get("path"), body.get("text"), body.get("was")
+    if not isinstance(wanted, str) or not isinstance(new, str) or not isinstance(was, str | None):
+        raise FileRefused(400, "a file is saved with its path, its text and the hash of what was there")
+    _check_whole(new)
+    return JSONResponse({"path": wanted, "sha": await run_in_threadpool(folder.save, wanted, new, was)})
+
+
+async def draft(request: Request) -> Response:
+    """What was written and not saved."""
+    folder = _shared(request).opened.folder
+    if request.method == "GET":
+        return JSONResponse(await run_in_threadpool(folder.draft, request.query_params.get("name", "")))
+    body = await json_body(request)
+    name, text, was = body.get("name"), body.get("text"), body.get("was")
+    if not isinstance(name, str) or not isinstance(text, str | None) or not isinstance(was, str | None):
+        raise FileRefused(400, "a draft is kept with its name, its text and the hash of what was there")
+    _check_whole(name + (text or ""))
+    await run_in_threadpool(folder.keep_draft, name, text, was)
+    return JSONResponse({})
+
+
+def _check_whole(text: str) -> None:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise FileRefused(400, "the text holds half of a character") from None
+
+
+def _shared(request: HTTPConnection) -> Shared:
+    shared: Shared = request.app.state.shared
+    return shared
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Texts that ship with scenegen and that the page shows beside a spec: explanations of codes, and the prelude.
+
+
+_entries = cache(catalog)
+
+
+async def explain(request: Request) -> Response:
+    entries: dict[str, CatalogEntry] = await run_in_threadpool(_entries)
+    entry = entries.get(request.query_params.get("code", ""))
+    if entry is None:
+        raise FileRefused(404, "there is no such code: `scenegen explain` lists all")
+    texts = {"means": entry.means, "example": entry.example, "mended": entry.mended}
+    return JSONResponse({"code": entry.kind.code, "severity": entry.kind.severity, **texts})
+
+
+async def prelude(request: Request) -> Response:
+    return JSONResponse({"text": grammar_file("prelude.spec").read_text(encoding="utf-8")})
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -75,179 +292,84 @@ class DownloadRequest(BaseModel):
     counts: dict[str, int] = Field(default={}, max_length=64)
 
 
-def download_route(shared: Shared) -> Route:
-    async def download(request: Request) -> Response:
-        try:
-            wanted = DownloadRequest.model_validate(await json_body(request))
-        except ValidationError:
-            raise FileRefused(400, "this is no request for a file of scenes") from None
-        if len(wanted.text.encode("utf-8", "replace")) > MAX_TEXT:
-            raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
-        if wanted.path is not None:
-            shared.opened.folder.inside(wanted.path)
-        if shared.downloads >= MOST:
-            raise FileRefused(429, "some files are being made already; try again in a moment")
-        shared.downloads += 1
-        try:
-            return await _made(shared, wanted)
-        finally:
-            shared.downloads -= 1
-
-    return Route("/api/download", download, methods=["POST"])
+async def download(request: Request) -> Response:
+    shared = _shared(request)
+    try:
+        wanted = DownloadRequest.model_validate(await json_body(request))
+    except ValidationError:
+        raise FileRefused(400, "this is no request for a file of scenes") from None
+    if len(wanted.text.encode("utf-8", "replace")) > MAX_TEXT:
+        raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
+    if wanted.path is not None:
+        shared.opened.folder.inside(wanted.path)
+    if shared.downloads >= MOST:
+        raise FileRefused(429, "some files are being made already; try again in a moment")
+    shared.downloads += 1
+    try:
+        return await _made(shared, wanted)
+    finally:
+        shared.downloads -= 1
 
 
 async def _made(shared: Shared, wanted: DownloadRequest) -> Response:
     into = Path(tempfile.mkdtemp(prefix="scenegen-view-"))
     lane = Lane(shared.workers)
-    heard: list[tuple[str, bytes]] = []
+    found: dict[str, bytes] = {}
     message = {**wanted.model_dump(), "job": "download", "root": str(shared.opened.folder.root), "into": str(into)}
+    response: Response | None = None
     try:
-        await lane.run(message, lambda kind, value: heard.append((kind, value)))
-        found = dict(heard)
+        await lane.run(message, found.__setitem__)
         if "refused" in found:
-            shutil.rmtree(into, ignore_errors=True)
             return JSONResponse(json.loads(found["refused"]), status_code=422)
         if "part" not in found:
             raise FileRefused(422, json.loads(found.get("failed", b'"the file could not be made"')))
-        file = into / str(json.loads(found["part"]))
+        made = into / str(json.loads(found["part"]))
         task = BackgroundTask(shutil.rmtree, into, ignore_errors=True)
-        return FileResponse(file, filename=file.name, background=task)
+        response = FileResponse(made, filename=made.name, background=task)
+        return response
     except (PageWorkerEnded, TooManyWorkers) as how:
-        shutil.rmtree(into, ignore_errors=True)
         raise FileRefused(429, f"the file could not be made: {how}") from None
-    except BaseException:
-        shutil.rmtree(into, ignore_errors=True)
-        raise
     finally:
         lane.close()
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The specs that the page opens and saves.
-
-
-def list_route(shared: Shared) -> Route:
-    async def files(request: Request) -> Response:
-        specs = await run_in_threadpool(shared.opened.folder.specs)
-        return JSONResponse({"specs": specs, "shipped": await run_in_threadpool(shipped)})
-
-    return Route("/api/files", files, methods=["GET"])
-
-
-def file_route(shared: Shared) -> Route:
-    folder = shared.opened.folder
-
-    async def file(request: Request) -> Response:
-        if request.method == "GET":
-            path = request.query_params.get("path", "")
-            text, sha = await run_in_threadpool(folder.read, path)
-            return JSONResponse({"path": path, "text": text, "sha": sha})
-        body = await json_body(request)
-        wanted, new, was = body.get("path"), body.get("text"), body.get("was")
-        if not isinstance(wanted, str) or not isinstance(new, str) or not isinstance(was, str | None):
-            raise FileRefused(400, "a file is saved with its path, its text and the hash of what was there")
-        if not _whole(new):
-            raise FileRefused(400, "the text holds half of a character")
-        sha = await run_in_threadpool(folder.save, wanted, new, was)
-        return JSONResponse({"path": wanted, "sha": sha})
-
-    return Route("/api/file", file, methods=["GET", "PUT"])
-
-
-def draft_route(shared: Shared) -> Route:
-    folder = shared.opened.folder
-
-    async def draft(request: Request) -> Response:
-        if request.method == "GET":
-            return JSONResponse(await run_in_threadpool(folder.draft, request.query_params.get("name", "")))
-        body = await json_body(request)
-        name, text, was = body.get("name"), body.get("text"), body.get("was")
-        if not isinstance(name, str) or not isinstance(text, str | None) or not isinstance(was, str | None):
-            raise FileRefused(400, "a draft is kept with its name, its text and the hash of what was there")
-        if not _whole(name + (text or "")):
-            raise FileRefused(400, "the text holds half of a character")
-        await run_in_threadpool(folder.keep_draft, name, text, was)
-        return JSONResponse({})
-
-    return Route("/api/draft", draft, methods=["GET", "PUT"])
-
-
-def _whole(text: str) -> bool:
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The page itself, with what it shows first.
-
-
-def page_route(shared: Shared) -> Route:
-    async def page(request: Request) -> Response:
-        opened = shared.opened
-        draft = await run_in_threadpool(opened.folder.draft, opened.path or opened.name)
-        return HTMLResponse(html({**opened.data(), "draft": draft}), headers={"cache-control": "no-store"})
-
-    return Route("/", page, methods=["GET"])
+        if response is None:
+            shutil.rmtree(into, ignore_errors=True)
 
 
 # --------------------------------------------------------------------------------------------------------------------
 # The WebSocket of a page.
 
 
-def socket_route(shared: Shared) -> WebSocketRoute:
-    async def socket(websocket: WebSocket) -> None:
-        if shared.sessions >= MAX_SESSIONS:
-            reason = "as many pages are open as this server takes; close one of them"
-            await refuse(websocket.scope, websocket._send, 429, reason)
-            return
-        shared.sessions += 1
-        try:
-            await websocket.accept()
-            opened = shared.opened
-            await PageSession(websocket, shared.workers, opened.folder, opened.model).converse()
-        finally:
-            shared.sessions -= 1
-
-    return WebSocketRoute("/api/socket", socket)
+async def socket_of_page(websocket: WebSocket) -> None:
+    shared = _shared(websocket)
+    if shared.sessions >= MAX_SESSIONS:
+        reason = "as many pages are open as this server takes; close one of them"
+        await refuse(websocket.scope, websocket._send, 429, reason)
+        return
+    shared.sessions += 1
+    try:
+        await websocket.accept()
+        opened = shared.opened
+        await PageSession(websocket, shared.workers, opened.folder, opened.model).converse()
+    finally:
+        shared.sessions -= 1
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# Texts that ship with scenegen and that the page shows beside a spec: explanations of codes, and the prelude.
-
-
-_entries = cache(catalog)
-
-
-def explain_route() -> Route:
-    async def explain(request: Request) -> Response:
-        entries: dict[str, CatalogEntry] = await run_in_threadpool(_entries)
-        entry = entries.get(request.query_params.get("code", ""))
-        if entry is None:
-            raise FileRefused(404, "there is no such code: `scenegen explain` lists all")
-        return JSONResponse(
-            {
-                "code": entry.kind.code,
-                "severity": entry.kind.severity,
-                "means": entry.means,
-                "example": entry.example,
-                "mended": entry.mended,
-            }
-        )
-
-    return Route("/api/explain", explain, methods=["GET"])
-
-
-def prelude_route() -> Route:
-    async def prelude(request: Request) -> Response:
-        return JSONResponse({"text": grammar_file("prelude.spec").read_text(encoding="utf-8")})
-
-    return Route("/api/prelude", prelude, methods=["GET"])
+# The application: its routes behind the gate.
 
 
 STATIC = Path(__file__).resolve().parent / "static"
+ROUTES = [
+    Route("/", page, methods=["GET"]),
+    Route("/api/files", files, methods=["GET"]),
+    Route("/api/file", file, methods=["GET", "PUT"]),
+    Route("/api/draft", draft, methods=["GET", "PUT"]),
+    Route("/api/explain", explain, methods=["GET"]),
+    Route("/api/prelude", prelude, methods=["GET"]),
+    Route("/api/download", download, methods=["POST"]),
+    WebSocketRoute("/api/socket", socket_of_page),
+    Mount("/static", StaticFiles(directory=STATIC)),
+]
 
 
 def make_app(opened: OpenProject, token: str, hosts: frozenset[str]) -> Gate:
@@ -262,27 +384,14 @@ def make_app(opened: OpenProject, token: str, hosts: frozenset[str]) -> Gate:
         finally:
             await shared.workers.close()
 
-    app = Starlette(
-        routes=[
-            page_route(shared),
-            list_route(shared),
-            file_route(shared),
-            draft_route(shared),
-            explain_route(),
-            prelude_route(),
-            download_route(shared),
-            socket_route(shared),
-            Mount("/static", StaticFiles(directory=STATIC)),
-        ],
-        lifespan=lifespan,
-        exception_handlers={FileRefused: _refused, 404: _missing, 405: _missing, 500: _broken},
-    )
+    handlers: Any = {FileRefused: _refused, 404: _missing, 405: _missing, 500: _broken}
+    app = Starlette(routes=ROUTES, lifespan=lifespan, exception_handlers=handlers)
+    app.state.shared = shared
     return Gate(app, token, hosts, shared)
 
 
-async def _refused(request: Request, error: Exception) -> Response:
-    status = error.status if isinstance(error, FileRefused) else 400
-    return PlainTextResponse(f"{error}\n", status)
+async def _refused(request: Request, error: FileRefused) -> Response:
+    return PlainTextResponse(f"{error}\n", error.status)
 
 
 async def _missing(request: Request, error: Exception) -> Response:
@@ -291,6 +400,10 @@ async def _missing(request: Request, error: Exception) -> Response:
 
 async def _broken(request: Request, error: Exception) -> Response:
     return PlainTextResponse(f"scenegen itself failed: {type(error).__name__}\n", 500)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The server: its socket, its link, and how it ends.
 
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")

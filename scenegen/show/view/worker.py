@@ -1,16 +1,23 @@
-"""One worker process: it does the jobs that come in over its socket, one after the other, until the socket is closed.
+"""The processes that work for the page, and the program that they are forked from.
 
-A job is `{"job": name, ...}`. The answers are any number of `{"part": ...}` and then one of `{"done": ...}`,
-`{"refused": {...}}` for what the user can mend, and `{"failed": "..."}` for what is our own fault.
+A worker does the jobs that come in over its socket, one after the other, until the socket is closed. A job is
+`{"job": name, ...}`. The answers are any number of `{"part": ...}` and then one of `{"done": ...}`, `{"refused":
+{...}}` for what the user can mend, and `{"failed": "..."}` for what is our own fault.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import math
+import os
+import resource
+import select
+import signal
 import socket
 import struct
+import sys
 from typing import Any
 
 import numpy as np
@@ -18,8 +25,9 @@ import numpy as np
 from scenegen.errors import ScenegenError
 from scenegen.errors.program import OUT_OF_MEMORY
 from scenegen.processes.process import cannot_start, is_limit
-from scenegen.show.view.jobs import JOBS
+from scenegen.show.view.jobs import job_of
 from scenegen.show.view.jobs.source import refusal
+from scenegen.show.view.limits import MEMORY
 
 # --------------------------------------------------------------------------------------------------------------------
 # Messages between the server and its worker processes: JSON, each behind its length.
@@ -83,7 +91,7 @@ def work(line: socket.socket) -> None:
 def do(line: socket.socket, message: dict[str, Any]) -> None:
     """Do one job and send what comes of it."""
     try:
-        for part in JOBS[message["job"]](message):
+        for part in job_of(message["job"])(message):
             line.sendall(packed({"part": part}))
         line.sendall(packed({"done": None}))
     except ScenegenError as error:
@@ -110,3 +118,92 @@ def _exactly(line: socket.socket, size: int) -> bytes | None:
         parts.append(part)
         size -= len(part)
     return b"".join(parts)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The program that worker processes are forked from: it has loaded what they need, so that a new one costs some
+# milliseconds and ending one that is no longer of use costs nothing.
+#
+# The server talks to it over a stream of fixed-size orders: fork a worker number k, whose socket comes with the
+# order, or end number k. It lives as long as the server: when the stream ends, it ends all its workers and itself. It
+# starts no thread, so that forking is safe.
+
+
+ORDER = struct.Struct("!cQ")
+FORK, END = b"f", b"e"
+PAUSE = 1.0  # seconds after which it looks for workers that have ended
+
+_WARM = "object mug, plate\nrequire noOverlap()\ntask: leftOf(mug, plate)\n"
+
+
+def main() -> None:
+    """Serve the orders that come in over standard input, a Unix socket."""
+    control = socket.socket(fileno=os.dup(0))
+    null = os.open(os.devnull, os.O_RDWR)
+    os.dup2(null, 0)
+    os.dup2(2, 1)
+    warm()
+    with contextlib.suppress(BrokenPipeError):  # the server has ended: so do we
+        control.sendall(b"r")  # ready
+    workers: dict[int, int] = {}  # number -> process
+    while True:
+        ready, _, _ = select.select([control], [], [], PAUSE)
+        reap(workers)
+        if not ready:
+            continue
+        data, fds, _, _ = socket.recv_fds(control, ORDER.size, 1)
+        while data and len(data) < ORDER.size:
+            more = control.recv(ORDER.size - len(data))
+            data = data + more if more else b""
+        if not data:
+            break
+        kind, number = ORDER.unpack(data)
+        if kind == FORK:
+            sys.stdout.flush()
+            with contextlib.suppress(OSError):  # no more processes: the server sees its socket closed
+                process = os.fork()
+                if process == 0:
+                    live(control, fds[0])
+                workers[number] = process
+            os.close(fds[0])
+        elif number in workers:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(workers[number], signal.SIGKILL)
+    for process in workers.values():
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
+
+
+def warm() -> None:
+    """Load what jobs need and fill the caches that all of them share."""
+    from scenegen.api.sample import glimpse, sample
+    from scenegen.api.spec import parse
+    from scenegen.show.view.jobs import load_all
+
+    load_all()
+    for method in ("auto", "growth"):
+        sample(parse(_WARM), n=1, method=method, workers=1)
+    glimpse(parse(_WARM), n=1)
+
+
+def reap(workers: dict[int, int]) -> None:
+    """Forget the workers that have ended."""
+    for number, process in list(workers.items()):
+        with contextlib.suppress(ChildProcessError):
+            if os.waitpid(process, os.WNOHANG)[0] == 0:
+                continue
+        del workers[number]
+
+
+def live(control: socket.socket, fd: int) -> None:
+    """The life of a worker, in a process of its own; it never returns."""
+    status = 1
+    try:
+        control.close()
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+        work(socket.socket(fileno=fd))
+        status = 0
+    finally:
+        os._exit(status)

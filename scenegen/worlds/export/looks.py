@@ -14,8 +14,8 @@ from scenegen.errors.requests import NO_SCENES
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.stage import PictureSetup, stage_of
 from scenegen.show.looks.camera import Camera
+from scenegen.show.looks.configuration import read_looks
 from scenegen.show.looks.look import Look, Point, looks_jsonl
-from scenegen.show.looks.read import read_looks
 from scenegen.show.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
 from scenegen.show.render.files import check_seed, usual_size
 from scenegen.things.palette import RGB

@@ -1,4 +1,4 @@
-"""What worker processes do for the page: name -> "module:function", one job per file.
+"""What worker processes do for the page: name -> "module:function", a file for what belongs together.
 
 A job takes the message of the page and yields its answers, plain data that JSON holds. It raises ScenegenError for what
 the user can mend.
@@ -7,7 +7,7 @@ the user can mend.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any
 
 Job = Callable[[dict[str, Any]], Iterator[Any]]
@@ -19,7 +19,7 @@ TABLE: dict[str, str] = {
     "sample": "scenegen.show.view.jobs.sample:sample",
     "first": "scenegen.show.view.jobs.sample:first",
     "spread": "scenegen.show.view.jobs.sample:spread",
-    "range": "scenegen.show.view.jobs.range:range_",
+    "range": "scenegen.show.view.jobs.evaluate:range_",
     "download": "scenegen.show.view.jobs.sample:download",
 }
 
@@ -32,27 +32,16 @@ OF_MOTIONS = (
 """What jobs import only for specs over time."""
 
 
-class _Jobs(Mapping[str, Job]):
-    """The table with its entries loaded when they are first used."""
-
-    def __getitem__(self, name: str) -> Job:
-        module, _, function = TABLE[name].partition(":")
-        job: Job = getattr(importlib.import_module(module), function)
-        return job
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(TABLE)
-
-    def __len__(self) -> int:
-        return len(TABLE)
-
-
-JOBS: Mapping[str, Job] = _Jobs()
+def job_of(name: str) -> Job:
+    """The function of a job; its module is loaded when it is first wanted."""
+    module, _, function = TABLE[name].partition(":")
+    job: Job = getattr(importlib.import_module(module), function)
+    return job
 
 
 def load_all() -> None:
     """Import what the jobs need, so that no process has to do it again."""
     for name in TABLE:
-        JOBS[name]
+        job_of(name)
     for module in OF_MOTIONS:
         importlib.import_module(module)

@@ -16,8 +16,7 @@ from scenegen.errors.program import NO_MESSAGE
 from scenegen.errors.time import NO_BOUND_ON_STEPS
 from scenegen.lang.spec import CheckedSpec
 from scenegen.resources import grammar_file
-from scenegen.show.view.jobs.describe import describe, numbers_data
-from scenegen.show.view.jobs.meshes import meshes_of
+from scenegen.show.view.jobs.describe import describe, meshes_of, numbers_data
 from scenegen.show.view.jobs.source import calmly, inside, path_of, wanted_counts, with_numbers
 
 # --------------------------------------------------------------------------------------------------------------------

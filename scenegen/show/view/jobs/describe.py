@@ -1,27 +1,29 @@
-"""What the page needs to know of a spec to draw its scenes and to speak of them."""
+"""What the page needs to know of a spec to draw its scenes and to speak of them, meshes of its objects among it."""
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
-import math
+from collections.abc import Collection
 from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from scenegen.api.outline import Outline
-from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec
 from scenegen.geometry import Box, Circle, Footprint
 from scenegen.geometry.footprint import corners
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.scenes.data import RAISED, ObjectData, RequestData, SceneFile, carried_first
-from scenegen.scenes.stage import TALLEST, TALLEST_DECLARED, WOOD, PictureObject, PictureSetup, stage_of
-from scenegen.show.view.jobs import trees as timed
-from scenegen.show.view.jobs.trees import Trees
+from scenegen.scenes.data import RAISED, ObjectData, SceneFile, carried_first
+from scenegen.scenes.stage import TALLEST, TALLEST_DECLARED, WOOD, PictureObject, PictureSetup
+from scenegen.show.view.jobs import evaluate, motions
+from scenegen.show.view.jobs.source import header_of, stage_of_spec
 from scenegen.show.view.limits import most_scenes
+from scenegen.things import Shape, parts_of
+from scenegen.things.mesh import shaded
 from scenegen.things.palette import mix
 
 
@@ -31,7 +33,8 @@ def describe(spec: Spec) -> dict[str, Any]:
     header = header_of(spec)
     stage = stage_of_spec(spec)
     bounds = spec.bounds()
-    trees = formulas_of(spec)
+    over_time = spec.over_time is not None
+    trees = motions.trees_of(spec).trees if over_time else evaluate.trees_of(spec).trees
     return {
         "sha256": checked.sha256,
         "source": checked.source,
@@ -65,11 +68,11 @@ def describe(spec: Spec) -> dict[str, Any]:
             }
             for region, patch in zip(checked.regions, stage.patches, strict=True)
         ],
-        "labels": [{"name": name, "bounds": plain(bounds[name])} for name in spec.labels],
+        "labels": [{"name": name, "bounds": evaluate.plain(bounds[name])} for name in spec.labels],
         "requires": REQUIRE in trees,
         "trees": trees,
         "time": _time(spec),
-        "most": most_scenes(len(spec.objects)) if spec.horizon is None else timed.most_of(spec),
+        "most": most_scenes(len(spec.objects)) if spec.horizon is None else motions.most_of(spec),
     }
 
 
@@ -87,18 +90,6 @@ def numbers_data(family: Spec, numbers: dict[str, int]) -> list[dict[str, Any]]:
         {"name": name, "least": least, "most": most, "now": numbers[name], "assets": list(family.assets.get(name, ()))}
         for name, (least, most) in family.counts.items()
     ]
-
-
-def formulas_of(spec: Spec) -> dict[str, Any]:
-    """The formula of each label, and what is required, as a tree."""
-    if spec.over_time is None:
-        return trees_of(spec).trees
-    return timed.trees_of(spec).trees
-
-
-def plain(ends: tuple[float, float]) -> list[float]:
-    """Bounds that a plot can have: windows that look beyond the last moment have infinite ones."""
-    return [one if math.isfinite(one) else math.copysign(1.0, one) for one in ends]
 
 
 def surfaces_of(item: ObjectData) -> list[str]:
@@ -125,24 +116,6 @@ def _tall(header: SceneFile, stage: PictureSetup) -> float:
     return min(max([*tops, *boards], default=0.0), (TALLEST_DECLARED if raised else TALLEST) * stage.side)
 
 
-@lru_cache(maxsize=2)
-def header_of(spec: Spec) -> SceneFile:
-    """A scene file of a spec without any scene."""
-    return make_header(spec.declared, {}, RequestData(phi={}, n=1, spread="flat"))
-
-
-@lru_cache(maxsize=2)
-def stage_of_spec(spec: Spec) -> PictureSetup:
-    """The table of a spec without any scene on it."""
-    return stage_of(header_of(spec))
-
-
-@lru_cache(maxsize=2)
-def trees_of(spec: Spec) -> Trees:
-    """The formulas of a spec."""
-    return Trees(Outline(spec))
-
-
 def footprint_data(footprint: Footprint) -> dict[str, Any]:
     """A footprint as the page draws it: a circle, or corners counter-clockwise."""
     if isinstance(footprint, Circle):
@@ -155,3 +128,65 @@ def mesh_key(thing: PictureObject) -> str:
     """A name for what an object looks like: two objects of one key share a mesh."""
     facts = [thing.shape.asset, asdict(thing.shape)["footprint"], thing.shape.height, list(thing.color)]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What objects look like: the library's own meshes, with normals, packed small.
+
+
+STEPS = 32767  # of the largest coordinate: positions are 16-bit numbers
+
+
+def meshes_of(spec: Spec, have: Collection[str]) -> dict[str, Any]:
+    """The meshes of the spec's objects by key, without those that a page has already."""
+    things = {mesh_key(thing): thing for thing in stage_of_spec(spec).things}
+    return {key: packed_mesh(one.shape, tuple(one.color)) for key, one in things.items() if key not in have}
+
+
+@lru_cache(maxsize=256)
+def packed_mesh(shape: Shape, color: tuple[float, float, float]) -> dict[str, Any]:
+    """Vertices of all parts: `position` in 16-bit steps of `scale` metres, `normal` in 8-bit steps, `color` in bytes,
+    `index` in 16 or 32 bits; each as base64 of little-endian numbers."""
+    positions, normals, colors = [], [], []
+    for part in parts_of(shape, color):
+        vertices, normal, _ = shaded(part.mesh)
+        positions.append(vertices)
+        normals.append(normal)
+        colors.append(np.tile(np.array(part.color), (len(vertices), 1)))
+    position = np.concatenate(positions)
+    scale = max(float(np.abs(position).max()), 1e-9) / STEPS
+    table = np.concatenate(
+        [
+            np.round(position / scale),
+            np.round(np.concatenate(normals) * 127.0),
+            np.round(np.clip(np.concatenate(colors), 0.0, 1.0) * 255.0),
+        ],
+        axis=1,
+    ).astype(np.int64)
+    unique, index = _unique(table)
+    wide = len(unique) > 65535
+    return {
+        "scale": scale,
+        "position": _text(unique[:, :3].astype("<i2")),
+        "normal": _text(unique[:, 3:6].astype("i1")),
+        "color": _text(unique[:, 6:].astype("u1")),
+        "index": _text(index.reshape(-1).astype("<u4" if wide else "<u2")),
+        "wide": wide,
+    }
+
+
+def _unique(table: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """The different rows of a (V, 9) table of vertices in order, and where each row is among them. Two numbers hold a
+    row, which sorts faster than nine."""
+    place = (table[:, :3] + (1 << 15)) @ np.array([1 << 32, 1 << 16, 1])
+    rest = (table[:, 3:] + (1 << 7)) @ (1 << np.arange(50, -1, -10))
+    order = np.lexsort((rest, place))
+    new = np.ones(len(table), dtype=np.int64)
+    new[1:] = (np.diff(place[order]) != 0) | (np.diff(rest[order]) != 0)
+    index = np.empty(len(table), dtype=np.int64)
+    index[order] = np.cumsum(new) - 1
+    return table[order[new == 1]], index
+
+
+def _text(array: Any) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()

@@ -22,7 +22,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.errors.declarations import NEVER_SATISFIED
-from scenegen.errors.program import ANOTHER_SPEC, LONG_GIF, NO_MESSAGE, TOO_MANY_SHOWN
+from scenegen.errors.program import ANOTHER_SPEC, NO_MESSAGE, PAGE_LIMIT
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE
 from scenegen.errors.time import TOO_FEW_MOTIONS
 from scenegen.needs import need
@@ -184,12 +184,12 @@ def request_of(message: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
     except (TypeError, ValueError, LookupError, AttributeError, OverflowError):
         raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
     if spec.over_time is not None:
-        from scenegen.show.view.jobs.trees import check_size
+        from scenegen.show.view.jobs.motions import check_size
 
         check_size(spec, n)
     most = most_scenes(len(spec.objects))
     if not 1 <= n <= most:
-        raise RequestError(TOO_MANY_SHOWN(most=most, count=n, what="scenes"))
+        raise RequestError(PAGE_LIMIT(most=most, count=n, what="scenes"))
     return {
         "phi": {name: ends for name, ends in phi.items() if ends != (None, None)},
         "n": n,
@@ -282,6 +282,6 @@ def _motion_file(spec: Spec, message: dict[str, Any], wanted: str) -> str:
     if wanted != PLAYED:
         return found.save(into / f"motions.{wanted}").name
     if poses.shape[1] > MAX_PLAYED:
-        raise RequestError(LONG_GIF(moments=poses.shape[1], most=MAX_PLAYED))
+        raise RequestError(PAGE_LIMIT(moments=poses.shape[1], most=MAX_PLAYED))
     need("pybullet", "to draw pictures")
     return replace(found, poses=poses[:1]).animate(into / "motion.gif", 1, workers=1).name

@@ -11,11 +11,14 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec
 from scenegen.errors import DataError, Diagnostic, ScenegenError
 from scenegen.errors.program import NO_MESSAGE
 from scenegen.errors.render import render_all
 from scenegen.lang.checker import check_file
+from scenegen.scenes.data import RequestData, SceneFile
+from scenegen.scenes.stage import PictureSetup, stage_of
 from scenegen.show.figures.dimensions import Dimension, Guide, Mark, Turn
 from scenegen.show.view.limits import control, without_command_line
 
@@ -95,6 +98,18 @@ def refusal(error: ScenegenError, root: str | None = None) -> dict[str, Any]:
     if one.span is not None:
         found["span"] = [one.span.start, one.span.end]
     return {**found, "text": inside(render_all(error.diagnostics, spell=control), root)}
+
+
+@lru_cache(maxsize=2)
+def header_of(spec: Spec) -> SceneFile:
+    """A scene file of a spec without any scene."""
+    return make_header(spec.declared, {}, RequestData(phi={}, n=1, spread="flat"))
+
+
+@lru_cache(maxsize=2)
+def stage_of_spec(spec: Spec) -> PictureSetup:
+    """The table of a spec without any scene on it."""
+    return stage_of(header_of(spec))
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from scenegen.editors.lsp import define
 from scenegen.editors.lsp import names as vocabulary
 from scenegen.editors.lsp.document import Document
+from scenegen.editors.lsp.hover import asset
 from scenegen.editors.lsp.names import Binding, Kind, StatementSpan
 from scenegen.lang.check.heights import LIST_MEMBERS, SURFACE_SIZES
 from scenegen.lang.check.names import AREAS, SHAPES
@@ -52,7 +52,7 @@ class _WordAtCursor:
         return CompletionItem(word, group, detail, about, self.start, self.end)
 
 
-def complete(document: Document, offset: int) -> list[CompletionItem]:
+def completions(document: Document, offset: int) -> list[CompletionItem]:
     """The words that fit at an offset, the most local ones first; none inside comments."""
     line = document.text.rfind("\n", 0, offset) + 1
     written = list(scan(document.text[line:offset]))
@@ -162,7 +162,7 @@ def _keywords(here: _WordAtCursor, *words: str) -> Iterator[CompletionItem]:
 
 def _assets(here: _WordAtCursor) -> Iterator[CompletionItem]:
     for name in ASSETS:
-        yield here.item(name, "asset", define.asset(name))
+        yield here.item(name, "asset", asset(name))
 
 
 def _files(document: Document, offset: int) -> Iterator[CompletionItem]:

@@ -21,13 +21,14 @@ import numpy.typing as npt
 from scenegen.lang.formula.core import REQUIRE, Junction, gated, part_of
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import BELOW_TURN, THETA, along
+from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.graph import flat
 from scenegen.sampling.growth.grow import Grown, PlacementFailed, explore, grow
 from scenegen.sampling.growth.machine import Machine, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.particles import MoveTally
-from scenegen.sampling.growth.population import GrowthFailed, tuned
-from scenegen.sampling.growth.sampler import log_base, no_growth
+from scenegen.sampling.growth.population import tuned
+from scenegen.sampling.growth.sampler import log_base
 from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.rarity import (
     COUNTED,
@@ -183,7 +184,7 @@ def measure_vast(
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
         first = grow_islands(base, ISLANDS, EACH, (seed, VAST), FIRST, deadline)
         if isinstance(first, NoRoom):
-            raise no_growth(base, GrowthFailed(first.machine, first.stuck, first.work / len(base.core.nodes)))
+            raise GrowthFailed(first.machine, first.stuck, first.work / len(base.core.nodes)).error(base)
         work = 0.0
         reaches: dict[str, PhiDistribution] = {}
         for index, label in enumerate(labels):

@@ -13,8 +13,8 @@ from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import SplittingStalled, _LevelPlanner, go_on, make_schedule
-from scenegen.sampling.splitting.sampler import make_plan, run_piece
+from scenegen.sampling.splitting.levels import SplittingStalled, _LevelPlanner, make_schedule
+from scenegen.sampling.splitting.sampler import run_piece
 
 splitting = partial(run, method="splitting")
 
@@ -49,20 +49,6 @@ def test_a_piece_is_the_same_whenever_it_is_run(problem, plan):
     assert first.rows.tobytes() == again.rows.tobytes() and first.phi.tobytes() == again.phi.tobytes()
     assert first.probability == again.probability
     assert not set(first.rows[0].tolist()) & set(other.rows[0].tolist())
-
-
-@pytest.mark.long
-def test_pieces_begun_while_the_plan_is_made_are_the_same_pieces(exp2, begun_early):
-    """Some of their stages are done by then; drawn twice, they are drawn from there twice."""
-    requests = (SampleRequest(RARE, n=9000, seed=5, spread="flat", workers=workers) for workers in (1, 2))
-    alone, ahead = (make_plan(make_problem(exp2, request), Budget()) for request in requests)
-    assert not alone.schedule.begun and len(ahead.schedule.begun) >= 2
-    assert alone.plan_digest == ahead.plan_digest
-    begun = [go_on(stored) for stored in ahead.schedule.begun.values()]
-    assert all(0 < one.stages < len(ahead.schedule.stages) for one in begun)
-    for k in (*ahead.schedule.begun, 0, 99):
-        one, other = alone.draw(k), ahead.draw(k)
-        assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
 
 
 @pytest.mark.long

@@ -7,20 +7,18 @@ process.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.pose import PLACE, X, Y, row_of
-from scenegen.processes.ahead import BackgroundTask
-from scenegen.processes.process import cores
+from scenegen.sampling.growth.failure import GrowthFailed, too_full
 from scenegen.sampling.growth.grow import HITS, AncestorEffect, Grown, PlacementFailed, Step, explore
 from scenegen.sampling.growth.machine import Machine, make_machine
 from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, LIFTS, MoveSettings, sweep
 from scenegen.sampling.growth.particles import MoveTally, Particles
-from scenegen.sampling.growth.room import too_full
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.search.effort import StoppedError, TooMuchError
 
@@ -380,8 +378,7 @@ def lifted(free: float, often: float) -> tuple[float, int]:
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# The populations with which a plan of growth begins, each in any process, and where there are two, in others before
-# growth is chosen.
+# The populations with which a plan of growth begins: the first is grown while the plan is made, the second is piece 1.
 
 
 GROWTH = 6  # random stream of growth: plan and pieces
@@ -392,134 +389,38 @@ NUMBERS = 1 << 22  # coordinates of a population at most
 WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GrowthFailed:
-    """No plan: time was up (`stuck` is None), there was no room for an object, a `proof` (facts of
-    TABLE_TOO_FULL) says that there is none for all of them, or it is `dear`: it takes longer than was allowed."""
-
-    machine: Machine | None
-    stuck: PlacementFailed | None
-    evaluations: float
-    proof: Mapping[str, str] = field(default_factory=dict)
-    dear: bool = False
-
-    @property
-    def crowded(self) -> bool:
-        """Whether poses met all clauses but those that keep objects apart: the table is too full."""
-        return self.stuck is not None and self.stuck.placed.attracted > 0
-
-
-@dataclass(frozen=True, slots=True)
-class FirstPopulationJob:
-    """The machine and the first population of a problem, in any process; in at most `longest` seconds, as the machine
-    counts them."""
-
-    problem: Problem
-    budget: Budget
-    longest: float = math.inf
-
-    def __call__(self, size: Size) -> tuple[Machine, Population] | GrowthFailed:
-        machine = None
-        with np.errstate(all="ignore"):
-            try:
-                machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
-                proof = too_full(machine.graph, self.problem.spec)
-                if proof:
-                    return GrowthFailed(machine, None, 0.0, proof)
-                machine.longest = self.longest
-                machine, made = _population(machine, size, 0)
-            except StoppedError:
-                return GrowthFailed(machine, None, 0.0 if machine is None else machine.work)
-            except TooMuchError:
-                return GrowthFailed(machine, None, 0.0 if machine is None else machine.work, dear=True)
-        return GrowthFailed(machine, made, machine.work) if isinstance(made, PlacementFailed) else (machine, made)
+def first_population(
+    problem: Problem, budget: Budget, size: Size, longest: float = math.inf
+) -> tuple[Machine, Population] | GrowthFailed:
+    """The machine and the first population of a problem, in at most `longest` seconds, as the machine counts them."""
+    machine = None
+    try:
+        machine = make_machine(problem, deadline=budget.ends, loose=True)
+        proof = too_full(machine.graph, problem.spec)
+        if proof:
+            return GrowthFailed(machine, None, 0.0, proof)
+        machine.longest = longest
+        machine, made = _population(machine, size, 0)
+    except StoppedError:
+        return GrowthFailed(machine, None, 0.0 if machine is None else machine.work)
+    except TooMuchError:
+        return GrowthFailed(machine, None, 0.0 if machine is None else machine.work, dear=True)
+    machine.longest = math.inf
+    return GrowthFailed(machine, made, machine.work) if isinstance(made, PlacementFailed) else (machine, made)
 
 
-@dataclass(frozen=True, slots=True)
-class SecondPopulationJob:
-    """The second population of a problem, in any process; without scenes where there was no room for them. Raises
-    StoppedError with the number of objects placed by then, if any could be."""
-
-    problem: Problem
-    budget: Budget
-
-    def __call__(self, size: Size) -> PopulationSample:
-        with np.errstate(all="ignore"):
-            machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
-            try:
-                machine, made = _population(machine, replace(size, fewest=0.0), 1)
-            except StoppedError:
-                raise StoppedError(placed_of(machine, size.count)) from None
-        if isinstance(made, PlacementFailed) or made.taken is None:
-            none = np.empty((len(self.problem.lowest), 0)), np.full((ISLANDS, self.problem.cells.count), -np.inf)
-            return PopulationSample(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
-        return made.taken
-
-
-@dataclass(slots=True)
-class StartedGrowth:
-    """The two populations of a problem, as far as other processes have begun with them. A context manager, at the end
-    of which they are given up, unless they are `kept` by the plan that was chosen."""
-
-    problem: Problem
-    budget: Budget
-    size: Size
-    given_up: bool = False
-    kept: bool = False
-    _first: BackgroundTask[Size, tuple[Machine, Population] | GrowthFailed] | None = None
-    _second: BackgroundTask[Size, PopulationSample] | None = None
-
-    def __enter__(self) -> StartedGrowth:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if not self.kept:
-            self.give_up()
-
-    def begin_first(self) -> None:
-        self._first = BackgroundTask(FirstPopulationJob(self.problem, self.budget), self.size, self.budget.reserve)
-
-    def begin_second(self) -> None:
-        """Now, if it has not begun yet."""
-        if self._second is None:
-            self._second = BackgroundTask(
-                SecondPopulationJob(self.problem, self.budget), self.size, self.budget.reserve
-            )
-
-    def first(self) -> tuple[Machine, Population] | GrowthFailed:
-        """Waits for it; if no other process has begun with it, this one makes it."""
-        if self._first is None:
-            return FirstPopulationJob(self.problem, self.budget)(self.size)
-        with self._first:  # then its process is free
-            return self._first.result()
-
-    def second(self) -> PopulationSample | None:
-        """Waits for it; None if it has not begun, or time is up."""
-        try:
-            return None if self._second is None else self._second.result()
-        except StoppedError:
-            return None
-
-    def going(self) -> BackgroundTask[Size, PopulationSample] | None:
-        """The work on the second one, if it has begun and is not given up."""
-        return None if self.given_up else self._second
-
-    def give_up(self) -> None:
-        """End what is not done: nobody will ask for it."""
-        if not self.given_up:
-            self.given_up = True
-            for one in (self._first, self._second):
-                if one is not None:
-                    one.__exit__()
-
-
-def start_growth(problem: Problem, budget: Budget, size: Size | None = None) -> StartedGrowth | None:
-    """The populations of a large request, to be begun in other processes; those of a plan that is not `patient` while
-    it is found out whether growth is the method. None for small requests, or where there are no further processes."""
-    size = size_of(problem) if size is None else size
-    workers = problem.request.workers
-    several = (cores() if workers is None else workers) > 1
-    return StartedGrowth(problem, budget, size) if several and size.populations > 1 else None
+def second_population(problem: Problem, budget: Budget, size: Size) -> PopulationSample:
+    """The second population of a problem; without scenes where there was no room for them. Raises StoppedError with the
+    number of objects placed by then, if any could be."""
+    machine = make_machine(problem, deadline=budget.ends, loose=True)
+    try:
+        machine, made = _population(machine, replace(size, fewest=0.0), 1)
+    except StoppedError:
+        raise StoppedError(placed_of(machine, size.count)) from None
+    if isinstance(made, PlacementFailed) or made.taken is None:
+        none = np.empty((len(problem.lowest), 0)), np.full((ISLANDS, problem.cells.count), -np.inf)
+        return PopulationSample(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
+    return made.taken
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:

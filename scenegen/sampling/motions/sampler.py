@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -18,8 +18,8 @@ from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.engine.stream import run_blocks
 from scenegen.sampling.motions.problem import Array, Index, MotionProblem, Variables, draw, poses_of, within_a_turn
-from scenegen.sampling.motions.schedule import STREAM, Schedule, Watch, begin, generator, go_on, make_schedule
-from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
+from scenegen.sampling.motions.schedule import STREAM, Schedule, Watch, begin, generator, make_schedule
+from scenegen.sampling.plan import Account, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.report import of_hits
 from scenegen.sampling.splitting.sampler import probability
@@ -117,7 +117,9 @@ class MotionSplitting(_MotionPlan):
 
     @property
     def plan_digest(self) -> str:
-        return digest("motion splitting", replace(self.schedule, begun={}))
+        one = self.schedule
+        values = one.stages, one.levels, one.left, one.cells, one.chains, one.evaluations
+        return digest("motion splitting", Record("Schedule", (*values, {})))
 
     @property
     def evaluations(self) -> float:
@@ -136,9 +138,8 @@ class MotionSplitting(_MotionPlan):
 
     def draw(self, k: int) -> Piece:
         plan, problem = self.schedule, self.problem
-        stored = plan.begun.get(k)
-        begun = begin(problem, plan.chains, k, self.stop) if stored is None else go_on(stored, self.stop)
-        for stage in plan.stages[begun.stages :]:
+        begun = begin(problem, plan.chains, k, self.stop)
+        for stage in plan.stages:
             begun.follow(stage)
         chains, share = begun.chains, begun.probability
         if not share:
@@ -215,7 +216,7 @@ def pilot(problem: MotionProblem, budget: Budget) -> tuple[Index, int]:
     """How many draws of the base distribution hit each cell, and how many draws there were. Raises StoppedError."""
     drawn, batch = 0, problem.at_once(BATCH, LEAST)
     counts = np.zeros(problem.cells.count, dtype=np.intp)
-    steps = run_pieces(_Pilot(problem, batch, budget), range(PILOT), problem.request.workers or 1, budget.reserve)
+    steps = run_pieces(_Pilot(problem, batch, budget), range(PILOT), problem.request.workers or 1)
     with closing(steps):
         for hits in steps:
             counts += hits
@@ -287,7 +288,7 @@ def sample(
             ) from None
         columns, info = [np.empty((problem.rows, 0))], dict[str, object]()
         if plan is not None:
-            run = run_blocks(plan, labels, workers=workers, reserve=budget.reserve, spent=lambda: budget.spent)
+            run = run_blocks(plan, labels, workers=workers, spent=lambda: budget.spent)
             while True:
                 try:
                     columns.append(next(run).rows)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import pickle
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenegen.processes.ahead import Lookahead
 from scenegen.sampling.motions.moves import changes
 from scenegen.sampling.motions.problem import (
     GATES,
@@ -23,7 +20,6 @@ from scenegen.sampling.motions.problem import (
     within_a_turn,
 )
 from scenegen.sampling.motions.relocate import Meter, statistics
-from scenegen.sampling.plan import Pieces
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.splitting.chains import Region, which_cell
 from scenegen.search.effort import NEVER, Stop
@@ -194,13 +190,6 @@ def begin(problem: MotionProblem, chains: int, number: int, stop: Stop = NEVER) 
     return PartialMotionPiece(MotionChains.start(problem, chains, generator(problem.request.seed, number), stop))
 
 
-def go_on(stored: bytes, stop: Stop = NEVER) -> PartialMotionPiece:
-    """A piece that was begun before, perhaps in another process."""
-    begun: PartialMotionPiece = pickle.loads(stored)  # noqa: S301 - from our own process
-    begun.chains.stop = stop  # the time that is left is another one now
-    return begun
-
-
 KEPT = 0.4
 FEWEST, PIECES = 64, 4
 AT_LEAST = 16  # chains, of motions so large that more would not fit
@@ -219,8 +208,7 @@ first, and how many of them lie in it. They are in range, but not distributed li
 @dataclass(frozen=True, slots=True)
 class Schedule:
     """The first `levels` stages are factors of the probability. The moves of those without a region make the motions
-    independent; `left` is the correlation that remains. `cells` get motions. `begun` are the first pieces as far as
-    they were drawn while the plan was made: see `stages`."""
+    independent; `left` is the correlation that remains. `cells` get motions."""
 
     stages: tuple[Stage, ...]
     levels: int
@@ -228,7 +216,6 @@ class Schedule:
     cells: tuple[int, ...]
     chains: int
     evaluations: int
-    begun: Mapping[int, bytes] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def settling(self) -> int:
@@ -237,14 +224,9 @@ class Schedule:
 
 
 def make_schedule(problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> Schedule | None:
-    """The schedule of a problem; None if its range is not reached. With several workers, pieces are begun meanwhile.
-    `watch` is shown the motions of each level. Raises StoppedError when time is up."""
-    planner = _MotionPlanner(problem, budget, watch)
-    if (problem.request.workers or 1) < 2:
-        return planner.plan()
-    with planner.pieces() as ahead:
-        found = planner.plan(ahead)
-        return None if found is None else replace(found, begun=ahead.states())
+    """The schedule of a problem; None if its range is not reached. `watch` is shown the motions of each level. Raises
+    StoppedError when time is up."""
+    return _MotionPlanner(problem, budget, watch).plan()
 
 
 class _MotionPlanner:
@@ -259,19 +241,9 @@ class _MotionPlanner:
         kinds = len(changes(problem))
         self._meter, self._mixture = Meter(kinds), np.full(kinds, 1.0 / max(1, kinds))
         self._stages: list[Stage] = []
-        self._budget = budget
-        self._ahead: Lookahead[Stage] | None = None
         self._watch = watch
 
-    def pieces(self) -> Lookahead[Stage]:
-        """Pieces that begin in another process."""
-        problem, budget = self._chains.problem, self._budget
-        job = Pieces[Stage](partial(begin, problem, self._piece, stop=budget))
-        return Lookahead(job, PIECES, budget.reserve)
-
-    def plan(self, ahead: Lookahead[Stage] | None = None) -> Schedule | None:
-        """The schedule; `ahead` gets each stage."""
-        self._ahead = ahead
+    def plan(self) -> Schedule | None:
         chains, problem = self._chains, self._chains.problem
         low, high = np.full(len(chains.scores), -np.inf), np.full(len(chains.scores), np.inf)
         held = low.copy()
@@ -294,12 +266,7 @@ class _MotionPlanner:
 
     def _narrow(self, region: Region, *, counts: bool) -> None:
         self._chains.narrow(region)
-        self._add(Stage(region, self._mixture, self._moves, counts))
-
-    def _add(self, stage: Stage) -> None:
-        self._stages.append(stage)
-        if self._ahead is not None:
-            self._ahead.add(stage)
+        self._stages.append(Stage(region, self._mixture, self._moves, counts))
 
     def _move(self, moves: int, tune: bool = True) -> None:
         """Moves by the mixture so far, which then follows from what was measured."""
@@ -375,7 +342,7 @@ class _MotionPlanner:
         while left > LEFT and rounds < LONGEST:
             rounds += 1
             self._move(self._moves)
-            self._add(Stage(None, self._mixture, 2 * self._moves))
+            self._stages.append(Stage(None, self._mixture, 2 * self._moves))
             after = chains.statistics()
             kept = spread & (after.std(axis=1) > 1e-12)
             pairs = zip(before[kept], after[kept], strict=True)

@@ -9,20 +9,18 @@ follow it can run anywhere.
 
 from __future__ import annotations
 
-import pickle
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.processes.ahead import Lookahead
-from scenegen.processes.process import cores
-from scenegen.sampling.plan import Pieces
+from scenegen.sampling.plan import NoPlan
 from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.report import SHOWN, shortfall, too_early
 from scenegen.sampling.request import Cells
 from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import Chains, Region, Statistics, forgetting, helps, which_cell
@@ -261,18 +259,16 @@ def generator(seed: int, piece: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLIT, piece + 1])))
 
 
+def aside(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
+    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
+
+
 def begin(problem: Problem, chains: int, number: int, stop: Stop = NEVER) -> PartialPiece:
     """Piece `number`, of so many chains, before its first stage."""
     frame = frame_of(problem)
     rng = generator(problem.request.seed, number)
     return PartialPiece(Chains.start(frame, ChainTape(frame, stop=stop), problem.cells, chains, rng))
-
-
-def go_on(stored: bytes, stop: Stop = NEVER) -> PartialPiece:
-    """A piece that was begun before, perhaps in another process."""
-    begun: PartialPiece = pickle.loads(stored)  # noqa: S301 - from our own process
-    begun.chains.tape = ChainTape(begun.chains.chain_state, stop=stop)  # the time that is left is another one now
-    return begun
 
 
 KEPT = 0.5  # share of the chains that makes a level
@@ -292,7 +288,7 @@ class Schedule:
 
     The first `levels` stages are levels, the others balance the cells; `cells` are those that get scenes. A piece has
     `chains` chains and takes `takes` scenes from each, `thinning` moves apart; `left` is the correlation that remains
-    after so many moves. `begun` are the first pieces as far as they were drawn while the plan was made: see `stages`.
+    after so many moves.
     """
 
     stages: tuple[Stage, ...]
@@ -303,11 +299,10 @@ class Schedule:
     thinning: int
     left: float
     evaluations: int
-    begun: Mapping[int, bytes] = field(default_factory=dict, repr=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class SplittingStalled:
+class SplittingStalled(NoPlan):
     """No plan: `why` the descent ended, the scenes it ended with, D rows and L phi, (P,) each, and its cost. There are
     no scenes if time was up before the first."""
 
@@ -317,17 +312,29 @@ class SplittingStalled:
     evaluations: int
     levels: int
 
+    @property
+    def time_is_up(self) -> bool:
+        return self.why == "time"
 
-def make_schedule(
-    problem: Problem, budget: Budget, *, ahead: bool = False, most: float = np.inf
-) -> Schedule | SplittingStalled:
-    """The plan for a problem; SplittingStalled if the range cannot be reached, or time is up. `ahead`: another process
-    may begin to draw meanwhile, if the request is large. The descent may take `most` evaluations."""
+    def error(self, problem: Problem) -> RequestError:
+        """The nearest scenes show which atoms fail."""
+        tried = f"{self.evaluations:,} evaluations of splitting, {self.levels} levels"
+        if not self.phi:
+            return RequestError(too_early(problem, tried, len(problem.possible)))
+        shown = min(len(self.phi[0]), SHOWN)
+        rng = aside(problem.request.seed, -1)
+        rows = frame_of(problem).complete([row[:shown] for row in self.rows], problem.lowest, problem.highest, rng)
+        return RequestError(shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in self.phi])))
+
+
+def make_schedule(problem: Problem, budget: Budget, most: float = np.inf) -> Schedule | SplittingStalled:
+    """The plan for a problem; SplittingStalled if the range cannot be reached, or time is up. The descent may take
+    `most` evaluations."""
     try:
         planner = _LevelPlanner(problem, budget, most)
     except StoppedError:
         return SplittingStalled("time", (), (), 0, 0)
-    return planner.plan(ahead=ahead)
+    return planner.plan()
 
 
 class _LevelPlanner:
@@ -347,20 +354,10 @@ class _LevelPlanner:
         self._state = Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1))
         self._tuner = Tuner(self._state)
         self._stages: list[Stage] = []
-        self._ahead: Lookahead[Stage] | None = None
 
-    def plan(self, *, ahead: bool) -> Schedule | SplittingStalled:
-        problem, budget = self._problem, self._budget
-        pieces = -(-problem.request.n // (self._chains * self._takes))
-        workers = problem.request.workers
+    def plan(self) -> Schedule | SplittingStalled:
         try:
-            if not ahead or pieces < PIECES // 2 or (cores() if workers is None else workers) < 2:
-                return self._plan()
-            job = Pieces[Stage](partial(begin, problem, self._chains, stop=budget))
-            work: Lookahead[Stage] = Lookahead(job, min(pieces, PIECES), budget.reserve)
-            with work as self._ahead:
-                found = self._plan()
-                return replace(found, begun=work.states()) if isinstance(found, Schedule) else found
+            return self._plan()
         except StoppedError:
             return self._stalled("time")
 
@@ -377,7 +374,7 @@ class _LevelPlanner:
         levels, reached = len(self._stages), frozenset({0})
         if cells.count > 1:
             for region, moves in even_out(state, self._tuner):
-                self._add(Stage(region, self._tuner.tuning(), moves, False))
+                self._stages.append(Stage(region, self._tuner.tuning(), moves, False))
                 if self._budget.spent:
                     return self._stalled("time")
             assert state.region.weights is not None
@@ -390,12 +387,6 @@ class _LevelPlanner:
         return Schedule(
             tuple(self._stages), levels, reached, self._chains, self._takes, memory.moves, memory.left, evaluations
         )
-
-    def _add(self, stage: Stage) -> None:
-        """One more stage. Pieces may begin with the one before: only the last one's tuning will still change."""
-        if self._ahead is not None and self._stages:
-            self._ahead.add(self._stages[-1])
-        self._stages.append(stage)
 
     def _stalled(self, why: Literal["time", "range"]) -> SplittingStalled:
         state = self._state
@@ -426,7 +417,7 @@ class _LevelPlanner:
             region = Region(np.maximum(low - slack, held) if level else low, high + slack)
             state.narrow(region)
             moves = self._tuner.adapt()
-            self._add(Stage(region, self._tuner.tuning(), moves, True))
+            self._stages.append(Stage(region, self._tuner.tuning(), moves, True))
             if level == 0.0:
                 return True
         return False

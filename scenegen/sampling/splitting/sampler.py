@@ -11,21 +11,21 @@ The plan is made once; piece k is an independent population that follows it (`ru
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import Diagnostic
 from scenegen.errors.requests import CHAINS_CORRELATED
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
+from scenegen.sampling.plan import Account, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.report import SHOWN, shortfall, student, too_early
+from scenegen.sampling.report import student
 from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, design_effect
-from scenegen.sampling.splitting.levels import SPLIT, Schedule, SplittingStalled, begin, go_on, make_schedule
+from scenegen.sampling.splitting.levels import Schedule, SplittingStalled, aside, begin, make_schedule
 from scenegen.search.effort import MOVED, NEVER, Stop, per_scene
 
 Array = npt.NDArray[np.float64]
@@ -70,7 +70,9 @@ class Splitting(Plan):
 
     @property
     def plan_digest(self) -> str:
-        return digest("splitting", replace(self.schedule, begun={}))
+        one = self.schedule
+        values = one.stages, one.levels, one.cells, one.chains, one.takes, one.thinning, one.left, one.evaluations
+        return digest("splitting", Record("Schedule", (*values, {})))
 
     @property
     def reached(self) -> tuple[int, ...]:
@@ -102,7 +104,7 @@ class Splitting(Plan):
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError if time is up meanwhile."""
         made = run_piece(self.problem, self.schedule, k, self.stop)
-        order = _aside(self.seed, k).permutation(made.rows.shape[1])  # survivors of one ancestor are next to each other
+        order = aside(self.seed, k).permutation(made.rows.shape[1])  # survivors of one ancestor are next to each other
         rows, phi = made.rows.take(order, axis=1), made.phi.take(order, axis=1)
         log = math.log(made.probability) if made.probability else 0.0
         facts = [
@@ -150,15 +152,12 @@ class Splitting(Plan):
         return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
 
 
-def plan_splitting(
-    problem: Problem, budget: Budget, *, ahead: bool = True, longest: float = math.inf
-) -> Splitting | SplittingStalled:
+def plan_splitting(problem: Problem, budget: Budget, *, longest: float = math.inf) -> Splitting | SplittingStalled:
     """The plan of a problem; SplittingStalled if its range is not reached. There must be something to move: see
-    `moves`. `ahead`: it will probably be taken, so another process may begin to draw meanwhile. The descent may take
-    `longest` seconds, by the constants of bounds.effort."""
+    `moves`. The descent may take `longest` seconds, by the constants of bounds.effort."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
         most = longest / (MOVED * per_scene(problem.core.nodes)[0])
-        plan = make_schedule(problem, budget, ahead=ahead, most=most)
+        plan = make_schedule(problem, budget, most)
     return plan if isinstance(plan, SplittingStalled) else Splitting(problem, plan, budget)
 
 
@@ -166,7 +165,7 @@ def make_plan(problem: Problem, budget: Budget) -> Splitting:
     """The plan of a problem. Raises RequestError if its range is not reached."""
     plan = plan_splitting(problem, budget)
     if isinstance(plan, SplittingStalled):
-        raise RequestError(why_stalled(problem, plan))
+        raise plan.error(problem)
     return plan
 
 
@@ -177,9 +176,8 @@ def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER)
 
 
 def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> PopulationScenes:
-    stored = plan.begun.get(number)
-    begun = begin(problem, plan.chains, number, stop) if stored is None else go_on(stored, stop)
-    for stage in plan.stages[begun.stages :]:
+    begun = begin(problem, plan.chains, number, stop)
+    for stage in plan.stages:
         begun.follow(stage)
     chains = begun.chains
     if not begun.probability:
@@ -217,11 +215,6 @@ def _nothing(problem: Problem, evaluations: int) -> PopulationScenes:
     return PopulationScenes(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
 
 
-def _aside(seed: int, piece: int) -> np.random.Generator:
-    """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
-    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
-
-
 def _worst(count: float, effects: Array) -> float:
     """The largest design effect of any statistic. Among a few hundred estimates some are large by chance, so two
     standard errors over the pieces are subtracted from each. `effects` (2, S) are sums and sums of squares over `count`
@@ -255,14 +248,3 @@ def probability(
             variance = max(variance, math.expm1(scatter) if scatter < 1.0 else widest)
         out["log10_error"] = round(student(count - 1) * math.sqrt(variance / count) / math.log(10.0), 5)
     return out
-
-
-def why_stalled(problem: Problem, end: SplittingStalled) -> Diagnostic:
-    """The error for a descent that ended early; the nearest scenes show which atoms fail."""
-    tried = f"{end.evaluations:,} evaluations of splitting, {end.levels} levels"
-    if not end.phi:
-        return too_early(problem, tried, len(problem.possible))
-    shown = min(len(end.phi[0]), SHOWN)
-    rng = _aside(problem.request.seed, -1)
-    rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)
-    return shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in end.phi]))

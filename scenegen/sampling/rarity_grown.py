@@ -47,7 +47,7 @@ from scenegen.sampling.rarity import (
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import Range, SampleRequest, cut
 from scenegen.sampling.splitting.chain_state import make_frame
-from scenegen.sampling.splitting.levels import longest
+from scenegen.sampling.splitting.tuning import longest
 from scenegen.search.contract import push_down
 from scenegen.search.effort import StoppedError, TooMuchError
 

@@ -19,7 +19,7 @@ from scenegen.sampling.plan import NoPlan, digest
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.trial import make_trial, search
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import SplittingStalled
+from scenegen.sampling.splitting.sampler import SplittingStalled
 
 # Waves of independent headings: no box of poses tells where their product is large.
 WAVES = " * ".join(f"sin(20 * theta({name}))" for name in "abcde")

@@ -21,8 +21,7 @@ from scenegen.sampling.rarity_grown import NoRoom, grow_islands
 from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, make_frame
-from scenegen.sampling.splitting.levels import SplittingStalled
-from scenegen.sampling.splitting.sampler import Splitting, plan_splitting
+from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, plan_splitting
 from scenegen.search import contract, label_bounds
 from scenegen.search.clash import clash
 from scenegen.search.effort import Effort, StoppedError, TooMuchError
@@ -143,8 +142,8 @@ FEW = "require leftOf(a, b)\ntask: closeTo(b, c, 0.2)"
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.splitting.levels.CHAINS", 256)
-    monkeypatch.setattr("scenegen.sampling.splitting.levels.FEWEST", 256)
+    monkeypatch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 256)
+    monkeypatch.setattr("scenegen.sampling.splitting.sampler.LEAST_CHAINS", 256)
     return make_problem(check_text(FEW), SampleRequest({"task": Range(0.0, 0.04)}, n=64))
 
 

@@ -13,8 +13,7 @@ from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import SplittingStalled, _LevelPlanner, make_schedule
-from scenegen.sampling.splitting.sampler import run_piece
+from scenegen.sampling.splitting.sampler import SplittingStalled, _SceneDescent, make_schedule, run_piece
 
 splitting = partial(run, method="splitting")
 
@@ -25,7 +24,7 @@ RARE = {"task": Range(0.05, 0.06)}
 def few_chains():
     """An eighth of the usual chains; tests/slow and tests/sampling/test_exactness_fast.py take all of them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.splitting.levels.CHAINS", 1024)
+        patch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 1024)
         yield
 
 
@@ -126,15 +125,15 @@ def test_what_is_required_is_met_level_by_level():
     spec = check_text(
         "require leftOf(a, b) & leftOf(b, c) & leftOf(c, d) & leftOf(d, e) & leftOf(e, f)\ntask: closeTo(a, b, 0.9)"
     )
-    planner = _LevelPlanner(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=16)), Budget())
+    planner = _SceneDescent(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=16)), Budget())
     low, free = np.array([-np.inf, 0.0]), np.full(2, np.inf)
-    assert planner._descend(low, free, -free) and len(planner._stages) > 6
+    assert planner._descend(low, free, -free) and len(planner.stages) > 6
 
 
 def test_a_value_that_most_scenes_share_is_left_behind():
     """A few scenes: all others have the phi of the constant alternative."""
     spec = check_text("object a, b, c, d, e\ntask: dist(a, a) >= 1 cm | leftOf(a, b) & leftOf(b, c) & leftOf(d, e)")
-    planner = _LevelPlanner(make_problem(spec, SampleRequest({"task": Range(0.2)}, n=16)), Budget())
+    planner = _SceneDescent(make_problem(spec, SampleRequest({"task": Range(0.2)}, n=16)), Budget())
     assert planner._descend(np.array([0.2]), np.array([np.inf]), np.array([-np.inf]))
 
 

@@ -39,7 +39,7 @@ from scenegen.sampling.growth.population import (
 )
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.splitting.sampler import probability
+from scenegen.sampling.report import probability
 from scenegen.search.effort import GROWN, STEPPED, StoppedError
 
 # --------------------------------------------------------------------------------------------------------------------

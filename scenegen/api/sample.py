@@ -161,8 +161,8 @@ def glimpse(
     """At most n scenes in the wanted ranges, the arguments as `scenegen.sample` takes them; none where nothing is found
     soon. They are in range, but not distributed in any particular way, and not those that `sample` returns. Raises
     RequestError for a request that is wrong or proved to be impossible."""
-    from scenegen.sampling.growth.glimpse import ROUNDS
-    from scenegen.sampling.growth.glimpse import glimpse as grown
+    from scenegen.sampling.growth.sampler import ROUNDS
+    from scenegen.sampling.growth.sampler import glimpse as grown
     from scenegen.sampling.problem import Budget, make_problem
 
     wanted = {} if fix is None else fix

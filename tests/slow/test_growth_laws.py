@@ -14,10 +14,10 @@ from scenegen.lang.checker import check_text
 from scenegen.learn.evaluation.metrics import chi_square
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import sampler
-from scenegen.sampling.growth.grow import grow
 from scenegen.sampling.growth.moves import MoveSettings
 from scenegen.sampling.growth.population import spread_over
 from scenegen.sampling.growth.sampler import Growth, plan_growth
+from scenegen.sampling.growth.smc import grow
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 

@@ -20,9 +20,8 @@ from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction
 from scenegen.lang.spec import CheckedSpec, Support
 from scenegen.pose import FLAT, PLACE, X, row_of
 from scenegen.sampling.growth.graph import Graph, offset_of, ways_of
-from scenegen.sampling.growth.grow import Grown, PlacementFailed, explore
-from scenegen.sampling.growth.machine import Machine, make_machine
-from scenegen.sampling.growth.particles import MoveTally
+from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
+from scenegen.sampling.growth.smc import Grown, PlacementFailed, explore
 from scenegen.sampling.growth.touch import make_values, within
 from scenegen.sampling.plan import NoPlan
 from scenegen.sampling.problem import Problem

@@ -1,4 +1,5 @@
-"""The room that is left for one object: what contraction makes of its box, scene by scene, given what is placed.
+"""The room that is left for one object: what contraction makes of its box, scene by scene, given what is placed; of
+what stands on a surface, the places there.
 
 Clauses that attract (near a plate, inside one of three bins, pointing north) leave a small part of the table. For every
 scene the object's box is cut into a few branches: the two halves of the circle of headings, so that a heading near 0 is
@@ -23,8 +24,10 @@ from scenegen.sampling.growth.touch import Touch
 from scenegen.sampling.problem import Problem
 from scenegen.search.contract import SLACK, contract, size_of
 from scenegen.search.effort import Effort
+from scenegen.search.surfaces import Stand, Step, step_for
 
 Array = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
 BRANCHES = 12  # branches of a room at most
@@ -231,3 +234,70 @@ def _alternatives(problem: Problem, clause: Clause) -> list[tuple[Clause, ...]]:
     return [
         tuple(Clause(node, clause.objects, low, high) for node, (low, high) in asked(core, way).items()) for way in ways
     ]
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Placing what stands on one of its surfaces, together with its switch: the places are drawn in the frame of what
+# carries it, all of them equally likely, so that tries are lost to other things alone.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurfacePlaces:
+    """The places of an object on its surfaces in P scenes: `low`, `width` (R, P) is its box, `volumes` (1, P) the share
+    of it that the places take."""
+
+    step: Step
+    rows: tuple[int, ...]
+    scenes: Array
+    low: Array
+    width: Array
+    volumes: Array
+
+    def draw(self, tries: int, rng: np.random.Generator) -> Array:
+        """Poses uniform over all places: (R, tries, P)."""
+        shape = (tries, self.scenes.shape[1])
+        drawn = self.step.poses(self.scenes, shape, rng)
+        rest = [row for row in self.rows if row not in drawn]
+        for row, number in zip(rest, rng.random((len(rest), *shape)), strict=True):
+            place = self.rows.index(row)
+            drawn[row] = self.low[place] + number * self.width[place]
+        return np.stack([np.broadcast_to(drawn[row], shape) for row in self.rows])
+
+    def density(self, poses: Array) -> Array:
+        """The density of `draw` at poses (R, ..., P) that stand on a surface, relative to that over the whole box:
+        (..., P), 0 outside the box."""
+        inside: Bool = np.ones(poses.shape[1:], dtype=bool)
+        for row, low, width in zip(poses, self.low, self.width, strict=True):
+            inside &= (row >= low) & (row <= low + width)
+        out: Array = inside / self.volumes[0]
+        return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SupportPoses:
+    """The room of what stands. It has no `nodes` to contract, and one branch."""
+
+    touch: Touch
+    step: Step
+
+    nodes: tuple[()] = ()
+    branches: tuple[None] = (None,)
+
+    def boxes(self, scenes: Array, cell: Index, effort: Effort) -> SurfacePlaces:
+        """Its places in each of P scenes, `scenes` (3N, P), `cell` (P,). Raises what `effort` raises."""
+        effort.check()
+        graph, rows = self.touch.graph, self.touch.rows
+        low, high = graph.low[list(rows)][:, cell], graph.high[list(rows)][:, cell]
+        width = np.maximum(high - low, 1e-300)
+        drawn = {*self.step.rows}
+        share = math.exp(self.step.log_volume) / np.prod(
+            [wide for row, wide in zip(rows, width, strict=True) if row in drawn], axis=0
+        )
+        return SurfacePlaces(self.step, rows, scenes, low, width, share[None])
+
+
+def make_standing(stand: Stand, touch: Touch) -> SupportPoses | None:
+    """The places of what stands; None where it has none, or where not all of its rows are read."""
+    graph = touch.graph
+    step = step_for(stand, lambda row: (float(graph.low[row].min()), float(graph.high[row].max())))
+    return SupportPoses(touch, step) if step is not None and {*step.rows} <= {*touch.rows} else None

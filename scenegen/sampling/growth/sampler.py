@@ -1,8 +1,9 @@
-"""Growth as a sampler: a plan, pieces that follow it, and what is said of a run."""
+"""Growth as a sampler: a plan, pieces that follow it, and what is said of a run; and a few scenes soon, to look at."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -12,10 +13,8 @@ import numpy.typing as npt
 from scenegen.errors import Diagnostic
 from scenegen.errors.requests import SCENES_ALIKE
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.pose import BELOW_TURN, THETA, along
 from scenegen.sampling.growth.failure import GrowthFailed
-from scenegen.sampling.growth.grow import AncestorEffect, PlacementFailed, Step, grow
-from scenegen.sampling.growth.machine import Machine
+from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.population import (
     GROWTH,
@@ -37,10 +36,11 @@ from scenegen.sampling.growth.population import (
     wanted_scenes,
     with_deadline,
 )
+from scenegen.sampling.growth.smc import HITS, AncestorEffect, PlacementFailed, Step, explore, grow
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import probability
-from scenegen.search.effort import GROWN, STEPPED, StoppedError
+from scenegen.search.effort import GROWN, STEPPED, StoppedError, TooMuchError
 
 # --------------------------------------------------------------------------------------------------------------------
 # The plan of a growth run: the order of the objects, how many poses are tried for each, which moves are made and how
@@ -51,10 +51,10 @@ from scenegen.search.effort import GROWN, STEPPED, StoppedError
 # Large requests have two such populations that know nothing of each other: the second one is the second piece.
 
 
-SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see settle.LOST
-EVEN = 0.75  # of that, for an even number of pieces
 Array = npt.NDArray[np.float64]
 
+SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see smc.LOST
+EVEN = 0.75  # of that, for an even number of pieces
 AGAIN = 2  # times that a population is made larger
 
 
@@ -259,12 +259,7 @@ class Growth(Plan):
 
     def _made(self, taken: PopulationSample, rng: np.random.Generator) -> Piece:
         """A piece of these scenes, in which rows that no clause reads are drawn afresh."""
-        lowest, highest = self.problem.lowest, self.problem.highest
-        rows = taken.scenes.copy()
-        for row in range(len(lowest)):
-            if row not in self.machine.graph.rows and lowest[row] < highest[row]:
-                rows[row] = lowest[row] + rng.random(rows.shape[1]) * (highest[row] - lowest[row])
-        np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
+        rows = self.machine.complete(taken.scenes.copy(), rng)
         phi = self.problem.phi(rows)
         share = np.exp(taken.log_share + log_base(self.machine)).sum(axis=1)
         log = np.log(share[share > 0.0])
@@ -337,3 +332,46 @@ def log_base(machine: Machine) -> Array:
 
 def _aside(seed: int, piece: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, GROWTH, piece + 1, 1]))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A few scenes of a request, soon: something to look at while a plan is made.
+#
+# One small population is grown for each of them, in a box that is contracted once, without the moves that make its
+# scenes differ and without any account of how they are distributed. They are in range, and no more than that. Where
+# none of the populations lives, larger ones are tried, with all that growth has.
+
+
+SIZES = (12, 96)  # scenes of a population: the larger one where none of the smaller ones lives
+QUICK = 4.0  # poses that meet all clauses that a scene of the smaller one should have among its tries
+ROUNDS = 1  # of contraction
+ASIDE = (GROWTH, 0, 1)  # the stream of its random numbers: no plan reads it
+
+
+def glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int] = SIZES) -> Array:
+    """At most `count` scenes in the range of the request, (3N, m), of its first cells, its last, and some between; none
+    where nothing is found soon."""
+    try:
+        with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range
+            return _glimpse(problem, budget, count, sizes)
+    except (StoppedError, TooMuchError):
+        return np.empty((len(problem.lowest), 0))
+
+
+def _glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int]) -> Array:
+    machine = make_machine(problem, rounds=ROUNDS, deadline=budget.ends)
+    possible = sorted(problem.possible)
+    cells = np.array([possible[round(k * (len(possible) - 1) / max(1, count - 1))] for k in range(count)])
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, *ASIDE]))
+    rows = np.empty((len(problem.lowest), 0))
+    for size in sizes:
+        island = np.repeat(np.arange(count), size)
+        quick = size < sizes[-1]
+        hits = QUICK if quick else HITS
+        grown, _ = explore(machine, cells[island], island, rng, MoveTally(), hits=hits, moves=not quick)
+        if not isinstance(grown, PlacementFailed):
+            _, first = np.unique(grown.particles.island, return_index=True)
+            rows = grown.particles.scenes[:, first].copy()
+            break
+    phi = problem.phi(machine.complete(rows, rng))
+    return rows[:, ((phi >= problem.cells.low[:, None]) & (phi <= problem.cells.high[:, None])).all(axis=0)]

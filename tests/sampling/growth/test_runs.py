@@ -35,7 +35,7 @@ def small_populations():
         patch.setattr("scenegen.sampling.growth.population.LEAST", 128)
         patch.setattr("scenegen.sampling.growth.sampler.LEAST", 128)
         patch.setattr("scenegen.sampling.growth.population.MOST", 256)
-        patch.setattr("scenegen.sampling.growth.grow.MOST_POSES", 1 << 17)
+        patch.setattr("scenegen.sampling.growth.smc.MOST_POSES", 1 << 17)
         yield
 
 

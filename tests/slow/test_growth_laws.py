@@ -144,7 +144,7 @@ def test_growth_without_moves_is_rejected():
 
 def test_growth_without_weights_is_rejected(monkeypatch):
     """Every scene that is still possible goes on with the same weight."""
-    from scenegen.sampling.growth import grow as module
+    from scenegen.sampling.growth import smc as module
 
     honest = module.place
 

@@ -37,7 +37,8 @@ from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import Chains
-from scenegen.sampling.splitting.levels import CHAINS, Tuner, generator
+from scenegen.sampling.splitting.sampler import CHAINS, generator
+from scenegen.sampling.splitting.tuning import Tuner
 from scenegen.search.effort import per_scene
 
 HERE = Path(__file__).resolve().parent

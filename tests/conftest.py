@@ -5,12 +5,11 @@ from __future__ import annotations
 import gc
 import os
 import signal
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
@@ -123,19 +122,3 @@ def exp1() -> CheckedSpec:
 @pytest.fixture
 def make_exp1() -> Callable[..., CheckedSpec]:
     return exp1_spec
-
-
-@pytest.fixture
-def begun_early(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plans wait until some steps of their pieces are done ahead: else a busy machine may not have begun."""
-    from scenegen.processes.ahead import Lookahead
-
-    states = Lookahead.states
-
-    def late(self: Lookahead[Any]) -> dict[int, Any]:
-        end = time.monotonic() + 60.0
-        while min(self._done) < 1 and time.monotonic() < end:
-            time.sleep(0.01)
-        return states(self)
-
-    monkeypatch.setattr(Lookahead, "states", late)

@@ -207,8 +207,8 @@ def _too_full(spec: CheckedSpec, label: str) -> UnsatisfiedLabel | None:
     it would take long to find."""
     if len(spec.core.nodes) > SMALL:
         return None
+    from scenegen.sampling.growth.failure import too_full
     from scenegen.sampling.growth.graph import make_graph
-    from scenegen.sampling.growth.room import too_full
     from scenegen.sampling.problem import make_problem
     from scenegen.sampling.request import Range, SampleRequest
 

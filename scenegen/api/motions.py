@@ -28,7 +28,6 @@ from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
-    from scenegen.processes.ahead import IdleWorkers
     from scenegen.sampling.motions.schedule import Watch
 
 Array = npt.NDArray[np.float64]
@@ -182,14 +181,11 @@ def sample_motions(
     return draw_motions(spec, request)
 
 
-def draw_motions(
-    spec: Spec, request: SampleRequest, *, reserve: IdleWorkers | None = None, watch: Watch | None = None
-) -> MotionSet:
-    """The motions of a request, by the processes of `reserve` if there is one; `watch` is shown what comes near it
-    meanwhile. Raises what `sample_motions` raises."""
-    from scenegen.sampling.engine.run import MOTIONS, open_budget
+def draw_motions(spec: Spec, request: SampleRequest, *, watch: Watch | None = None) -> MotionSet:
+    """The motions of a request; `watch` is shown what comes near it meanwhile. Raises what `sample_motions` raises."""
     from scenegen.sampling.motions.sampler import sample
     from scenegen.sampling.motions.scores import make_problem
+    from scenegen.sampling.problem import Budget
 
     check_spec(spec)
     if spec.over_time is None:
@@ -201,9 +197,9 @@ def draw_motions(
     if request.method not in METHODS:
         raise RequestError(UNKNOWN_CHOICE(what="method", name=request.method, known=METHODS))
     request = replace(check_request(spec, replace(request, method="auto")), method=request.method)
-    with open_budget(request, load=MOTIONS, reserve=reserve) as budget:
-        problem, warnings = make_problem(spec.declared, request, budget)
-        made = sample(problem, budget, method=request.method, watch=watch)
+    budget = Budget(request.timeout)
+    problem, warnings = make_problem(spec.declared, request, budget)
+    made = sample(problem, budget, method=request.method, watch=watch)
     if not made.complete:
         reason = "time is up" if budget.spent else "the search did not reach the range"
         shortfall = TOO_FEW_MOTIONS(found=made.count, wanted=request.n, reason=reason)

@@ -53,7 +53,7 @@ def pairs(
     Raises RequestError where there is no start or no goal, and where fewer than n pairs were found.
     """
     from scenegen.processes.pool import check_workers
-    from scenegen.sampling.motions.pairs import Pairs, PairStarts, draw_numbered, draw_pairs
+    from scenegen.sampling.pairs import Pairs, PairStarts, draw_numbered, draw_pairs
     from scenegen.sampling.problem import Budget, make_problem
 
     check_spec(spec)

@@ -108,8 +108,7 @@ def plan_of(source: Spec | LearnedModel, request: SampleRequest, budget: Budget,
 
     def make(checked: CheckedSpec, request: SampleRequest) -> Plan:
         proposer = None if model is None else model.proposer_of(checked, tuple(request.phi))
-        plan = make_plan(make_problem(checked, request, budget), budget, proposer)
-        return plan.joined() if spec.counts or request.settle else plan
+        return make_plan(make_problem(checked, request, budget), budget, proposer)
 
     def settled(plan: Plan) -> Plan:
         if not request.settle or not plan.reached:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy.typing as npt
 
@@ -19,10 +19,6 @@ from scenegen.errors.requests import TOO_MANY_FOR_MEMORY
 from scenegen.pose import as_poses, row_count
 from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, SampleRequest
 from scenegen.scenes.data import SceneFile
-
-if TYPE_CHECKING:
-    from scenegen.processes.ahead import IdleWorkers
-
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB
 
@@ -83,17 +79,16 @@ def draw_scenes(
     *,
     progress: Progress | None = None,
     on_note: Note | None = None,
-    reserve: IdleWorkers | None = None,
 ) -> SceneSet:
-    """The scenes of a request, in memory, by the processes of `reserve` if there is one. Raises what `sample`
-    raises."""
-    from scenegen.sampling.engine.run import in_memory, open_budget
+    """The scenes of a request, in memory. Raises what `sample` raises."""
+    from scenegen.sampling.engine.run import in_memory
+    from scenegen.sampling.problem import Budget
 
     request = check_request(source, request)
     _check_size(source, request.n)
-    with open_budget(request, reserve=reserve) as budget:
-        plan = plan_of(source, request, budget, on_note)
-        sampled = in_memory(plan, budget, progress)
+    budget = Budget(request.timeout)
+    plan = plan_of(source, request, budget, on_note)
+    sampled = in_memory(plan, budget, progress)
     warnings = list(sampled.warnings)
     if isinstance(source, LearnedModel) and request.method == "model":
         warnings += source.advice(request.phi, sampled.rows, request.raw)
@@ -166,8 +161,8 @@ def glimpse(
     """At most n scenes in the wanted ranges, the arguments as `scenegen.sample` takes them; none where nothing is found
     soon. They are in range, but not distributed in any particular way, and not those that `sample` returns. Raises
     RequestError for a request that is wrong or proved to be impossible."""
-    from scenegen.sampling.growth.glimpse import ROUNDS
-    from scenegen.sampling.growth.glimpse import glimpse as grown
+    from scenegen.sampling.growth.sampler import ROUNDS
+    from scenegen.sampling.growth.sampler import glimpse as grown
     from scenegen.sampling.problem import Budget, make_problem
 
     wanted = {} if fix is None else fix

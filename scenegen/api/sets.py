@@ -18,7 +18,6 @@ from scenegen.scenes.open_store import open_store
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
-    from scenegen.processes.ahead import IdleWorkers
     from scenegen.sampling.plan import Plan, Tally
     from scenegen.scenes.sets import Manifest
     from scenegen.scenes.stores import Store
@@ -35,7 +34,6 @@ def write_set(
     resume: bool = False,
     progress: Progress | None = None,
     on_note: Note | None = None,
-    reserve: IdleWorkers | None = None,
 ) -> Written:
     """The scenes of a request as a set of shards. The bytes depend on the request and `shard_size` alone, neither on
     the engine nor on the number of workers.
@@ -46,10 +44,10 @@ def write_set(
 
     store = open_store(location, on_note)
     request = check_request(source, request)
-    from scenegen.sampling.engine.blocks import Drawing
     from scenegen.sampling.engine.engines import ShardWriter, check_engine, open_engine
-    from scenegen.sampling.engine.run import open_budget, request_of
+    from scenegen.sampling.engine.run import request_of
     from scenegen.sampling.engine.sets import write_set as write
+    from scenegen.sampling.problem import Budget
     from scenegen.sampling.report import fell_short, summed_up
     from scenegen.scenes import sets
     from scenegen.scenes.lease import held, refuse_held
@@ -61,18 +59,14 @@ def write_set(
     check_engine(engine, address)
     refuse_held(store)
     sets.refuse_taken(store, resume=resume)
-    with (
-        open_budget(request, engine, reserve=reserve) as budget,
-        closing(plan_of(source, request, budget, on_note)) as plan,
-    ):
+    budget = Budget(request.timeout)
+    with closing(plan_of(source, request, budget, on_note)) as plan:
         labels = plan.problem.spec.labels
 
         def account(tally: Tally) -> Mapping[str, Any]:
             return summed_up(plan, tally)[0]
 
-        with held(store) as hold, open_engine(engine, request.workers, plan, address, budget.reserve) as chosen:
-            if not resume:  # what follows is done while the first pieces are drawn
-                chosen.prepare(Drawing(plan, len(labels)))
+        with held(store) as hold, open_engine(engine, request.workers, plan, address) as chosen:
             header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
             stored = functools.partial(stored_rows, plan.problem.spec) if spec.choices else None
             writing = ShardWriter(plan, store, header, labels, stored)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, request_data
 from scenegen.api.sample import PhiSummary, Written, partial
@@ -23,9 +22,6 @@ from scenegen.scenes.formats.registry import format_of, read_scenes
 from scenegen.scenes.formats.scenes_json import BYTES, MOST_BYTES
 from scenegen.scenes.locations import as_location, names_set
 from scenegen.validation import as_int, as_path
-
-if TYPE_CHECKING:
-    from scenegen.processes.ahead import IdleWorkers
 
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
@@ -85,16 +81,14 @@ def write_scenes(
     shard_size: int | None = None,
     progress: Progress | None = None,
     on_note: Note | None = None,
-    reserve: IdleWorkers | None = None,
 ) -> Written:
-    """The scenes of a request, in a file or a set, by the processes of `reserve` if there is one. Raises what
-    `sample_to` raises."""
+    """The scenes of a request, in a file or a set. Raises what `sample_to` raises."""
     if names_set(path):
         from scenegen.api.sets import write_set
 
         return write_set(
             as_location(path), source, request, engine=engine, address=address, shard_size=shard_size, resume=resume,
-            progress=progress, on_note=on_note, reserve=reserve,
+            progress=progress, on_note=on_note,
         )  # fmt: skip
     for argument, given in (("shard_size", shard_size), ("address", address), ("engine", engine != "local" or None)):
         if given is not None:
@@ -105,31 +99,32 @@ def write_scenes(
     if path.suffix.lower() == ".json":
         _check_json(as_int("n", request.n), spec_of(source))
     request = check_request(source, request)
-    from scenegen.sampling.engine.run import open_budget, to_file
+    from scenegen.sampling.engine.run import to_file
+    from scenegen.sampling.problem import Budget
     from scenegen.scenes.shards import folder_of
     from scenegen.version import __version__
 
-    with open_budget(request, reserve=reserve) as budget:
-        plan = plan_of(source, request, budget, on_note)
-        spec, data = plan.problem.spec, request_data(plan.problem.request)
-        seen = _PhiStatistics()
-        headers: list[SceneFile] = []
+    budget = Budget(request.timeout)
+    plan = plan_of(source, request, budget, on_note)
+    spec, data = plan.problem.spec, request_data(plan.problem.request)
+    seen = _PhiStatistics()
+    headers: list[SceneFile] = []
 
-        def header(info: Mapping[str, object]) -> SceneFile:
-            headers.append(make_header(spec, info, data))
-            return headers[-1]
+    def header(info: Mapping[str, object]) -> SceneFile:
+        headers.append(make_header(spec, info, data))
+        return headers[-1]
 
-        tally, warnings, shortfall = to_file(
-            path,
-            plan,
-            header,
-            budget,
-            versions={"scenegen": __version__},
-            resume=resume,
-            joining=seen,
-            stored=lambda block: Block(stored_rows(spec, block.rows), block.phi),
-            progress=progress,
-        )
+    tally, warnings, shortfall = to_file(
+        path,
+        plan,
+        header,
+        budget,
+        versions={"scenegen": __version__},
+        resume=resume,
+        joining=seen,
+        stored=lambda block: Block(stored_rows(spec, block.rows), block.phi),
+        progress=progress,
+    )
     if isinstance(source, LearnedModel) and request.method == "model":
         warnings = (*warnings, *source.advice(request.phi, None, request.raw))
     if shortfall is not None:

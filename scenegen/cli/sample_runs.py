@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
     from scenegen.learn.model import Model
-    from scenegen.processes.ahead import IdleWorkers
     from scenegen.sampling.request import SampleRequest
     from scenegen.scenes.data import SceneFile
 
@@ -104,22 +102,6 @@ def sample_one(
     source: Path, wishes: SampleOptions, out: str | None, storing: StorageOptions, render: Path | None
 ) -> None:
     """Raises what the API raises, and OutputError for places that cannot be written to."""
-    from scenegen.sampling.engine.run import MODELS, SCENES, start_processes
-
-    # `os.path.isdir` is False also for a name that is too long: that is reported where the source is loaded
-    load = MODELS if source.suffix.lower() == ".safetensors" or os.path.isdir(source) else SCENES  # noqa: PTH112
-    with start_processes(wishes.workers, storing.engine, settle=wishes.settle, load=load) as reserve:
-        _sample(source, wishes, out, storing, render, reserve)
-
-
-def _sample(
-    source: Path,
-    wishes: SampleOptions,
-    out: str | None,
-    storing: StorageOptions,
-    render: Path | None,
-    reserve: IdleWorkers,
-) -> None:
     from scenegen.cli.output import complain, detail, print_error
     from scenegen.cli.render import draw
     from scenegen.cli.streams import check_output
@@ -138,7 +120,7 @@ def _sample(
         refused = {"engine": storing.engine != "local", "resume": storing.resume}
         refused |= {"address": bool(storing.address), "shard_size": bool(storing.shard_size)}
         refused |= {"fix_from": wishes.fix_from is not None, "pictures": storing.pictures is not None}
-        sample_motions(subject, _request(source, subject, wishes), source, out, refused, render, reserve)
+        sample_motions(subject, _request(source, subject, wishes), source, out, refused, render)
         return
     stored = out is not None and names_set(out)
     path = None if out is None or stored else Path(out)
@@ -165,7 +147,7 @@ def _sample(
         with ProgressBar() as bar:
             written = write_scenes(
                 out, subject, request, resume=storing.resume, engine=storing.engine, address=storing.address,
-                shard_size=storing.shard_size, progress=bar, on_note=print_error, reserve=reserve,
+                shard_size=storing.shard_size, progress=bar, on_note=print_error,
             )  # fmt: skip
         complain(*written.warnings)
         detail(f"sampled and wrote {written.count} scenes")
@@ -176,7 +158,7 @@ def _sample(
     from scenegen.api.sample import draw_scenes
 
     with ProgressBar() as bar:
-        scenes = draw_scenes(subject, request, progress=bar, reserve=reserve)
+        scenes = draw_scenes(subject, request, progress=bar)
     complain(*scenes.warnings)
     detail(f"sampled {len(scenes)} scenes")
     _hand_out(scenes, path, render, storing.pictures)
@@ -329,7 +311,6 @@ def sample_motions(
     out: str | None,
     refused: Mapping[str, object],
     render: Path | None,
-    reserve: IdleWorkers,
 ) -> None:
     """`refused` are options that only scenes have, with their values. Raises what the API raises, RequestError for
     one of those that is given, and OutputError for places that cannot be written to."""
@@ -354,7 +335,7 @@ def sample_motions(
     if render is not None:
         check_folder(render, path)
         need("pybullet", "to draw pictures")
-    found = draw_motions(spec, request, reserve=reserve)
+    found = draw_motions(spec, request)
     complain(*found.warnings)
     detail(f"sampled {len(found)} motions")
     if path is None:

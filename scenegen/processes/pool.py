@@ -1,7 +1,7 @@
 """Work on several processes, the results in the order of the items.
 
 A worker (`process`, `worker`) gets the job once and works on one thread. It has two items at a time, so that it never
-waits for the next; but one item unless the last two were brief, since the second would wait for it though another
+waits for the next; but one item unless the last one was brief, since the second would wait for it though another
 worker may have nothing to do. A result is a function of the job and the item, so which worker computes it does not
 matter.
 
@@ -12,20 +12,17 @@ that take less than a few seconds are better off with `workers=1` of `run_pieces
 from __future__ import annotations
 
 import contextlib
-import functools
 import pickle
 import queue
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar, cast
+from collections.abc import Callable, Generator, Iterable, Iterator, Sized
+from typing import Any, Generic, TypeVar
 
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.processes.ahead import BackgroundTask, IdleWorkers
 from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
-from scenegen.processes.worker import DONE, FAILED
+from scenegen.processes.worker import FAILED
 from scenegen.validation import as_int
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -53,7 +50,7 @@ T = TypeVar("T")
 
 MAX_WORKERS = 256
 AHEAD = 2  # items given to a worker at a time
-BRIEF, OFTEN = 0.25, 2  # seconds, and how many items in a row must take no longer for that
+BRIEF = 0.25  # seconds that its last item may have taken for that
 WAITING = 3  # items per worker that were sent, but whose results have not been returned yet
 MOST_WAITING = 16  # the same for small results: where one item takes long, no worker waits for it
 SMALL = 1 << 26  # bytes of all of these
@@ -68,49 +65,18 @@ def check_workers(workers: object) -> int:
     return count
 
 
-@dataclass(frozen=True, slots=True)
-class PendingItem(Generic[T]):
-    """An item that another process works on already. `value` is quick once `beside` is done; until then it is one
-    process less."""
-
-    beside: BackgroundTask[Any, Any]
-    value: Callable[[], T]
-
-
-@dataclass(frozen=True, slots=True)
-class _FinishedItem:
-    """An item that was under way is done."""
-
-    item: Any
-
-
-def run_pieces(
-    job: Callable[[Item], T],
-    pieces: Iterable[Item],
-    workers: int = 1,
-    reserve: IdleWorkers | None = None,
-    underway: Mapping[Item, PendingItem[T]] | None = None,
-) -> Generator[T, None, None]:
-    """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process. Several
-    workers get the job and a piece each at once, before the first result is asked for.
+def run_pieces(job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 1) -> Generator[T, None, None]:
+    """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process.
 
     `job` and its results must be picklable if `workers` is above 1; arrays come back writable. At most 3 items per
     worker are in progress or waiting to be returned, up to 16 of small results (64 MB in all), so memory stays constant
-    even with a slow consumer. Close the generator to stop early: it ends all processes, as does any error. Those that
-    wait for nothing go back to the `reserve` that they come from.
-
-    Items that are `underway` are left to those who work on them, where there are several workers.
+    even with a slow consumer. Close the generator to stop early: it ends all processes, as does any error.
 
     An error of the job is raised in the order of the pieces, as if it had happened here. A piece whose process dies is
     repeated by another process; if that dies as well, ScenegenError is raised. Raises RequestError for fewer than 1 or
     more than 256 workers.
     """
-    workers = check_workers(workers)
-    if workers == 1:
-        return _here(job, pieces)
-    results = _once(job, pieces, workers, reserve, underway or {})
-    next(results)  # from here on, to close it ends the processes
-    return results
+    return _here(job, pieces) if check_workers(workers) == 1 else _shared(job, pieces, workers)
 
 
 def _here(job: Callable[[Item], T], pieces: Iterable[Item]) -> Generator[T, None, None]:
@@ -120,23 +86,14 @@ def _here(job: Callable[[Item], T], pieces: Iterable[Item]) -> Generator[T, None
         yield result
 
 
-def _once(
-    job: Callable[[Item], T],
-    pieces: Iterable[Item],
-    workers: int,
-    reserve: IdleWorkers | None,
-    underway: Mapping[Item, PendingItem[T]],
-) -> Generator[T, None, None]:
-    with Pool(job, workers, reserve=reserve, underway=underway) as pool:
-        pool.start(pieces)
-        yield cast(T, None)
-        yield from pool.results()
+def _shared(job: Callable[[Item], T], pieces: Iterable[Item], workers: int) -> Generator[T, None, None]:
+    with Pool(job, workers) as pool, contextlib.closing(pool.map(pieces)) as results:
+        yield from results
 
 
 class Pool(Generic[Item, T]):
     """Several processes that share the items of `map`, one call after another. They start with the first items and run
-    until `close`, an error, or the early end of a `map`: use it as a context manager. They are taken from `reserve`,
-    and brought back to it.
+    until `close`, an error, or the early end of a `map`: use it as a context manager.
 
     `what` and `unit` name worker and item in errors: "{what} was killed by signal 9 at {unit} 3"; `spare` is the
     suggestion for using less memory.
@@ -150,21 +107,12 @@ class Pool(Generic[Item, T]):
         what: str = "a worker process",
         unit: str = "piece",
         spare: str = "fewer workers",
-        reserve: IdleWorkers | None = None,
-        underway: Mapping[Item, PendingItem[T]] | None = None,
     ) -> None:
-        self._underway = dict(underway or {})
-        self._settled: set[Item] = set()  # those of them that are done
-        self._awaited: dict[Item, int] = {}  # and whose turn has come, which
         self._job = pickle.dumps(job, protocol=5)
         self._size, self._what, self._unit, self._spare = workers, what, unit, spare
-        self._reserve = IdleWorkers(keeps=False) if reserve is None else reserve
         self._workers: list[WorkerProcess] = []
-        self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()  # WorkerMessage or _FinishedItem
+        self._inbox: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()
         self._stillborn = 0  # workers that died before they were ready
-        self._begin(())
-        for item, one in self._underway.items():
-            one.beside.then(functools.partial(self._inbox.put, _FinishedItem(item)))
 
     def __enter__(self) -> Pool[Item, T]:
         return self
@@ -173,34 +121,22 @@ class Pool(Generic[Item, T]):
         self.close()
 
     def close(self) -> None:
-        """End the processes that are at work, or all if there is no reserve for the others."""
+        """End all processes, whatever they do."""
         for worker in self._workers:
-            if not worker.idle:
-                worker.process.kill()
+            worker.process.kill()
         while self._workers:
-            self._reserve.bring_back(self._workers.pop())
-
-    def start(self, items: Iterable[Item]) -> None:
-        """The first half of `map`: as many processes as these items need get the job, and an item each. Raises
-        ScenegenError if none can start."""
-        self._begin(items)
-        wanted = min(self._size, len(items)) if isinstance(items, Sized) else self._size
-        if self._underway:  # these processes come when they are done
-            wanted = max(1, wanted - len(self._underway))
-        self._exhausted = not wanted
-        while len(self._workers) < wanted:
-            self._start()
+            self._workers.pop().end()
 
     def map(self, items: Iterable[Item]) -> Generator[T, None, None]:
         """job(item) of every item, in their order. One `map` at a time. Raises what the job raises, and ScenegenError
         if two processes die at the same item, or if none can start."""
-        self.start(items)
-        yield from self.results()
-
-    def results(self) -> Generator[T, None, None]:
-        """The second half of `map`, after `start`."""
+        self._begin(items)
+        wanted = min(self._size, len(items)) if isinstance(items, Sized) else self._size
+        self._exhausted = not wanted
         over = False
         try:
+            while len(self._workers) < wanted:
+                self._start()
             while True:
                 self._give_orders()
                 while self._yielded in self._results:
@@ -227,17 +163,14 @@ class Pool(Generic[Item, T]):
         self._exhausted = False
 
     def _start(self) -> None:
-        worker = self._reserve.take(self._what)
-        self._workers.append(worker)
-        worker.take_up(self._job, self._inbox, self._next_order())
+        self._workers.append(WorkerProcess(self._what, self._job, self._inbox, self._next_order()))
 
     def _give_orders(self) -> None:
         # A second order each only when all have begun: one that starts later would wait for what others have in hand.
         begun = len(self._workers) >= self._size and all(worker.ready for worker in self._workers)
-        most = AHEAD if begun else 1
-        for number in range(1, most + 1):
+        for number in range(1, 1 + (AHEAD if begun else 1)):
             for worker in self._workers:
-                if worker.ready and len(worker.orders) < (number if worker.brief >= OFTEN else 1):
+                if worker.ready and len(worker.orders) < (number if worker.brief else 1):
                     order = self._next_order()
                     if order is not None:
                         worker.order(*order)
@@ -249,30 +182,12 @@ class Pool(Generic[Item, T]):
         most = MOST_WAITING if waiting * self._largest <= SMALL else WAITING
         if waiting >= most * self._size:
             return None
-        while True:
-            order = next(self._items, None)
-            self._ordered += order is not None
-            self._exhausted = order is None
-            if order is None or not self._underway or order[1] not in self._underway:  # most items have no hash
-                return order
-            self._awaited[order[1]] = order[0]
-            self._settle(order[1])
+        order = next(self._items, None)
+        self._ordered += order is not None
+        self._exhausted = order is None
+        return order
 
-    def _settle(self, item: Item) -> None:
-        """The result of an item that was under way, if it is done and its turn has come."""
-        if item in self._settled and item in self._awaited and item in self._underway:
-            try:
-                self._results[self._awaited[item]] = DONE, self._underway.pop(item).value()
-            except Exception as error:
-                self._results[self._awaited[item]] = FAILED, error
-
-    def _hear(self, message: WorkerMessage | _FinishedItem) -> None:
-        if isinstance(message, _FinishedItem):
-            self._settled.add(message.item)
-            self._underway[message.item].beside.__exit__()
-            self._start()  # its process is one of the workers now
-            self._settle(message.item)
-            return
+    def _hear(self, message: WorkerMessage) -> None:
         worker = message.worker
         if message.status == GONE:
             self._replace(worker)
@@ -284,7 +199,7 @@ class Pool(Generic[Item, T]):
             turn, _ = worker.orders.popleft()
             self._results[turn] = message.status, message.value
             self._largest = max(self._largest, message.size)
-            worker.brief = worker.brief + 1 if message.took <= BRIEF else 0
+            worker.brief = message.took <= BRIEF
 
     def _replace(self, worker: WorkerProcess) -> None:
         """A worker has died: another one takes its place and its orders. Raises ScenegenError if that has happened

@@ -25,7 +25,7 @@ from typing import IO, Any
 
 from scenegen.errors import ScenegenError
 from scenegen.errors.program import CANNOT_START_PROCESS
-from scenegen.processes.worker import FAILED, FRAME, GIVE_UP, LOADED, READY, SIZE, VARIABLES, widen
+from scenegen.processes.worker import FAILED, FRAME, READY, SIZE, VARIABLES, widen
 
 # --------------------------------------------------------------------------------------------------------------------
 # Ctrl-C, SIGTERM and SIGHUP in long work: recorded, and handled between two steps.
@@ -91,9 +91,9 @@ SAFE_PATH = "PYTHONSAFEPATH"  # the variable that is Python's option -P
 SMALL = 1 << 16  # bytes that may be filled with zeros before they are read
 
 
-def command(module: str, load: Sequence[str] = ()) -> list[str]:
-    """Runs `main()` of a module in a new process, which has this one's `sys.path` and loads further modules before
-    that. Every Python that scenegen starts is started so.
+def command(module: str) -> list[str]:
+    """Runs `main()` of a module in a new process, which has this one's `sys.path`. Every Python that scenegen starts is
+    started so.
 
     -P: the folder that one works in, where a downloaded spec may have a `json.py` beside it, is no place for modules,
     unless this process has it on its own path. A signal to the whole group, as Ctrl-C or the end of a terminal sends
@@ -104,7 +104,6 @@ def command(module: str, load: Sequence[str] = ()) -> list[str]:
         "import importlib, signal, sys;"
         f" [signal.signal(getattr(signal, name), signal.SIG_IGN) for name in {ignored!r}];"
         f" sys.path[:] = {[str(entry) for entry in sys.path]!a};"
-        f" [importlib.import_module(name) for name in {list(load)!r}];"
         f" importlib.import_module({module!r}).main()"
     )
     return [sys.executable, "-P", "-c", program]
@@ -135,13 +134,6 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _fresh(size: int) -> memoryview:
-    """So many bytes that are not filled with zeros first."""
-    import numpy as np  # the first process starts before it is loaded
-
-    return np.empty(size, dtype=np.uint8).data
-
-
 @dataclass(frozen=True, slots=True)
 class WorkerMessage:
     """A message from a worker, of so many bytes: the result of its oldest order, which took so many seconds, READY, or
@@ -156,92 +148,61 @@ class WorkerMessage:
 
 
 class WorkerProcess:
-    """One process and the thread that reads its results. It works for one job at a time: see `take_up`. Its standard
-    error goes to a file, read only if it fails. It loads the modules of `load` in advance, and calls `loaded`, in its
-    thread, when it has; `what` is its name in the error where none can start, ScenegenError."""
+    """One process that works on one job, and the threads that talk to it. Its messages go to `inbox`, READY first.
 
-    def __init__(self, what: str, load: Sequence[str] = (), loaded: Callable[[], None] | None = None) -> None:
-        self.ready = False  # it has a job
-        self.orders: deque[tuple[int, Any]] = deque()  # (turn, item), in the order in which they are worked on
-        self.brief = 0  # how many of the last ones, in a row, took little time
-        self._inbox: queue.SimpleQueue[WorkerMessage] | None = None
-        self._lock, self._gone = threading.Lock(), False
+    `order` is its first order, if it is known. What it writes to standard error goes to a file that is read only if it
+    fails. `what` is its name in the error where none can start, ScenegenError."""
+
+    def __init__(
+        self, what: str, job: bytes, inbox: queue.SimpleQueue[WorkerMessage], order: tuple[int, Any] | None = None
+    ) -> None:
+        self.ready = False  # it has read the job
+        self.brief = False  # its last order took little time
+        self.orders: deque[tuple[int, Any]] = deque() if order is None else deque([order])  # (turn, item), in order
+        self._inbox = inbox
         self._writes = threading.Lock()
-        self._loaded = loaded
+        self._threads: list[threading.Thread] = []
         with contextlib.ExitStack() as undo:
             try:
                 self.errors: IO[bytes] = undo.enter_context(tempfile.TemporaryFile())
                 self.process = subprocess.Popen(
-                    command("scenegen.processes.worker", load),
+                    command("scenegen.processes.worker"),
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=self.errors,
                     bufsize=0,
                     env=environment(),
                 )
+                undo.callback(self.process.wait)
                 undo.callback(self.process.kill)
                 assert self.process.stdin is not None and self.process.stdout is not None
                 self.input, self.output = self.process.stdin, self.process.stdout
-                self._threads: list[threading.Thread] = []
                 self._begin(self._converse)
+                # It is still starting, and a job can be larger than a pipe: a thread of its own waits until it is read.
+                self._begin(self._give, [(READY, job), *self.orders])
             except (OSError, RuntimeError) as error:  # no more files, processes or threads
                 raise cannot_start(what, error) from error
             undo.pop_all()  # what stays open is closed in `end`
 
-    def take_up(
-        self, job: bytes, inbox: queue.SimpleQueue[WorkerMessage], order: tuple[int, Any] | None = None
-    ) -> None:
-        """A pickled job, whose messages go to `inbox`, READY first; and its first order, if it is known. There may have
-        been another job, if no order of it is left."""
-        self.ready, self.brief = False, 0
-        messages: list[tuple[int, Any]] = [(READY, job)]
-        if order is not None:
-            self.orders.append(order)
-            messages.append(order)
-        with self._lock:
-            self._inbox = inbox
-            if self._gone:
-                inbox.put(WorkerMessage(self, GONE))
-                return
-        # It may still be starting, and a job can be larger than a pipe: a thread of its own waits until it is read.
-        self._begin(self._give, messages)
-
     def _begin(self, work: Callable[..., None], *given: object) -> None:
-        """A thread of this process's own. Raises ScenegenError where none can start."""
+        """A thread of this process's own."""
         thread = threading.Thread(target=work, args=given, daemon=True)
-        try:
-            thread.start()
-        except RuntimeError as error:
-            raise cannot_start("a thread", error) from error
+        thread.start()
         self._threads.append(thread)
-
-    @property
-    def idle(self) -> bool:
-        """Whether it can take up another job."""
-        return self.ready and not self.orders and self.process.poll() is None
-
-    def give_up(self) -> None:
-        """Nobody wants the result of its order: it fails soon, where the system can tell it so."""
-        if GIVE_UP is not None:
-            self.process.send_signal(GIVE_UP)
 
     def order(self, turn: int, item: Any) -> None:
         """Give an item to a worker that is ready. It reads while it works, so this does not wait for it."""
         self.orders.append((turn, item))
-        with contextlib.suppress(OSError):  # the worker has died: the thread notices it, and the item is ordered again
-            self._write([(turn, item)])
+        self._give([(turn, item)])
 
-    def _write(self, messages: Sequence[tuple[int, Any]]) -> None:
-        with self._writes:  # the job's thread may be writing its first order
+    def _give(self, messages: Sequence[tuple[int, Any]]) -> None:
+        # A worker that has died is noticed by the thread that reads: the item is ordered again.
+        with contextlib.suppress(OSError, ValueError), self._writes:
             for message in messages:
                 data = pickle.dumps(message, protocol=5)
                 part = memoryview(SIZE.pack(len(data)) + data)
                 while len(part):
                     part = part[self.input.write(part) :]
-
-    def _give(self, messages: Sequence[tuple[int, Any]]) -> None:
-        with contextlib.suppress(OSError, ValueError):
-            self._write(messages)
 
     def _converse(self) -> None:
         """Runs in its own thread: reads results, so that the worker never waits for a reader."""
@@ -249,10 +210,6 @@ class WorkerProcess:
             widen(self.output)
             while True:
                 turn, status, took, size, count = FRAME.unpack(self._exactly(FRAME.size))
-                if turn == LOADED:
-                    if self._loaded is not None:
-                        self._loaded()
-                    continue
                 sizes = [SIZE.unpack(self._exactly(SIZE.size))[0] for _ in range(count)]
                 data = self._exactly(size)
                 buffers = [self._exactly(one) for one in sizes]
@@ -260,15 +217,14 @@ class WorkerProcess:
                     value = pickle.loads(data, buffers=buffers)  # noqa: S301 - from our own worker
                 except Exception as error:
                     status, value = FAILED, error
-                assert self._inbox is not None
                 self._inbox.put(WorkerMessage(self, status, value, turn == READY, size + sum(sizes), took))
-        with self._lock:
-            self._gone = True
-            if self._inbox is not None:
-                self._inbox.put(WorkerMessage(self, GONE))
+        self._inbox.put(WorkerMessage(self, GONE))
 
     def _exactly(self, size: int) -> memoryview:
-        buffer = memoryview(bytearray(size)) if size < SMALL else _fresh(size)
+        import numpy as np  # commands that need no arrays load this module, too
+
+        # Large buffers are not filled with zeros first.
+        buffer = memoryview(bytearray(size)) if size < SMALL else np.empty(size, dtype=np.uint8).data
         done = 0
         while done < size:
             got = self.output.readinto(buffer[done:])  # type: ignore[attr-defined]  # a raw file, since bufsize is 0

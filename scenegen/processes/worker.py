@@ -17,7 +17,6 @@ import gc
 import os
 import pickle
 import queue
-import signal
 import struct
 import sys
 import threading
@@ -65,33 +64,19 @@ def raise_gc_threshold() -> None:
 FRAME = struct.Struct("<qqdqq")
 SIZE = struct.Struct("<Q")
 
-READY, LOADED = -1, -2  # turns of the frames that report that the job was received, and that there can be one
+READY = -1  # the turn of the frame that reports that the job was received
 DONE, FAILED = 0, 1
 
 PIPE = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
-GIVE_UP = getattr(signal, "SIGUSR1", None)  # nobody wants the result of the order that is worked on
-
-
-class OrderAbandoned(BaseException):
-    """Ends the work on an order; nothing between here and there may catch it."""
 
 
 def main() -> None:
-    """Say LOADED, then process orders until standard input ends; then the process ends at once. An order of turn READY
-    is a job: it takes the place of the last one. GIVE_UP ends the work on an order, which has then failed."""
+    """Process orders until standard input ends; then the process ends at once. The first order, of turn READY, is the
+    job."""
     raise_gc_threshold()
-    working = False
-
-    def give_up(*_: object) -> None:
-        if working:
-            raise OrderAbandoned
-
-    if GIVE_UP is not None:
-        signal.signal(GIVE_UP, give_up)
     results = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # output that a job prints must not mix with the results
     widen(results)
-    results.write(FRAME.pack(LOADED, DONE, 0.0, 0, 0))
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     # Reading continues during work on an item: when the parent dies, this process ends at once.
     threading.Thread(target=_listen, args=(sys.stdin.buffer, orders), daemon=True).start()
@@ -99,24 +84,16 @@ def main() -> None:
     with contextlib.suppress(BrokenPipeError):  # the parent has died
         while True:
             turn, item = pickle.loads(orders.get())  # noqa: S301 - from the parent process
-            begun = time.monotonic()
+            begun, value = time.monotonic(), None
             try:
                 if turn == READY:
-                    gc.unfreeze()
-                    job = value = None
                     job = pickle.loads(item)  # noqa: S301 - from the parent process
                     gc.freeze()  # the job stays: no collection has to look at it
                 else:
                     assert job is not None
-                    working = True
                     value = job(item)
-                    working = False
             except Exception as error:
-                working = False
                 _send_error(results, turn, error)
-            except OrderAbandoned:
-                working = False
-                _send(results, turn, FAILED, None)
             else:
                 _send(results, turn, DONE, value, time.monotonic() - begun)
 

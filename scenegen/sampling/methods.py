@@ -24,7 +24,7 @@ class Method:
 
 
 METHODS: Mapping[str, Method] = {
-    "auto": Method("scenegen.sampling.choose:choose", "takes the method below that needs least time"),
+    "auto": Method("scenegen.sampling.choice:choose", "takes the method below that needs least time"),
     "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests"),
     "growth": Method("scenegen.sampling.growth.sampler:make_plan", "full tables"),
     "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets"),
@@ -43,8 +43,6 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer | None = None
     """The plan of a problem, by the request's method or another one. Raises what the method raises."""
     from scenegen.sampling.problem import moves
 
-    if budget.reserve is not None:
-        budget.reserve.fill()
     entry = METHODS[method or problem.request.method]
     if not entry.proposes and not moves(problem):  # all scenes have the same phi
         entry = METHODS["rejection"]

@@ -10,54 +10,29 @@ from __future__ import annotations
 
 import hashlib
 import math
-import pickle
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.errors import Diagnostic
-from scenegen.processes.ahead import BackgroundTask
+from scenegen.errors import Diagnostic, RequestError
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.request import Cells
 
 # --------------------------------------------------------------------------------------------------------------------
-# Pieces that begin while their plan is still being made, each as far as it has come.
-
-
-Stage = TypeVar("Stage", contravariant=True)
-
-
-class ResumablePiece(Protocol[Stage]):
-    """A piece that can be pickled after any of its stages."""
-
-    def follow(self, stage: Stage) -> None:
-        """One more stage."""
-
-
-@dataclass(slots=True)
-class Pieces(Generic[Stage]):
-    """The job of `processes.ahead`: `begin` makes piece k before its first stage, and can be pickled."""
-
-    begin: Callable[[int], ResumablePiece[Stage]]
-    begun: dict[int, Any] = field(default_factory=dict)
-
-    def __call__(self, order: tuple[int, Stage | None]) -> bytes | None:
-        number, stage = order
-        if stage is None:
-            return pickle.dumps(self.begun[number], protocol=5)
-        with np.errstate(all="ignore"):
-            if number not in self.begun:
-                self.begun[number] = self.begin(number)
-            self.begun[number].follow(stage)
-        return None
-
-
-# --------------------------------------------------------------------------------------------------------------------
 # A hash of a plan's values. It does not depend on the version of Python or pickle.
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Counts in a digest as a dataclass of that name with these values: that of an earlier version, so that digests
+    stay equal where a class has changed."""
+
+    name: str
+    values: tuple[Any, ...]
 
 
 def digest(*values: Any) -> str:
@@ -69,8 +44,10 @@ def digest(*values: Any) -> str:
     waiting: list[Any] = [values]
     while waiting:
         value = waiting.pop()
-        found.update(f"{type(value).__name__}:".encode())
-        if isinstance(value, np.ndarray):
+        found.update(f"{value.name if isinstance(value, Record) else type(value).__name__}:".encode())
+        if isinstance(value, Record):
+            waiting += value.values
+        elif isinstance(value, np.ndarray):
             found.update(f"{value.dtype.str}{value.shape}".encode())
             found.update(np.ascontiguousarray(value).tobytes())
         elif value is None or isinstance(value, bool | int | float | str | np.generic):
@@ -289,17 +266,35 @@ class Plan(ABC):
         """Candidates out of the range, from which a report finds the atoms that fail: rows (3N, m), phi (L, m)."""
         return np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
 
-    def underway(self) -> Mapping[int, BackgroundTask[Any, Any]]:
-        """The pieces that other processes draw already: `draw` waits for these."""
-        return {}
-
-    def alone(self) -> Self:
-        """The plan without them: others draw these pieces once more."""
-        return self
-
-    def joined(self) -> Self:
-        """The plan with them; waits until they are done."""
-        return self
-
     def close(self) -> None:  # noqa: B027 - most plans have nothing to close
         """End the processes that drawing has started: called at the end of a run. Drawing again starts them again."""
+
+
+class NoPlan(ABC):
+    """Why a method has no plan for a problem, and how many evaluations it took to find that out."""
+
+    evaluations: float
+
+    @property
+    @abstractmethod
+    def time_is_up(self) -> bool:
+        """Whether there was not enough time."""
+
+    @abstractmethod
+    def error(self, problem: Problem) -> RequestError:
+        """What to say of it. That may take some work."""
+
+    @property
+    def final(self) -> bool:
+        """Whether no other method is worth a try: time is up, or it is proved that there is no scene."""
+        return self.time_is_up
+
+    @property
+    def crowded(self) -> bool:
+        """Whether objects only leave no room for each other."""
+        return False
+
+    @property
+    def too_dear(self) -> bool:
+        """Whether a plan would take longer than was allowed."""
+        return False

@@ -18,7 +18,6 @@ from scenegen.lang.formula.core import REQUIRE, Core, gated, read_rows
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import row_count
-from scenegen.processes.ahead import IdleWorkers
 from scenegen.sampling.request import (
     Cells,
     FixedPose,
@@ -73,15 +72,12 @@ GRACE = 0.25  # seconds
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """When to stop searching, and the processes that may help. A time limit can only cut a run short; the scenes before
-    the cut do not depend on it.
+    """When to stop searching. A time limit can only cut a run short; the scenes before the cut do not depend on it.
 
-    When it is pickled for another process, it keeps the seconds that are left, because clocks may differ, and no
-    processes."""
+    When it is pickled for another process, it keeps the seconds that are left, because clocks may differ."""
 
     seconds: float = 60.0
     started: float = field(default_factory=time.monotonic)
-    reserve: IdleWorkers | None = field(default=None, compare=False, repr=False)
 
     def __reduce__(self) -> tuple[type[Budget], tuple[float]]:
         return Budget, (self.ends - time.monotonic(),)
@@ -151,6 +147,11 @@ class Problem:
         """What to add to the natural logarithm of a share of the box of poses for the probability under the base
         distribution, in which every centre is uniform over the workspace, whatever the object stands on."""
         return self.spec.workspace.log_excess(self.lowest, self.highest, len(self.spec.objects))
+
+    @property
+    def moving(self) -> int:
+        """How many rows of the scenes are not held."""
+        return int((self.lowest < self.highest).sum())
 
     @property
     def piece_size(self) -> int:

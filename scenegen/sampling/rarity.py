@@ -28,8 +28,9 @@ from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import Cells
 from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_frame
-from scenegen.sampling.splitting.chains import Chains, Region
-from scenegen.sampling.splitting.levels import Tuner, longest
+from scenegen.sampling.splitting.chains import Chains
+from scenegen.sampling.splitting.levels import ChainPopulation, Region
+from scenegen.sampling.splitting.tuning import Tuner, longest
 from scenegen.search.effort import NEVER, Stop, StoppedError
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -46,21 +47,6 @@ COUNTED = 0.8  # share of the effort after which levels are not counted any more
 ROUNDS = 2  # rounds of moves on a level: after one, copies have parted, but resemble each other
 NONE = 3.0  # scenes that may be missed at 95 % where none of a large number was
 FEW = 8  # minimum number of scenes behind an estimate
-
-
-class ChainPopulation(Protocol):
-    """Chains of scenes or of motions, in islands of equally many: their scores (rows, P), and where they may go."""
-
-    @property
-    def phi(self) -> Sequence[Array]: ...
-
-    @property
-    def region(self) -> Region: ...
-
-    @property
-    def evaluations(self) -> int: ...
-
-    def narrow(self, region: Region, islands: int = 1) -> float: ...
 
 
 @dataclass(frozen=True, slots=True)

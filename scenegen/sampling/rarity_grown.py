@@ -20,14 +20,13 @@ import numpy.typing as npt
 
 from scenegen.lang.formula.core import REQUIRE, Junction, gated, part_of
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import BELOW_TURN, THETA, along
+from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.graph import flat
-from scenegen.sampling.growth.grow import Grown, PlacementFailed, explore, grow
-from scenegen.sampling.growth.machine import Machine, make_machine
+from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
-from scenegen.sampling.growth.particles import MoveTally
-from scenegen.sampling.growth.population import GrowthFailed, tuned
-from scenegen.sampling.growth.sampler import log_base, no_growth
+from scenegen.sampling.growth.population import tuned
+from scenegen.sampling.growth.sampler import log_base
+from scenegen.sampling.growth.smc import Grown, PlacementFailed, explore, grow
 from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.rarity import (
     COUNTED,
@@ -46,7 +45,7 @@ from scenegen.sampling.rarity import (
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import Range, SampleRequest, cut
 from scenegen.sampling.splitting.chain_state import make_frame
-from scenegen.sampling.splitting.levels import longest
+from scenegen.sampling.splitting.tuning import longest
 from scenegen.search.contract import push_down
 from scenegen.search.effort import StoppedError, TooMuchError
 
@@ -116,13 +115,7 @@ def _grow_islands(problem: Problem, machine: Machine, islands: int, each: int, s
     particles = grown.particles
     for _ in range(SETTLE):
         sweep(particles, settings)
-    rows = particles.scenes.copy()
-    lowest, highest = problem.lowest, problem.highest
-    for row in range(len(lowest)):
-        if row not in machine.graph.rows and lowest[row] < highest[row]:
-            rows[row] = lowest[row] + rng.random(rows.shape[1]) * (highest[row] - lowest[row])
-    np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
-    values = problem.phi(rows)
+    values = problem.phi(machine.complete(particles.scenes.copy(), rng))
     phi = np.full((islands, len(values), each), np.nan)
     for island in range(islands):
         mine = np.flatnonzero(particles.island == island)
@@ -183,7 +176,7 @@ def measure_vast(
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
         first = grow_islands(base, ISLANDS, EACH, (seed, VAST), FIRST, deadline)
         if isinstance(first, NoRoom):
-            raise no_growth(base, GrowthFailed(first.machine, first.stuck, first.work / len(base.core.nodes)))
+            raise GrowthFailed(first.machine, first.stuck, first.work / len(base.core.nodes)).error(base)
         work = 0.0
         reaches: dict[str, PhiDistribution] = {}
         for index, label in enumerate(labels):

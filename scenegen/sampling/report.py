@@ -189,3 +189,27 @@ def ratio(mine: Array, base: Array) -> Estimate | None:
         variance = float(((mine - value * base) / mine.mean()).var(ddof=1))
     error = student(count - 1) * math.sqrt(max(0.0, variance) / count)
     return Estimate(math.log10(value), error / math.log(10.0))
+
+
+def probability(
+    count: int, total: float, square: float, logs: tuple[float, float] | None = None, excess: float = 0.0
+) -> dict[str, object]:
+    """log10 of the mean of independent unbiased estimates, given their number, sum and sum of squares, and the
+    half-width of its 95 % interval (Student's t, converted to the logarithm); None if unknown.
+
+    `logs` are the sum of the natural logarithms and that of their squares, where no estimate is 0: the interval is then
+    that of nearly lognormal estimates, see `ratio`. `excess` is added to the logarithm of the mean.
+    """
+    if not total > 0.0:
+        return {"log10_probability": None, "log10_error": None}
+    mean = total / count
+    log10 = math.log10(mean) + excess / math.log(10.0)
+    out: dict[str, object] = {"log10_probability": round(log10, 5) + 0.0, "log10_error": None}
+    if count > 1:
+        variance = max(0.0, square - count * mean * mean) / (count - 1) / mean**2
+        if logs is not None:
+            scatter = max(0.0, logs[1] - logs[0] ** 2 / count) / (count - 1)
+            widest = scatter + 0.5 * scatter**2 * count / (count - 1)  # of a wild scatter: Cox's interval
+            variance = max(variance, math.expm1(scatter) if scatter < 1.0 else widest)
+        out["log10_error"] = round(student(count - 1) * math.sqrt(variance / count) / math.log(10.0), 5)
+    return out

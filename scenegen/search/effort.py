@@ -25,7 +25,6 @@ STEPPED, GROWN = 4e-4, 1.7e-9  # of a step of growth over all its scenes, and of
 MOVED = 6.3e-9  # of a unit of scoring a scene that a chain moves to
 CALL = 1000  # of an interval rule, for each of its arguments, however few boxes there are
 CORNERED = 10  # times as much as a sum: what a footprint with corners takes
-QUARTER = 0.25  # of the work that is allowed
 PYTHON = 200  # a few lines of Python for one node, set or tuple
 
 
@@ -62,13 +61,12 @@ class TooMuchError(Exception):
 
 @dataclass(slots=True)
 class Effort:
-    """Counts work. `stop` is called whenever some is added; `most` is how much is allowed. `on_quarter` is called once,
-    when more than a quarter of that is used; `further` once, when all of it is: it returns how much is allowed then."""
+    """Counts work. `stop` is called whenever some is added; `most` is how much is allowed. `further` is
+    called once, when all of it is used: it returns how much is allowed then."""
 
     stop: Callable[[], bool] = lambda: False
     most: float = math.inf
     used: float = 0.0
-    on_quarter: Callable[[], object] | None = None
     further: Callable[[], float] | None = None
 
     def spend(self, units: float) -> None:
@@ -79,9 +77,6 @@ class Effort:
             self.most = max(self.most, ask())
         if self.used > self.most:
             raise TooMuchError
-        if self.on_quarter is not None and self.used > QUARTER * self.most:
-            call, self.on_quarter = self.on_quarter, None
-            call()
         self.check()
 
     def allows(self, units: float) -> bool:

@@ -129,9 +129,8 @@ def _version() -> str:
 
 def _cut(vertices: Floats, faces: Indices) -> tuple[tuple[Floats, Indices], ...]:
     answers: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()
-    cutter = WorkerProcess("CoACD")
+    cutter = WorkerProcess("CoACD", pickle.dumps(cut, protocol=5), answers, (0, (vertices, faces, OPTIONS)))
     try:
-        cutter.take_up(pickle.dumps(cut, protocol=5), answers, (0, (vertices, faces, OPTIONS)))
         made = answers.get(timeout=SECONDS)
         if made.ready and made.status == DONE:
             made = answers.get(timeout=SECONDS)

@@ -38,7 +38,7 @@ def no_work(monkeypatch):
     def started(*_, **__):
         raise AssertionError("work was begun")
 
-    monkeypatch.setattr("scenegen.sampling.choose.choose", started)
+    monkeypatch.setattr("scenegen.sampling.choice.choose", started)
     monkeypatch.setattr("scenegen.learn.training.loop._run", started)
     monkeypatch.setattr(pictures, "draw", started)
     monkeypatch.setattr(simulators, "worlds_of", started)

@@ -118,29 +118,6 @@ class Picky:
 
 
 @dataclass
-class Sums:
-    """A job of steps: keeps for each item the steps so far, and fails, or dies, at one step."""
-
-    how: str = ""
-    slow: float = 0.0
-
-    def __post_init__(self):
-        self.states = {}
-
-    def __call__(self, order):
-        item, step = order
-        if step is None:
-            return os.getpid(), tuple(self.states[item])
-        time.sleep(self.slow)
-        if self.how and step == 3:
-            if self.how == "kill":
-                os.kill(os.getpid(), signal.SIGKILL)
-            raise ValueError("no good")
-        self.states.setdefault(item, []).append(step)
-        return None
-
-
-@dataclass
 class AfterOthers:
     """Returns the item; item 0 waits until so many others are done."""
 

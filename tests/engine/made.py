@@ -53,12 +53,6 @@ class Made:
     def problem(self):
         return SimpleNamespace(lowest=np.zeros(3 * self.objects))
 
-    def underway(self):
-        return {}
-
-    def alone(self):
-        return self
-
     def draw(self, k):
         source = np.random.default_rng([self.seed, k])
         rows = source.random((3 * self.objects, self.size + k % 3))

@@ -61,8 +61,8 @@ def plans(model):
         patch.setattr("scenegen.sampling.growth.population.LEAST", 128)
         patch.setattr("scenegen.sampling.growth.sampler.LEAST", 128)
         patch.setattr("scenegen.sampling.growth.population.MOST", 256)
-        patch.setattr("scenegen.sampling.splitting.levels.CHAINS", 256)
-        patch.setattr("scenegen.sampling.splitting.levels.FEWEST", 256)
+        patch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 256)
+        patch.setattr("scenegen.sampling.splitting.sampler.LEAST_CHAINS", 256)
         return {kind: _plan(kind, model) for kind in KINDS}
 
 

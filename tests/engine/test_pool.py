@@ -1,5 +1,6 @@
 """Worker processes: the same results as without them, in order, whatever happens to the processes."""
 
+import errno
 import itertools
 import os
 import signal
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import RequestError, ScenegenError
-from scenegen.processes.pool import MOST_WAITING, OFTEN, WAITING, Pool, run_pieces
+from scenegen.processes.pool import MOST_WAITING, WAITING, Pool, run_pieces
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
@@ -210,18 +211,6 @@ def test_values_of_any_kind():
         np.testing.assert_equal(value, Any_()(piece))
 
 
-def test_every_worker_has_an_item_before_anyone_asks_for_a_result(tmp_path):
-    from jobs import Numbers
-
-    results = run_pieces(Numbers(meet=str(tmp_path)), itertools.count(5), 2)
-    deadline = time.monotonic() + 60.0
-    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert len(list(tmp_path.iterdir())) == 2
-    assert [len(rows[0]) for rows, _ in itertools.islice(results, 3)] == [105, 106, 100]
-    results.close()
-
-
 @pytest.mark.parametrize("ready, deaths", [(True, {0: 1}), (False, {})])
 def test_an_item_kills_only_whom_it_was_begun_by(ready, deaths, monkeypatch):
     """A worker has its first item before it is ready."""
@@ -233,6 +222,7 @@ def test_an_item_kills_only_whom_it_was_begun_by(ready, deaths, monkeypatch):
             return ""
 
     worker, pool = Worker(), Pool(None, 2)
+    pool._begin([])
     worker.ready = ready
     pool._workers = [worker]
     monkeypatch.setattr(pool, "_start", lambda: None)
@@ -245,7 +235,7 @@ def test_second_orders_wait_until_every_worker_has_begun():
 
     class Worker:
         def __init__(self, *, ready):
-            self.ready, self.orders, self.brief = ready, [], OFTEN
+            self.ready, self.orders, self.brief = ready, [], True
 
         def order(self, turn, item):
             self.orders.append(item)
@@ -260,3 +250,22 @@ def test_second_orders_wait_until_every_worker_has_begun():
     pool._give_orders()
     assert (early.orders, late.orders) == ([0, 2], [1, 3])
     pool._workers = []
+
+
+@pytest.mark.parametrize("what", ["tempfile.TemporaryFile", "subprocess.Popen", "threading.Thread.start"])
+def test_where_no_process_can_start(what, monkeypatch):
+    def none(*_, **__):
+        raise (
+            RuntimeError("can't start new thread") if "thread" in what else OSError(errno.EMFILE, "too many open files")
+        )
+
+    monkeypatch.setattr(f"scenegen.processes.process.{what}", none)
+    with pytest.raises(ScenegenError, match=r"too many open files|can't start new thread"):
+        list(run_pieces(abs, range(3), 2))
+
+
+@pytest.mark.long
+def test_a_large_job_reaches_a_process_that_is_still_starting():
+    large = bytes(range(256)) * (1 << 14)  # more than a pipe holds
+    found = list(itertools.islice(run_pieces(large.__getitem__, itertools.count(), 2), 300))
+    assert found == [k % 256 for k in range(300)]

@@ -22,8 +22,8 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec
+from scenegen.sampling.growth.failure import too_full
 from scenegen.sampling.growth.graph import make_graph
-from scenegen.sampling.growth.room import too_full
 from scenegen.sampling.parts import independent_parts
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.sampler import make_plan

@@ -12,7 +12,7 @@ from scenegen.sampling.motions.moves import WAYS, changes
 from scenegen.sampling.motions.problem import Variables, draw, poses_of
 from scenegen.sampling.motions.relocate import statistics
 from scenegen.sampling.motions.schedule import MotionChains
-from scenegen.sampling.splitting.chains import Region
+from scenegen.sampling.splitting.levels import Region
 
 from .problems import apart, held, meets, problem
 

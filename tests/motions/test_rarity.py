@@ -9,10 +9,10 @@ import scenegen
 from scenegen.sampling.motions import rarity
 from scenegen.sampling.motions.problem import draw, poses_of
 from scenegen.sampling.motions.sampler import MotionSplitting
-from scenegen.sampling.motions.schedule import Schedule
 from scenegen.sampling.motions.scores import make_problem
 from scenegen.sampling.plan import Tally
 from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.splitting.levels import Schedule
 
 SPEC = scenegen.parse("""object mug, plate, bowl at (0.5, 0.5)
 time 3 steps
@@ -134,7 +134,7 @@ def test_the_interval_follows_the_scatter_of_logarithms():
         "object a, b\ntime 1 steps\nrequire speed(a) <= 1 mm/s & speed(b) <= 1 mm/s\ntask: leftOf(a, b)"
     )
     problem, _ = make_problem(spec.declared, SampleRequest({}, n=8))
-    motions = MotionSplitting(problem, (0,), Schedule((), 1, 0.0, (0,), 64, 1000))
+    motions = MotionSplitting(problem, (0,), Schedule((), 1, (0,), 64, 0.0, 1000))
     shares, logs = np.array([1e-6, 2e-6, 1e-6, 9e-6]), np.log([1e-6, 2e-6, 1e-6, 9e-6])
     alive = [shares.sum(), (shares**2).sum(), 4.0, logs.sum(), (logs**2).sum(), 100.0, 1.0]
     info = motions.account(Tally(8, 8, 4, 8, facts=tuple(alive))).info

@@ -125,20 +125,6 @@ def test_workers_change_nothing():
 
 
 @pytest.mark.long
-def test_pieces_begun_while_the_plan_is_made_are_the_same_pieces(begun_early):
-    made = problem(ends_right, {"a": (-0.05, 0.05)}, n=1024, spread="flat", steps=2)
-    both = replace(made, request=replace(made.request, workers=2))
-    with np.errstate(all="ignore"):
-        alone, ahead = (make_plan(one, Budget(300.0), "splitting") for one in (made, both))
-    assert not alone.schedule.begun and len(ahead.schedule.begun) >= 2
-    assert alone.plan_digest == ahead.plan_digest
-    for k in (*ahead.schedule.begun, 0, 99):
-        one, other = alone.draw(k), ahead.draw(k)
-        assert len(one.facts) == alone.fact_count
-        assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
-
-
-@pytest.mark.long
 def test_the_pilot_counts_the_same_hits_by_one_process_and_two():
     made = problem(ends_right, {"a": (0.0, None)}, n=300, steps=2)
     both = replace(made, request=replace(made.request, workers=2))

@@ -24,9 +24,9 @@ PROGRAM = """
 import contextlib, io, json, sys
 from scenegen.cli.app import run
 from scenegen.sampling import rarity
-from scenegen.sampling.splitting import levels
+from scenegen.sampling.splitting import sampler
 
-levels.CHAINS, rarity.WORK = 1024, 50_000_000  # the machine's time is for what is missing, not for what is rare
+sampler.CHAINS, rarity.WORK = 1024, 50_000_000  # the machine's time is for what is missing, not for what is rare
 
 said = []
 for command in json.loads(sys.argv[1]):

@@ -8,23 +8,18 @@ import numpy as np
 import pytest
 
 from scenegen.errors import RequestError
-from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
-from scenegen.sampling import contest
 from scenegen.sampling import problem as module
-from scenegen.sampling.choose import choose
+from scenegen.sampling.choice import MethodChoice, try_rejection
 from scenegen.sampling.engine.run import draw
-from scenegen.sampling.growth import population
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
-from scenegen.sampling.parts import SubProblem
-from scenegen.sampling.plan import digest
+from scenegen.sampling.plan import NoPlan, digest
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rejection.outcome import try_rejection
 from scenegen.sampling.rejection.trial import make_trial, search
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import SplittingStalled
+from scenegen.sampling.splitting.sampler import SplittingStalled
 
 # Waves of independent headings: no box of poses tells where their product is large.
 WAVES = " * ".join(f"sin(20 * theta({name}))" for name in "abcde")
@@ -102,11 +97,11 @@ def test_a_search_that_time_cuts_short_is_no_plan():
 def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
     problem = make_problem(check_text("leftOf(a, b)"), SampleRequest({"task": Range(0.0)}, n=20))
     cut = SplittingStalled("time", (), (), 0, 0)
-    monkeypatch.setattr(contest, "plan_splitting", lambda *words, **named: cut)
+    monkeypatch.setattr("scenegen.sampling.splitting.sampler.plan_splitting", lambda *words, **named: cut)
     quick = plan_growth(problem, Budget())
     assert isinstance(quick, Growth)
     quick = replace(quick, recipe=replace(quick.recipe, effect=np.inf))
-    assert contest.MethodChoice(problem, Budget(), choose).other(quick) is cut
+    assert MethodChoice(problem, Budget())._other(quick) is cut
 
 
 @pytest.mark.parametrize("ends", [(0.0, None), (0.0, 0.3)])
@@ -139,7 +134,8 @@ def test_where_pruning_takes_much_work_plain_candidates_may_do():
 
 def test_pruning_that_may_take_more_goes_on_where_it_is():
     """It comes to what it would with the larger limit from the start, and takes no more work."""
-    problem, times = near(2000, 1), []
+    spec = check_text("leftOf(a, b) & closeTo(b, c, 0.2)")
+    problem, times = make_problem(spec, SampleRequest({"task": Range(0.05)}, n=2000, workers=1)), []
 
     def further():
         times.append(1)
@@ -151,55 +147,6 @@ def test_pruning_that_may_take_more_goes_on_where_it_is():
     assert found.longer.work == whole.work and (found.longer.hits == whole.hits).all()
     assert digest(found.longer.cover) == digest(whole.cover)
     assert try_rejection(problem, Budget(), whole.work / 3, further=lambda: whole.work / 2).longer is None
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["pantry_shelf", "cutlery_drawer"])
-def test_parts_that_another_process_looks_at_get_the_same_plans(name, monkeypatch):
-    """Some are served by rejection at once, some without pruning, some by growth."""
-    told = []
-
-    def of_part(self, problem, seen, honest=contest.MethodChoice._of_part):
-        told.append(seen is not None)
-        return honest(self, problem, seen)
-
-    monkeypatch.setattr(contest.MethodChoice, "_of_part", of_part)
-    spec = check_text(shipped_specs()[name].read_text(encoding="utf-8"))
-    ranges = {label: Range(0.0) for label in spec.labels}
-    plans = []
-    for workers in (1, 2):
-        request = SampleRequest(ranges, n=5000, workers=workers)
-        plans.append(choose(make_problem(spec, request), Budget(600.0)))
-    count = len(told) // 2
-    assert told == [False] * count + [True] * count
-    one, two = plans
-    assert one.method == "paired" and one.plan_digest == two.plan_digest and one.why == two.why
-    for plan in plans:
-        plan.close()
-
-
-def test_a_part_without_scenes_is_reported_in_its_turn():
-    """Not before it is known what becomes of the parts before it."""
-    problem = near(2000, 1)
-    error = RequestError(NO_TIME_TO_CHECK())
-    part = SubProblem((0,), problem)
-
-    class Done:
-        def __init__(self, *seen):
-            self.seen = seen
-
-        def result(self):
-            return [*self.seen]
-
-    begun = try_rejection(problem, Budget(), math.inf), None
-    mine = contest.MethodChoice(problem, Budget(), choose, parts=(part, part), seen=Done(begun, error))
-    with pytest.raises(RequestError, match="time was up"):
-        mine._apart()
-    asked = []
-    mine = replace(mine, seen=Done(error, begun), choose=asked.append)
-    with pytest.raises(RequestError, match="time was up"):
-        mine._apart()
-    assert not asked
 
 
 @pytest.mark.long
@@ -274,53 +221,8 @@ def test_a_look_at_another_method_takes_no_longer_than_it_can_save():
     """A plan of growth is given up; rejection, which has one, is taken."""
     problem = make_problem(check_text(COUNTER), SampleRequest({"task": Range(0.0)}, n=1000, workers=1))
     looked = plan_growth(problem, Budget(), patient=False, longest=0.01)
-    assert isinstance(looked, population.GrowthFailed) and looked.dear and looked.evaluations < 1e5
+    assert isinstance(looked, NoPlan) and looked.too_dear and looked.evaluations < 1e5
     mine = make_plan(problem, Budget(), method="rejection")
     cheap = replace(mine, expected=mine.expected / 1000)
-    choice = contest.MethodChoice(problem, Budget(), choose, parts=())._against(cheap, None)
+    choice = MethodChoice(problem, Budget(), ())._against(cheap, None)
     assert choice.method == "rejection"
-
-
-@pytest.fixture
-def begun(monkeypatch):
-    """What `start_growth` returned, where pruning soon takes a quarter of what it may."""
-    started = []
-
-    def start(problem, budget, honest=population.start_growth):
-        started.append(honest(problem, budget))
-        return started[-1]
-
-    monkeypatch.setattr(population, "start_growth", start)
-    monkeypatch.setattr("scenegen.sampling.choose.FIRST", 1e5)
-    monkeypatch.setattr(population, "LEAST", 128)
-    monkeypatch.setattr(population, "MOST", 256)
-    return started
-
-
-def near(n, workers):
-    spec = check_text("leftOf(a, b) & closeTo(b, c, 0.2)")
-    return make_problem(spec, SampleRequest({"task": Range(0.05)}, n=n, workers=workers))
-
-
-def test_growth_begins_elsewhere_where_pruning_takes_long(begun, monkeypatch):
-    """The plan is the same as without, and no process is left."""
-    monkeypatch.setattr("scenegen.sampling.contest.first_look", lambda problem, budget: None)
-    shared, alone = (make_plan(near(1001, workers), Budget()) for workers in (2, 1))
-    assert [one is None for one in begun] == [False, True] and begun[0].given_up
-    assert begun[0]._first._process.process.poll() is not None
-    assert shared.method == alone.method == "growth" and shared.plan_digest == alone.plan_digest
-    assert len(shared.recipe.taken) == 2 and len(alone.recipe.taken) == 1
-    for k in range(2):
-        assert shared.draw(k).rows.tobytes() == alone.draw(k).rows.tobytes()
-
-
-def test_growth_that_began_in_vain_is_given_up(begun):
-    choice = make_plan(near(1001, 2), Budget())
-    (started,) = begun
-    assert choice.method == "rejection" and started.given_up
-    assert started._first._process.process.poll() is not None
-
-
-def test_growth_of_few_scenes_does_not_begin_elsewhere(begun):
-    make_plan(near(1000, 2), Budget())
-    assert not begun

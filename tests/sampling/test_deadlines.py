@@ -21,8 +21,7 @@ from scenegen.sampling.rarity_grown import NoRoom, grow_islands
 from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, make_frame
-from scenegen.sampling.splitting.levels import SplittingStalled
-from scenegen.sampling.splitting.sampler import Splitting, plan_splitting, why_stalled
+from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, plan_splitting
 from scenegen.search import contract, label_bounds
 from scenegen.search.clash import clash
 from scenegen.search.effort import Effort, StoppedError, TooMuchError
@@ -143,8 +142,8 @@ FEW = "require leftOf(a, b)\ntask: closeTo(b, c, 0.2)"
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.splitting.levels.CHAINS", 256)
-    monkeypatch.setattr("scenegen.sampling.splitting.levels.FEWEST", 256)
+    monkeypatch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 256)
+    monkeypatch.setattr("scenegen.sampling.splitting.sampler.LEAST_CHAINS", 256)
     return make_problem(check_text(FEW), SampleRequest({"task": Range(0.0, 0.04)}, n=64))
 
 
@@ -157,7 +156,7 @@ def test_a_plan_of_splitting_stops_when_it_is_told_to(few):
         stop = Calls(k)
         end = plan_splitting(few, stop)
         assert isinstance(end, SplittingStalled) and end.why == "time" and stop.calls == k
-        assert bool(end.phi) == (k > 3) and len(why_stalled(few, end).title) > 10
+        assert bool(end.phi) == (k > 3) and len(str(end.error(few))) > 10
 
 
 def test_every_clearance_of_a_large_table_is_a_chance_to_stop(spec):
@@ -212,8 +211,8 @@ def test_what_stood_in_the_way_is_told_of_few_scenes_of_a_large_table(monkeypatc
 
 
 def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.choose.FIRST", 1e5)
-    monkeypatch.setattr("scenegen.sampling.contest.first_look", lambda problem, budget: None)
+    monkeypatch.setattr("scenegen.sampling.choice.FIRST", 1e5)
+    monkeypatch.setattr("scenegen.sampling.choice.first_look", lambda problem, budget: None)
     problem = make_problem(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), SampleRequest({"task": Range(0.05)}, n=10))
     choice = make_plan(problem, Budget(), method="auto")
     assert choice.method == "growth" and choice.why == "pruning takes much work, growth does not"

@@ -5,10 +5,10 @@ import math
 import pytest
 
 from scenegen.lang.checker import check_text
+from scenegen.sampling.choice import CELLS
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection import trial as covers
-from scenegen.sampling.rejection.outcome import CELLS
 from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import TooMuchError

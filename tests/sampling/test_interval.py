@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scenegen.sampling.report import ratio, student
-from scenegen.sampling.splitting.sampler import probability
+from scenegen.sampling.report import probability, ratio, student
 
 ISLANDS, TRIALS = 16, 1000
 

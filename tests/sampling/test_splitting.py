@@ -12,9 +12,9 @@ from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.report import probability
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import SplittingStalled, make_schedule
-from scenegen.sampling.splitting.sampler import probability, run_piece
+from scenegen.sampling.splitting.sampler import SplittingStalled, make_schedule, run_piece
 
 rejection = partial(run, method="rejection")
 splitting = partial(run, method="splitting")

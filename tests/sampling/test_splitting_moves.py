@@ -7,7 +7,8 @@ from scenegen.lang.checker import check_text
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
-from scenegen.sampling.splitting.chains import Chains, Region, Statistics, _systematic, correlation, design_effect
+from scenegen.sampling.splitting.chains import Chains, Statistics, _systematic, correlation, design_effect
+from scenegen.sampling.splitting.levels import Region
 from scenegen.sampling.splitting.moves import (
     COMPOSED,
     MIRRORS,

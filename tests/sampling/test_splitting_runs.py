@@ -13,8 +13,7 @@ from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.levels import SplittingStalled, _LevelPlanner, go_on, make_schedule
-from scenegen.sampling.splitting.sampler import make_plan, run_piece
+from scenegen.sampling.splitting.sampler import SplittingStalled, _SceneDescent, make_schedule, run_piece
 
 splitting = partial(run, method="splitting")
 
@@ -25,7 +24,7 @@ RARE = {"task": Range(0.05, 0.06)}
 def few_chains():
     """An eighth of the usual chains; tests/slow and tests/sampling/test_exactness_fast.py take all of them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.splitting.levels.CHAINS", 1024)
+        patch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 1024)
         yield
 
 
@@ -49,20 +48,6 @@ def test_a_piece_is_the_same_whenever_it_is_run(problem, plan):
     assert first.rows.tobytes() == again.rows.tobytes() and first.phi.tobytes() == again.phi.tobytes()
     assert first.probability == again.probability
     assert not set(first.rows[0].tolist()) & set(other.rows[0].tolist())
-
-
-@pytest.mark.long
-def test_pieces_begun_while_the_plan_is_made_are_the_same_pieces(exp2, begun_early):
-    """Some of their stages are done by then; drawn twice, they are drawn from there twice."""
-    requests = (SampleRequest(RARE, n=9000, seed=5, spread="flat", workers=workers) for workers in (1, 2))
-    alone, ahead = (make_plan(make_problem(exp2, request), Budget()) for request in requests)
-    assert not alone.schedule.begun and len(ahead.schedule.begun) >= 2
-    assert alone.plan_digest == ahead.plan_digest
-    begun = [go_on(stored) for stored in ahead.schedule.begun.values()]
-    assert all(0 < one.stages < len(ahead.schedule.stages) for one in begun)
-    for k in (*ahead.schedule.begun, 0, 99):
-        one, other = alone.draw(k), ahead.draw(k)
-        assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
 
 
 @pytest.mark.long
@@ -140,15 +125,15 @@ def test_what_is_required_is_met_level_by_level():
     spec = check_text(
         "require leftOf(a, b) & leftOf(b, c) & leftOf(c, d) & leftOf(d, e) & leftOf(e, f)\ntask: closeTo(a, b, 0.9)"
     )
-    planner = _LevelPlanner(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=16)), Budget())
+    planner = _SceneDescent(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=16)), Budget())
     low, free = np.array([-np.inf, 0.0]), np.full(2, np.inf)
-    assert planner._descend(low, free, -free) and len(planner._stages) > 6
+    assert planner._descend(low, free, -free) and len(planner.stages) > 6
 
 
 def test_a_value_that_most_scenes_share_is_left_behind():
     """A few scenes: all others have the phi of the constant alternative."""
     spec = check_text("object a, b, c, d, e\ntask: dist(a, a) >= 1 cm | leftOf(a, b) & leftOf(b, c) & leftOf(d, e)")
-    planner = _LevelPlanner(make_problem(spec, SampleRequest({"task": Range(0.2)}, n=16)), Budget())
+    planner = _SceneDescent(make_problem(spec, SampleRequest({"task": Range(0.2)}, n=16)), Budget())
     assert planner._descend(np.array([0.2]), np.array([np.inf]), np.array([-np.inf]))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenegen.lang.checker import check_text
-from scenegen.sampling import choose
+from scenegen.sampling import choice
 from scenegen.sampling.problem import PLAN, Budget, make_problem
 from scenegen.sampling.rejection import draw, sampler
 from scenegen.sampling.rejection import draw as module
@@ -113,7 +113,7 @@ def test_stages_of_a_cover_are_found_once(monkeypatch):
     for place in (draw, sampler):
         monkeypatch.setattr(place, "make_stages", counted)
     problem = planned("task: nextTo(box[2], box[1])\n", {"task": Range(0.0, None)}, n=10_000)
-    found = choose.try_rejection(problem, Budget(60.0), choose.FIRST)
+    found = choice.try_rejection(problem, Budget(60.0), choice.FIRST)
     assert found.plan.sources[0].stages is found.trial.stages is not None and found.plan.seconds > 0.0
     more = search(problem, found.trial, Budget(60.0))
     assert more.stages is found.trial.stages and more.tried > found.trial.tried
@@ -124,8 +124,8 @@ def test_stages_of_a_cover_are_found_once(monkeypatch):
 def test_many_scenes_are_worth_rejecting_where_few_are_grown():
     """Growth pays for each scene, pruning once for all."""
     task = "task: nextTo(box[2], box[1]) & facing(box[3], box[1], 20 deg)\n"
-    many = choose.choose(planned(task, {"task": Range(0.0, None)}, n=20_000, many=8), Budget(600.0))
+    many = choice.choose(planned(task, {"task": Range(0.0, None)}, n=20_000, many=8), Budget(600.0))
     assert many.method == "rejection"
     rare = task.rstrip() + " & nextTo(box[5], box[4]) & facing(box[6], box[4], 20 deg) & nextTo(box[8], box[7])"
     rare += " & facing(box[8], box[4], 20 deg) & facing(box[5], box[7], 20 deg)\n"
-    assert choose.choose(planned(rare, {"task": Range(0.0, None)}, n=20_000, many=8), Budget(600.0)).method == "growth"
+    assert choice.choose(planned(rare, {"task": Range(0.0, None)}, n=20_000, many=8), Budget(600.0)).method == "growth"

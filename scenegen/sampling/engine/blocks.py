@@ -20,16 +20,13 @@ limits the memory. The blocks depend only on the candidates and their order, not
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.processes.ahead import IdleWorkers
-from scenegen.processes.pool import PendingItem, run_pieces
 from scenegen.sampling.plan import Plan
 from scenegen.scenes.blocks import BLOCK, Array, Block, joined
 
@@ -56,18 +53,6 @@ class Drawing:
             block, cell = block.take(inside), cell[inside]
         small = np.min_scalar_type(-int(cell.max(initial=0)) - 1)  # cells often need a byte each, not eight
         return block, cell.astype(small), made.facts
-
-
-def draw_pieces(
-    drawing: Drawing, numbers: Iterable[int], workers: int, reserve: IdleWorkers | None
-) -> Generator[tuple[Block, Cells, Array], None, None]:
-    """The pieces of these numbers, in their order: see `run_pieces`. Those that other processes draw already are left
-    to them."""
-    if workers == 1:
-        return run_pieces(drawing, numbers)
-    job = replace(drawing, plan=drawing.plan.alone())
-    underway = {k: PendingItem(beside, partial(drawing, k)) for k, beside in drawing.plan.underway().items()}
-    return run_pieces(job, numbers, workers, reserve, underway)
 
 
 Cell = npt.NDArray[np.intp]

@@ -18,7 +18,6 @@ import numpy as np
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import ADDRESS_WITHOUT_RAY, UNKNOWN_ENGINE
 from scenegen.errors.program import PROCESS_DIED
-from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.pool import check_workers, one_thread, run_pieces
 from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import Cells, Drawing
@@ -99,9 +98,6 @@ class Engine(ABC):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def prepare(self, drawing: Drawing) -> None:  # noqa: B027 - most engines have nothing to do
-        """`pieces` will be asked for this from piece 0 on: it may begin."""
-
     @abstractmethod
     def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
         """The pieces from number `first` on, in order, without end. Raises what drawing raises."""
@@ -160,14 +156,11 @@ def check_engine(name: str, address: str | None = None) -> str:
     return name
 
 
-def open_engine(
-    name: str, workers: int | None, plan: Plan, address: str | None = None, reserve: IdleWorkers | None = None
-) -> Engine:
-    """An engine by its name. `workers` is the number of processes, None for as many as serve; local ones are taken from
-    the reserve. Raises RequestError for an unknown name, a package that is not installed, and a cluster that cannot be
-    reached."""
+def open_engine(name: str, workers: int | None, plan: Plan, address: str | None = None) -> Engine:
+    """An engine by its name. `workers` is the number of processes, None for as many as serve. Raises RequestError for
+    an unknown name, a package that is not installed, and a cluster that cannot be reached."""
     module = importlib.import_module(ENGINES[check_engine(name, address)])
-    engine: Engine = module.start(workers, plan, address, reserve)
+    engine: Engine = module.start(workers, plan, address)
     return engine
 
 

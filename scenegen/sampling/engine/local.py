@@ -17,10 +17,9 @@ from functools import partial
 from itertools import count
 from typing import Any
 
-from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.pool import check_workers, run_pieces
 from scenegen.processes.process import cores
-from scenegen.sampling.engine.blocks import Cells, Drawing, draw_pieces
+from scenegen.sampling.engine.blocks import Drawing
 from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, chosen
 from scenegen.sampling.engine.run import jobs
 from scenegen.sampling.engine.stream import BlockPacker, ByteBudget
@@ -38,28 +37,19 @@ Written = tuple[Shard, list[str]]
 class Local(Engine):
     """Holds scenes as blocks in memory. A single worker is this process, which then writes shards before it goes on."""
 
-    def __init__(self, workers: int, reserve: IdleWorkers | None = None) -> None:
-        self._workers, self._reserve = workers, reserve
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
         self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
-        self._results: Generator[tuple[Block, Cells, Array], None, None] | None = None
         self._room = ByteBudget()
         self._tell: Tell | None = None
         self._packing: BlockPacker[Written] | None = None  # the shard that is being filled
         self._packed: deque[tuple[BlockPacker[Written], int]] = deque()  # those that are full, and their pieces
         self._shards: deque[Shard] = deque()  # written by this process, in order
 
-    def prepare(self, drawing: Drawing) -> None:
-        self._results = self._drawn(drawing, 0)
-
     def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
-        if self._results is None:
-            self._results = self._drawn(drawing, first)
-        with closing(self._results) as results:
+        with closing(run_pieces(drawing, count(first), self._workers)) as results:
             for scenes, cell, facts in results:
                 yield DrawnPiece(cell, facts, scenes)
-
-    def _drawn(self, drawing: Drawing, first: int) -> Generator[tuple[Block, Cells, Array], None, None]:
-        return draw_pieces(drawing, count(first), self._workers, self._reserve)
 
     def choose(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
         return chosen(which, parts)
@@ -102,8 +92,6 @@ class Local(Engine):
 
     def close(self) -> None:
         """Full shards are written, or fail, unseen."""
-        if self._results is not None:
-            self._results.close()
         if self._packing is not None:
             self._packing.give_up()
         if self._threads is not None:
@@ -125,6 +113,6 @@ def map_each(
     return run_pieces(job, items, count)
 
 
-def start(workers: int | None, plan: Plan, address: str | None, reserve: IdleWorkers | None) -> Engine:
+def start(workers: int | None, plan: Plan, address: str | None) -> Engine:
     """`workers` is that of the plan's request, if it has one."""
-    return Local(jobs(plan), reserve)
+    return Local(jobs(plan))

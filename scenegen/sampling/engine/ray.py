@@ -20,7 +20,6 @@ from typing import Any
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.process import SAFE_PATH
 from scenegen.processes.worker import VARIABLES
 from scenegen.sampling.engine import ray_tasks
@@ -199,7 +198,7 @@ def map_each(
             yield result_of(ray, waiting.popleft(), "a shard")
 
 
-def start(workers: int | None, plan: Plan, address: str | None, reserve: IdleWorkers | None) -> Engine:
+def start(workers: int | None, plan: Plan, address: str | None) -> Engine:
     """An engine of the cluster: see `joined_cluster`. Raises RequestError."""
     stack = contextlib.ExitStack()
     return Cluster(stack.enter_context(joined_cluster(workers, address)), workers, stack.close)

@@ -6,9 +6,8 @@ order, into memory or into a file. Every scene is checked once more on its way.
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
-from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import cores
 from scenegen.sampling.engine.stream import run_blocks, stream_scenes
@@ -31,7 +29,7 @@ from scenegen.scenes.blocks import Block
 from scenegen.scenes.data import SceneFile
 
 if TYPE_CHECKING:
-    from scenegen.sampling.request import SampleRequest
+    pass
 
 
 Array = npt.NDArray[np.float64]
@@ -80,9 +78,7 @@ def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> S
     rows, phi = np.empty((len(plan.problem.lowest), plan.wanted)), np.empty((labels, plan.wanted))
     count = 0
     with closing(plan):
-        run = run_blocks(
-            plan, labels, workers=jobs(plan), reserve=budget.reserve, spent=lambda: budget.spent, progress=progress
-        )
+        run = run_blocks(plan, labels, workers=jobs(plan), spent=lambda: budget.spent, progress=progress)
         while True:
             try:
                 block = next(run)
@@ -124,7 +120,6 @@ def to_file(
             lambda tally: header(summed_up(plan, tally)[0]),
             request=request_of(problem, versions),
             workers=jobs(plan),
-            reserve=budget.reserve,
             resume=resume,
             keep_partial=problem.request.keep_partial,
             spent=lambda: budget.spent,
@@ -162,41 +157,3 @@ def draw(
     budget = Budget(problem.request.timeout) if budget is None else budget
     here = replace(problem.request, workers=problem.request.workers or 1)
     return in_memory(make_plan(replace(problem, request=here), budget, method=method), budget, progress)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What a request may use: time, and processes of this machine that serve its plan and its run one after the other.
-#
-# It loads nothing that processes can load meanwhile.
-
-
-SCENES = ("scenegen.sampling.engine.blocks", "scenegen.sampling.contest")
-MOTIONS = ("scenegen.sampling.engine.blocks", "scenegen.sampling.motions.sampler")
-MODELS = ("scenegen.sampling.engine.blocks", "scenegen.learn.guided", "scenegen.learn.models.proposer")
-
-
-def start_processes(
-    workers: int | None, engine: str = "local", *, settle: bool = False, load: tuple[str, ...] = SCENES
-) -> IdleWorkers:
-    """If a request asks for several processes, they start at once and load what most plans need, but as long as this
-    one loads it has a core of its own; none if another engine draws its pieces, or a simulator settles them. Raises
-    RequestError for an invalid number."""
-    count = 1 if workers is None else check_workers(workers)
-    if count == 1 or engine != "local" or settle:
-        return IdleWorkers()
-    now = max(1, min(count, cores() - 1))
-    return IdleWorkers(now, load, later=min(count, cores()) - now)
-
-
-@contextlib.contextmanager
-def open_budget(
-    request: SampleRequest, engine: str = "local", *, load: tuple[str, ...] = SCENES, reserve: IdleWorkers | None = None
-) -> Iterator[Budget]:
-    """The budget of a request, as a context manager. Its processes start now, unless there is a `reserve` already."""
-    from scenegen.sampling.problem import Budget
-
-    with contextlib.ExitStack() as stack:
-        if reserve is None:
-            reserve = start_processes(request.workers, engine, settle=request.settle, load=load)
-            stack.enter_context(reserve)
-        yield Budget(request.timeout, reserve=reserve)

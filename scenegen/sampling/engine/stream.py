@@ -18,10 +18,9 @@ from typing import IO, Any, Generic, TypeVar
 import numpy as np
 
 from scenegen.errors.program import INTERRUPTED
-from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.pool import run_pieces
 from scenegen.processes.process import stop_signals
-from scenegen.sampling.engine.blocks import BlockAssembler, Cells, Drawing, draw_pieces
+from scenegen.sampling.engine.blocks import BlockAssembler, Cells, Drawing
 from scenegen.sampling.plan import Array, Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Block
@@ -51,13 +50,12 @@ class JoinedFile:
         joining: Callable[[Block], None] | None,
         stored: Callable[[Block], Block] | None,
         workers: int,
-        reserve: IdleWorkers | None,
         scenes: int,
     ) -> None:
         self._shards, self._labels = shards, labels
         self._format, self._ending = format_of(path), path.suffix.lower()
         self._joining, self._stored = joining, stored
-        self._workers, self._reserve, self._scenes = workers, reserve, scenes
+        self._workers, self._scenes = workers, scenes
 
     @property
     def can_be_ahead(self) -> bool:
@@ -73,7 +71,7 @@ class JoinedFile:
             if self._workers > 1 and self._ending in TEXT and self._scenes >= MANY:
 
                 def each(job: Callable[[Block], bytes], blocks: Iterable[Block]) -> Generator[bytes, None, None]:
-                    made = run_pieces(job, _parts(blocks), self._workers, self._reserve)
+                    made = run_pieces(job, _parts(blocks), self._workers)
                     ending.callback(made.close)
                     return made
 
@@ -270,7 +268,6 @@ def run_blocks(
     labels: int,
     *,
     workers: int = 1,
-    reserve: IdleWorkers | None = None,
     spent: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
     size: int = BLOCK,
@@ -281,7 +278,7 @@ def run_blocks(
     with fewer scenes than requested. Raises what `run_pieces` raises.
     """
     run = RunProgress(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
-    with closing(draw_pieces(Drawing(plan, labels), itertools.count(), workers, reserve)) as results:
+    with closing(run_pieces(Drawing(plan, labels), itertools.count(), workers)) as results:
         while not run.over:
             try:
                 made = next(results)
@@ -308,7 +305,6 @@ def stream_scenes(
     *,
     request: Mapping[str, object],
     workers: int = 1,
-    reserve: IdleWorkers | None = None,
     resume: bool = False,
     keep_partial: bool = False,
     spent: Callable[[], bool] = lambda: False,
@@ -345,17 +341,10 @@ def stream_scenes(
     coordinates = len(plan.problem.lowest)
     with contextlib.ExitStack() as ending:
         standing = RunProgress(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
-        drawing = Drawing(plan, len(labels))
-
-        def drawn(first: int) -> Generator[tuple[Block, Cells, Array], None, None]:
-            pieces = draw_pieces(drawing, itertools.count(first), workers, reserve)
-            return ending.enter_context(closing(pieces))
-
-        results = None if resume else drawn(0)  # a run that is resumed does not know yet where it goes on
         facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
         shards = ending.enter_context(open_shards(path, facts, coordinates, resume=resume))
         ending.enter_context(_saying_how_to_go_on(path, shards))
-        file = JoinedFile(shards, path, labels, joining, stored, workers, reserve, plan.wanted)
+        file = JoinedFile(shards, path, labels, joining, stored, workers, plan.wanted)
         run = _StoredRun(shards, standing, inspect)
         if shards.state:
             waiting = np.empty((0, 0)) if shards.joined else shards.pool()
@@ -365,7 +354,7 @@ def stream_scenes(
             return standing.tally()
         if file.can_be_ahead:
             ending.enter_context(run.packed_ahead(file, trial))
-        results = drawn(standing.used) if results is None else results
+        results = run_pieces(Drawing(plan, len(labels)), itertools.count(standing.used), workers)
         try:
             with stop_signals() as stop, closing(results):
                 while not standing.over:

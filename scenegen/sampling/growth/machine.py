@@ -1,4 +1,4 @@
-"""Everything that growing and moving scenes needs to know of a request, worked out once."""
+"""Everything that growing and moving scenes needs to know of a request, worked out once; and the scenes themselves."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.geometry.footprint import measures
-from scenegen.pose import TWO_PI, axis_of, is_angle, owner, rows_of
+from scenegen.pose import BELOW_TURN, THETA, TWO_PI, along, axis_of, is_angle, owner, rows_of
 from scenegen.sampling.growth.graph import Clause, Disjunction, Graph, make_graph, strengthened
-from scenegen.sampling.growth.room import FreePoses, make_room
+from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room, make_standing
 from scenegen.sampling.growth.touch import Touch, Values, make_values, touches, within
 from scenegen.sampling.problem import Problem
 from scenegen.search.contract import ROUNDS
 from scenegen.search.effort import GROWN, STEPPED, Effort, StoppedError, TooMuchError, per_scene, until
-from scenegen.search.surfaces import Stand, Step, step_for
 
 # --------------------------------------------------------------------------------------------------------------------
 # The order in which objects are placed: what hangs together follows one another, the large and the tightly held
@@ -44,7 +43,7 @@ def insertion_order(
     and moves together with it. Deterministic: ties go by size, then by place in the spec. Raises what `effort` raises.
     """
     effort = Effort() if effort is None else effort
-    # what stands on a surface moves with what carries it by moves of its own: see hop.py
+    # what stands on a surface moves with what carries it by moves of its own: see support_moves.py
     near = _neighbours(graph, [clause.objects for clause in graph.clauses if clause.node not in graph.switched])
     groups = [clause.objects for clause in graph.clauses] + [choice.objects for choice in graph.choices]
     linked = _neighbours(graph, groups)
@@ -254,73 +253,6 @@ def chance(held: Bool, table: Array, cell: Index) -> Array:
     return out
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Placing what stands on one of its surfaces, together with its switch: the places are drawn in the frame of what
-# carries it, all of them equally likely, so that tries are lost to other things alone.
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SurfacePlaces:
-    """The places of an object on its surfaces in P scenes: `low`, `width` (R, P) is its box, `volumes` (1, P) the share
-    of it that the places take."""
-
-    step: Step
-    rows: tuple[int, ...]
-    scenes: Array
-    low: Array
-    width: Array
-    volumes: Array
-
-    def draw(self, tries: int, rng: np.random.Generator) -> Array:
-        """Poses uniform over all places: (R, tries, P)."""
-        shape = (tries, self.scenes.shape[1])
-        drawn = self.step.poses(self.scenes, shape, rng)
-        rest = [row for row in self.rows if row not in drawn]
-        for row, number in zip(rest, rng.random((len(rest), *shape)), strict=True):
-            place = self.rows.index(row)
-            drawn[row] = self.low[place] + number * self.width[place]
-        return np.stack([np.broadcast_to(drawn[row], shape) for row in self.rows])
-
-    def density(self, poses: Array) -> Array:
-        """The density of `draw` at poses (R, ..., P) that stand on a surface, relative to that over the whole box:
-        (..., P), 0 outside the box."""
-        inside: Bool = np.ones(poses.shape[1:], dtype=bool)
-        for row, low, width in zip(poses, self.low, self.width, strict=True):
-            inside &= (row >= low) & (row <= low + width)
-        out: Array = inside / self.volumes[0]
-        return out
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SupportPoses:
-    """The room of what stands. It has no `nodes` to contract, and one branch."""
-
-    touch: Touch
-    step: Step
-
-    nodes: tuple[()] = ()
-    branches: tuple[None] = (None,)
-
-    def boxes(self, scenes: Array, cell: Index, effort: Effort) -> SurfacePlaces:
-        """Its places in each of P scenes, `scenes` (3N, P), `cell` (P,). Raises what `effort` raises."""
-        effort.check()
-        graph, rows = self.touch.graph, self.touch.rows
-        low, high = graph.low[list(rows)][:, cell], graph.high[list(rows)][:, cell]
-        width = np.maximum(high - low, 1e-300)
-        drawn = {*self.step.rows}
-        share = math.exp(self.step.log_volume) / np.prod(
-            [wide for row, wide in zip(rows, width, strict=True) if row in drawn], axis=0
-        )
-        return SurfacePlaces(self.step, rows, scenes, low, width, share[None])
-
-
-def make_standing(stand: Stand, touch: Touch) -> SupportPoses | None:
-    """The places of what stands; None where it has none, or where not all of its rows are read."""
-    graph = touch.graph
-    step = step_for(stand, lambda row: (float(graph.low[row].min()), float(graph.high[row].max())))
-    return SupportPoses(touch, step) if step is not None and {*step.rows} <= {*touch.rows} else None
-
-
 @dataclass(slots=True, eq=False)
 class Machine:
     """`order` is the order of placing, `at` its inverse, `groups` the objects that hang from each object, itself first.
@@ -403,6 +335,16 @@ class Machine:
             raise TooMuchError
         if time.monotonic() > self.deadline:
             raise StoppedError
+
+    def complete(self, rows: Array, rng: np.random.Generator) -> Array:
+        """Whole scenes (3N, P): rows that no clause reads are drawn afresh, in place; headings are brought below a
+        turn."""
+        lowest, highest = self.problem.lowest, self.problem.highest
+        for row in range(len(lowest)):
+            if row not in self.graph.rows and lowest[row] < highest[row]:
+                rows[row] = lowest[row] + rng.random(rows.shape[1]) * (highest[row] - lowest[row])
+        np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
+        return rows
 
     def circular(self, row: int) -> bool:
         """Whether a row is a heading that goes all the way round."""
@@ -506,3 +448,124 @@ def _mixed(touch: Mapping[int, Touch]) -> tuple[tuple[tuple[int, ...], tuple[int
 
 def _kind(touch: Touch) -> tuple[object, ...]:
     return touch.shapes, tuple(axis_of(row) for row in touch.rows), len(touch.clauses)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The scenes that grow: poses, cells, choices, and where each came from.
+
+
+@dataclass(slots=True)
+class Particles:
+    """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other.
+
+    `held[c]` (W, P) tells which ways of choice c are met as far as their objects are placed, None before the first of
+    them is; `chances` (choices, P) are the chances that a way holds in the end, see `outlooks`. `families` are
+    ancestors, (P,) each, at several times."""
+
+    machine: Machine
+    rng: np.random.Generator
+    scenes: Array
+    cell: Index
+    island: Index
+    held: list[Bool | None]
+    chances: Array
+    stage: int = -1
+    families: list[Index] = field(default_factory=list)
+
+    @classmethod
+    def start(cls, machine: Machine, cell: Index, island: Index, rng: np.random.Generator) -> Particles:
+        """Empty tables for the given cells and islands."""
+        problem, count = machine.problem, len(cell)
+        scenes = np.repeat(problem.lowest[:, None], count, axis=1)
+        choices = len(machine.graph.choices)
+        return cls(
+            machine,
+            rng,
+            scenes,
+            cell,
+            island,
+            [None] * choices,
+            np.ones((choices, count)),
+            families=[np.arange(count)],
+        )
+
+    @property
+    def count(self) -> int:
+        return int(self.scenes.shape[1])
+
+    @property
+    def group(self) -> Index:
+        """A number for each pair of island and cell: resampling keeps within it."""
+        return self.island * self.machine.cells + self.cell
+
+    @property
+    def placed(self) -> tuple[int, ...]:
+        return self.machine.order[: self.stage + 1]
+
+    def touching(self, things: Collection[int]) -> dict[int, tuple[int, ...]]:
+        """For every choice that has begun: its ways that touch some of the things, if any."""
+        touch = self.machine.touch
+        found = {
+            index: tuple(sorted({number for thing in things for number in touch[thing].ways.get(index, ())}))
+            for index, known in enumerate(self.held)
+            if known is not None
+        }
+        return {index: numbers for index, numbers in found.items() if numbers}
+
+    def note_ancestors(self) -> None:
+        self.families.append(np.arange(self.count))
+
+    def take(self, index: Index) -> None:
+        """Go on with copies of the given scenes, each in the place of one."""
+        if len(index) == self.count and (index == np.arange(self.count)).all():
+            return
+        if len(index) == self.count:
+            rows = [row for thing in self.placed for row in {*rows_of(thing), *self.machine.touch[thing].rows}]
+            self.scenes[rows] = self.scenes[rows][:, index]
+        else:
+            self.scenes = self.scenes[:, index]
+        self.cell, self.island = self.cell[index], self.island[index]
+        self.held = [None if held is None else held[:, index] for held in self.held]
+        self.chances = self.chances[:, index]
+        self.families = [family[index] for family in self.families]
+
+
+def resample(weights: Array, group: Index, rng: np.random.Generator) -> tuple[Index, Array]:
+    """Systematic resampling within each group (Carpenter et al. 1999): whom to go on with, and the mean weight of each
+    scene's group, (P,) each. Groups in which all weights are 0 are left out: they have died."""
+    keep: list[Index] = []
+    mean = np.zeros(len(weights))
+    for which in np.unique(group):
+        mine = np.flatnonzero(group == which)
+        total = np.cumsum(weights[mine])
+        mean[mine] = total[-1] / len(mine)
+        if total[-1] <= 0.0:
+            continue
+        if (weights[mine] == weights[mine[0]]).all():
+            keep.append(mine)
+            continue
+        marks = (np.arange(len(mine)) + rng.random()) * (total[-1] / len(mine))
+        keep.append(mine[np.minimum(np.searchsorted(total, marks, side="right"), len(mine) - 1)])
+    return (np.concatenate(keep) if keep else np.empty(0, dtype=np.intp)), mean
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What a plan learns about moves.
+
+
+@dataclass(slots=True)
+class MoveTally:
+    """How often each kind of move was tried and taken, in scenes; and walks by the power of two of their step, for each
+    object."""
+
+    tried: dict[str, float] = field(default_factory=dict)
+    taken: dict[str, float] = field(default_factory=dict)
+    steps: dict[int, Array] = field(default_factory=dict)
+
+    def note(self, kind: str, tried: int, taken: int) -> None:
+        self.tried[kind] = self.tried.get(kind, 0.0) + tried
+        self.taken[kind] = self.taken.get(kind, 0.0) + taken
+
+    def rate(self, kind: str) -> float | None:
+        tried = self.tried.get(kind, 0.0)
+        return self.taken[kind] / tried if tried else None

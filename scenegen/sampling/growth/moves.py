@@ -15,11 +15,10 @@ import numpy.typing as npt
 
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, owner, row_of
 from scenegen.sampling.growth.graph import Clause
-from scenegen.sampling.growth.hop import carry, hop, hops, ready
-from scenegen.sampling.growth.insert import NUMBERS, attempt, held_of_all, scored
-from scenegen.sampling.growth.machine import Machine, SupportPoses, chance
-from scenegen.sampling.growth.particles import MoveTally, Particles
-from scenegen.sampling.growth.room import FreePoses, make_room
+from scenegen.sampling.growth.insertion import NUMBERS, attempt, held_of_all, scored
+from scenegen.sampling.growth.machine import Machine, MoveTally, Particles, chance
+from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room
+from scenegen.sampling.growth.support_moves import carry, hop, hops, ready
 
 # --------------------------------------------------------------------------------------------------------------------
 # Moves that lift something off the table and put it down elsewhere: several places are tried in every scene at once.
@@ -35,9 +34,7 @@ Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
 
-def reinsert(
-    particles: Particles, thing: int, room: FreePoses | SupportPoses, tries: int, tally: MoveTally | None
-) -> None:
+def reinsert(particles: Particles, thing: int, room: FreePoses | SupportPoses, tries: int, tally: MoveTally) -> None:
     """Move one object to one of `tries` poses in its room."""
     machine, rng, stage = particles.machine, particles.rng, particles.stage
     rows = list(machine.touch[thing].rows)
@@ -59,7 +56,7 @@ def reinsert(
     _set(particles, (thing,), {row: poses[place, which, taken] for place, row in enumerate(rows)}, taken)
 
 
-def relocate(particles: Particles, group: Sequence[int], tries: int, tally: MoveTally | None) -> None:
+def relocate(particles: Particles, group: Sequence[int], tries: int, tally: MoveTally) -> None:
     """Move objects that hang together to one of `tries` places, as they stand to each other."""
     machine, rng = particles.machine, particles.rng
     graph, cell, count = machine.graph, particles.cell, particles.count
@@ -124,10 +121,9 @@ def _choose(value: Array, own: Array, rng: np.random.Generator) -> tuple[Index, 
     return which[taken], taken
 
 
-def _note(tally: MoveTally | None, kind: str, thing: int, tried: int, free: int) -> None:
-    if tally is not None:
-        tally.note(kind, tried, free)
-        tally.note(f"{kind} of {thing}", tried, free)
+def _note(tally: MoveTally, kind: str, thing: int, tried: int, free: int) -> None:
+    tally.note(kind, tried, free)
+    tally.note(f"{kind} of {thing}", tried, free)
 
 
 def _tables(
@@ -188,7 +184,7 @@ SCALES = 4.0  # clusters are held together by distances down to the table's widt
 FAR = 0.5  # share of their moves that go anywhere: across what lies between two parts of the table
 
 
-def jump(particles: Particles, thing: int, tally: MoveTally | None) -> None:
+def jump(particles: Particles, thing: int, tally: MoveTally) -> None:
     """Redraw an object where some way of a choice that touches it would have it: a mixture over the ways' rooms,
     which do not depend on where it stands now (an independence move, Tierney 1994)."""
     machine, rng = particles.machine, particles.rng
@@ -212,9 +208,7 @@ def jump(particles: Particles, thing: int, tally: MoveTally | None) -> None:
     poses = boxes.draw_evenly(rng)
     before, after = boxes.even_density(particles.scenes[list(touch.rows)]), boxes.even_density(poses)
     allowed = (after > 0.0) & (rng.random(particles.count) * after < before)
-    good = attempt(particles, (thing,), dict(zip(touch.rows, poses, strict=True)), allowed)
-    if tally is not None:
-        tally.note("jump", len(good), int(good.sum()))
+    attempt(particles, (thing,), dict(zip(touch.rows, poses, strict=True)), allowed, kind="jump", tally=tally)
 
 
 def _room(machine: Machine, thing: int, clauses: tuple[Clause, ...], branches: list[tuple[Clause, ...]]) -> FreePoses:
@@ -224,7 +218,7 @@ def _room(machine: Machine, thing: int, clauses: tuple[Clause, ...], branches: l
     return machine.rooms[key]
 
 
-def cluster(particles: Particles, tally: MoveTally | None) -> None:
+def cluster(particles: Particles, tally: MoveTally) -> None:
     """Move all that hangs together with one object, by distances up to a random one, by one step. Taken only where
     nothing else comes so near, so that the way back starts from the same cluster."""
     machine, rng = particles.machine, particles.rng
@@ -253,9 +247,7 @@ def cluster(particles: Particles, tally: MoveTally | None) -> None:
     new: dict[int, Array] = {}
     for place, thing in enumerate(things):
         new[row_of(thing, X)], new[row_of(thing, Y)] = new_x[place], new_y[place]
-    good = attempt(particles, things, new, allowed)
-    if tally is not None:
-        tally.note("cluster", len(good), int(good.sum()))
+    attempt(particles, things, new, allowed, kind="cluster", tally=tally)
 
 
 LIFTS = ("redraw", "relocate")
@@ -275,10 +267,10 @@ SWAPS = 0.5  # swaps for each object that has kin
 @dataclass(frozen=True, slots=True)
 class MoveSettings:
     """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
-    of move made besides walks: those of KINDS, `hop` (with carrying, see hop.py), `swap c` and `shuffle c` for class c
-    of kin. None: all but shuffles.
-    `redraws` and `relocations` are how often an object, and all that hangs from it, is lifted for each of its turns,
-    and how many places are tried then; `jumps` is how often an object jumps between the ways of a choice."""
+    of move made besides walks: those of KINDS, `hop` (with carrying), `swap c` and `shuffle c` for class c of kin;
+    None: all but shuffles. `redraws` and `relocations` are how often an object, and all that hangs from it, is lifted
+    for each of its turns, and how many places are tried then; `jumps` is how often an object jumps between the ways of
+    a choice."""
 
     steps: Mapping[int, Array]
     kinds: tuple[str, ...] | None = None
@@ -298,6 +290,7 @@ def sweep(
     particles: Particles, settings: MoveSettings, tally: MoveTally | None = None, most: int | None = None
 ) -> float:
     """Every placed object gets its turn, or `most` of them; returns the mean share of scenes that took a walk."""
+    tally = MoveTally() if tally is None else tally
     machine, rng, placed = particles.machine, particles.rng, particles.placed
     taken = 0.0
     hopping = [one for one in hops(machine) if settings.makes("hop") and ready(particles, one)]
@@ -345,7 +338,7 @@ def sweep(
     return taken / max(1, len(turns))
 
 
-def _walk(particles: Particles, thing: int, settings: MoveSettings, tally: MoveTally | None) -> float:
+def _walk(particles: Particles, thing: int, settings: MoveSettings, tally: MoveTally) -> float:
     machine, rng = particles.machine, particles.rng
     rows = [row for row in machine.touch[thing].rows if owner(row) == thing]  # its switch is left to hops
     if len(rows) == 3:  # place and heading together, or one of them
@@ -357,13 +350,10 @@ def _walk(particles: Particles, thing: int, settings: MoveSettings, tally: MoveT
     for row in rows:
         width = _width(particles, row)
         new[row] = particles.scenes[row] + (2.0 * rng.random(particles.count) - 1.0) * (factor * width)
-    good = attempt(particles, (thing,), new)
-    share = float(good.mean())
-    if tally is not None:
-        tally.note("walk", len(good), int(good.sum()))
-        table = tally.steps.setdefault(thing, np.zeros((2, FINEST + 1)))
-        table[0, power] += 1.0
-        table[1, power] += share
+    share = float(attempt(particles, (thing,), new, kind="walk", tally=tally).mean())
+    table = tally.steps.setdefault(thing, np.zeros((2, FINEST + 1)))
+    table[0, power] += 1.0
+    table[1, power] += share
     return share
 
 
@@ -375,21 +365,17 @@ def _width(particles: Particles, row: int) -> Array | float:
     return width
 
 
-def _swap(
-    particles: Particles, first: tuple[int, ...], second: tuple[int, ...], kind: str, tally: MoveTally | None
-) -> None:
+def _swap(particles: Particles, first: tuple[int, ...], second: tuple[int, ...], kind: str, tally: MoveTally) -> None:
     """Two blocks take each other's poses, member by member."""
     _trade(particles, [first, second], np.array([[1], [0]]), kind, tally)
 
 
-def _shuffle(particles: Particles, kin: Sequence[tuple[int, ...]], kind: str, tally: MoveTally | None) -> None:
+def _shuffle(particles: Particles, kin: Sequence[tuple[int, ...]], kind: str, tally: MoveTally) -> None:
     """Blocks of one kind take each other's poses, in a random order for each scene."""
     _trade(particles, kin, particles.rng.random((len(kin), particles.count)).argsort(axis=0), kind, tally)
 
 
-def _trades(
-    particles: Particles, few: Sequence[int], others: Sequence[int], kind: str, tally: MoveTally | None
-) -> None:
+def _trades(particles: Particles, few: Sequence[int], others: Sequence[int], kind: str, tally: MoveTally) -> None:
     """Objects of a small class trade places with others of the same footprints."""
     machine, rng = particles.machine, particles.rng
     here = [thing for thing in few if machine.at[thing] <= particles.stage]
@@ -400,9 +386,7 @@ def _trades(
         _swap(particles, (here[rng.integers(len(here))],), (there[rng.integers(len(there))],), kind, tally)
 
 
-def _trade(
-    particles: Particles, blocks: Sequence[tuple[int, ...]], order: Index, kind: str, tally: MoveTally | None
-) -> None:
+def _trade(particles: Particles, blocks: Sequence[tuple[int, ...]], order: Index, kind: str, tally: MoveTally) -> None:
     """Block i takes the poses of block order[i], (blocks, P) or (blocks, 1)."""
     touch = particles.machine.touch
     new: dict[int, Array] = {}
@@ -410,14 +394,10 @@ def _trade(
         for rows in zip(*(touch[thing].rows for thing in members), strict=True):
             values = np.take_along_axis(particles.scenes[list(rows)], order, axis=0)
             new.update(zip(rows, values, strict=True))
-    good = attempt(particles, [thing for block in blocks for thing in block], new)
-    if tally is not None:
-        tally.note(kind, len(good), int(good.sum()))
+    attempt(particles, [thing for block in blocks for thing in block], new, kind=kind, tally=tally)
 
 
-def _shift(
-    particles: Particles, thing: int, group: Sequence[int], settings: MoveSettings, tally: MoveTally | None
-) -> None:
+def _shift(particles: Particles, thing: int, group: Sequence[int], settings: MoveSettings, tally: MoveTally) -> None:
     """An object and all that hang from it by one step."""
     rng, count = particles.rng, particles.count
     factor = 0.5 * 2.0 ** -(FINEST * rng.random())
@@ -430,12 +410,10 @@ def _shift(
             step = (2.0 * rng.random(count) - 1.0) * (factor * width)
             for row in along:
                 new[row] = particles.scenes[row] + step
-    good = attempt(particles, tuple(group), new)
-    if tally is not None:
-        tally.note("shift", len(good), int(good.sum()))
+    attempt(particles, tuple(group), new, kind="shift", tally=tally)
 
 
-def _turn(particles: Particles, thing: int, group: Sequence[int], tally: MoveTally | None) -> None:
+def _turn(particles: Particles, thing: int, group: Sequence[int], tally: MoveTally) -> None:
     """All that hang from an object around it, headings included."""
     machine, rng = particles.machine, particles.rng
     x, y = row_of(thing, X), row_of(thing, Y)
@@ -457,6 +435,4 @@ def _turn(particles: Particles, thing: int, group: Sequence[int], tally: MoveTal
             if not machine.circular(row_of(one, THETA)):
                 return
             new[row_of(one, THETA)] = particles.scenes[row_of(one, THETA)] + angle
-    good = attempt(particles, tuple(group), new)
-    if tally is not None:
-        tally.note("turn", len(good), int(good.sum()))
+    attempt(particles, tuple(group), new, kind="turn", tally=tally)

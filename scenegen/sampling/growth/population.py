@@ -7,160 +7,32 @@ process.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.pose import PLACE, X, Y, row_of
-from scenegen.processes.ahead import BackgroundTask
-from scenegen.processes.process import cores
-from scenegen.sampling.growth.grow import HITS, AncestorEffect, Grown, PlacementFailed, Step, explore
-from scenegen.sampling.growth.machine import Machine, make_machine
+from scenegen.sampling.growth.failure import GrowthFailed, too_full
+from scenegen.sampling.growth.machine import Machine, MoveTally, Particles, make_machine
 from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, LIFTS, MoveSettings, sweep
-from scenegen.sampling.growth.particles import MoveTally, Particles
-from scenegen.sampling.growth.room import too_full
+from scenegen.sampling.growth.smc import (
+    HITS,
+    AncestorEffect,
+    BurnIn,
+    Grown,
+    PlacementFailed,
+    Step,
+    apart,
+    explore,
+    part_of,
+    settle,
+)
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.search.effort import StoppedError, TooMuchError
 
-# --------------------------------------------------------------------------------------------------------------------
-# How long a population is moved once it has grown, and which share of it is worth taking.
-#
-# Scenes of a common ancestor are alike. Sweeps of moves make them differ; where these take long, it is cheaper to
-# grow a larger population and to take a random part of it: of N scenes with design effect e, a random part of N / k
-# has only 1 + (e - 1) / k. Which part is taken must not depend on what the scenes are like, nor on their ancestors:
-# copies carry the weight that their scene had. So a plan follows the design effect from sweep to sweep, and settles
-# for as many as bring the wanted scenes at the least cost.
-
-
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
-
-ALIKE = 1.5  # design effect of common ancestors from which on scenes count as apart
-LOST = 0.04  # share of the scenes that may be left out because they share an object's place with another
-LONGEST = 400  # sweeps at most
-FEW = 4  # sweeps at least
-SURE = 12  # sweeps from which on scenes that seem to differ are trusted to do so: a larger population tells more
-PAID = 0.4  # share of what all scenes will cost that may be spent to see how many sweeps are best
-SET_UP = 0.5  # what a further population costs however small it is, of what one as large as the first one does
-NOISE = 1.1  # the design effect is known to about so much
-TRIED_EARLY, HELPED_EARLY = 0.15, 0.8  # the same, as long as scenes are nearly as much alike as in the beginning
-FAR, DEARER, STILL = 4.0, 1.2, 2.0  # times the best number and cost at which the search ends if scenes are still alike
-
-
-@dataclass(frozen=True, slots=True)
-class BurnIn:
-    """`sweeps` are made, then one scene in `thin` is taken at random. `effect` is the design effect of common ancestors
-    that is left among all scenes by then, `cost` what a sweep takes, in evaluations."""
-
-    sweeps: int
-    thin: float
-    effect: float
-    cost: float
-
-    @property
-    def left(self) -> float:
-        """The design effect among the scenes that are taken."""
-        return 1.0 + (self.effect - 1.0) / self.thin
-
-
-def settle(
-    particles: Particles,
-    sweep: Callable[[], object],
-    alike: Callable[[Particles], float],
-    grown: float,
-    wanted: float,
-) -> tuple[BurnIn, BurnIn]:
-    """What is best for the pieces of a plan, and how the given particles stand in the end: they are its first piece.
-
-    `sweep` moves the particles once, `alike` gives their design effect; growing them took `grown` evaluations, and
-    `wanted` scenes are to be had. Sweeps end where the particles themselves are enough, have taken a good part of what
-    all wanted scenes will cost, or are far more than the best number and dearer, and the scenes still much alike; of
-    their numbers, the one is taken that makes all scenes cheapest, of at least SURE if these are apart in the end.
-    """
-    machine = particles.machine
-    begun, done = machine.work, 0
-    best: BurnIn | None = None
-    sure: BurnIn | None = None
-    cheapest, surest, slowest = np.inf, np.inf, 0.0
-    while True:
-        block = max(1, done // 3)
-        for _ in range(block):
-            sweep()
-        done += block
-        if done < FEW:
-            continue
-        effect = alike(particles)
-        thin = max(1.0, (effect - 1.0) / (ALIKE - 1.0), partners(particles) / (2.0 * LOST))
-        each = (machine.work - begun) / done
-        now = BurnIn(done, thin, effect, each)
-        pieces = wanted * thin / particles.count - 1.0
-        rest = 0.0 if pieces <= 0.0 else SET_UP + pieces
-        cost = each * done + rest * (grown + each * done)
-        if cost < cheapest:
-            cheapest, best = cost, now
-        if cost < surest and done >= SURE:
-            surest, sure = cost, now
-        slowest = max(slowest, thin)
-        assert best is not None
-        spent = (machine.work - begun) / cheapest
-        enough = pieces <= 0.0 or (thin <= 1.0 and done >= SURE)
-        helps = cost <= NOISE * cheapest  # the last sweeps have made the whole cheaper
-        over = done >= LONGEST or (done >= FAR * best.sweeps and cost > DEARER * cheapest and thin >= STILL)
-        if enough or over or (not helps and spent > (PAID if thin < HELPED_EARLY * slowest else TRIED_EARLY)):
-            return ((sure or now) if thin <= 1.0 else best), now
-
-
-def part_of(cell: Index, thin: float, rng: np.random.Generator) -> Index:
-    """One in `thin` of the scenes at random, as many of each cell as that goes: their indices, in random order."""
-    order = rng.permutation(len(cell))
-    number = np.empty(len(cell), dtype=np.intp)  # of each scene among those of its cell
-    by_cell = np.argsort(cell[order], kind="stable")
-    sizes = np.bincount(cell[order][by_cell])
-    number[by_cell] = np.arange(len(cell)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-    return order[np.argsort(number, kind="stable")][: int(np.ceil(len(cell) / thin))]
-
-
-def partners(particles: Particles) -> float:
-    """The mean number of other scenes with which a scene shares some object's place."""
-    values, scene = _places(particles, np.arange(particles.count))
-    shared = np.zeros((particles.count, particles.count), dtype=bool)
-    for distance in range(1, len(values)):
-        same = np.flatnonzero(values[distance:] == values[:-distance])
-        if not len(same):
-            break
-        shared[scene[same], scene[same + distance]] = True
-    np.fill_diagonal(shared, val=False)
-    return float((shared | shared.T).sum()) / particles.count
-
-
-def apart(particles: Particles, order: Index) -> Index:
-    """The scenes of `order` that share no object's place with one before them."""
-    values, number = _places(particles, order)
-    if not len(values):
-        return order
-    again = np.concatenate([[False], values[1:] == values[:-1]])
-    keep = np.ones(len(order), dtype=bool)
-    first = number[np.maximum.accumulate(np.where(again, 0, np.arange(len(values))))]
-    keep[number[again & (number != first)]] = False
-    return order[keep]
-
-
-def _places(particles: Particles, order: Index) -> tuple[Array, Index]:
-    """What tells the place of each placed object in the scenes of `order`, and the number of its scene there, both
-    sorted by place, then by number. Moves go by random steps, so equal places are copies."""
-    free = particles.machine.graph.rows
-    rows = [
-        row_of(thing, X if row_of(thing, X) in free else Y)
-        for thing in particles.placed
-        if any(row_of(thing, axis) in free for axis in PLACE)
-    ]
-    values = particles.scenes[rows][:, order].ravel()
-    number = np.tile(np.arange(len(order)), len(rows))
-    sorting = np.lexsort((number, values))
-    return values[sorting], number[sorting]
-
 
 ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread
 SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
@@ -380,8 +252,7 @@ def lifted(free: float, often: float) -> tuple[float, int]:
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# The populations with which a plan of growth begins, each in any process, and where there are two, in others before
-# growth is chosen.
+# The populations with which a plan of growth begins: the first is grown while the plan is made, the second is piece 1.
 
 
 GROWTH = 6  # random stream of growth: plan and pieces
@@ -392,134 +263,38 @@ NUMBERS = 1 << 22  # coordinates of a population at most
 WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GrowthFailed:
-    """No plan: time was up (`stuck` is None), there was no room for an object, a `proof` (facts of
-    TABLE_TOO_FULL) says that there is none for all of them, or it is `dear`: it takes longer than was allowed."""
-
-    machine: Machine | None
-    stuck: PlacementFailed | None
-    evaluations: float
-    proof: Mapping[str, str] = field(default_factory=dict)
-    dear: bool = False
-
-    @property
-    def crowded(self) -> bool:
-        """Whether poses met all clauses but those that keep objects apart: the table is too full."""
-        return self.stuck is not None and self.stuck.placed.attracted > 0
-
-
-@dataclass(frozen=True, slots=True)
-class FirstPopulationJob:
-    """The machine and the first population of a problem, in any process; in at most `longest` seconds, as the machine
-    counts them."""
-
-    problem: Problem
-    budget: Budget
-    longest: float = math.inf
-
-    def __call__(self, size: Size) -> tuple[Machine, Population] | GrowthFailed:
-        machine = None
-        with np.errstate(all="ignore"):
-            try:
-                machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
-                proof = too_full(machine.graph, self.problem.spec)
-                if proof:
-                    return GrowthFailed(machine, None, 0.0, proof)
-                machine.longest = self.longest
-                machine, made = _population(machine, size, 0)
-            except StoppedError:
-                return GrowthFailed(machine, None, 0.0 if machine is None else machine.work)
-            except TooMuchError:
-                return GrowthFailed(machine, None, 0.0 if machine is None else machine.work, dear=True)
-        return GrowthFailed(machine, made, machine.work) if isinstance(made, PlacementFailed) else (machine, made)
+def first_population(
+    problem: Problem, budget: Budget, size: Size, longest: float = math.inf
+) -> tuple[Machine, Population] | GrowthFailed:
+    """The machine and the first population of a problem, in at most `longest` seconds, as the machine counts them."""
+    machine = None
+    try:
+        machine = make_machine(problem, deadline=budget.ends, loose=True)
+        proof = too_full(machine.graph, problem.spec)
+        if proof:
+            return GrowthFailed(machine, None, 0.0, proof)
+        machine.longest = longest
+        machine, made = _population(machine, size, 0)
+    except StoppedError:
+        return GrowthFailed(machine, None, 0.0 if machine is None else machine.work)
+    except TooMuchError:
+        return GrowthFailed(machine, None, 0.0 if machine is None else machine.work, dear=True)
+    machine.longest = math.inf
+    return GrowthFailed(machine, made, machine.work) if isinstance(made, PlacementFailed) else (machine, made)
 
 
-@dataclass(frozen=True, slots=True)
-class SecondPopulationJob:
-    """The second population of a problem, in any process; without scenes where there was no room for them. Raises
-    StoppedError with the number of objects placed by then, if any could be."""
-
-    problem: Problem
-    budget: Budget
-
-    def __call__(self, size: Size) -> PopulationSample:
-        with np.errstate(all="ignore"):
-            machine = make_machine(self.problem, deadline=self.budget.ends, loose=True)
-            try:
-                machine, made = _population(machine, replace(size, fewest=0.0), 1)
-            except StoppedError:
-                raise StoppedError(placed_of(machine, size.count)) from None
-        if isinstance(made, PlacementFailed) or made.taken is None:
-            none = np.empty((len(self.problem.lowest), 0)), np.full((ISLANDS, self.problem.cells.count), -np.inf)
-            return PopulationSample(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
-        return made.taken
-
-
-@dataclass(slots=True)
-class StartedGrowth:
-    """The two populations of a problem, as far as other processes have begun with them. A context manager, at the end
-    of which they are given up, unless they are `kept` by the plan that was chosen."""
-
-    problem: Problem
-    budget: Budget
-    size: Size
-    given_up: bool = False
-    kept: bool = False
-    _first: BackgroundTask[Size, tuple[Machine, Population] | GrowthFailed] | None = None
-    _second: BackgroundTask[Size, PopulationSample] | None = None
-
-    def __enter__(self) -> StartedGrowth:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if not self.kept:
-            self.give_up()
-
-    def begin_first(self) -> None:
-        self._first = BackgroundTask(FirstPopulationJob(self.problem, self.budget), self.size, self.budget.reserve)
-
-    def begin_second(self) -> None:
-        """Now, if it has not begun yet."""
-        if self._second is None:
-            self._second = BackgroundTask(
-                SecondPopulationJob(self.problem, self.budget), self.size, self.budget.reserve
-            )
-
-    def first(self) -> tuple[Machine, Population] | GrowthFailed:
-        """Waits for it; if no other process has begun with it, this one makes it."""
-        if self._first is None:
-            return FirstPopulationJob(self.problem, self.budget)(self.size)
-        with self._first:  # then its process is free
-            return self._first.result()
-
-    def second(self) -> PopulationSample | None:
-        """Waits for it; None if it has not begun, or time is up."""
-        try:
-            return None if self._second is None else self._second.result()
-        except StoppedError:
-            return None
-
-    def going(self) -> BackgroundTask[Size, PopulationSample] | None:
-        """The work on the second one, if it has begun and is not given up."""
-        return None if self.given_up else self._second
-
-    def give_up(self) -> None:
-        """End what is not done: nobody will ask for it."""
-        if not self.given_up:
-            self.given_up = True
-            for one in (self._first, self._second):
-                if one is not None:
-                    one.__exit__()
-
-
-def start_growth(problem: Problem, budget: Budget, size: Size | None = None) -> StartedGrowth | None:
-    """The populations of a large request, to be begun in other processes; those of a plan that is not `patient` while
-    it is found out whether growth is the method. None for small requests, or where there are no further processes."""
-    size = size_of(problem) if size is None else size
-    workers = problem.request.workers
-    several = (cores() if workers is None else workers) > 1
-    return StartedGrowth(problem, budget, size) if several and size.populations > 1 else None
+def second_population(problem: Problem, budget: Budget, size: Size) -> PopulationSample:
+    """The second population of a problem; without scenes where there was no room for them. Raises StoppedError with the
+    number of objects placed by then, if any could be."""
+    machine = make_machine(problem, deadline=budget.ends, loose=True)
+    try:
+        machine, made = _population(machine, replace(size, fewest=0.0), 1)
+    except StoppedError:
+        raise StoppedError(placed_of(machine, size.count)) from None
+    if isinstance(made, PlacementFailed) or made.taken is None:
+        none = np.empty((len(problem.lowest), 0)), np.full((ISLANDS, problem.cells.count), -np.inf)
+        return PopulationSample(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
+    return made.taken
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:

@@ -1,28 +1,21 @@
-"""Growth as a sampler: a plan, pieces that follow it, and what is said of a run."""
+"""Growth as a sampler: a plan, pieces that follow it, and what is said of a run; and a few scenes soon, to look at."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.errors import Diagnostic, RequestError, Span, quoted
-from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW, SCENES_ALIKE, TABLE_TOO_FULL
-from scenegen.geometry import NUMPY, PRIMITIVES
-from scenegen.geometry.footprint import POINT
-from scenegen.lang.check.heights import options_of
-from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction
-from scenegen.pose import BELOW_TURN, FLAT, THETA, along, row_of
-from scenegen.processes.ahead import BackgroundTask
-from scenegen.sampling.growth.grow import AncestorEffect, Grown, PlacementFailed, Step, explore, grow
-from scenegen.sampling.growth.machine import Machine, make_machine
+from scenegen.errors import Diagnostic
+from scenegen.errors.requests import SCENES_ALIKE
+from scenegen.lang.formula.core import REQUIRE
+from scenegen.sampling.growth.failure import GrowthFailed
+from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
-from scenegen.sampling.growth.particles import MoveTally
 from scenegen.sampling.growth.population import (
     GROWTH,
     ISLANDS,
@@ -30,29 +23,24 @@ from scenegen.sampling.growth.population import (
     OF_A_CELL,
     SPARE,
     WORTH,
-    FirstPopulationJob,
-    GrowthFailed,
     Population,
     PopulationSample,
-    SecondPopulationJob,
     Size,
-    StartedGrowth,
+    first_population,
     generator,
     placed_of,
+    second_population,
     size_of,
     spread_over,
-    start_growth,
     take,
     wanted_scenes,
     with_deadline,
 )
-from scenegen.sampling.growth.room import area
-from scenegen.sampling.growth.touch import make_values, within
+from scenegen.sampling.growth.smc import HITS, AncestorEffect, PlacementFailed, Step, explore, grow
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.report import too_early
-from scenegen.sampling.splitting.sampler import probability
-from scenegen.search.effort import GROWN, STEPPED, Effort, StoppedError, TooMuchError
+from scenegen.sampling.report import probability
+from scenegen.search.effort import GROWN, STEPPED, StoppedError, TooMuchError
 
 # --------------------------------------------------------------------------------------------------------------------
 # The plan of a growth run: the order of the objects, how many poses are tried for each, which moves are made and how
@@ -60,11 +48,12 @@ from scenegen.search.effort import GROWN, STEPPED, Effort, StoppedError, TooMuch
 #
 # A population is grown while planning; what it needed is written down and frozen, and pieces follow that. All of it
 # is counted in evaluations, never timed, so spec, request and seed fix the plan, and its pieces can run anywhere.
-# Nothing can be drawn by the plan before there is one. So that a second process has work by then, too, large requests
-# have two such populations that know nothing of each other: the second one is the second piece.
+# Large requests have two such populations that know nothing of each other: the second one is the second piece.
 
 
-SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see settle.LOST
+Array = npt.NDArray[np.float64]
+
+SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see smc.LOST
 EVEN = 0.75  # of that, for an even number of pieces
 AGAIN = 2  # times that a population is made larger
 
@@ -108,31 +97,16 @@ class Recipe:
 
 
 def make_recipe(
-    problem: Problem,
-    budget: Budget,
-    *,
-    patient: bool,
-    started: StartedGrowth | None = None,
-    longest: float = math.inf,
-) -> tuple[Machine, Recipe, StartedGrowth | None] | GrowthFailed:
+    problem: Problem, budget: Budget, *, patient: bool, longest: float = math.inf
+) -> tuple[Machine, Recipe] | GrowthFailed:
     """The plan for a problem; GrowthFailed where there is no room for its objects, or time is up. Unless `patient`,
-    small populations must do: the design effect is infinite where few ancestors are left of the first one. `started`
-    is what other processes have begun; what is returned of it has the second population, too, if there are any."""
+    small populations must do: the design effect is infinite where few ancestors are left of the first one."""
     size = size_of(problem, AGAIN if patient else 0)
-    with ExitStack() as stack:
-        if started is None or started.given_up or started.size != size:
-            started = start_growth(problem, budget, size)
-            if started is not None:
-                stack.enter_context(started)
-        if started is not None:
-            started.begin_second()
-        found = FirstPopulationJob(problem, budget, longest)(size) if started is None else started.first()
-        if isinstance(found, GrowthFailed):
-            return found
-        machine, made = found
-        machine.deadline, machine.longest = budget.ends, math.inf  # by this process's clock
-        stack.pop_all()  # `started` is the plan's
-        return machine, _recipe(problem, machine, size, made), started
+    found = first_population(problem, budget, size, longest)
+    if isinstance(found, GrowthFailed):
+        return found
+    machine, made = found
+    return machine, _recipe(problem, machine, size, made)
 
 
 def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) -> Recipe:
@@ -169,161 +143,6 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
     )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What is said where no scene has room for all objects: how far it got, and what refused the rest.
-
-
-Array = npt.NDArray[np.float64]
-
-TRIED = 64  # poses in each of so many scenes, by which it is judged which clauses refuse an object
-SHOWN = 3
-TIGHT = 0.5  # of an area: more than objects that are put down at random take
-MORE = 3  # further objects of which it is seen whether they are refused, too
-SCENES, EFFORT = 256, 1e5  # scenes for that, and evaluations that each may take at least
-
-
-def others(problem: Problem, machine: Machine, end: PlacementFailed) -> tuple[int, tuple[int, ...]]:
-    """How many objects can be placed at once, and which are refused then: those that have been are left to the last, as
-    far as a little work goes."""
-    refused = [machine.order[end.stage]]
-    most = end.stage
-    for attempt in range(MORE):
-        number = np.arange(SCENES)
-        cell = end.particles.cell[number % end.particles.count]
-        try:
-            again = make_machine(problem, refused, deadline=machine.deadline)
-        except StoppedError:
-            break
-        again.most = max(EFFORT, machine.work)
-        try:
-            found, _ = explore(again, cell, number % 2, np.random.default_rng(attempt), MoveTally())
-        except (StoppedError, TooMuchError):
-            most = max(most, again.furthest)
-            break
-        if isinstance(found, Grown):  # in another order there was room for all: few scenes were lucky
-            break
-        most = max(most, found.stage)
-        thing = again.order[found.stage]
-        if thing in refused:
-            break
-        refused.append(thing)
-    return most, tuple(refused)
-
-
-def why_stuck(machine: Machine, end: PlacementFailed, placed: tuple[int, tuple[int, ...]], tried: str) -> Diagnostic:
-    """The objects that could be `placed`, see `others`; the clauses that refuse the first one that could not be; and
-    how full the table is."""
-    problem, order = machine.problem, machine.order
-    names = problem.core.objects
-    most, refused_things = placed
-    thing = order[end.stage]
-    facts: dict[str, Any] = {
-        "names": tuple(names[one] for one in refused_things),
-        "placed": str(most),
-        "count": len(order),
-        **_filled(machine, thing),
-    }
-    refused = _refused(machine, end)
-    if end.placed.attracted > 0:
-        by_footprints, by_distances = _in_the_way(machine, end)
-        if not by_distances or by_distances[0][2] < by_footprints:
-            crowd = {"crowded": end.placed.attracted, "tries": end.placed.tries, "first": names[thing]}
-            return NO_ROOM(tried=tried, **crowd, **facts)
-        refused = by_distances
-    span: Span | None = None
-    if refused:
-        text, span, share = refused[0]
-        also = "; ".join(f"`{text}` {share:.0%}" for text, _, share in refused[1:SHOWN])
-        facts |= {"clause": text, "share": share, "others": also}
-    return NO_ROOM(span, tried=tried, **facts)
-
-
-def how_far(machine: Machine, tried: str) -> Diagnostic:
-    """What to say where time is up while scenes grow."""
-    count = len(machine.order)
-    placed = None if machine.furthest == count else str(machine.furthest)
-    fullest = max((_filled(machine, thing) for thing in machine.order), key=lambda facts: facts["filled"])
-    return NO_TIME_TO_GROW(tried=tried, placed=placed, count=count, tight=fullest["filled"] >= TIGHT or None, **fullest)
-
-
-def _filled(machine: Machine, thing: int) -> dict[str, Any]:
-    """How full the surfaces are on which an object can stand: the share of their area that the footprints take of those
-    that stand nowhere else; of the workspace where it stands on nothing."""
-    spec = machine.problem.spec
-    options = {one: options_of(one, spec.supports, spec.choices) for one in machine.order if one < len(spec.shapes)}
-    mine = options.get(thing, ())
-    things = [one for one, own in options.items() if set(own) <= set(mine) and bool(own) == bool(mine)]
-    space = sum(area(one.outline) for one in mine) if mine else _table(machine)
-    where = quoted([one.name for one in mine]) if mine else "the workspace"
-    filled = sum(area(spec.shapes[one].footprint) for one in things) / space
-    return {"standing": len(things), "filled": filled, "where": where}
-
-
-def _in_the_way(machine: Machine, end: PlacementFailed) -> tuple[float, list[tuple[str, Span | None, float]]]:
-    """The share of the poses in the object's room that footprints refuse; and of those that distances do which the
-    spec asks for by name, with the text of each clause."""
-    thing, particles = machine.order[end.stage], end.particles
-    some = np.arange(min(TRIED, particles.count))
-    scenes, cell = particles.scenes[:, some], particles.cell[some]
-    poses = machine.room(thing, end.stage).boxes(scenes, cell, Effort()).draw(TRIED, np.random.default_rng(0))
-    rows: list[Array] = list(scenes)
-    for row, values in zip(machine.touch[thing].rows, poses, strict=True):
-        rows[row] = values
-    placed = set(machine.order[: end.stage + 1])
-    pairs = [pair for pair in machine.graph.pairs if thing in pair.objects and pair.objects <= placed]
-    by_footprints, found = np.zeros((TRIED, len(some)), dtype=bool), []
-    for pair in pairs:
-        ends = [
-            [rows[row_of(end, axis)] for axis in FLAT] if isinstance(end, int) else end
-            for end in (pair.first, pair.second)
-        ]
-        gap = PRIMITIVES["gap"].evaluate(NUMPY, *pair.shapes, *ends[0], *ends[1])
-        refused = gap < (pair.low[cell] if len(pair.low) > 1 else pair.low[0])
-        if pair.shapes == (POINT, POINT):
-            found.append((*_said(machine.problem.core, pair.node), float(np.mean(refused))))
-        else:
-            by_footprints |= refused
-    return float(np.mean(by_footprints)), sorted(found, key=lambda one: -one[2])
-
-
-def _refused(machine: Machine, end: PlacementFailed) -> list[tuple[str, Span | None, float]]:
-    """The clauses other than pairs that touch the object, with the share of poses of its box that each refuses."""
-    thing = machine.order[end.stage]
-    touch = machine.touch[thing]
-    clauses = touch.in_force(end.stage)
-    if not clauses:
-        return []
-    particles, rng = end.particles, np.random.default_rng(0)
-    some = np.arange(min(TRIED, particles.count))
-    cell = particles.cell[some]
-    rows: list[Array] = list(particles.scenes[:, some])
-    for row in touch.rows:
-        low, high = machine.graph.low[row][cell], machine.graph.high[row][cell]
-        rows[row] = low + rng.random((TRIED, len(some))) * (high - low)
-    values = make_values(machine.problem.core, [clause.node for clause in clauses])(rows)
-    found = []
-    for clause, value in zip(clauses, values, strict=True):
-        inside = within(value, clause, cell)
-        if inside is not None:
-            text, span = _said(machine.problem.core, clause.node)
-            found.append((text, span, 1.0 - float(np.mean(inside))))
-    return sorted(found, key=lambda one: -one[2])
-
-
-def _said(core: Core, node: int) -> tuple[str, Span | None]:
-    at = core.nodes[node]
-    if isinstance(at, Atom):
-        return at.text, at.spans[0] if at.spans else None
-    assert isinstance(at, Junction)
-    text, span = _said(core, at.args[0])
-    return at.text or f"{text} {'and' if at.kind == 'min' else 'or'} ...", span
-
-
-def _table(machine: Machine) -> float:
-    space = machine.problem.spec.workspace
-    return (space.x[1] - space.x[0]) * (space.y[1] - space.y[0])
-
-
 FACTS = 11  # of a piece
 BARREN = 8  # pieces in a row that bring nothing new before a run ends
 LOW = 0.3  # effective share below which the user is warned
@@ -339,16 +158,9 @@ class Growth(Plan):
     machine: Machine
     recipe: Recipe
     budget: Budget
-    started: StartedGrowth | None = field(
-        default=None, kw_only=True
-    )  # whose second population is piece 1; ends with `close`
 
     method: ClassVar[str] = "growth"
     patience: ClassVar[int] = BARREN
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        one = self.joined()
-        return _restored, (one.problem, one.machine, one.recipe, one.budget, one.why)
 
     @property
     def plan_digest(self) -> str:
@@ -414,14 +226,13 @@ class Growth(Plan):
             raise StoppedError(placed_of(machine, recipe.count)) from error
 
     def _of_population(self, k: int, rng: np.random.Generator) -> Piece:
-        """One of the first pieces. The second one may have been made while the plan was."""
+        """One of the first pieces. The first one was grown while the plan was made."""
         recipe = self.recipe
-        taken = recipe.taken[k] if k < len(recipe.taken) else None
-        if taken is None and self.started is not None:
-            taken = self.started.second()
-        if taken is None:
+        if k < len(recipe.taken):
+            taken = recipe.taken[k]
+        else:
             try:
-                taken = SecondPopulationJob(self.problem, self.budget)(recipe.size)
+                taken = second_population(self.problem, self.budget, recipe.size)
             except StoppedError as error:
                 none = placed_of(with_deadline(self.machine, self.budget.ends), recipe.size.count)
                 raise StoppedError(error.how_far or none) from error
@@ -448,12 +259,7 @@ class Growth(Plan):
 
     def _made(self, taken: PopulationSample, rng: np.random.Generator) -> Piece:
         """A piece of these scenes, in which rows that no clause reads are drawn afresh."""
-        lowest, highest = self.problem.lowest, self.problem.highest
-        rows = taken.scenes.copy()
-        for row in range(len(lowest)):
-            if row not in self.machine.graph.rows and lowest[row] < highest[row]:
-                rows[row] = lowest[row] + rng.random(rows.shape[1]) * (highest[row] - lowest[row])
-        np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
+        rows = self.machine.complete(taken.scenes.copy(), rng)
         phi = self.problem.phi(rows)
         share = np.exp(taken.log_share + log_base(self.machine)).sum(axis=1)
         log = np.log(share[share > 0.0])
@@ -461,25 +267,6 @@ class Growth(Plan):
         logs = float(log.sum()), float((log * log).sum()), 1.0
         facts = taken.accepted, taken.copies, taken.effect, taken.work
         return Piece(rows, phi, self.cells.find(phi), np.array([*shares, *logs, *facts]))
-
-    def underway(self) -> Mapping[int, BackgroundTask[Any, Any]]:
-        going = None if self.started is None else self.started.going()
-        return {} if going is None else {1: going}
-
-    def alone(self) -> Growth:
-        return replace(self, started=None)
-
-    def joined(self) -> Growth:
-        if self.started is None:
-            return self
-        second = self.started.second()
-        self.started.give_up()
-        taken = self.recipe.taken if second is None else (*self.recipe.taken, second)
-        return replace(self, recipe=replace(self.recipe, taken=taken), started=None)
-
-    def close(self) -> None:
-        if self.started is not None:
-            self.started.give_up()
 
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and what the user is warned of."""
@@ -514,52 +301,22 @@ class Growth(Plan):
 
 
 def plan_growth(
-    problem: Problem,
-    budget: Budget,
-    *,
-    patient: bool = True,
-    started: StartedGrowth | None = None,
-    longest: float = math.inf,
+    problem: Problem, budget: Budget, *, patient: bool = True, longest: float = math.inf
 ) -> Growth | GrowthFailed:
     """The plan of a problem; GrowthFailed where there is no room for some object, or time is up. Unless `patient`,
-    little is spent on it, and its design effect may be infinite: such a plan is not to be used. Other processes may
-    begin to draw meanwhile, and `close` ends them; `started` is what they have: see `start_growth`. The plan is the
-    same without. It takes at most `longest` seconds, as a machine counts them, unless other processes have begun."""
+    little is spent on it, and its design effect may be infinite: such a plan is not to be used. It takes at most
+    `longest` seconds, as a machine counts them."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, started=started, longest=longest)
-    if isinstance(made, GrowthFailed):
-        return made
-    machine, recipe, started = made
-    plan = Growth(problem, machine, recipe, budget, started=started)
-    if not recipe.taken:  # the first population was left, and with it the second
-        plan.close()
-        return plan.alone()
-    return plan if budget.reserve is not None else plan.joined()  # who has no processes for the run may not close it
-
-
-def _restored(problem: Problem, machine: Machine, recipe: Recipe, budget: Budget, why: str | None) -> Growth:
-    return Growth(problem, machine, recipe, budget, why=why)
+        made = make_recipe(problem, budget, patient=patient, longest=longest)
+    return made if isinstance(made, GrowthFailed) else Growth(problem, *made, budget)
 
 
 def make_plan(problem: Problem, budget: Budget) -> Growth:
     """The plan of a problem. Raises RequestError where growth comes to nothing."""
     plan = plan_growth(problem, budget)
     if isinstance(plan, GrowthFailed):
-        raise no_growth(problem, plan)
+        raise plan.error(problem)
     return plan
-
-
-def no_growth(problem: Problem, end: GrowthFailed) -> RequestError:
-    """What to say where growth came to nothing."""
-    tried = f"{int(end.evaluations):,} evaluations of growth"
-    if end.proof:
-        return RequestError(TABLE_TOO_FULL(**end.proof))
-    if end.machine is None:
-        return RequestError(too_early(problem, tried, problem.cells.count))
-    if end.stuck is None:
-        return RequestError(how_far(end.machine, tried))
-    with np.errstate(all="ignore"):
-        return RequestError(why_stuck(end.machine, end.stuck, others(problem, end.machine, end.stuck), tried))
 
 
 def log_base(machine: Machine) -> Array:
@@ -575,3 +332,46 @@ def log_base(machine: Machine) -> Array:
 
 def _aside(seed: int, piece: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, GROWTH, piece + 1, 1]))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A few scenes of a request, soon: something to look at while a plan is made.
+#
+# One small population is grown for each of them, in a box that is contracted once, without the moves that make its
+# scenes differ and without any account of how they are distributed. They are in range, and no more than that. Where
+# none of the populations lives, larger ones are tried, with all that growth has.
+
+
+SIZES = (12, 96)  # scenes of a population: the larger one where none of the smaller ones lives
+QUICK = 4.0  # poses that meet all clauses that a scene of the smaller one should have among its tries
+ROUNDS = 1  # of contraction
+ASIDE = (GROWTH, 0, 1)  # the stream of its random numbers: no plan reads it
+
+
+def glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int] = SIZES) -> Array:
+    """At most `count` scenes in the range of the request, (3N, m), of its first cells, its last, and some between; none
+    where nothing is found soon."""
+    try:
+        with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range
+            return _glimpse(problem, budget, count, sizes)
+    except (StoppedError, TooMuchError):
+        return np.empty((len(problem.lowest), 0))
+
+
+def _glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int]) -> Array:
+    machine = make_machine(problem, rounds=ROUNDS, deadline=budget.ends)
+    possible = sorted(problem.possible)
+    cells = np.array([possible[round(k * (len(possible) - 1) / max(1, count - 1))] for k in range(count)])
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, *ASIDE]))
+    rows = np.empty((len(problem.lowest), 0))
+    for size in sizes:
+        island = np.repeat(np.arange(count), size)
+        quick = size < sizes[-1]
+        hits = QUICK if quick else HITS
+        grown, _ = explore(machine, cells[island], island, rng, MoveTally(), hits=hits, moves=not quick)
+        if not isinstance(grown, PlacementFailed):
+            _, first = np.unique(grown.particles.island, return_index=True)
+            rows = grown.particles.scenes[:, first].copy()
+            break
+    phi = problem.phi(machine.complete(rows, rng))
+    return rows[:, ((phi >= problem.cells.low[:, None]) & (phi <= problem.cells.high[:, None])).all(axis=0)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -18,11 +18,11 @@ from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.engine.stream import run_blocks
 from scenegen.sampling.motions.problem import Array, Index, MotionProblem, Variables, draw, poses_of, within_a_turn
-from scenegen.sampling.motions.schedule import STREAM, Schedule, Watch, begin, generator, go_on, make_schedule
-from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
+from scenegen.sampling.motions.schedule import STREAM, MotionChains, Watch, generator, make_schedule
+from scenegen.sampling.plan import Account, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.problem import Budget
-from scenegen.sampling.report import of_hits
-from scenegen.sampling.splitting.sampler import probability
+from scenegen.sampling.report import of_hits, probability
+from scenegen.sampling.splitting.levels import Schedule, follow
 from scenegen.search.effort import NEVER, Stop, StoppedError
 
 BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
@@ -117,7 +117,9 @@ class MotionSplitting(_MotionPlan):
 
     @property
     def plan_digest(self) -> str:
-        return digest("motion splitting", replace(self.schedule, begun={}))
+        one = self.schedule
+        values = one.stages, one.levels, one.left, one.cells, one.chains, one.evaluations
+        return digest("motion splitting", Record("Schedule", (*values, {})))
 
     @property
     def evaluations(self) -> float:
@@ -128,28 +130,26 @@ class MotionSplitting(_MotionPlan):
     @property
     def fact_count(self) -> int:
         with np.errstate(all="ignore"):
-            return FACTS + OF_A_STATISTIC * len(begin(self.problem, 2, 0).chains.statistics())
+            return FACTS + OF_A_STATISTIC * len(self._start(0, 2).statistics())
 
     @property
     def scenes_per_piece(self) -> float:
         return self.schedule.chains
 
+    def _start(self, k: int, count: int) -> MotionChains:
+        return MotionChains.start(self.problem, count, generator(self.seed, k), self.stop)
+
     def draw(self, k: int) -> Piece:
         plan, problem = self.schedule, self.problem
-        stored = plan.begun.get(k)
-        begun = begin(problem, plan.chains, k, self.stop) if stored is None else go_on(stored, self.stop)
-        for stage in plan.stages[begun.stages :]:
-            begun.follow(stage)
-        chains, share = begun.chains, begun.probability
+        chains = self._start(k, plan.chains)
+        share, taken = follow(chains, plan.stages)
         if not share:
             facts = np.array([0.0] * 5 + [float(chains.evaluations)])
             return Piece(np.empty((problem.rows, 0)), np.empty((len(chains.scores), 0)), np.empty(0, np.intp), facts)
         watched = chains.statistics()
         mean, variance = watched.mean(axis=1), watched.var(axis=1)
         log = math.log(share)
-        facts = np.array(
-            [share, share**2, 1.0, log, log**2, chains.evaluations, begun.taken, *mean, *mean**2, *variance]
-        )
+        facts = np.array([share, share**2, 1.0, log, log**2, chains.evaluations, taken, *mean, *mean**2, *variance])
         made = chains.now.take(chains.rng.permutation(chains.count))
         poses = within_a_turn(poses_of(problem, made))
         scores = problem.scores(poses)
@@ -171,7 +171,7 @@ class MotionSplitting(_MotionPlan):
             "levels": plan.levels,
             "pieces": tally.pieces,
             "chains": plan.chains,
-            "settling": plan.settling,
+            "settling": sum(stage.moves for stage in plan.stages if stage.region is None),
             "acceptance": round(taken / max(1.0, alive), 4),
             "correlation": round(plan.left, 4),
             "effective_share": effective_share(alive, plan.chains, np.array(watched).reshape(3, -1)),
@@ -215,7 +215,7 @@ def pilot(problem: MotionProblem, budget: Budget) -> tuple[Index, int]:
     """How many draws of the base distribution hit each cell, and how many draws there were. Raises StoppedError."""
     drawn, batch = 0, problem.at_once(BATCH, LEAST)
     counts = np.zeros(problem.cells.count, dtype=np.intp)
-    steps = run_pieces(_Pilot(problem, batch, budget), range(PILOT), problem.request.workers or 1, budget.reserve)
+    steps = run_pieces(_Pilot(problem, batch, budget), range(PILOT), problem.request.workers or 1)
     with closing(steps):
         for hits in steps:
             counts += hits
@@ -239,7 +239,7 @@ def make_plan(
         if method == "rejection":
             return None
     schedule = make_schedule(problem, budget, watch)
-    return None if schedule is None else MotionSplitting(problem, schedule.cells, schedule, budget)
+    return None if schedule is None else MotionSplitting(problem, tuple(schedule.cells), schedule, budget)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -287,7 +287,7 @@ def sample(
             ) from None
         columns, info = [np.empty((problem.rows, 0))], dict[str, object]()
         if plan is not None:
-            run = run_blocks(plan, labels, workers=workers, reserve=budget.reserve, spent=lambda: budget.spent)
+            run = run_blocks(plan, labels, workers=workers, spent=lambda: budget.spent)
             while True:
                 try:
                     columns.append(next(run).rows)

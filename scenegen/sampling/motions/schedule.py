@@ -1,15 +1,12 @@
-"""The levels of a request for motions, found by one descent (adaptive multilevel splitting, Cerou and Guyader 2007)."""
+"""Chains of motions, and the descent that plans a request for motions: see `scenegen.sampling.splitting.levels`."""
 
 from __future__ import annotations
 
-import pickle
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenegen.processes.ahead import Lookahead
 from scenegen.sampling.motions.moves import changes
 from scenegen.sampling.motions.problem import (
     GATES,
@@ -23,9 +20,8 @@ from scenegen.sampling.motions.problem import (
     within_a_turn,
 )
 from scenegen.sampling.motions.relocate import Meter, statistics
-from scenegen.sampling.plan import Pieces
 from scenegen.sampling.problem import Budget
-from scenegen.sampling.splitting.chains import Region, which_cell
+from scenegen.sampling.splitting.levels import Descent, Region, Schedule, Stage, which_cell
 from scenegen.search.effort import NEVER, Stop
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -146,21 +142,17 @@ class MotionChains:
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# The stages that the plan of motions finds, and a piece that goes through them one by one.
+# The descent of a request for motions.
 
 
 STREAM = 11  # random numbers of motions, separate from those of scenes
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """Restrict the chains to a region (None: to none in addition), then make `moves` moves; `mixture` is how often
-    each change is made, (K,). `counts` says whether the share that survives is a factor of the probability."""
-
-    region: Region | None
-    mixture: Array
-    moves: int
-    counts: bool = False
+KEPT = 0.4  # share of the chains that makes a level
+FEWEST, PIECES = 64, 4  # chains of a piece, and pieces of a request, at least
+AT_LEAST = 16  # chains, of motions so large that more would not fit
+LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
+LONGEST = 32  # rounds of moves until then, at most
+LUCK = 2.5  # standard deviations of the largest of some hundred sample correlations whose true value is 0
+ROUNDS = 24  # of weights that even out the cells
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
@@ -168,178 +160,57 @@ def generator(seed: int, piece: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, piece + 2])))
 
 
-@dataclass(slots=True)
-class PartialMotionPiece:
-    """A piece after its first `stages` stages. `probability` is its estimate of that of their regions: 0 if no chain
-    survived; `taken` is how many moves each chain took in the last stage, on average."""
-
-    chains: MotionChains
-    stages: int = 0
-    probability: float = 1.0
-    taken: float = 0.0
-
-    def follow(self, stage: Stage) -> None:
-        """One more stage. Raises what the chains' `stop` raises."""
-        self.stages += 1
-        if stage.region is not None and self.probability:
-            share = self.chains.narrow(stage.region)
-            if stage.counts or not share:
-                self.probability *= share
-        if self.probability:
-            self.taken = self.chains.run(stage.moves, stage.mixture)
-
-
-def begin(problem: MotionProblem, chains: int, number: int, stop: Stop = NEVER) -> PartialMotionPiece:
-    """Piece `number`, of so many chains, before its first stage."""
-    return PartialMotionPiece(MotionChains.start(problem, chains, generator(problem.request.seed, number), stop))
-
-
-def go_on(stored: bytes, stop: Stop = NEVER) -> PartialMotionPiece:
-    """A piece that was begun before, perhaps in another process."""
-    begun: PartialMotionPiece = pickle.loads(stored)  # noqa: S301 - from our own process
-    begun.chains.stop = stop  # the time that is left is another one now
-    return begun
-
-
-KEPT = 0.4
-FEWEST, PIECES = 64, 4
-AT_LEAST = 16  # chains, of motions so large that more would not fit
-LEVELS, STALL = 400, 20
-LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
-LONGEST = 32  # rounds of moves until then, at most
-LUCK = 2.5
-ROUNDS = 24  # of weights that even out the cells
-
-
 Watch = Callable[[Array, int], None]
 """Is shown motions (n, T + 1, N, 3) while there are none of the request yet: those nearest to its range, the nearest
 first, and how many of them lie in it. They are in range, but not distributed like those that the request gets."""
 
 
-@dataclass(frozen=True, slots=True)
-class Schedule:
-    """The first `levels` stages are factors of the probability. The moves of those without a region make the motions
-    independent; `left` is the correlation that remains. `cells` get motions. `begun` are the first pieces as far as
-    they were drawn while the plan was made: see `stages`."""
-
-    stages: tuple[Stage, ...]
-    levels: int
-    left: float
-    cells: tuple[int, ...]
-    chains: int
-    evaluations: int
-    begun: Mapping[int, bytes] = field(default_factory=dict, repr=False, compare=False)
-
-    @property
-    def settling(self) -> int:
-        """Moves that make the motions independent."""
-        return sum(stage.moves for stage in self.stages if stage.region is None)
-
-
 def make_schedule(problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> Schedule | None:
-    """The schedule of a problem; None if its range is not reached. With several workers, pieces are begun meanwhile.
-    `watch` is shown the motions of each level. Raises StoppedError when time is up."""
-    planner = _MotionPlanner(problem, budget, watch)
-    if (problem.request.workers or 1) < 2:
-        return planner.plan()
-    with planner.pieces() as ahead:
-        found = planner.plan(ahead)
-        return None if found is None else replace(found, begun=ahead.states())
+    """The schedule of a problem; None if its range is not reached. The moves of stages without a region make the
+    motions independent. `watch` is shown the motions of each level. Raises StoppedError when time is up."""
+    return _MotionDescent(problem, budget, watch).plan()
 
 
-class _MotionPlanner:
-    """One descent of one ensemble of chains, which records its stages."""
+class _MotionDescent(Descent[MotionChains]):
+    """The descent of a request for motions."""
+
+    kept = KEPT
 
     def __init__(self, problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> None:
         wanted = max(FEWEST, 4 * problem.cells.count, -(-problem.request.n // PIECES))
         self._piece = problem.at_once(min(wanted, 4096), AT_LEAST)
         self._moves = 10 + problem.steps + len(problem.names)
         many = problem.at_once(max(512, self._piece), AT_LEAST)
-        self._chains = MotionChains.start(problem, many, generator(problem.request.seed, -1), budget)
+        super().__init__(MotionChains.start(problem, many, generator(problem.request.seed, -1), budget))
         kinds = len(changes(problem))
         self._meter, self._mixture = Meter(kinds), np.full(kinds, 1.0 / max(1, kinds))
-        self._stages: list[Stage] = []
-        self._budget = budget
-        self._ahead: Lookahead[Stage] | None = None
         self._watch = watch
 
-    def pieces(self) -> Lookahead[Stage]:
-        """Pieces that begin in another process."""
-        problem, budget = self._chains.problem, self._budget
-        job = Pieces[Stage](partial(begin, problem, self._piece, stop=budget))
-        return Lookahead(job, PIECES, budget.reserve)
-
-    def plan(self, ahead: Lookahead[Stage] | None = None) -> Schedule | None:
-        """The schedule; `ahead` gets each stage."""
-        self._ahead = ahead
-        chains, problem = self._chains, self._chains.problem
-        low, high = np.full(len(chains.scores), -np.inf), np.full(len(chains.scores), np.inf)
-        held = low.copy()
-        for gate in reversed(range(len(problem.labels), len(problem.labels) + len(GATES))):
-            low = held.copy()
-            low[gate] = 0.0
-            if not self._descend(low, high, held):
-                return None
-            held = low
-        if not self._descend(problem.cells.low, problem.cells.high, held, last=True):
+    def plan(self) -> Schedule | None:
+        chains, problem = self.chains, self.chains.problem
+        labels = len(problem.labels)
+        if not self.reach(problem.cells, [*reversed(range(labels, labels + len(GATES)))]):
             return None
-        levels = len(self._stages)
-        reached: tuple[int, ...] = (0,)
-        if problem.cells.count > 1:
-            reached = self._even_out()
+        levels = len(self.stages)
+        reached = self._even_out() if problem.cells.count > 1 else (0,)
         left = self._settle()
-        return Schedule(
-            tuple(self._stages), levels, left, reached, self._piece, chains.evaluations,
-        )  # fmt: skip
+        return Schedule(tuple(self.stages), levels, reached, self._piece, left, chains.evaluations)
 
-    def _narrow(self, region: Region, *, counts: bool) -> None:
-        self._chains.narrow(region)
-        self._add(Stage(region, self._mixture, self._moves, counts))
-
-    def _add(self, stage: Stage) -> None:
-        self._stages.append(stage)
-        if self._ahead is not None:
-            self._ahead.add(stage)
-
-    def _move(self, moves: int, tune: bool = True) -> None:
+    def move(self) -> tuple[Array, int]:
         """Moves by the mixture so far, which then follows from what was measured."""
-        self._chains.run(moves, self._mixture, self._meter if tune else None)
-        if tune and len(self._mixture):
+        mixture = self._mixture
+        self.chains.run(self._moves, mixture, self._meter)
+        if len(mixture):
             self._mixture = self._meter.mixture()
+        return mixture, self._moves
 
-    def _descend(self, low: Array, high: Array, held: Array, *, last: bool = False) -> bool:
-        """Restrict the chains to scores from `low` to `high`, level by level; `held` are lower ends that always
-        hold. In the `last` descent, what is within is in the request's range."""
-        chains = self._chains
-        scale, history = _scales(chains.scores, low, high), list[float]()
-        while len(history) < LEVELS:
-            distance = _distance(chains.scores, low, high, scale)
-            if self._watch is not None:
-                self._show(distance, last)
-            level = float(np.quantile(distance, KEPT, method="lower"))
-            if not np.isfinite(level):
-                level = float(distance[np.isfinite(distance)].max(initial=-1.0))
-            if level < 0.0:
-                return False
-            if history and level >= history[-1]:  # most share one value
-                below = distance[distance < level]
-                level = float(below.max()) if len(below) >= 16 else level
-            history.append(level)
-            if len(history) > STALL and level > 0.99 * history[-1 - STALL]:
-                return False
-            slack = level * (1.0 + 1e-9) * scale
-            self._narrow(Region(np.maximum(low - slack, held) if level else low.copy(), high + slack), counts=True)
-            self._move(self._moves)
-            if level == 0.0:
-                return True
-        return False
-
-    def _show(self, distance: Array, last: bool) -> None:
+    def look(self, distance: Array, last: bool) -> None:
         """Show the nearest motions; chains that began as copies of one and have not moved since count once."""
-        assert self._watch is not None
-        problem, n = self._chains.problem, self._chains.problem.request.n
+        if self._watch is None:
+            return
+        problem, n = self.chains.problem, self.chains.problem.request.n
         nearest = np.argsort(distance, kind="stable")[: 4 * n]
-        poses = within_a_turn(poses_of(problem, self._chains.now.take(nearest)))
+        poses = within_a_turn(poses_of(problem, self.chains.now.take(nearest)))
         motions = np.ascontiguousarray(poses.transpose(3, 2, 0, 1))
         _, first = np.unique(motions.reshape(len(motions), -1), axis=0, return_index=True)
         first = np.sort(first)[:n]
@@ -348,60 +219,44 @@ class _MotionPlanner:
     def _even_out(self) -> tuple[int, ...]:
         """Weights under which the chains visit all cells about equally often (Berg and Neuhaus 1992). Returns the cells
         that were visited; the others are closed."""
-        chains, cells, base = self._chains, self._chains.problem.cells, self._chains.region
+        chains, cells, base = self.chains, self.chains.problem.cells, self.chains.region
         log_weight, visited = np.zeros(cells.count), np.zeros(cells.count, dtype=bool)
         for done in range(ROUNDS):
             counts = np.zeros(cells.count)
             for _ in range(4):
-                self._move(self._moves // 2, tune=False)
+                chains.run(self._moves // 2, self._mixture)
                 counts += np.bincount(which_cell(list(chains.scores), cells), minlength=cells.count)
             visited |= counts > 0
             if done >= 6 and counts[visited].min() >= 0.4 * counts[visited].mean():
                 break
             change = np.log(np.maximum(counts, 0.5) / counts[visited].mean())
             log_weight -= np.clip(change, -3.0, 3.0)
-            self._narrow(replace(base, weights=_weights(log_weight)), counts=False)
-        self._narrow(replace(base, weights=np.where(visited, _weights(log_weight), 0.0)), counts=False)
+            self._narrow(replace(base, weights=_weights(log_weight)))
+        self._narrow(replace(base, weights=np.where(visited, _weights(log_weight), 0.0)))
         return tuple(map(int, np.flatnonzero(visited)))
+
+    def _narrow(self, region: Region) -> None:
+        self.chains.narrow(region)
+        self.stages.append(Stage(region, self._mixture, self._moves))
 
     def _settle(self) -> float:
         """Moves until motions are independent of where their chains were, and as stages twice as many for the pieces:
         they can follow at once. Returns the largest correlation then."""
-        chains = self._chains
+        chains = self.chains
         before, left = chains.statistics(), 1.0
         noise = LUCK / np.sqrt(chains.count)  # the largest of some hundred correlations of independent motions
         spread = before.std(axis=1) > 1e-12
         rounds = 0
         while left > LEFT and rounds < LONGEST:
             rounds += 1
-            self._move(self._moves)
-            self._add(Stage(None, self._mixture, 2 * self._moves))
+            self.move()
+            self.stages.append(Stage(None, self._mixture, 2 * self._moves))
             after = chains.statistics()
             kept = spread & (after.std(axis=1) > 1e-12)
             pairs = zip(before[kept], after[kept], strict=True)
             found = [float(np.corrcoef(one, two)[0, 1]) for one, two in pairs]
             left = max(found, default=0.0) - noise
         return float(max(left, 0.0))
-
-
-def _scales(scores: Array, low: Array, high: Array) -> Array:
-    """The typical distance of each score from its range, which makes metres and radians comparable."""
-    out = np.ones(len(scores))
-    for row, values in enumerate(scores):
-        off = np.maximum(low[row] - values, values - high[row])
-        off = off[np.isfinite(off) & (off > 0.0)]
-        if len(off):
-            out[row] = np.median(off)
-    return out
-
-
-def _distance(scores: Array, low: Array, high: Array, scale: Array) -> Array:
-    """How far (P,) motions are from the range, 0 within; infinite if a score is NaN."""
-    with np.errstate(invalid="ignore"):
-        below = np.where(np.isneginf(low)[:, None], -np.inf, low[:, None] - scores)
-        above = np.where(np.isposinf(high)[:, None], -np.inf, scores - high[:, None])
-    worst = (np.maximum(below, above) / scale[:, None]).max(axis=0)
-    return np.where(np.isnan(scores).any(axis=0), np.inf, np.maximum(worst, 0.0))
 
 
 def _weights(log_weight: Array) -> Array:

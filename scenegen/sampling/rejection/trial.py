@@ -52,17 +52,16 @@ def make_trial(
     problem: Problem,
     budget: Budget,
     most: float = math.inf,
-    on_quarter: Callable[[], object] | None = None,
     further: Callable[[], float] | None = None,
 ) -> Trial:
-    """The cover of the whole range and its first candidates. `on_quarter` is called where that takes more than a
-    quarter of `most`, `further` where it takes more: the work may come to what that returns, if it is more.
+    """The cover of the whole range and its first candidates. `further` is called where that takes more work than
+    `most`: the work may come to what that returns, if it is more.
 
     Raises RequestError if the cover proves that there is no scene, or if time is up before there is a cover, and
     TooMuchError if the work exceeds what is allowed, which does not depend on the machine.
     """
     seed = problem.request.seed
-    effort = effort_of(budget, most, on_quarter, further)
+    effort = effort_of(budget, most, further)
     try:
         cover = make_cover(problem, problem.wanted(), (seed, PLAN), effort, _enough(problem))
         if not cover.parts:
@@ -111,14 +110,9 @@ def nothing_found(problem: Problem, trial: Trial) -> Diagnostic:
     return shortfall(problem, 0, f"{trial.tried:,} draws", *misses(problem, trial.cover))
 
 
-def effort_of(
-    budget: Budget,
-    most: float = math.inf,
-    on_quarter: Callable[[], object] | None = None,
-    further: Callable[[], float] | None = None,
-) -> Effort:
+def effort_of(budget: Budget, most: float = math.inf, further: Callable[[], float] | None = None) -> Effort:
     """Work that is stopped if time has long been up."""
-    return Effort(lambda: budget.overdrawn, most, on_quarter=on_quarter, further=further)
+    return Effort(lambda: budget.overdrawn, most, further=further)
 
 
 def make_cover(
@@ -206,7 +200,7 @@ def own_covers(
         workers = _sharers(problem, len(cells) - done, work / max(1, done))
         if workers > 1:
             items = ((one, most()) for one in cells[done:])
-            with Pool(job, workers, unit="cover", reserve=budget.reserve) as pool, closing(pool.map(items)) as made:
+            with Pool(job, workers, unit="cover") as pool, closing(pool.map(items)) as made:
                 yield from made
             return
         own = job((cell, most()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 from scenegen.pose import PLACE
 from scenegen.sampling.request import Cells
 from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, choices, watched
+from scenegen.sampling.splitting.levels import Region
 from scenegen.sampling.splitting.moves import MOVES, Deck, MoveInputs, MoveProposal, Tuning, bring_home
 from scenegen.search.effort import NEVER, Stop
 
@@ -19,46 +19,6 @@ Mask = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
 _GENERATIONS = 12  # remembered generations of ancestors: the first chains, and later copies at growing intervals
-
-
-@dataclass(frozen=True, slots=True)
-class Region:
-    """Where chains may go: phi of every label from `low` to `high`, (L,) each.
-
-    `weights` (cells,) favour cells of the range: chains then follow the base distribution times the weight of their
-    cell, and a cell of weight 0 is closed. None if all scenes have the same weight.
-    """
-
-    low: Array
-    high: Array
-    weights: Array | None = None
-
-    def holds(self, phi: Sequence[Array]) -> Mask:
-        """Which of B scenes lie within; NaN does not."""
-        inside = np.ones(phi[0].shape, dtype=bool)
-        for value, low, high in zip(phi, self.low, self.high, strict=True):
-            if low > -np.inf:
-                inside &= value >= low
-            if high < np.inf:
-                inside &= value <= high
-        return inside
-
-    def weigh(self, phi: Sequence[Array], cells: Cells) -> Array:
-        """The weight of B scenes. Those outside the region get an arbitrary weight."""
-        assert self.weights is not None
-        return self.weights[which_cell(phi, cells)]
-
-
-def which_cell(phi: Sequence[Array], cells: Cells) -> Index:
-    """The cell of B scenes, (B,); scenes out of the range get the nearest cell. Cells have equal widths along a
-    label."""
-    found = np.zeros(phi[0].shape, dtype=np.intp)
-    for label, edge in zip(cells.bounded, cells.edges, strict=True):
-        count = len(edge) - 1
-        along = (phi[label] - edge[0]) * (count / (edge[-1] - edge[0]))
-        along = np.nan_to_num(along, nan=0.0, posinf=count, neginf=0.0)
-        found = found * count + np.clip(along, 0, count - 1).astype(np.intp)
-    return found
 
 
 @dataclass(slots=True)

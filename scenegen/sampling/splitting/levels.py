@@ -1,419 +1,184 @@
-"""The plan of a splitting run: levels, tuned moves, weights of cells, and thinning.
+"""Multilevel splitting: chains that are narrowed to a range level by level, of scenes or of motions.
 
-A level is a range of phi for every label. Levels narrow from "anything" to the requested range; the half of the scenes
-that is nearest to the range determines the next level (adaptive multilevel splitting, Cerou and Guyader 2007). The
-requirement comes first. The shares of all levels multiply to the probability of requirement and range for a uniform
-draw. The plan is determined by spec, request and seed, and its cost is counted in evaluations of phi: the pieces that
-follow it can run anywhere.
+A level is a range of phi for every label. Levels narrow from "anything" to the requested range; the part of the chains
+that is nearest to the range determines the next level (adaptive multilevel splitting, Cerou and Guyader 2007). What the
+spec requires comes first. The shares of all levels multiply to the probability of requirement and range under the base
+distribution.
+
+A plan is one descent of one ensemble of chains, which records its stages (`Descent`). A piece is an ensemble of its own
+that follows these stages (`follow`), wherever it runs. The chains of scenes are in `chains`, those of motions in
+`scenegen.sampling.motions.schedule`, each with their moves.
 """
 
 from __future__ import annotations
 
-import pickle
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Literal
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.lang.formula.core import REQUIRE
-from scenegen.processes.ahead import Lookahead
-from scenegen.processes.process import cores
-from scenegen.sampling.plan import Pieces
-from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.request import Cells
-from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
-from scenegen.sampling.splitting.chains import Chains, Region, Statistics, forgetting, helps, which_cell
-from scenegen.sampling.splitting.moves import COMPOSED, SCALED, STEPS, Tuning, moves_for
-from scenegen.search.effort import NEVER, Stop, StoppedError
-
-# --------------------------------------------------------------------------------------------------------------------
-# Tuning of moves: step lengths during the descent, and the mix of kinds that decorrelates chains fastest.
-#
-# All tuning happens while the plan is made, and is frozen before a scene is taken.
-
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Index = npt.NDArray[np.intp]
 
-LONGEST = 2048  # maximum number of moves between two scenes of a chain
-_TARGET = 0.3  # acceptance rate of a well-tuned walk
-_PER_MOVE, _PER_ROW = 15, 15  # cost of a move in addition to its phi, in nodes of the tape (measured)
-_TRIAL = 1024  # chains for the test which kinds move at all
-_SHOTS = 12  # moves of a kind in this test
-_RACERS = 2048  # chains on which different mixes of kinds are compared
-_RACES, _BOOST = 7, 0.25  # mixes that are tried, and the share that each shifts to the kind that helps most
-_USEFUL = 0.01  # minimum acceptance rate of a mirror that is applied for every scene
-
-
-def longest(dimension: int) -> int:
-    """The maximum number of moves of one call of `Tuner.adapt`, for that many rows."""
-    return 24 + 6 * dimension
-
-
-class Tuner:
-    """The state of the tuning of an ensemble of chains. `evaluations` counts those of trials on copies."""
-
-    def __init__(self, chains: Chains) -> None:
-        self._chains, self._frame = chains, chains.chain_state
-        self._kinds = moves_for(self._frame)
-        self._length = 0.25 * (self._frame.high - self._frame.low)
-        self._scale = dict.fromkeys(self._kinds, 1.0)
-        self._weight = dict.fromkeys(self._kinds, 1.0)
-        self.evaluations = 0
-
-    def tuning(self) -> Tuning:
-        """A copy of the current state."""
-        low, high = self._reach()
-        return Tuning(dict(self._weight), dict(self._scale), self._length.copy(), low, high)
-
-    def _reach(self) -> tuple[Array, Array]:
-        """The interval that the chains occupy, row by row, slightly widened."""
-        low = np.array([row.min() for row in self._chains.rows])
-        high = np.array([row.max() for row in self._chains.rows])
-        margin = 0.02 * (high - low)
-        return np.maximum(low - margin, self._frame.low), np.minimum(high + margin, self._frame.high)
-
-    def adapt(self) -> int:
-        """Move until copies differ, tuning step lengths meanwhile; returns the number of moves."""
-        state, rng = self._chains, self._chains.rng
-        enough = max(3.0, 0.5 * self._frame.dimension)
-        least, most = 6, longest(self._frame.dimension)
-        moved, moves = 0.0, 0
-        tuning = self.tuning()
-        while moves < least or (moved < enough and moves < most):
-            kinds = list(self._kinds)
-            weight = np.array([self._weight[kind] for kind in kinds])
-            kind = kinds[int(rng.choice(len(kinds), p=weight / weight.sum()))]
-            share, proposal = state.move(kind, replace(tuning, scale=self._scale, length=self._length))
-            if proposal.parting:
-                moved += share
-            moves += 1
-            self._learn(kind, share, proposal.row)
-        return moves
-
-    def _learn(self, kind: str, share: float, row: int) -> None:
-        """Longer steps if many chains accepted one, shorter if few did; kinds that no chain accepts become rare."""
-        if row >= 0:
-            width = float(self._frame.high[row] - self._frame.low[row])
-            factor = np.exp(share - _TARGET)
-            self._length[row] = np.clip(self._length[row] * factor, 1e-9 * width, 0.5 * width)
-        elif kind in SCALED:
-            self._scale[kind] = float(np.clip(self._scale[kind] * np.exp(share - _TARGET), 1e-6, 8.0))
-        alive = 1.0 if share > 0.01 else 0.03
-        self._weight[kind] += 0.3 * (alive - self._weight[kind])
-
-    def tune(self, statistics: Statistics) -> Tuning:
-        """The frozen tuning: step lengths, the mirrors that work, and how often to make each kind of step."""
-        state = self._chains
-        for _ in range(12):
-            for kind in self._kinds:
-                if kind in SCALED:
-                    share, proposal = state.move(kind, self.tuning())
-                    self._learn(kind, share, proposal.row)
-        state.pool = list(state.rows)
-        tuning = self.tuning()
-        trial = state.some(_TRIAL)
-        steps: list[str] = []
-        mirrors: list[str] = []
-        costs: list[float] = []
-        for kind in self._kinds:
-            if kind in STEPS and self._weight[kind] < 0.1:
-                continue  # it was never accepted during the descent
-            moved, rows = 0.0, 0
-            for _ in range(_SHOTS):
-                share, proposal = trial.move(kind, tuning)
-                moved += share / _SHOTS
-                rows += len(proposal.rows)
-            if kind in STEPS:
-                steps.append(kind)
-                costs.append(trial.tape.length + _PER_MOVE + _PER_ROW * rows / _SHOTS)
-            elif moved > _USEFUL and not any(made <= set(mirrors) for made in COMPOSED.get(kind, ())):
-                mirrors.append(kind)
-        self.evaluations += trial.evaluations
-        if not steps:
-            return tuning
-        return self._race(statistics, replace(tuning, mirrors=tuple(mirrors)), steps, np.array(costs))
-
-    def _race(self, statistics: Statistics, tuning: Tuning, kinds: Sequence[str], cost: Array) -> Tuning:
-        """The shares of the K kinds of steps: equal at first, then more and more of the kind that reduces the slowest
-        correlations most for its `cost` (K,). The shares that decorrelate chains at the least cost are chosen."""
-        weight = np.full(len(kinds), 1.0 / len(kinds))
-        best, least = tuning, np.inf
-        for _ in range(_RACES):
-            tried = replace(tuning, weight=dict(zip(kinds, map(float, weight), strict=True)))
-            trial = self._chains.some(_RACERS)
-            memory = forgetting(trial, statistics, tried, LONGEST // 4)
-            self.evaluations += trial.evaluations
-            price = memory.moves * float(weight @ cost) * (1.0 + 10.0 * memory.left)
-            if price < least:
-                best, least = tried, price
-            gain = np.zeros(len(kinds))
-            for index, kind in enumerate(kinds):
-                gain[index], spent = helps(memory, statistics, tuning, kind)
-                self.evaluations += spent
-            weight *= 1.0 - _BOOST
-            weight[int((gain / cost).argmax())] += _BOOST
-        return best
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Weights under which chains visit all cells of a range about equally often, so that one descent serves every cell.
-
-
-_PATIENCE = 48  # maximum number of rounds until the cells are balanced
-_QUIET = 4  # after so many rounds without a new cell the others count as unreachable
-_EVEN = 0.4  # the least visited cell must have this share of the mean
-_LOOKS = 4  # counts of the chains in a round
-_LEAP = 3.0  # maximum change of a log weight in a round
-
-
-def even_out(chains: Chains, tuner: Tuner) -> Iterator[tuple[Region, int]]:
-    """A sequence of regions whose weights balance the cells better and better, each with the moves that were made in
-    it. The last one closes cells that no chain has entered, by weight 0. The chains end in the last region.
-
-    A cell with too few chains gains weight; one without chains gets its neighbours' weight (multicanonical recursion,
-    Berg and Neuhaus 1992).
-    """
-    cells, base = chains.cells, chains.region
-    log_weight = np.zeros(cells.count)
-    visited = np.zeros(cells.count, dtype=bool)
-    quiet = 0
-    for _ in range(_PATIENCE):
-        counts, moves = np.zeros(cells.count), 0
-        for _ in range(_LOOKS):
-            moves += tuner.adapt()
-            counts += np.bincount(which_cell(chains.phi, cells), minlength=cells.count)
-        yield chains.region, moves
-        known = counts > 0
-        quiet = 0 if (known & ~visited).any() else quiet + 1
-        visited |= known
-        if quiet >= _QUIET and counts[visited].min() >= _EVEN * counts[visited].mean():
-            break
-        share = np.log(np.maximum(counts, 1.0) / counts[known].mean())
-        log_weight -= np.where(known, np.clip(share, -_LEAP, _LEAP), 0.0)
-        log_weight = np.where(visited, log_weight, _around(log_weight, visited, cells))
-        chains.narrow(replace(base, weights=_weights(log_weight, visited)))
-    chains.narrow(replace(base, weights=np.where(visited, _weights(log_weight, visited), 0.0)))
-    yield chains.region, tuner.adapt()
-
-
-def _weights(log_weight: Array, visited: npt.NDArray[np.bool_]) -> Array:
-    out: Array = np.exp(np.clip(log_weight - log_weight[visited].max(), -600.0, 600.0))
-    return out
-
-
-def _around(log_weight: Array, visited: npt.NDArray[np.bool_], cells: Cells) -> Array:
-    """For every cell, the mean log weight of the visited cells beside it; the smallest of all if there are none."""
-    shape = tuple(len(edge) - 1 for edge in cells.edges)
-    values, known = np.where(visited, log_weight, 0.0).reshape(shape), visited.reshape(shape).astype(np.float64)
-    total, many = np.zeros(shape), np.zeros(shape)
-    for axis in range(len(shape)):
-        for here, there in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-            before: tuple[slice, ...] = (slice(None),) * axis
-            total[(*before, here)] += values[(*before, there)]
-            many[(*before, here)] += known[(*before, there)]
-    least = float(log_weight[visited].min())
-    out: Array = np.where(many > 0, total / np.maximum(many, 1.0), least).ravel()
-    return out
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The stages that the plan of a splitting run finds, and a piece that goes through them one by one.
-
-
-SPLIT = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """Restrict the chains to `region`, then make `moves` moves by `tuning`. `counts` says whether the share that
-    survives is a factor of the probability: not between cells."""
-
-    region: Region
-    tuning: Tuning
-    moves: int
-    counts: bool
-
-
-@dataclass(slots=True)
-class PartialPiece:
-    """A piece after its first `stages` stages. `probability` is its estimate of that of their regions: 0 if no chain
-    survived."""
-
-    chains: Chains
-    stages: int = 0
-    probability: float = 1.0
-
-    def follow(self, stage: Stage) -> None:
-        """One more stage. Raises what `stop` raises."""
-        self.stages += 1
-        share = self.chains.narrow(stage.region) if self.probability else 0.0
-        if stage.counts or not share:
-            self.probability *= share
-        if share:
-            self.chains.run(stage.moves, stage.tuning)
-
-
-def generator(seed: int, piece: int) -> np.random.Generator:
-    """Random numbers of piece k; the plan's are those of piece -1."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLIT, piece + 1])))
-
-
-def begin(problem: Problem, chains: int, number: int, stop: Stop = NEVER) -> PartialPiece:
-    """Piece `number`, of so many chains, before its first stage."""
-    frame = frame_of(problem)
-    rng = generator(problem.request.seed, number)
-    return PartialPiece(Chains.start(frame, ChainTape(frame, stop=stop), problem.cells, chains, rng))
-
-
-def go_on(stored: bytes, stop: Stop = NEVER) -> PartialPiece:
-    """A piece that was begun before, perhaps in another process."""
-    begun: PartialPiece = pickle.loads(stored)  # noqa: S301 - from our own process
-    begun.chains.tape = ChainTape(begun.chains.chain_state, stop=stop)  # the time that is left is another one now
-    return begun
-
-
-KEPT = 0.5  # share of the chains that makes a level
-PIECES = 8  # pieces of a request that is large enough
-CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
-FEWEST = 1024  # minimum number of chains of a piece: with fewer ancestors the shares of modes would be noisy
-TAKES = 16  # maximum number of scenes from one chain
-NUMBERS = 1 << 21  # maximum number of coordinates of a piece's chains
-LEVELS = 1000
+LEVELS = 1000  # of a descent at most
 LEAST = 16  # chains beyond a value that most of them share, for a level to leave it behind
 STALL = 20  # if so many levels shrink the distance by less than 1 %, the range counts as unreachable
 
 
 @dataclass(frozen=True, slots=True)
-class Schedule:
-    """Everything that pieces need.
+class Region:
+    """Where chains may go: phi of every label from `low` to `high`, (L,) each.
 
-    The first `levels` stages are levels, the others balance the cells; `cells` are those that get scenes. A piece has
-    `chains` chains and takes `takes` scenes from each, `thinning` moves apart; `left` is the correlation that remains
-    after so many moves. `begun` are the first pieces as far as they were drawn while the plan was made: see `stages`.
+    `weights` (cells,) favour cells of the range: chains then follow the base distribution times the weight of their
+    cell, and a cell of weight 0 is closed. None if all scenes have the same weight.
     """
 
-    stages: tuple[Stage, ...]
-    levels: int
-    cells: frozenset[int]
-    chains: int
-    takes: int
-    thinning: int
-    left: float
-    evaluations: int
-    begun: Mapping[int, bytes] = field(default_factory=dict, repr=False, compare=False)
+    low: Array
+    high: Array
+    weights: Array | None = None
+
+    def holds(self, phi: Sequence[Array]) -> Mask:
+        """Which of B scenes lie within; NaN does not."""
+        inside = np.ones(phi[0].shape, dtype=bool)
+        for value, low, high in zip(phi, self.low, self.high, strict=True):
+            if low > -np.inf:
+                inside &= value >= low
+            if high < np.inf:
+                inside &= value <= high
+        return inside
+
+    def weigh(self, phi: Sequence[Array], cells: Cells) -> Array:
+        """The weight of B scenes. Those outside the region get an arbitrary weight."""
+        assert self.weights is not None
+        return self.weights[which_cell(phi, cells)]
+
+
+def which_cell(phi: Sequence[Array], cells: Cells) -> Index:
+    """The cell of B scenes, (B,); scenes out of the range get the nearest cell. Cells have equal widths along a
+    label."""
+    found = np.zeros(phi[0].shape, dtype=np.intp)
+    for label, edge in zip(cells.bounded, cells.edges, strict=True):
+        count = len(edge) - 1
+        along = (phi[label] - edge[0]) * (count / (edge[-1] - edge[0]))
+        along = np.nan_to_num(along, nan=0.0, posinf=count, neginf=0.0)
+        found = found * count + np.clip(along, 0, count - 1).astype(np.intp)
+    return found
+
+
+class ChainPopulation(Protocol):
+    """Chains, many of them: their scores (rows, P), and where they may go."""
+
+    @property
+    def phi(self) -> Sequence[Array]: ...
+
+    @property
+    def region(self) -> Region: ...
+
+    @property
+    def evaluations(self) -> int: ...
+
+    def narrow(self, region: Region, islands: int = 1) -> float:
+        """Restrict the chains to a region. Returns the share that survived (0: none did, and the chains are
+        unchanged)."""
+
+    def run(self, moves: int, tuning: Any) -> float:
+        """That many moves of every chain. Returns the share that was taken."""
 
 
 @dataclass(frozen=True, slots=True)
-class SplittingStalled:
-    """No plan: `why` the descent ended, the scenes it ended with, D rows and L phi, (P,) each, and its cost. There are
-    no scenes if time was up before the first."""
+class Stage:
+    """Restrict the chains to a region (None: to none in addition), then make `moves` moves by `tuning`. `counts` says
+    whether the share that survives is a factor of the probability: not between cells."""
 
-    why: Literal["time", "range"]
-    rows: tuple[Array, ...]
-    phi: tuple[Array, ...]
-    evaluations: int
+    region: Region | None
+    tuning: Any
+    moves: int
+    counts: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """Everything that pieces need. The first `levels` stages are factors of the probability; `cells` are those that get
+    scenes. A piece has `chains` chains and takes `takes` scenes from each, `thinning` moves apart; `left` is the
+    correlation that remains after so many moves."""
+
+    stages: tuple[Stage, ...]
     levels: int
+    cells: frozenset[int] | tuple[int, ...]
+    chains: int
+    left: float
+    evaluations: int
+    takes: int = 1
+    thinning: int = 0
 
 
-def make_schedule(
-    problem: Problem, budget: Budget, *, ahead: bool = False, most: float = np.inf
-) -> Schedule | SplittingStalled:
-    """The plan for a problem; SplittingStalled if the range cannot be reached, or time is up. `ahead`: another process
-    may begin to draw meanwhile, if the request is large. The descent may take `most` evaluations."""
-    try:
-        planner = _LevelPlanner(problem, budget, most)
-    except StoppedError:
-        return SplittingStalled("time", (), (), 0, 0)
-    return planner.plan(ahead=ahead)
+def follow(chains: ChainPopulation, stages: Sequence[Stage]) -> tuple[float, float]:
+    """A piece: chains at the base distribution go through the stages. Returns their estimate of the probability, 0 if
+    none survived, unbiased because the stages are fixed; and the share of moves taken in the last one."""
+    probability, taken = 1.0, 0.0
+    for stage in stages:
+        if stage.region is not None:
+            share = chains.narrow(stage.region)
+            if stage.counts or not share:
+                probability *= share
+            if not probability:
+                return 0.0, taken
+        taken = chains.run(stage.moves, stage.tuning)
+    return probability, taken
 
 
-class _LevelPlanner:
-    """One descent of one ensemble of chains, which records its stages."""
+P = TypeVar("P", bound=ChainPopulation)
 
-    def __init__(self, problem: Problem, budget: Budget, most: float = np.inf) -> None:
-        self._problem, self._budget, self._most = problem, budget, most
-        chain_state, cells = frame_of(problem), problem.cells
-        most = max(256, NUMBERS // chain_state.dimension)
-        least, n = max(FEWEST, 8 * cells.count), problem.request.n * 51 // 50  # a few come out of the range by rounding
-        self._chains = min(most, CHAINS, max(least, -(-n // PIECES)))
-        self._takes = min(TAKES, -(-n // (PIECES * self._chains)))
-        if self._takes > 1:  # as many pieces as planned, none for a few last scenes
-            self._chains = min(self._chains, max(least, -(-n // (PIECES * self._takes))))
-        ensemble = min(most, max(CHAINS // 2, least))  # one process makes the plan: more would only keep others waiting
-        tape = ChainTape(chain_state, stop=budget)
-        self._state = Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1))
-        self._tuner = Tuner(self._state)
-        self._stages: list[Stage] = []
-        self._ahead: Lookahead[Stage] | None = None
 
-    def plan(self, *, ahead: bool) -> Schedule | SplittingStalled:
-        problem, budget = self._problem, self._budget
-        pieces = -(-problem.request.n // (self._chains * self._takes))
-        workers = problem.request.workers
-        try:
-            if not ahead or pieces < PIECES // 2 or (cores() if workers is None else workers) < 2:
-                return self._plan()
-            job = Pieces[Stage](partial(begin, problem, self._chains, stop=budget))
-            work: Lookahead[Stage] = Lookahead(job, min(pieces, PIECES), budget.reserve)
-            with work as self._ahead:
-                found = self._plan()
-                return replace(found, begun=work.states()) if isinstance(found, Schedule) else found
-        except StoppedError:
-            return self._stalled("time")
+class Descent(ABC, Generic[P]):
+    """One descent of one ensemble of chains, which records its stages. `kept` is the share of the chains that makes a
+    level."""
 
-    def _plan(self) -> Schedule | SplittingStalled:
-        cells, labels, state = self._problem.cells, tuple(self._problem.core.labels), self._state
-        low, high = np.full(len(labels), -np.inf), np.full(len(labels), np.inf)
-        arrived = True
-        if labels[-1] == REQUIRE:
-            low[-1] = 0.0
-            arrived = self._descend(low, high, np.full(len(labels), -np.inf))
-        arrived = arrived and self._descend(cells.low, cells.high, low)
-        if not arrived:
-            return self._stalled("time" if self._budget.spent else "range")
-        levels, reached = len(self._stages), frozenset({0})
-        if cells.count > 1:
-            for region, moves in even_out(state, self._tuner):
-                self._add(Stage(region, self._tuner.tuning(), moves, False))
-                if self._budget.spent:
-                    return self._stalled("time")
-            assert state.region.weights is not None
-            reached = frozenset(map(int, np.flatnonzero(state.region.weights)))
-        statistics = Statistics(state.chain_state, self._budget)
-        tuning = self._tuner.tune(statistics)
-        memory = forgetting(state, statistics, tuning, LONGEST)
-        self._stages[-1] = replace(self._stages[-1], tuning=tuning)
-        evaluations = state.evaluations + self._tuner.evaluations
-        return Schedule(
-            tuple(self._stages), levels, reached, self._chains, self._takes, memory.moves, memory.left, evaluations
-        )
+    kept: float
 
-    def _add(self, stage: Stage) -> None:
-        """One more stage. Pieces may begin with the one before: only the last one's tuning will still change."""
-        if self._ahead is not None and self._stages:
-            self._ahead.add(self._stages[-1])
-        self._stages.append(stage)
+    def __init__(self, chains: P) -> None:
+        self.chains = chains
+        self.stages: list[Stage] = []
 
-    def _stalled(self, why: Literal["time", "range"]) -> SplittingStalled:
-        state = self._state
-        evaluations = state.evaluations + self._tuner.evaluations
-        return SplittingStalled(why, tuple(state.rows), tuple(state.phi), evaluations, len(self._stages))
+    @abstractmethod
+    def move(self) -> tuple[Any, int]:
+        """Move the chains until copies differ. Returns the tuning that does the same in a piece, and how many moves."""
 
-    def _descend(self, low: Array, high: Array, held: Array) -> bool:
-        """Restrict the chains to phi from `low` to `high`, level by level; `held` (L,) are lower ends that always hold.
-        Returns whether they have arrived."""
-        state = self._state
-        scale = self._scales(low, high)
-        history: list[float] = []
-        while not self._budget.spent and state.evaluations <= self._most:
-            distance = self._distance(low, high, scale)
-            level = float(np.quantile(distance, KEPT, method="lower"))
-            if level <= 0.0 or (distance <= 0.0).mean() >= KEPT:
-                level = 0.0
-            elif not np.isfinite(level):  # phi is undefined in most scenes: leave those first
+    def over(self) -> bool:
+        """Whether to end early."""
+        return False
+
+    def look(self, distance: Array, last: bool) -> None:
+        """The chains are so far from the range (P,): of the request, if that is the `last` one."""
+
+    def reach(self, cells: Cells, gates: Sequence[int]) -> bool:
+        """Restrict the chains to scores of at least 0 in each of the gates, rows of scores, then to the range of the
+        request. Returns whether they have arrived."""
+        low, high = np.full(len(self.chains.phi), -np.inf), np.full(len(self.chains.phi), np.inf)
+        held = low
+        for gate in gates:
+            low = held.copy()
+            low[gate] = 0.0
+            if not self._descend(low, high, held):
+                return False
+            held = low
+        return self._descend(cells.low, cells.high, held, last=True)
+
+    def _descend(self, low: Array, high: Array, held: Array, *, last: bool = False) -> bool:
+        """Restrict the chains to scores from `low` to `high`, level by level; `held` are lower ends that always
+        hold."""
+        scale, history = _scales(self.chains.phi, low, high), list[float]()
+        while not self.over():
+            distance = _distance(self.chains.phi, low, high, scale)
+            self.look(distance, last)
+            level = float(np.quantile(distance, self.kept, method="lower"))
+            if not np.isfinite(level):  # phi is undefined in most scenes: leave those first
                 level = float(distance[np.isfinite(distance)].max(initial=-1.0))
             elif history and level >= history[-1]:  # most share one value, say of an alternative that is a constant
                 beyond = distance[distance < level]
@@ -423,27 +188,31 @@ class _LevelPlanner:
             if level < 0.0 or (level > 0.0 and (stuck or len(history) > LEVELS)):
                 return False
             slack = level * (1.0 + 1e-9) * scale  # rounding must not exclude chains exactly on the level
-            region = Region(np.maximum(low - slack, held) if level else low, high + slack)
-            state.narrow(region)
-            moves = self._tuner.adapt()
-            self._add(Stage(region, self._tuner.tuning(), moves, True))
+            region = Region(np.maximum(low - slack, held) if level else low.copy(), high + slack)
+            self.chains.narrow(region)
+            self.stages.append(Stage(region, *self.move(), True))
             if level == 0.0:
                 return True
         return False
 
-    def _scales(self, low: Array, high: Array) -> Array:
-        """The typical distance of each label from its range, which makes metres and radians comparable."""
-        out = np.ones(len(low))
-        for label, phi in enumerate(self._state.phi):
-            off = np.maximum(low[label] - phi, phi - high[label])
-            off = off[np.isfinite(off) & (off > 0.0)]
-            if len(off):
-                out[label] = np.median(off)
-        return out
 
-    def _distance(self, low: Array, high: Array, scale: Array) -> Array:
-        """(P,) distance of the chains to the range, 0 within; infinite if phi is NaN."""
-        worst = np.zeros(self._state.count)
-        for phi, least, most, unit in zip(self._state.phi, low, high, scale, strict=True):
-            worst = np.maximum(worst, np.maximum(least - phi, phi - most) / unit)
-        return np.where(np.isnan(worst), np.inf, worst)
+def _scales(scores: Sequence[Array], low: Array, high: Array) -> Array:
+    """The typical distance of each score from its range, which makes metres and radians comparable."""
+    out = np.ones(len(scores))
+    for row, values in enumerate(scores):
+        off = np.maximum(low[row] - values, values - high[row])
+        off = off[np.isfinite(off) & (off > 0.0)]
+        if len(off):
+            out[row] = np.median(off)
+    return out
+
+
+def _distance(scores: Sequence[Array], low: Array, high: Array, scale: Array) -> Array:
+    """How far (P,) the chains are from the range, 0 within; infinite if a score is NaN."""
+    worst = np.zeros(scores[0].shape)
+    for values, least, most, unit in zip(scores, low, high, scale, strict=True):
+        below = least - values if least > -np.inf else -np.inf
+        above = values - most if most < np.inf else -np.inf
+        worst = np.maximum(worst, np.maximum(below, above) / unit)
+        worst = np.where(np.isnan(values), np.inf, worst)
+    return worst

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,13 +20,15 @@ import numpy.typing as npt
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import CHAINS_CORRELATED
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
+from scenegen.sampling.plan import Account, NoPlan, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.report import SHOWN, shortfall, student, too_early
+from scenegen.sampling.report import SHOWN, probability, shortfall, too_early
 from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
-from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, design_effect
-from scenegen.sampling.splitting.levels import SPLIT, Schedule, SplittingStalled, begin, go_on, make_schedule
-from scenegen.search.effort import MOVED, NEVER, Stop, per_scene
+from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, design_effect, forgetting
+from scenegen.sampling.splitting.levels import Descent, Schedule, Stage, follow
+from scenegen.sampling.splitting.moves import Tuning
+from scenegen.sampling.splitting.tuning import LONGEST, Tuner, even_out
+from scenegen.search.effort import MOVED, NEVER, Stop, StoppedError, per_scene
 
 Array = npt.NDArray[np.float64]
 
@@ -34,6 +36,118 @@ FACTS = 9  # of a piece, and two for each statistic
 _SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
 FEWEST = 4  # minimum number of pieces: the error bar of the probability is their spread
 BARREN = 8  # a run ends after so many pieces in a row without a new scene
+
+
+SPLIT = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
+KEPT = 0.5  # share of the chains that makes a level
+PIECES = 8  # pieces of a request that is large enough
+CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
+LEAST_CHAINS = 1024  # of a piece: with fewer ancestors the shares of modes would be noisy
+TAKES = 16  # maximum number of scenes from one chain
+NUMBERS = 1 << 21  # maximum number of coordinates of a piece's chains
+
+
+def generator(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers of piece k; the plan's are those of piece -1."""
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLIT, piece + 1])))
+
+
+def _aside(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
+    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
+
+
+@dataclass(frozen=True, slots=True)
+class SplittingStalled(NoPlan):
+    """No plan: `why` the descent ended, the scenes it ended with, D rows and L phi, (P,) each, and its cost. There are
+    no scenes if time was up before the first."""
+
+    why: Literal["time", "range"]
+    rows: tuple[Array, ...]
+    phi: tuple[Array, ...]
+    evaluations: int
+    levels: int
+
+    @property
+    def time_is_up(self) -> bool:
+        return self.why == "time"
+
+    def error(self, problem: Problem) -> RequestError:
+        """The nearest scenes show which atoms fail."""
+        tried = f"{self.evaluations:,} evaluations of splitting, {self.levels} levels"
+        if not self.phi:
+            return RequestError(too_early(problem, tried, len(problem.possible)))
+        shown = min(len(self.phi[0]), SHOWN)
+        rng = _aside(problem.request.seed, -1)
+        rows = frame_of(problem).complete([row[:shown] for row in self.rows], problem.lowest, problem.highest, rng)
+        return RequestError(shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in self.phi])))
+
+
+def make_schedule(problem: Problem, budget: Budget, most: float = np.inf) -> Schedule | SplittingStalled:
+    """The plan for a problem; SplittingStalled if the range cannot be reached, or time is up. The descent may take
+    `most` evaluations."""
+    try:
+        descent = _SceneDescent(problem, budget, most)
+    except StoppedError:
+        return SplittingStalled("time", (), (), 0, 0)
+    return descent.plan()
+
+
+class _SceneDescent(Descent[Chains]):
+    """The descent of a request for scenes."""
+
+    kept = KEPT
+
+    def __init__(self, problem: Problem, budget: Budget, most: float = np.inf) -> None:
+        self._problem, self._budget, self._most = problem, budget, most
+        chain_state, cells = frame_of(problem), problem.cells
+        most = max(256, NUMBERS // chain_state.dimension)
+        least, n = max(LEAST_CHAINS, 8 * cells.count), problem.request.n * 51 // 50  # rounding takes a few out of range
+        self._size = min(most, CHAINS, max(least, -(-n // PIECES)))
+        self._takes = min(TAKES, -(-n // (PIECES * self._size)))
+        if self._takes > 1:  # as many pieces as planned, none for a few last scenes
+            self._size = min(self._size, max(least, -(-n // (PIECES * self._takes))))
+        ensemble = min(most, max(CHAINS // 2, least))  # one process makes the plan: more would only keep others waiting
+        tape = ChainTape(chain_state, stop=budget)
+        super().__init__(Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1)))
+        self._tuner = Tuner(self.chains)
+
+    def plan(self) -> Schedule | SplittingStalled:
+        try:
+            return self._plan()
+        except StoppedError:
+            return self._stalled("time")
+
+    def _plan(self) -> Schedule | SplittingStalled:
+        cells, labels, chains = self._problem.cells, tuple(self._problem.core.labels), self.chains
+        if not self.reach(cells, [len(labels) - 1] if labels[-1] == REQUIRE else []):
+            return self._stalled("time" if self._budget.spent else "range")
+        levels, reached = len(self.stages), frozenset({0})
+        if cells.count > 1:
+            for region, moves in even_out(chains, self._tuner):
+                self.stages.append(Stage(region, self._tuner.tuning(), moves))
+                if self._budget.spent:
+                    return self._stalled("time")
+            assert chains.region.weights is not None
+            reached = frozenset(map(int, np.flatnonzero(chains.region.weights)))
+        statistics = Statistics(chains.chain_state, self._budget)
+        tuning = self._tuner.tune(statistics)
+        memory = forgetting(chains, statistics, tuning, LONGEST)
+        self.stages[-1] = replace(self.stages[-1], tuning=tuning)
+        evaluations = chains.evaluations + self._tuner.evaluations
+        stages = tuple(self.stages)
+        return Schedule(stages, levels, reached, self._size, memory.left, evaluations, self._takes, memory.moves)
+
+    def move(self) -> tuple[Tuning, int]:
+        moves = self._tuner.adapt()
+        return self._tuner.tuning(), moves
+
+    def over(self) -> bool:
+        return self._budget.spent or self.chains.evaluations > self._most
+
+    def _stalled(self, why: Literal["time", "range"]) -> SplittingStalled:
+        evaluations = self.chains.evaluations + self._tuner.evaluations
+        return SplittingStalled(why, tuple(self.chains.rows), tuple(self.chains.phi), evaluations, len(self.stages))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +184,9 @@ class Splitting(Plan):
 
     @property
     def plan_digest(self) -> str:
-        return digest("splitting", replace(self.schedule, begun={}))
+        one = self.schedule
+        values = one.stages, one.levels, one.cells, one.chains, one.takes, one.thinning, one.left, one.evaluations
+        return digest("splitting", Record("Schedule", (*values, {})))
 
     @property
     def reached(self) -> tuple[int, ...]:
@@ -150,15 +266,12 @@ class Splitting(Plan):
         return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
 
 
-def plan_splitting(
-    problem: Problem, budget: Budget, *, ahead: bool = True, longest: float = math.inf
-) -> Splitting | SplittingStalled:
+def plan_splitting(problem: Problem, budget: Budget, *, longest: float = math.inf) -> Splitting | SplittingStalled:
     """The plan of a problem; SplittingStalled if its range is not reached. There must be something to move: see
-    `moves`. `ahead`: it will probably be taken, so another process may begin to draw meanwhile. The descent may take
-    `longest` seconds, by the constants of bounds.effort."""
+    `moves`. The descent may take `longest` seconds, by the constants of bounds.effort."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
         most = longest / (MOVED * per_scene(problem.core.nodes)[0])
-        plan = make_schedule(problem, budget, ahead=ahead, most=most)
+        plan = make_schedule(problem, budget, most)
     return plan if isinstance(plan, SplittingStalled) else Splitting(problem, plan, budget)
 
 
@@ -166,7 +279,7 @@ def make_plan(problem: Problem, budget: Budget) -> Splitting:
     """The plan of a problem. Raises RequestError if its range is not reached."""
     plan = plan_splitting(problem, budget)
     if isinstance(plan, SplittingStalled):
-        raise RequestError(why_stalled(problem, plan))
+        raise plan.error(problem)
     return plan
 
 
@@ -177,14 +290,11 @@ def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER)
 
 
 def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> PopulationScenes:
-    stored = plan.begun.get(number)
-    begun = begin(problem, plan.chains, number, stop) if stored is None else go_on(stored, stop)
-    for stage in plan.stages[begun.stages :]:
-        begun.follow(stage)
-    chains = begun.chains
-    if not begun.probability:
+    chain_state, rng = frame_of(problem), generator(problem.request.seed, number)
+    chains = Chains.start(chain_state, ChainTape(chain_state, stop=stop), problem.cells, plan.chains, rng)
+    estimate, _ = follow(chains, plan.stages)
+    if not estimate:
         return _nothing(problem, chains.evaluations)
-    chain_state, rng = chains.chain_state, chains.rng
     statistics = Statistics(chain_state, stop)
     tuning = plan.stages[-1].tuning
     chains.pool = list(chains.rows)
@@ -207,7 +317,7 @@ def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> Pop
     if not good.all():
         rows, phi = rows[:, good], phi[:, good]
     share = stuck / (chains.count * plan.takes)
-    return PopulationScenes(rows, phi, begun.probability, accepted, share, effect, chains.evaluations)
+    return PopulationScenes(rows, phi, estimate, accepted, share, effect, chains.evaluations)
 
 
 def _nothing(problem: Problem, evaluations: int) -> PopulationScenes:
@@ -215,11 +325,6 @@ def _nothing(problem: Problem, evaluations: int) -> PopulationScenes:
     unbiased."""
     rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
     return PopulationScenes(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
-
-
-def _aside(seed: int, piece: int) -> np.random.Generator:
-    """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
-    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
 
 
 def _worst(count: float, effects: Array) -> float:
@@ -231,38 +336,3 @@ def _worst(count: float, effects: Array) -> float:
     mean, square = effects / count
     error = np.sqrt(np.maximum(square - mean * mean, 0.0) / (count - 1.0)) if count > 1.0 else 0.0
     return float((mean - 2.0 * error).max(initial=1.0))
-
-
-def probability(
-    count: int, total: float, square: float, logs: tuple[float, float] | None = None, excess: float = 0.0
-) -> dict[str, object]:
-    """log10 of the mean of independent unbiased estimates, given their number, sum and sum of squares, and the
-    half-width of its 95 % interval (Student's t, converted to the logarithm); None if unknown.
-
-    `logs` are the sum of the natural logarithms and that of their squares, where no estimate is 0: the interval is then
-    that of nearly lognormal estimates, see `interval.ratio`. `excess` is added to the logarithm of the mean.
-    """
-    if not total > 0.0:
-        return {"log10_probability": None, "log10_error": None}
-    mean = total / count
-    log10 = math.log10(mean) + excess / math.log(10.0)
-    out: dict[str, object] = {"log10_probability": round(log10, 5) + 0.0, "log10_error": None}
-    if count > 1:
-        variance = max(0.0, square - count * mean * mean) / (count - 1) / mean**2
-        if logs is not None:
-            scatter = max(0.0, logs[1] - logs[0] ** 2 / count) / (count - 1)
-            widest = scatter + 0.5 * scatter**2 * count / (count - 1)  # of a wild scatter: Cox's interval
-            variance = max(variance, math.expm1(scatter) if scatter < 1.0 else widest)
-        out["log10_error"] = round(student(count - 1) * math.sqrt(variance / count) / math.log(10.0), 5)
-    return out
-
-
-def why_stalled(problem: Problem, end: SplittingStalled) -> Diagnostic:
-    """The error for a descent that ended early; the nearest scenes show which atoms fail."""
-    tried = f"{end.evaluations:,} evaluations of splitting, {end.levels} levels"
-    if not end.phi:
-        return too_early(problem, tried, len(problem.possible))
-    shown = min(len(end.phi[0]), SHOWN)
-    rng = _aside(problem.request.seed, -1)
-    rows = frame_of(problem).complete([row[:shown] for row in end.rows], problem.lowest, problem.highest, rng)
-    return shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in end.phi]))

@@ -4,9 +4,8 @@ import numpy as np
 
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import evaluate
-from scenegen.sampling.growth.insert import held_ways, look_out, newly
-from scenegen.sampling.growth.machine import make_machine
-from scenegen.sampling.growth.particles import Particles
+from scenegen.sampling.growth.insertion import held_ways, look_out, newly
+from scenegen.sampling.growth.machine import Particles, make_machine
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 

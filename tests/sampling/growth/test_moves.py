@@ -5,9 +5,9 @@ import pytest
 from scipy import stats
 
 from scenegen.sampling.growth import moves
-from scenegen.sampling.growth.insert import attempt, scored
+from scenegen.sampling.growth.insertion import attempt, scored
+from scenegen.sampling.growth.machine import MoveTally
 from scenegen.sampling.growth.moves import MoveSettings, cluster, jump, reinsert, relocate, sweep
-from scenegen.sampling.growth.particles import MoveTally
 from scenegen.sampling.request import Range
 
 from .made import POSITIVE, anywhere, everything_placed, machine_of, plain, ways_held
@@ -30,61 +30,61 @@ SPECS = {
 
 def walk(particles):
     for thing in particles.placed:
-        moves._walk(particles, thing, MoveSettings({}), None)
+        moves._walk(particles, thing, MoveSettings({}), MoveTally())
 
 
 def redraw(particles):
     for thing in particles.placed:
-        reinsert(particles, thing, particles.machine.room(thing, particles.stage), 1, None)
+        reinsert(particles, thing, particles.machine.room(thing, particles.stage), 1, MoveTally())
 
 
 def redraw_of_many(particles):
     for thing in particles.placed:
-        reinsert(particles, thing, particles.machine.room(thing, particles.stage), 8, None)
+        reinsert(particles, thing, particles.machine.room(thing, particles.stage), 8, MoveTally())
 
 
 def relocated(particles):
     for group in particles.machine.groups.values():
         if len(group) > 1:
-            relocate(particles, [thing for thing in group if thing in particles.placed], 8, None)
+            relocate(particles, [thing for thing in group if thing in particles.placed], 8, MoveTally())
 
 
 def shift(particles):
     for thing, group in particles.machine.groups.items():
         if len(group) > 1:
-            moves._shift(particles, thing, group, MoveSettings({}), None)
+            moves._shift(particles, thing, group, MoveSettings({}), MoveTally())
 
 
 def turn(particles):
     for thing, group in particles.machine.groups.items():
         if len(group) > 1:
-            moves._turn(particles, thing, group, None)
+            moves._turn(particles, thing, group, MoveTally())
 
 
 def swap(particles):
     for kin in particles.machine.kin:
         first, second = particles.rng.choice(len(kin), size=2, replace=False)
-        moves._swap(particles, kin[first], kin[second], "swap", None)
+        moves._swap(particles, kin[first], kin[second], "swap", MoveTally())
 
 
 def shuffle(particles):
     for kin in particles.machine.kin:
-        moves._shuffle(particles, kin, "shuffle", None)
+        moves._shuffle(particles, kin, "shuffle", MoveTally())
 
 
 def trade(particles):
     for few, others in particles.machine.mixed:
-        moves._trades(particles, few, others, "trade", None)
+        moves._trades(particles, few, others, "trade", MoveTally())
 
 
 def jumps(particles):
     for thing in particles.placed:
-        jump(particles, thing, None)
+        jump(particles, thing, MoveTally())
 
 
 def clusters(particles):
     for _ in range(4):
-        cluster(particles, None)
+        cluster(particles, MoveTally())
 
 
 def everything(particles):
@@ -157,7 +157,7 @@ def drifting(particles):
     for thing in particles.placed:
         row = 3 * thing
         step = (2.0 * particles.rng.random(particles.count) - 0.9) * 0.1
-        attempt(particles, (thing,), {row: particles.scenes[row] + step})
+        attempt(particles, (thing,), {row: particles.scenes[row] + step}, kind="walk", tally=MoveTally())
 
 
 def careless(particles):
@@ -167,7 +167,8 @@ def careless(particles):
         boxes = room.boxes(particles.scenes, particles.cell, particles.machine.effort)
         poses = boxes.draw(1, particles.rng)[:, 0]
         rows = particles.machine.touch[thing].rows
-        attempt(particles, (thing,), dict(zip(rows, poses, strict=True)), boxes.volumes.sum(axis=0) > 0.0)
+        new, free = dict(zip(rows, poses, strict=True)), boxes.volumes.sum(axis=0) > 0.0
+        attempt(particles, (thing,), new, free, kind="walk", tally=MoveTally())
 
 
 def greedy(particles):

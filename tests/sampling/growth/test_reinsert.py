@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scenegen.sampling.growth.grow import AncestorEffect
 from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.population import MOST_TRIES, REDRAWN, RELOCATED, lifted
+from scenegen.sampling.growth.smc import AncestorEffect
 
 from .made import POSITIVE, everything_placed, machine_of, plain
 

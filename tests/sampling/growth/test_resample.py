@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scenegen.sampling.growth.particles import resample
+from scenegen.sampling.growth.machine import resample
 
 from .made import anywhere, everything_placed, machine_of
 

@@ -11,12 +11,10 @@ import pytest
 import scenegen
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
-from scenegen.processes.ahead import IdleWorkers
 from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.growth import machine as machine_module
-from scenegen.sampling.growth.population import start_growth
-from scenegen.sampling.growth.room import too_full
-from scenegen.sampling.growth.sampler import Growth, how_far, plan_growth
+from scenegen.sampling.growth.failure import how_far, too_full
+from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
@@ -37,7 +35,7 @@ def small_populations():
         patch.setattr("scenegen.sampling.growth.population.LEAST", 128)
         patch.setattr("scenegen.sampling.growth.sampler.LEAST", 128)
         patch.setattr("scenegen.sampling.growth.population.MOST", 256)
-        patch.setattr("scenegen.sampling.growth.grow.MOST_POSES", 1 << 17)
+        patch.setattr("scenegen.sampling.growth.smc.MOST_POSES", 1 << 17)
         yield
 
 
@@ -74,61 +72,12 @@ def test_the_plan_and_its_pieces_are_functions_of_the_request(plan):
 
 
 @pytest.mark.long
-def test_a_second_population_made_ahead_is_the_piece_that_would_be_drawn(plan):
-    requests = (dataclasses.replace(plan.problem.request, workers=workers) for workers in (2, 1))
-    problems = (dataclasses.replace(plan.problem, request=request) for request in requests)
-    ahead, later = (plan_growth(problem, Budget(600.0)) for problem in problems)
-    assert (len(ahead.recipe.taken), len(later.recipe.taken)) == (2, 1) and ahead.plan_digest == later.plan_digest
-    assert later.recipe.populations == 2
+def test_a_plan_can_be_pickled(plan):
+    again = pickle.loads(pickle.dumps(plan))  # noqa: S301
+    assert again.plan_digest == plan.plan_digest and plan.recipe.populations == 2
     for k in range(3):
-        one, other = ahead.draw(k), later.draw(k)
-        assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
-    assert not np.isin(ahead.draw(0).rows[0], ahead.draw(1).rows[0]).any()  # they know nothing of each other
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("first", [True, False])
-def test_populations_begun_elsewhere_make_the_same_plan(first, plan):
-    requests = (dataclasses.replace(plan.problem.request, workers=workers) for workers in (2, 1))
-    problems = [dataclasses.replace(plan.problem, request=request) for request in requests]
-    with start_growth(problems[0], Budget(600.0)) as elsewhere:
-        elsewhere.begin_second()
-        if first:
-            elsewhere.begin_first()
-        begun = plan_growth(problems[0], Budget(600.0), patient=False, started=elsewhere)
-    assert elsewhere.given_up  # so the next plan is made here
-    later = plan_growth(problems[1], Budget(600.0), patient=False, started=elsewhere)
-    assert start_growth(problems[1], Budget(600.0)) is None
-    assert (len(begun.recipe.taken), len(later.recipe.taken)) == (2, 1) and begun.plan_digest == later.plan_digest
-    for k in range(3):
-        one, other = begun.draw(k), later.draw(k)
-        assert one.rows.tobytes() == other.rows.tobytes() and one.facts.tobytes() == other.facts.tobytes()
-
-
-def test_a_run_does_not_wait_for_the_second_population(plan, alone):
-    """It is drawn while further pieces are; whoever pickles the plan waits for it."""
-    problem = dataclasses.replace(plan.problem, request=dataclasses.replace(plan.problem.request, workers=2))
-    with IdleWorkers(2) as reserve:
-        budget = Budget(600.0, reserve=reserve)
-        ahead = plan_growth(problem, budget)
-        assert list(ahead.underway()) == [1] and not ahead.alone().underway() and len(ahead.recipe.taken) == 1
-        found = in_memory(ahead, budget)
-        assert np.array_equal(found.rows[:2], alone.poses[:, 0, :2].T)
-        other = plan_growth(problem, budget)
-        again = pickle.loads(pickle.dumps(other))  # noqa: S301
-        assert len(again.recipe.taken) == 2 and not again.underway()
-        assert again.draw(1).rows.tobytes() == other.draw(1).rows.tobytes() == plan.draw(1).rows.tobytes()
-
-
-@pytest.mark.long
-def test_a_plan_that_was_closed_early_draws_the_same(plan):
-    problem = dataclasses.replace(plan.problem, request=dataclasses.replace(plan.problem.request, workers=2))
-    with IdleWorkers(2) as reserve:
-        ahead = plan_growth(problem, Budget(600.0, reserve=reserve))
-        ahead.close()
-        assert not ahead.underway()
-        assert ahead.draw(1).rows.tobytes() == plan.draw(1).rows.tobytes()
-        assert pickle.loads(pickle.dumps(ahead)).draw(1).rows.tobytes() == plan.draw(1).rows.tobytes()  # noqa: S301
+        assert again.draw(k).rows.tobytes() == plan.draw(k).rows.tobytes()
+    assert not np.isin(plan.draw(0).rows[0], plan.draw(1).rows[0]).any()  # populations know nothing of each other
 
 
 @pytest.mark.long

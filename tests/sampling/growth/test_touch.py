@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenegen.lang.formula.core import Coord, Junction, children
-from scenegen.sampling.growth.insert import _holds, held_ways
+from scenegen.sampling.growth.insertion import _holds, held_ways
 from scenegen.sampling.request import Range
 from scenegen.search.contract import push_down
 

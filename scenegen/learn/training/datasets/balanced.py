@@ -28,8 +28,9 @@ from scenegen.learn.models.codec import EVERY
 from scenegen.learn.training.datasets.dataset import Dataset, labelled
 from scenegen.learn.training.datasets.gathering import Gathering, SceneBatch, TimeUpError
 from scenegen.learn.training.recipes import GATHERING
-from scenegen.sampling.choose import choose
-from scenegen.sampling.engine.blocks import Drawing, draw_pieces
+from scenegen.processes.pool import run_pieces
+from scenegen.sampling.choice import choose
+from scenegen.sampling.engine.blocks import Drawing
 from scenegen.sampling.engine.run import BESIDE
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import Rarity, measure
@@ -254,9 +255,7 @@ class _Draws:
             seconds = share * max(0.0, self.seconds - self.kept[0])
             count = min(count, max(FEWEST, int(seconds / each)))
             made.seconds = count * each
-            with closing(
-                draw_pieces(Drawing(plan, len(self.spec.labels)), numbers_from(made.pieces), 1, None)
-            ) as pieces:
+            with closing(run_pieces(Drawing(plan, len(self.spec.labels)), numbers_from(made.pieces))) as pieces:
                 while made.rows.shape[1] < count:
                     try:
                         block, _, _ = next(pieces)

@@ -7,8 +7,8 @@ import scenegen
 from scenegen.errors import DataError, RequestError
 from scenegen.learn.evaluation.fidelity import energy_test
 from scenegen.pose import as_rows
+from scenegen.sampling import pairs
 from scenegen.sampling.engine.run import draw
-from scenegen.sampling.motions import pairs
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 

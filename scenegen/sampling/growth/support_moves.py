@@ -17,9 +17,8 @@ from scenegen.geometry.footprint import measures
 from scenegen.lang.check.heights import options_of
 from scenegen.lang.spec import CheckedSpec, SurfaceChoice
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, row_of
-from scenegen.sampling.growth.insert import attempt
-from scenegen.sampling.growth.machine import Machine
-from scenegen.sampling.growth.particles import MoveTally, Particles
+from scenegen.sampling.growth.insertion import attempt
+from scenegen.sampling.growth.machine import Machine, MoveTally, Particles
 
 # --------------------------------------------------------------------------------------------------------------------
 # What can move between surfaces, and what can come to stand on what, where supports are choices.
@@ -112,7 +111,7 @@ def ready(particles: Particles, one: Hop) -> bool:
     return all(_placed(particles, thing) for thing in asked)
 
 
-def hop(particles: Particles, one: Hop, tally: MoveTally | None) -> None:
+def hop(particles: Particles, one: Hop, tally: MoveTally) -> None:
     """Put an object on another surface, or elsewhere on its own: an independence move over the surfaces' boxes. Its
     heading is drawn as well, or stays the same against what carries it."""
     if one.choice is None:
@@ -138,7 +137,7 @@ def hop(particles: Particles, one: Hop, tally: MoveTally | None) -> None:
     _bring(particles, one, (one.thing, one.choice.switch), new, allowed, "hop", tally)
 
 
-def carry(particles: Particles, one: Hop, tally: MoveTally | None) -> None:
+def carry(particles: Particles, one: Hop, tally: MoveTally) -> None:
     """Move an object by a random step, with all that stands on it."""
     machine, rng, count, scenes = particles.machine, particles.rng, particles.count, particles.scenes
     if not one.riders:
@@ -159,7 +158,7 @@ def _bring(
     new: dict[int, Array],
     allowed: Bool,
     kind: str,
-    tally: MoveTally | None,
+    tally: MoveTally,
 ) -> None:
     """Try an object's new pose, with what stands on it turned and moved along."""
     scenes, rows = particles.scenes, particles.machine.graph.rows
@@ -179,9 +178,9 @@ def _bring(
                 new[row] = np.where(along, value, scenes[row])
     touch = particles.machine.touch
     things = tuple(thing for thing in things if thing in touch)  # a switch can be a part of its object
-    good = attempt(particles, (*things, *(rider for rider in riding if rider != one.thing)), new, allowed)
-    if tally is not None:
-        tally.note(kind, len(good), int(good.sum()))
+    attempt(
+        particles, (*things, *(rider for rider in riding if rider != one.thing)), new, allowed, kind=kind, tally=tally
+    )
 
 
 def _along(particles: Particles, rider: int, riding: dict[int, Bool]) -> Bool | None:

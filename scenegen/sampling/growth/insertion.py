@@ -11,9 +11,8 @@ import numpy.typing as npt
 
 from scenegen.pose import FLAT, axis_of, owner, row_of
 from scenegen.sampling.growth.graph import Clause
-from scenegen.sampling.growth.machine import Machine, SurfacePlaces, chance
-from scenegen.sampling.growth.particles import Particles
-from scenegen.sampling.growth.room import Boxes, make_room
+from scenegen.sampling.growth.machine import Machine, MoveTally, Particles, chance
+from scenegen.sampling.growth.room import Boxes, SurfacePlaces, make_room
 from scenegen.sampling.growth.touch import within
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -359,9 +358,13 @@ def attempt(
     things: Sequence[int],
     new: Mapping[int, Array],
     allowed: Bool | None = None,
+    *,
+    kind: str,
+    tally: MoveTally,
 ) -> Bool:
     """Move `things` to the rows' new values, (P,) each, in the scenes in which all clauses in force stay met, and say
-    in which that was so. Where what begun choices promise changes, moves are taken in proportion to that."""
+    in which that was so; `tally` counts it as a move of a `kind`. Where what begun choices promise changes, moves are
+    taken in proportion to that."""
     machine, cell = particles.machine, particles.cell
     graph = machine.graph
     good = np.ones(particles.count, dtype=bool) if allowed is None else allowed.copy()
@@ -393,6 +396,7 @@ def attempt(
         assert known is not None
         np.copyto(known, table, where=good)
         np.copyto(particles.chances[index], chances, where=good)
+    tally.note(kind, len(good), int(good.sum()))
     return good
 
 

@@ -13,7 +13,7 @@ from scenegen.api.scenes import SceneSet, check_count
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_PLACE
 from scenegen.lang.checker import check_text
-from scenegen.scenes.formats.motions.table import is_motions
+from scenegen.scenes.formats.registry import is_motions
 from scenegen.validation import as_path
 from scenegen.worlds.export.simulators import check_out
 from scenegen.worlds.files import OF_SCENES, Exported, Own, numbers, of_scenes, write

@@ -54,7 +54,8 @@ class Fake(Plan):
 
 def fake(n, digest="fake"):
     spec = SimpleNamespace(objects=NAMES, shapes=SHAPES, fixed={}, regions=(), declares_heights=False)
-    return Fake(SimpleNamespace(spec=spec, request=SampleRequest(n=n, seed=5), cells=CELLS), digest)
+    problem = SimpleNamespace(spec=spec, request=SampleRequest(n=n, seed=5), cells=CELLS, scenes=lambda rows: rows)
+    return Fake(problem, digest)
 
 
 def settling(plan, workers=1):

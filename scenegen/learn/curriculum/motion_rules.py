@@ -351,7 +351,7 @@ def make_motion_rules(
         raise refused(NOT_OVER_TIME(file=scenes.declared.name), more=f"for scenes make {ID}")
     with as_gymnasium():
         refuse_choices(scenes, "a motion")
-        problem, _ = make_problem(scenes.declared, SampleRequest({}, 1))
+        problem = make_problem(scenes.declared, SampleRequest({}, 1))
     wanted = _labels(scenes, goal)
     made = MotionMoves(problem, moves, share)
     starts = open_motions(scenes, source)

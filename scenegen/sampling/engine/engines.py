@@ -24,7 +24,7 @@ from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import Cells, Drawing
 from scenegen.sampling.plan import Index, Plan
 from scenegen.scenes.blocks import Array, Block, taken
-from scenegen.scenes.data import SceneFile
+from scenegen.scenes.motions import AnyFile
 from scenegen.scenes.sets import Shard, make_shard
 from scenegen.scenes.stores import Store
 
@@ -54,7 +54,7 @@ class ShardWriter:
 
     plan: Plan
     store: Store
-    header: SceneFile
+    header: AnyFile
     labels: tuple[str, ...]
     stored: Callable[[Array], Array] | None = None  # makes of the core's rows what files hold
 

@@ -13,7 +13,7 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any, Generic, TypeVar
+from typing import IO, TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -25,11 +25,13 @@ from scenegen.sampling.engine.blocks import BlockAssembler, Cells, Drawing, draw
 from scenegen.sampling.plan import Array, Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Block
-from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import begin_writing
-from scenegen.scenes.formats.registry import HEADER_LAST, TEXT, format_of
+from scenegen.scenes.formats.registry import HEADER_LAST, SCENES, TEXT, format_of
 from scenegen.scenes.shards import Shards, folder_of, open_shards
 from scenegen.search.effort import StoppedError
+
+if TYPE_CHECKING:
+    from scenegen.scenes.motions import AnyFile
 
 # --------------------------------------------------------------------------------------------------------------------
 # The scene file into which the blocks of a run are joined.
@@ -53,9 +55,11 @@ class JoinedFile:
         workers: int,
         reserve: IdleWorkers | None,
         scenes: int,
+        kind: str,
     ) -> None:
         self._shards, self._labels = shards, labels
-        self._format, self._ending = format_of(path), path.suffix.lower()
+        self._format = format_of(path, kind)
+        self._ending = path.suffix.lower() if kind == SCENES else ""
         self._joining, self._stored = joining, stored
         self._workers, self._reserve, self._scenes = workers, reserve, scenes
 
@@ -64,9 +68,7 @@ class JoinedFile:
         """Whether it can be packed while scenes are drawn, by a core that one worker would not use."""
         return self._workers > 1 and self._ending in HEADER_LAST
 
-    def write(
-        self, header: SceneFile, blocks: Iterable[Block], *, final: Callable[[], SceneFile] | None = None
-    ) -> None:
+    def write(self, header: AnyFile, blocks: Iterable[Block], *, final: Callable[[], AnyFile] | None = None) -> None:
         """`final` gives the header after the last block, if the format can wait for it. Raises OutputError."""
         with ExitStack() as ending:
             options: dict[str, Any] = {} if final is None else {"final": final}
@@ -304,7 +306,7 @@ def stream_scenes(
     path: Path,
     plan: Plan,
     labels: Sequence[str],
-    header: Callable[[Tally], SceneFile],
+    header: Callable[[Tally], AnyFile],
     *,
     request: Mapping[str, object],
     workers: int = 1,
@@ -341,8 +343,8 @@ def stream_scenes(
     raises.
     """
     trial = header(Tally(0, 0, 0, 0))
-    format_of(path).write(io.BytesIO(), trial, labels, [])
-    coordinates = len(plan.problem.lowest)
+    format_of(path, trial.format).write(io.BytesIO(), trial, labels, [])
+    coordinates = plan.problem.rows
     with contextlib.ExitStack() as ending:
         standing = RunProgress(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, size, plan.groups))
         drawing = Drawing(plan, len(labels))
@@ -355,7 +357,7 @@ def stream_scenes(
         facts = {**request, "plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "block": size}
         shards = ending.enter_context(open_shards(path, facts, coordinates, resume=resume))
         ending.enter_context(_saying_how_to_go_on(path, shards))
-        file = JoinedFile(shards, path, labels, joining, stored, workers, reserve, plan.wanted)
+        file = JoinedFile(shards, path, labels, joining, stored, workers, reserve, plan.wanted, trial.format)
         run = _StoredRun(shards, standing, inspect)
         if shards.state:
             waiting = np.empty((0, 0)) if shards.joined else shards.pool()
@@ -423,7 +425,7 @@ class _StoredRun:
         self._shards, self._inspect = shards, inspect
         self._last = time.monotonic()
         self._packing: BlockPacker[None] | None = None  # the file, if it is packed while the run goes on
-        self._header: SceneFile | None = None
+        self._header: AnyFile | None = None
 
     @property
     def ahead(self) -> bool:
@@ -431,11 +433,11 @@ class _StoredRun:
         return self._packing is not None
 
     @contextlib.contextmanager
-    def packed_ahead(self, file: JoinedFile, header: SceneFile) -> Iterator[None]:
+    def packed_ahead(self, file: JoinedFile, header: AnyFile) -> Iterator[None]:
         """The file is packed by a thread from now on, with a preliminary header; a context manager, at the end of which
         an unfinished one is given up."""
 
-        def final() -> SceneFile:
+        def final() -> AnyFile:
             assert self._header is not None
             return self._header
 
@@ -449,7 +451,7 @@ class _StoredRun:
             finally:
                 self._packing.give_up()
 
-    def join(self, file: JoinedFile, header: SceneFile, rest: Block | None = None) -> None:
+    def join(self, file: JoinedFile, header: AnyFile, rest: Block | None = None) -> None:
         """Make the file of all blocks, and `rest`. Raises OutputError."""
         if self._packing is None:
             file.write(header, itertools.chain(self._shards.blocks(), [] if rest is None else [rest]))

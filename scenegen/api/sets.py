@@ -49,7 +49,6 @@ def write_set(
     """
     store = open_store(location, on_note)
     request = check_request(source, request)
-    from scenegen.sampling.engine.blocks import Drawing
     from scenegen.sampling.engine.engines import ShardWriter, check_engine, open_engine
     from scenegen.sampling.engine.run import open_budget, request_of
     from scenegen.sampling.engine.sets import write_set as write
@@ -76,8 +75,6 @@ def write_set(
             return summed_up(plan, tally)[0]
 
         with held(store) as hold, open_engine(engine, request.workers, plan, address, budget.reserve) as chosen:
-            if not resume:  # what follows is done while the first pieces are drawn
-                chosen.prepare(Drawing(plan, len(labels)))
             header = header_of(plan.problem, {"method": plan.method})
             writing = ShardWriter(plan, store, header, labels, stored_form(plan.problem))
             facts = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method}

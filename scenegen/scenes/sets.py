@@ -252,12 +252,11 @@ def make_shard(
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
     made: ShardRequest | None = None,
-    beside: bool = False,
 ) -> Shard:
     """Write a shard of one block or more; the same scenes give the same bytes. With `rarity` it says of each scene how
     rare its phi is. Raises OutputError."""
     with store.whole(shard_name(number)) as sink:
-        return pack_shard(sink, number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made, beside=beside)
+        return pack_shard(sink, number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made)
 
 
 def pack_shard(
@@ -270,9 +269,8 @@ def pack_shard(
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
     made: ShardRequest | None = None,
-    beside: bool = False,
 ) -> Shard:
-    """Pass the bytes of a shard to a sink. `beside`: a thread of its own does that and computes the hash. Raises what
+    """Pass the bytes of a shard to a sink. Raises what
     the sink raises."""
     parts: list[Array] = []  # phi of the blocks
 
@@ -285,7 +283,7 @@ def pack_shard(
         assert rarity is not None
         return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
 
-    with HashingWriter(sink, beside=beside) as packed:
+    with HashingWriter(sink) as packed:
         if isinstance(header, SceneFile):
             parquet.write(packed, header, labels, seen(), None if rarity is None else rare)
         else:

@@ -114,7 +114,7 @@ def test_sets_are_gone_on_with(plan, tmp_path):
 
 def tally_of(plan):
     """How many pieces the plan takes."""
-    from scenegen.sampling.engine.stream import run_blocks
+    from scenegen.sampling.engine.blocks import run_blocks
 
     run = run_blocks(plan, 1, size=BLOCK)
     while True:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from scenegen.geometry import Box
-from scenegen.sampling.engine.blocks import BlockAssembler
-from scenegen.sampling.engine.stream import run_blocks
+from scenegen.sampling.engine.blocks import BlockAssembler, run_blocks
 from scenegen.sampling.plan import Account, Piece, Plan
 from scenegen.sampling.request import Cells, SampleRequest
 from scenegen.scenes.blocks import Block

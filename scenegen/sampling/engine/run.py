@@ -21,7 +21,8 @@ from scenegen.errors import Diagnostic
 from scenegen.processes.ahead import IdleWorkers
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import cores
-from scenegen.sampling.engine.stream import run_blocks, stream_scenes
+from scenegen.sampling.engine.blocks import run_blocks
+from scenegen.sampling.engine.stream import stream_scenes
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.problem import Budget, Problem

@@ -51,6 +51,7 @@ from scenegen.scenes.formats.header import dump_header, load_header
 
 Check = Callable[["Footer"], None]
 
+HEADER_LAST = True  # see `registry`
 KEY = b"scenegen"  # of the header in the file's metadata
 BUFFER = 1 << 22  # bytes written at a time: Arrow writes a page in small parts, and would wait for Python with each
 LARGEST = 1 << 30  # bytes of a row group, unpacked

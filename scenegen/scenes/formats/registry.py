@@ -3,9 +3,8 @@
     write(sink, header, labels, blocks)   scenes, or motions, into an open binary file, block by block
     read(path)                            an open file of scenes, or all motions of a file
 
-Both have only a few blocks in memory for files of any length, except JSON, which is read as a whole. Formats of
-HEADER_LAST can be written before the whole of the header is known: their `write` takes `final`, which gives it. Those
-of TEXT take `each`, a `map` of several processes.
+Both have only a few blocks in memory for files of any length, except JSON, which is read as a whole. A format
+with HEADER_LAST can be written before the whole of the header is known: its `write` takes `final`, which gives it.
 """
 
 from __future__ import annotations
@@ -40,9 +39,6 @@ MOTION_FORMATS: dict[str, str] = {
 }
 
 SCENES, MOTIONS = "scenegen/scenes", "scenegen/motions"  # what the headers of files call their formats
-
-HEADER_LAST = {".parquet"}
-TEXT = {".json", ".jsonl"}
 
 # Endings of simulators' and planners' files (see `export`): for these, the error of `sample` suggests `export`.
 ENDINGS: dict[str, str] = {

@@ -37,7 +37,7 @@ import torch
 
 import scenegen
 from scenegen.resources import shipped_specs
-from scenegen.sampling.engine.stream import run_blocks
+from scenegen.sampling.engine.blocks import run_blocks
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.sampler import Rejection, make_plan
 from scenegen.sampling.request import Range, SampleRequest

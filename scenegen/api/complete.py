@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.request import check_request, request_data
-from scenegen.api.scene_arrays import make_header, stored_rows
-from scenegen.api.scenes import SceneSet
+from scenegen.api.request import check_request
+from scenegen.api.scenes import SceneSet, scenes_of
 from scenegen.api.spec import LearnedModel, Spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import (
@@ -28,7 +27,7 @@ from scenegen.errors.requests import (
     UNKNOWN_OBJECT,
     WRONG_VALUE,
 )
-from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, Y, as_poses, row_count, row_of
+from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, Y, row_of
 from scenegen.sampling.plan import verify
 from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.request import SampleRequest
@@ -122,11 +121,7 @@ def complete(spec: Spec | LearnedModel, request: SampleRequest, fix: Any, draw: 
     if not hit.any():
         raise RequestError(NO_SCENES())
     facts = {"draws": draws, "acceptance": float(hit.sum()) / draws, "held": names}
-    header = make_header(checked, {"method": "completed", **facts}, request_data(problem.request))
-    count = row_count(len(checked.objects))
-    on = stored_rows(checked, rows)[count:].T if checked.choices else None
-    by_label = dict(zip(checked.labels, phi, strict=False))
-    return SceneSet(as_poses(rows[:count]), by_label, header, tuple(warnings), on=on, trusted=True)
+    return scenes_of(problem, {"method": "completed", **facts}, rows, phi, tuple(warnings))
 
 
 def _held(problem: Problem, given: Array) -> Array:

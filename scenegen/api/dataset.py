@@ -294,7 +294,7 @@ def make_dataset(
     from scenegen.scenes import sets
 
     listed = list(specs)
-    size = sets.shard_size(as_int("shard_size", shard_size), 1, 1)
+    size = sets.shard_size(as_int("shard_size", shard_size), 4)
     stores = {name: open_store(inside(location, name)) for name, _ in listed}
     begun = {name: sets.refuse_taken(store, resume=resume) for name, store in stores.items()}
     known = {name: None if one is None or "parts" not in one.request else plan_from(one) for name, one in begun.items()}

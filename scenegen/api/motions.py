@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,20 +12,19 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.request import Phi, check_request, read_phi
-from scenegen.api.sample import partial
-from scenegen.api.scene_arrays import make_header
+from scenegen.api.sample import run_in_memory
+from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.api.scenes import SceneSet
-from scenegen.api.spec import Spec, check_spec, refuse_choices
+from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import UNKNOWN_CHOICE
-from scenegen.errors.time import NOT_FOR_MOTIONS, NOT_OVER_TIME, TOO_FEW_MOTIONS
+from scenegen.errors.time import NOT_OVER_TIME
 from scenegen.pose import X
 from scenegen.sampling.request import FixedPose, SampleRequest
-from scenegen.scenes.data import RequestData
-from scenegen.scenes.formats.motions.table import MotionArrays, scenes_header
-from scenegen.scenes.formats.motions.table import read_motions as read
-from scenegen.scenes.formats.motions.table import write_motions as write
-from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
+from scenegen.scenes.blocks import Block
+from scenegen.scenes.formats.motions import FACTS, MotionArrays, motions_of, scenes_header, write_json
+from scenegen.scenes.formats.registry import read_motions as read
+from scenegen.scenes.formats.registry import write_motions
+from scenegen.scenes.locations import as_location, is_set
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
@@ -34,23 +34,12 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MotionSet:
+class MotionSet(MotionArrays):
     """n motions of N objects over T steps: `poses` (n, T + 1, N, 3), x and y in metres and theta in radians, objects in
     the order of `objects`, NaN for those that are not there. `phi` and `facts` map names to (n,) values. `header` is
     the motion file without motions."""
 
-    poses: Array
-    phi: Mapping[str, Array]
-    facts: Mapping[str, Array]
-    header: MotionFile
     warnings: tuple[Diagnostic, ...] = field(default=())
-
-    def __len__(self) -> int:
-        return int(self.poses.shape[0])
-
-    @property
-    def objects(self) -> tuple[str, ...]:
-        return tuple(one.name for one in self.header.objects)
 
     @property
     def counts(self) -> dict[str, npt.NDArray[np.intp]]:
@@ -58,7 +47,7 @@ class MotionSet:
         category the number of its asset, from 1."""
         if not self.header.counts:
             return {}
-        return dict(zip((one.name for one in self.header.counts), self._arrays().numbers, strict=True))
+        return dict(zip((one.name for one in self.header.counts), self.numbers, strict=True))
 
     @property
     def present(self) -> npt.NDArray[np.bool_]:
@@ -82,24 +71,17 @@ class MotionSet:
     def _scenes(self, poses: Array) -> SceneSet:
         return SceneSet(poses, {}, scenes_header(self.header))
 
-    def _arrays(self) -> MotionArrays:
-        return MotionArrays(self.header, self.poses, self.phi, self.facts)
-
     def save(self, path: str | Path) -> Path:
         """Write the motions, as .json, .jsonl, .parquet or .csv by the path's ending; the file appears whole or not at
         all. A .csv file holds numbers alone. Raises RequestError, OutputError."""
         path = as_path("path", path)
-        write(path, self._arrays())
+        write_motions(path, self)
         return path
 
     def dump(self) -> bytes:
         """The bytes of the .json file."""
-        import io
-
-        from scenegen.scenes.formats.motions.text import write as write_text
-
         sink = io.BytesIO()
-        write_text(sink, self._arrays(), ".json")
+        write_json(sink, self.header, tuple(self.phi), [self.block()], tuple(self.facts))
         return sink.getvalue()
 
     def figures(
@@ -118,9 +100,7 @@ class MotionSet:
         `SceneSet.figures`. phi at a moment is that of the formula from there on. Raises RequestError, OutputError."""
         from scenegen.show.motions import figures
 
-        return figures(
-            self._arrays(), out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=workers
-        )
+        return figures(self, out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
 
     def animate(
         self,
@@ -138,18 +118,20 @@ class MotionSet:
         RequestError, also without the extra `video` for .mp4, and OutputError."""
         from scenegen.show.motions import animate
 
-        return animate(
-            self._arrays(), path, motion, view=view, size=size, distinct=distinct, label=label, workers=workers
-        )
+        return animate(self, path, motion, view=view, size=size, distinct=distinct, label=label, workers=workers)
 
 
 def read_motions(path: str | Path) -> MotionSet:
-    """The motions of a .json, .jsonl or .parquet file. Raises DataError, RequestError."""
-    found = read(as_path("path", path))
+    """The motions of a .json, .jsonl or .parquet file, or of a set by its folder or URL. Raises DataError,
+    RequestError."""
+    if is_set(path):
+        from scenegen.scenes.open_store import open_store
+        from scenegen.scenes.sets import read_motion_set
+
+        found = read_motion_set(open_store(as_location(path)))
+    else:
+        found = read(as_path("path", path))
     return MotionSet(found.poses, found.phi, found.facts, found.header)
-
-
-METHODS = ("auto", "rejection", "splitting")
 
 
 def sample_motions(
@@ -183,38 +165,11 @@ def sample_motions(
 
 def draw_motions(spec: Spec, request: SampleRequest, *, watch: Watch | None = None) -> MotionSet:
     """The motions of a request; `watch` is shown what comes near it meanwhile. Raises what `sample_motions` raises."""
-    from scenegen.sampling.motions.sampler import sample
-    from scenegen.sampling.motions.scores import make_problem
-    from scenegen.sampling.problem import Budget
-
     check_spec(spec)
     if spec.over_time is None:
         raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
-    refuse_choices(spec, "a motion")
-    for argument in ("settle", "raw"):
-        if getattr(request, argument):
-            raise RequestError(NOT_FOR_MOTIONS(argument=argument))
-    if request.method not in METHODS:
-        raise RequestError(UNKNOWN_CHOICE(what="method", name=request.method, known=METHODS))
-    request = replace(check_request(spec, replace(request, method="auto")), method=request.method)
-    budget = Budget(request.timeout)
-    problem, warnings = make_problem(spec.declared, request, budget)
-    made = sample(problem, budget, method=request.method, watch=watch)
-    if not made.complete:
-        reason = "time is up" if budget.spent else "the search did not reach the range"
-        shortfall = TOO_FEW_MOTIONS(found=made.count, wanted=request.n, reason=reason)
-        if not (request.keep_partial and made.count):
-            raise RequestError(shortfall)
-        warnings = (*warnings, partial(shortfall))
-    phi = dict(zip(spec.labels, np.ascontiguousarray(made.phi.T), strict=True))
-    steps = np.hypot(*np.moveaxis(np.diff(made.poses[..., :2], axis=1), -1, 0))
-    facts = {"moved": (steps > 0.0).any(axis=1).sum(axis=1).astype(np.float64), "way": steps.sum(axis=(1, 2))}
-    ranges = {name: (one.low, one.high) for name, one in request.phi.items()}
-    info = dict(made.info)
-    scenes = make_header(spec.declared, info, RequestData(phi={}, n=request.n))
-    header = MotionFile(
-        spec=scenes.spec, workspace=scenes.workspace, objects=scenes.objects, regions=scenes.regions, sampler=info,
-        time=TimeData(steps=problem.steps, dt=problem.dt), motions=[],
-        request=MotionRequestData(phi=ranges, n=request.n),
-    )  # fmt: skip
-    return MotionSet(made.poses, phi, facts, header, warnings)
+    plan, drawn, warnings = run_in_memory(spec, check_request(spec, request), watch=watch)
+    stored = stored_form(plan.problem)
+    assert stored is not None
+    found = motions_of(header_of(plan.problem, drawn.info), spec.labels, FACTS, Block(stored(drawn.rows), drawn.phi))
+    return MotionSet(found.poses, found.phi, found.facts, found.header, warnings)

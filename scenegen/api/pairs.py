@@ -9,13 +9,12 @@ import numpy as np
 
 from scenegen.api.motions import MotionSet
 from scenegen.api.request import Phi, check_request, read_phi
-from scenegen.api.scene_arrays import make_header
+from scenegen.api.scene_arrays import motion_header
 from scenegen.api.spec import Spec, check_spec, refuse_choices
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.pose import as_poses
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scenes.data import RequestData
 from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.validation import as_int
 
@@ -97,9 +96,4 @@ def _header(
     """The file without its pairs: one step of one second from start to goal."""
     phi = {f"{START}{name}": (one.low, one.high) for name, one in start.items()}
     phi |= {f"{GOAL}{name}": (one.low, one.high) for name, one in goal.items()}
-    scenes = make_header(spec.drawn, sampler, RequestData(phi={}, n=n))
-    return MotionFile(
-        spec=scenes.spec, workspace=scenes.workspace, objects=scenes.objects, counts=scenes.counts,
-        regions=scenes.regions, sampler=sampler, time=TimeData(steps=1), request=MotionRequestData(phi=phi, n=n),
-        motions=[],
-    )  # fmt: skip
+    return motion_header(spec.drawn, sampler, MotionRequestData(phi=phi, n=n), TimeData(steps=1))

@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from numbers import Real
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, TypeAlias
 
-from scenegen.api.spec import LearnedModel, Spec, spec_of
+from scenegen.api.spec import LearnedModel, Spec, refuse_choices, spec_of
 from scenegen.errors import RequestError
 from scenegen.errors.requests import (
     LABEL_NOT_NAMED,
@@ -20,14 +20,15 @@ from scenegen.errors.requests import (
     UNKNOWN_CHOICE,
     WRONG_VALUE,
 )
+from scenegen.errors.time import NOT_FOR_MOTIONS
 from scenegen.needs import need
 from scenegen.sampling.methods import METHODS
-from scenegen.sampling.request import Range, SampleRequest, Spread
-from scenegen.scenes.data import RequestData
+from scenegen.sampling.request import Range, SampleRequest
 from scenegen.validation import as_int, as_list
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
+    from scenegen.sampling.motions.schedule import Watch
     from scenegen.sampling.plan import Plan
     from scenegen.sampling.problem import Budget
 
@@ -36,6 +37,8 @@ Phi: TypeAlias = Mapping[str, Ends | Range] | Ends | Range
 """Ranges of phi by label, or of the one label of a spec that has no other."""
 
 Note = Callable[[str], None]
+
+MOTION_METHODS = ("auto", "rejection", "splitting")
 
 
 def read_phi(source: Spec | LearnedModel, phi: Phi | None) -> dict[str, Range]:
@@ -64,13 +67,15 @@ def _range(label: str, ends: object) -> Range:
 def check_request(source: Spec | LearnedModel, request: SampleRequest) -> SampleRequest:
     """The request with its method chosen for a model; what depends on the spec is checked by `make_problem`. Raises
     RequestError for values of the wrong kind, and for settings that do not go together."""
-    spec_of(source)
+    over_time = spec_of(source).over_time is not None
+    if over_time:
+        _check_for_motions(spec_of(source), request)
     n, seed = as_int("n", request.n), as_int("seed", request.seed)
     fix, raw, timeout = request.fix, request.raw, request.timeout
     if not isinstance(fix, Mapping):
         wanted = 'poses by name: fix={"plate": (0.5, 0.5)}'
         raise RequestError(WRONG_VALUE(argument="fix", value=repr(fix), wanted=wanted))
-    method = _method(request.method, source, raw)
+    method = request.method if over_time else _method(request.method, source, raw)
     if not (isinstance(timeout, Real) and math.isfinite(timeout) and timeout > 0):
         shown = f"{timeout:g}" if isinstance(timeout, float | int) else repr(timeout)
         wanted = "a positive number of seconds"
@@ -82,6 +87,14 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
     if request.settle:
         need("pybullet", "to settle scenes")
     return replace(request, n=n, seed=seed, method=method)
+
+
+def _check_for_motions(spec: Spec, request: SampleRequest) -> None:
+    refuse_choices(spec, "a motion")
+    if request.raw:
+        raise RequestError(NOT_FOR_MOTIONS(argument="raw"))
+    if request.method not in MOTION_METHODS:
+        raise RequestError(UNKNOWN_CHOICE(what="method", name=request.method, known=MOTION_METHODS))
 
 
 def _method(method: str, source: Spec | LearnedModel, raw: bool) -> str:
@@ -97,9 +110,16 @@ def _method(method: str, source: Spec | LearnedModel, raw: bool) -> str:
     return method
 
 
-def plan_of(source: Spec | LearnedModel, request: SampleRequest, budget: Budget, on_note: Note | None = None) -> Plan:
-    """The plan of a checked request; `on_note` gets what `auto` chose. Raises RequestError where there is no scene, or
-    time is up before there is a plan."""
+def plan_of(
+    source: Spec | LearnedModel,
+    request: SampleRequest,
+    budget: Budget,
+    on_note: Note | None = None,
+    *,
+    watch: Watch | None = None,
+) -> Plan:
+    """The plan of a checked request; `on_note` gets what `auto` chose, `watch` is shown what comes near the motions of
+    a spec over time. Raises RequestError where there is no scene, or time is up before there is a plan."""
     from scenegen.sampling.methods import make_plan
     from scenegen.sampling.problem import make_problem
 
@@ -117,6 +137,11 @@ def plan_of(source: Spec | LearnedModel, request: SampleRequest, budget: Budget,
 
         return Settling(plan.problem, plan, request.workers, budget, why=plan.why)
 
+    if spec.over_time is not None:
+        from scenegen.sampling.motions.sampler import plan_motions
+        from scenegen.sampling.motions.scores import make_problem as make_motion_problem
+
+        return settled(plan_motions(make_motion_problem(spec.declared, request, budget), budget, watch=watch))
     if spec.counts:
         from scenegen.sampling.families import plan_numbers
 
@@ -126,9 +151,3 @@ def plan_of(source: Spec | LearnedModel, request: SampleRequest, budget: Budget,
     if plan.why is not None and on_note is not None:
         on_note(f"{plan.method}: {plan.why}")
     return plan
-
-
-def request_data(request: SampleRequest) -> RequestData:
-    """The request as scene files tell it."""
-    phi = {label: (one.low, one.high) for label, one in request.phi.items()}
-    return RequestData(phi=phi, n=request.n, spread=cast(Spread, request.spread))

@@ -6,19 +6,27 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
+import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, request_data
-from scenegen.api.scene_arrays import make_header, stored_rows
-from scenegen.api.scenes import SceneSet
+from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
+from scenegen.api.scenes import SceneSet, scenes_of
 from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import TOO_MANY_FOR_MEMORY
-from scenegen.pose import as_poses, row_count
+from scenegen.pose import row_count
 from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, SampleRequest
-from scenegen.scenes.data import SceneFile
+
+if TYPE_CHECKING:
+    from scenegen.sampling.engine.run import SampledScenes
+    from scenegen.sampling.motions.schedule import Watch
+    from scenegen.sampling.plan import Plan
+    from scenegen.scenes.motions import AnyFile
+
+Array = npt.NDArray[np.float64]
+
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB
 
@@ -81,28 +89,36 @@ def draw_scenes(
     on_note: Note | None = None,
 ) -> SceneSet:
     """The scenes of a request, in memory. Raises what `sample` raises."""
+    _ = spec_of(source).drawn
+    request = check_request(source, request)
+    _check_size(source, request.n)
+    plan, drawn, warnings = run_in_memory(source, request, progress=progress, on_note=on_note)
+    if isinstance(source, LearnedModel) and request.method == "model":
+        warnings = (*warnings, *source.advice(request.phi, drawn.rows, request.raw))
+    return scenes_of(plan.problem, drawn.info, drawn.rows, drawn.phi, warnings)
+
+
+def run_in_memory(
+    source: Spec | LearnedModel,
+    request: SampleRequest,
+    *,
+    progress: Progress | None = None,
+    on_note: Note | None = None,
+    watch: Watch | None = None,
+) -> tuple[Plan, SampledScenes, tuple[Diagnostic, ...]]:
+    """A checked request's plan, the scenes or motions that it gives, and warnings. Raises RequestError where there are
+    too few of them, unless the request keeps partial results."""
     from scenegen.sampling.engine.run import in_memory
     from scenegen.sampling.problem import Budget
 
-    request = check_request(source, request)
-    _check_size(source, request.n)
     budget = Budget(request.timeout)
-    plan = plan_of(source, request, budget, on_note)
-    sampled = in_memory(plan, budget, progress)
-    warnings = list(sampled.warnings)
-    if isinstance(source, LearnedModel) and request.method == "model":
-        warnings += source.advice(request.phi, sampled.rows, request.raw)
-    if sampled.shortfall is not None:
-        if not (request.keep_partial and sampled.count):
-            raise RequestError(sampled.shortfall)
-        warnings.append(partial(sampled.shortfall))
-    spec = plan.problem.spec
-    header = make_header(spec, sampled.info, request_data(plan.problem.request))
-    # a view of (3N, n) storage, in which each coordinate is contiguous
-    rows = sampled.rows[: row_count(len(spec.objects))]
-    on = stored_rows(spec, sampled.rows)[len(rows) :].T if spec.choices else None
-    phi = dict(zip(spec.labels, sampled.phi, strict=False))
-    return SceneSet(as_poses(rows), phi, header, tuple(warnings), on=on, trusted=True)
+    plan = plan_of(source, request, budget, on_note, watch=watch)
+    drawn = in_memory(plan, budget, progress)
+    if drawn.shortfall is None:
+        return plan, drawn, drawn.warnings
+    if not (request.keep_partial and drawn.count):
+        raise RequestError(drawn.shortfall)
+    return plan, drawn, (*drawn.warnings, partial(drawn.shortfall))
 
 
 def _check_size(source: Spec | LearnedModel, n: int) -> None:
@@ -133,11 +149,11 @@ class PhiSummary:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """A scene file or set: where it is, how many scenes it holds, its header, and what phi is in it, by label."""
+    """A file or set: where it is, how many scenes or motions it holds, its header, and what phi is in it, by label."""
 
     path: Path | str
     count: int
-    header: SceneFile
+    header: AnyFile
     phi: Mapping[str, PhiSummary]
     warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
 
@@ -170,8 +186,4 @@ def glimpse(
     budget = Budget(timeout)
     problem = make_problem(spec.checked, check_request(spec, request), budget, rounds=ROUNDS, most=n)
     rows = grown(problem, budget, n)
-    found = problem.phi(rows)
-    header = make_header(spec.checked, {"method": "glimpse", "seed": seed}, request_data(problem.request))
-    count = row_count(len(spec.objects))
-    on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
-    return SceneSet(as_poses(rows[:count]), dict(zip(spec.labels, found, strict=False)), header, on=on, trusted=True)
+    return scenes_of(problem, {"method": "glimpse", "seed": seed}, rows, problem.phi(rows))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,7 @@ from scenegen.errors.requests import NOT_INSTALLED, OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.geometry.workspace import turned
 from scenegen.lang.spec import CheckedSpec, chosen
 from scenegen.needs import need
-from scenegen.pose import THETA, X, Y, as_rows, row_count, row_of
+from scenegen.pose import SIZE, THETA, X, Y, as_rows, row_count, row_of
 from scenegen.scenes.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
 from scenegen.scenes.blocks import BLOCK, COUNT, Block, columns
 from scenegen.scenes.data import (
@@ -47,6 +48,9 @@ from scenegen.validation import as_path
 if TYPE_CHECKING:
     import pandas
     import torch
+
+    from scenegen.sampling.problem import Problem
+    from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 
 
 Array = npt.NDArray[np.float64]
@@ -204,6 +208,19 @@ def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: Reque
     )
 
 
+def motion_header(
+    spec: CheckedSpec, sampler: Mapping[str, object], request: MotionRequestData, time: TimeData
+) -> MotionFile:
+    """A motion file without motions."""
+    from scenegen.scenes.motions import MotionFile
+
+    like = make_header(spec, sampler, RequestData(phi={}, n=request.n))
+    return MotionFile(
+        spec=like.spec, workspace=like.workspace, objects=like.objects, counts=like.counts, regions=like.regions,
+        sampler=like.sampler, time=time, request=request, motions=[],
+    )  # fmt: skip
+
+
 def _support_data(spec: CheckedSpec, which: int) -> SupportData | None:
     if not spec.declares_heights:
         return None
@@ -271,6 +288,42 @@ def stored_rows(spec: CheckedSpec, rows: Array) -> Array:
         for one in spec.choices.values()
     ]
     return np.concatenate([rows[:count], on])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What files hold of a problem's scenes, or motions.
+
+
+def header_of(problem: Problem, sampler: Mapping[str, object]) -> Any:
+    """The file of a problem's scenes, or motions, without these; `sampler` says how they were drawn."""
+    request = problem.request
+    phi = {label: (one.low, one.high) for label, one in request.phi.items()}
+    if not problem.over_time:
+        return make_header(problem.spec, sampler, RequestData(phi=phi, n=request.n, spread=cast("Any", request.spread)))
+    from scenegen.scenes.motions import MotionRequestData, TimeData
+
+    timed = problem.spec.timed
+    assert timed is not None
+    time = TimeData(steps=timed.horizon.steps, dt=timed.horizon.dt)
+    return motion_header(problem.spec, sampler, MotionRequestData(phi=phi, n=request.n), time)
+
+
+def stored_form(problem: Problem) -> Callable[[Array], Array] | None:
+    """What makes of a plan's rows those that files hold; None where these are the same. It can be pickled."""
+    spec = problem.spec
+    if problem.over_time:
+        assert spec.timed is not None
+        return functools.partial(_stored_motions, len(spec.objects), spec.timed.horizon.steps)
+    return functools.partial(stored_rows, spec) if spec.choices else None
+
+
+def _stored_motions(objects: int, steps: int, rows: Array) -> Array:
+    """The poses of motions, without the movers, and their facts."""
+    from scenegen.scenes.formats.motions import facts_of
+
+    places = rows[: len(rows) - steps]
+    poses = places.reshape(objects, SIZE, steps + 1, rows.shape[1]).transpose(3, 2, 0, 1)
+    return np.concatenate([places, *(one[None] for one in facts_of(np.ascontiguousarray(poses)).values())])
 
 
 # --------------------------------------------------------------------------------------------------------------------

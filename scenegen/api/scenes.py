@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api import scene_arrays
-from scenegen.api.scene_arrays import Array, SceneArrays, parts_of
+from scenegen.api.scene_arrays import Array, SceneArrays, header_of, parts_of, stored_rows
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import LABEL_WITHOUT_SPEC, PHI_DIFFERS, PHI_NOT_STORED
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, WRONG_VALUE
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import pandas
     import torch
 
+    from scenegen.sampling.problem import Problem
     from scenegen.show.render import Rendered
 
 
@@ -156,9 +157,7 @@ class SceneSet(SceneArrays):
         A numpy array, or a torch `tensor`, in float32 or float64. Raises RequestError for another dtype, and where
         torch is not installed.
         """
-        from scenegen.api.scene_arrays import poses7
-
-        return poses7(self.header, self.poses, self.on, self.rest, tensor=tensor, dtype=dtype)
+        return scene_arrays.poses7(self.header, self.poses, self.on, self.rest, tensor=tensor, dtype=dtype)
 
     def mirrored(self) -> SceneSet:
         """Each scene as in a mirror: x counted from the other side of the workspace, headings turned with it, and phi
@@ -354,6 +353,17 @@ def scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> Scen
     poses = np.ascontiguousarray(as_poses(turned(placed)))
     on = np.ascontiguousarray(scenes.rows[len(placed) :].T) if header.choosers else None
     return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header, on=on, trusted=True)
+
+
+def scenes_of(
+    problem: Problem, sampler: Mapping[str, object], rows: Array, phi: Array, warnings: tuple[Diagnostic, ...] = ()
+) -> SceneSet:
+    """Rows of a problem's core (3N + ..., n), with phi of at least its spec's labels, as a set of scenes."""
+    spec = problem.spec
+    placed = rows[: row_count(len(spec.objects))]  # poses are a view of it, in which each coordinate is contiguous
+    on = stored_rows(spec, rows)[len(placed) :].T if spec.choices else None
+    by_label = dict(zip(spec.labels, phi, strict=False))
+    return SceneSet(as_poses(placed), by_label, header_of(problem, sampler), warnings, on=on, trusted=True)
 
 
 def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:

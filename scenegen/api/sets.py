@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
-from scenegen.api.request import Note, check_request, plan_of, request_data
-from scenegen.api.sample import PhiSummary, Written
-from scenegen.api.scene_arrays import make_header, stored_rows
+from scenegen.api.request import Note, check_request, plan_of
+from scenegen.api.sample import PhiSummary, Written, partial
+from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.pose import row_count
 from scenegen.sampling.request import Progress, SampleRequest
+from scenegen.scenes.blocks import BLOCK
+from scenegen.scenes.formats.registry import MOTIONS
 from scenegen.scenes.open_store import open_store
 from scenegen.validation import as_int
 
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
     from scenegen.sampling.plan import Plan, Tally
     from scenegen.scenes.sets import Manifest
     from scenegen.scenes.stores import Store
+
+
+MORE = 4  # columns of motions beside poses and phi: number, time and two facts
 
 
 def write_set(
@@ -40,8 +45,6 @@ def write_set(
 
     Raises what `sample_to` raises, and RequestError for an engine that is not there.
     """
-    from scenegen.api.sample import partial
-
     store = open_store(location, on_note)
     request = check_request(source, request)
     from scenegen.sampling.engine.engines import ShardWriter, check_engine, open_engine
@@ -54,22 +57,23 @@ def write_set(
     from scenegen.version import __version__
 
     size = None if shard_size is None else as_int("shard_size", shard_size)
-    spec = spec_of(source).drawn
-    size = sets.shard_size(size, len(spec.objects), len(spec.labels))
+    numbers, block = _numbers(spec_of(source)), BLOCK
+    if spec_of(source).over_time is not None:
+        block = sets.motion_block(numbers)
+    size = sets.shard_size(size, numbers, len(spec_of(source).objects), block)
     check_engine(engine, address)
     refuse_held(store)
     sets.refuse_taken(store, resume=resume)
     budget = Budget(request.timeout)
     with closing(plan_of(source, request, budget, on_note)) as plan:
-        labels = plan.problem.spec.labels
+        labels = plan.problem.labels
 
         def account(tally: Tally) -> Mapping[str, Any]:
             return summed_up(plan, tally)[0]
 
         with held(store) as hold, open_engine(engine, request.workers, plan, address) as chosen:
-            header = make_header(plan.problem.spec, {"method": plan.method}, request_data(plan.problem.request))
-            stored = functools.partial(stored_rows, plan.problem.spec) if spec.choices else None
-            writing = ShardWriter(plan, store, header, labels, stored)
+            header = header_of(plan.problem, {"method": plan.method})
+            writing = ShardWriter(plan, store, header, labels, stored_form(plan.problem))
             facts = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method}
             manifest = sets.Manifest(
                 request={**request_of(plan.problem, {"scenegen": __version__}), **facts},
@@ -84,19 +88,24 @@ def write_set(
 
             tally, manifest = write(
                 store, plan, chosen, manifest, writing, account,
-                resume=resume, keep_partial=request.keep_partial, spent=spent, progress=progress,
+                resume=resume, keep_partial=request.keep_partial, spent=spent, progress=progress, block=block,
             )  # fmt: skip
             warnings: tuple[Diagnostic, ...] = ()
             if tally is not None:
-                warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally)
+                warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally, budget.spent)
                 if shortfall is not None:
                     if not manifest.complete:
                         raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
                     warnings = (*warnings, partial(shortfall))
             write_card(store, manifest)
     phi = {label: PhiSummary(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
-    full = make_header(plan.problem.spec, manifest.sampler, request_data(plan.problem.request))
-    return Written(store.location, manifest.scenes, full, phi, warnings)
+    return Written(store.location, manifest.scenes, header_of(plan.problem, manifest.sampler), phi, warnings)
+
+
+def _numbers(spec: Spec) -> int:
+    """How many numbers of a scene, or motion, files have."""
+    rows = row_count(len(spec.objects)) + len(spec.labels)
+    return rows if spec.horizon is None else (rows + MORE) * spec.horizon.moments
 
 
 def _warnings(source: Spec | LearnedModel, request: SampleRequest, plan: Plan, tally: Tally) -> tuple[Diagnostic, ...]:
@@ -139,6 +148,9 @@ spec requires."""
     drawn = ", ".join(f"`count.{one['name']}`" for one in header.get("counts", ()))
     if drawn:
         drawn = f"\nHow many things there are, or which asset, differs by scene: {drawn}. What is not there is null.\n"
+    moving = header["format"] == MOTIONS
+    what = "motions" if moving else "scenes"
+    rows_are = "Each row is a moment of a motion, at `t` seconds" if moving else "Each row is a scene"
     return f"""---
 pretty_name: {quoted(title)}
 license: {request.get("license", "unknown")}
@@ -155,7 +167,7 @@ configs:
 
 # {title}
 
-{scenes:,} scenes of {objects} in {len(manifest.shards)} shards. Each row is a scene: `mug.x`, `mug.y` in
+{scenes:,} {what} of {objects} in {len(manifest.shards)} shards. {rows_are}: `mug.x`, `mug.y` in
 metres and `mug.theta` in radians for every object, and `phi.LABEL`, the satisfaction value of each label: 0 or more
 where it holds, the lower the harder. Heights, shapes and the workspace are in the header, under the key `scenegen` of
 each file's metadata.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, request_data
+from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
 from scenegen.api.sample import PhiSummary, Written, partial
-from scenegen.api.scene_arrays import make_header, stored_rows
+from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
 from scenegen.errors import RequestError
@@ -16,12 +17,15 @@ from scenegen.errors.requests import TOO_MANY_FOR_JSON
 from scenegen.pose import row_count
 from scenegen.sampling.request import FixedPose, Progress, SampleRequest
 from scenegen.scenes.blocks import Block
-from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import check_writable
-from scenegen.scenes.formats.registry import format_of, read_scenes
+from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
 from scenegen.scenes.formats.scenes_json import BYTES, MOST_BYTES
 from scenegen.scenes.locations import as_location, names_set
 from scenegen.validation import as_int, as_path
+
+if TYPE_CHECKING:
+    from scenegen.api.motions import MotionSet
+    from scenegen.scenes.motions import AnyFile
 
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
@@ -48,7 +52,8 @@ def sample_to(
     progress: Progress | None = None,
     on_note: Note | None = None,
 ) -> Written:
-    """The scenes of `sample(...)`, the very same in the same order, in a .parquet, .jsonl or .json file, or as a set.
+    """The scenes of `sample(...)`, the very same in the same order, in a .parquet, .jsonl or .json file, or as a set;
+    of a spec over time the motions of `sample_motions(...)`, also in a .csv file.
 
     A path that ends in a slash and a URL (s3://bucket/set/) are places of a set: Parquet files of
     `shard_size` scenes each, and a manifest. `engine` is "local" or "ray", whose cluster is at `address`; both give the
@@ -94,9 +99,10 @@ def write_scenes(
         if given is not None:
             raise RequestError(ONLY_FOR_SETS(argument=argument))
     path = as_path("path", path)
-    format_of(path)
+    over_time = spec_of(source).over_time is not None
+    format_of(path, MOTIONS if over_time else SCENES)
     check_writable(path)
-    if path.suffix.lower() == ".json":
+    if path.suffix.lower() == ".json" and not over_time:
         _check_json(as_int("n", request.n), spec_of(source))
     request = check_request(source, request)
     from scenegen.sampling.engine.run import to_file
@@ -106,12 +112,12 @@ def write_scenes(
 
     budget = Budget(request.timeout)
     plan = plan_of(source, request, budget, on_note)
-    spec, data = plan.problem.spec, request_data(plan.problem.request)
     seen = _PhiStatistics()
-    headers: list[SceneFile] = []
+    stored = stored_form(plan.problem)
+    headers: list[AnyFile] = []
 
-    def header(info: Mapping[str, object]) -> SceneFile:
-        headers.append(make_header(spec, info, data))
+    def header(info: Mapping[str, object]) -> AnyFile:
+        headers.append(header_of(plan.problem, info))
         return headers[-1]
 
     tally, warnings, shortfall = to_file(
@@ -122,7 +128,7 @@ def write_scenes(
         versions={"scenegen": __version__},
         resume=resume,
         joining=seen,
-        stored=lambda block: Block(stored_rows(spec, block.rows), block.phi),
+        stored=stored and (lambda block: Block(stored(block.rows), block.phi)),
         progress=progress,
     )
     if isinstance(source, LearnedModel) and request.method == "model":
@@ -133,9 +139,17 @@ def write_scenes(
             raise RequestError(shortfall.but(folder=folder if folder.exists() else None))
         warnings = (*warnings, partial(shortfall))
     if not seen.count:  # the file was there already, and only its folder was left to be removed
-        for block in read_scenes(path).blocks:
+        for block in _blocks_of(path, over_time):
             seen(block)
-    return Written(path, seen.count, headers[-1], seen.phi(spec.labels), warnings)
+    return Written(path, seen.count, headers[-1], seen.phi(plan.problem.labels), warnings)
+
+
+def _blocks_of(path: Path, over_time: bool) -> Iterable[Block]:
+    if not over_time:
+        return read_scenes(path).blocks
+    from scenegen.scenes.formats.registry import read_motions
+
+    return [read_motions(path).block()]
 
 
 def _check_json(n: int, spec: Spec) -> None:
@@ -146,8 +160,8 @@ def _check_json(n: int, spec: Spec) -> None:
         raise RequestError(TOO_MANY_FOR_JSON(n=n, most=most))
 
 
-def met(scenes: SceneSet) -> dict[str, PhiSummary]:
-    """What phi is in a set of at least one scene."""
+def met(scenes: SceneSet | MotionSet) -> dict[str, PhiSummary]:
+    """What phi is in a set of at least one scene, or motion."""
     return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.errors.requests import OUT_OF_PLACE
 from scenegen.errors.time import NOT_ONE_MOTION
-from scenegen.scenes.formats.motions.table import is_motions
+from scenegen.scenes.formats.registry import is_motions
 
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet

@@ -85,10 +85,10 @@ def pairs(
     from scenegen.cli.streams import check_output, write_data
     from scenegen.sampling.request import parse_phi
     from scenegen.scenes.files import check_writable
-    from scenegen.scenes.formats.motions.table import format_of
+    from scenegen.scenes.formats.registry import MOTIONS, format_of
 
     if out is not None:
-        format_of(out)
+        format_of(out, MOTIONS)
         check_writable(out, spec)
     else:
         check_output()

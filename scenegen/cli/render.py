@@ -147,7 +147,7 @@ def render(
     """
     from scenegen.cli.motion_pictures import film, names_film
     from scenegen.cli.output import print_error
-    from scenegen.scenes.formats.motions.table import is_motions
+    from scenegen.scenes.formats.registry import is_motions
 
     shape = None if size is None else parse_size(size)
     alone = names_film(out)

@@ -17,13 +17,12 @@ from scenegen.scenes.locations import inside, names_set
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from scenegen.api.motions import MotionSet
     from scenegen.api.sample import PhiSummary
     from scenegen.api.scenes import SceneSet
     from scenegen.api.spec import Spec
     from scenegen.learn.model import Model
     from scenegen.sampling.request import SampleRequest
-    from scenegen.scenes.data import SceneFile
+    from scenegen.scenes.motions import AnyFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,10 +116,8 @@ def sample_one(
         counts = parse_counts(wishes.counts)
         subject = subject.with_counts(counts)
     if _is_over_time(subject):
-        refused = {"engine": storing.engine != "local", "resume": storing.resume}
-        refused |= {"address": bool(storing.address), "shard_size": bool(storing.shard_size)}
-        refused |= {"fix_from": wishes.fix_from is not None, "pictures": storing.pictures is not None}
-        sample_motions(subject, _request(source, subject, wishes), source, out, refused, render)
+        refused = {"fix_from": wishes.fix_from is not None, "pictures": storing.pictures is not None}
+        sample_motions(subject, _request(source, subject, wishes), source, out, storing, refused, render)
         return
     stored = out is not None and names_set(out)
     path = None if out is None or stored else Path(out)
@@ -309,32 +306,50 @@ def sample_motions(
     request: SampleRequest,
     source: Path,
     out: str | None,
-    refused: Mapping[str, object],
+    storing: StorageOptions,
+    refused: Mapping[str, bool],
     render: Path | None,
 ) -> None:
-    """`refused` are options that only scenes have, with their values. Raises what the API raises, RequestError for
-    one of those that is given, and OutputError for places that cannot be written to."""
-    from scenegen.api.motions import draw_motions
+    """`refused` are options that only scenes have, and whether they are given. Raises what the API raises,
+    RequestError for one of those that is given, and OutputError for places that cannot be written to."""
+    from scenegen.api.motions import draw_motions, read_motions
+    from scenegen.api.stream import met, write_scenes
     from scenegen.cli.output import complain, detail, print_error
     from scenegen.cli.streams import check_output, write_data
     from scenegen.errors import RequestError
     from scenegen.needs import need
+    from scenegen.scenes.blocks import BLOCK
     from scenegen.scenes.files import check_folder, check_writable
-    from scenegen.scenes.formats.motions.table import format_of
+    from scenegen.scenes.formats.registry import MOTIONS, format_of
 
-    given = {**refused, "out": out is not None and names_set(out)}
-    for argument, value in given.items():
-        if value:
-            raise RequestError(NOT_FOR_MOTIONS(argument=argument, value=out if argument == "out" else None))
-    path = None if out is None else Path(out)
-    if path is None:
-        check_output()
-    else:
-        format_of(path)
+    for argument, given in refused.items():
+        if given:
+            raise RequestError(NOT_FOR_MOTIONS(argument=argument))
+    stored = out is not None and names_set(out)
+    path = None if out is None or stored else Path(out)
+    if path is not None:
+        format_of(path, MOTIONS)
         check_writable(path, source)
+    elif out is None:
+        check_output()
+    if not stored:
+        _refuse_set_options(storing)
     if render is not None:
         check_folder(render, path)
         need("pybullet", "to draw pictures")
+    if out is not None and (stored or storing.resume or request.n > BLOCK):
+        with ProgressBar() as bar:
+            written = write_scenes(
+                out, spec, request, resume=storing.resume, engine=storing.engine, address=storing.address,
+                shard_size=storing.shard_size, progress=bar, on_note=print_error,
+            )  # fmt: skip
+        complain(*written.warnings)
+        detail(f"sampled and wrote {written.count} motions")
+        print_error(motion_summary(written.header.sampler, written.count, written.phi, out))
+        if render is not None:
+            made = read_motions(out).figures(render, "gif", "strip")
+            print_error(f"drew {len(made)} figures in {render}")
+        return
     found = draw_motions(spec, request)
     complain(*found.warnings)
     detail(f"sampled {len(found)} motions")
@@ -342,23 +357,22 @@ def sample_motions(
         write_data(found.dump())
     else:
         found.save(path)
-    print_error(motion_summary(found, path))
+    print_error(motion_summary(found.header.sampler, len(found), met(found), path))
     if render is not None:
         made = found.figures(render, "gif", "strip")
         print_error(f"drew {len(made)} figures in {render}")
 
 
-def motion_summary(found: MotionSet, path: Path | None) -> str:
+def motion_summary(info: Mapping[str, Any], count: int, phi: Mapping[str, PhiSummary], place: Path | str | None) -> str:
     """What was drawn, and where it is."""
-    info = found.header.sampler
-    ranges = ", ".join(f"{name} {min(values):.4g} .. {max(values):.4g}" for name, values in found.phi.items())
+    ranges = ", ".join(f"{name} {one.lowest:.4g} .. {one.highest:.4g}" for name, one in phi.items())
     rare = info.get("log10_probability")
     drawn = str(info["method"]) + ("" if rare is None else f"; log10 of their probability {rare:.2f}")
     share = info.get("effective_share")
     if share is not None and share < 1.0:
-        drawn += f"; worth about {max(1, round(share * len(found))):,} independent ones"
-    what = "motion" if len(found) == 1 else "motions"
-    return f"{len(found):,} {what}{'' if path is None else f' in {path}'}: phi of {ranges} ({drawn})"
+        drawn += f"; worth about {max(1, round(share * count)):,} independent ones"
+    what = "motion" if count == 1 else "motions"
+    return f"{count:,} {what}{'' if place is None else f' in {place}'}: phi of {ranges} ({drawn})"
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -389,7 +403,7 @@ class ProgressBar:
         self._progress.update(self._task, description=text, completed=found, total=wanted)
 
 
-def summary(header: SceneFile, count: int, phi: Mapping[str, PhiSummary], out: Path | str | None) -> None:
+def summary(header: AnyFile, count: int, phi: Mapping[str, PhiSummary], out: Path | str | None) -> None:
     """The requested ranges beside the results."""
     print_error(f"{count} scenes ({_how(header.sampler)})" + (f" in {out}" if out is not None else ""))
     rows = []

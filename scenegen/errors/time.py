@@ -199,13 +199,13 @@ NO_BOUND_ON_STEPS = Kind(
 )
 TOO_FEW_MOTIONS = Kind(
     "too-few-motions",
-    "found {found:,} of {wanted:,} motions: {reason}",
+    "found {found:,} of {wanted:,} motions: {reason}[[; {folder} keeps what is done: go on with <resume>]]",
     help="ask for another range or for more time, or let objects move faster or in more steps",
 )
 NOT_FOR_MOTIONS = Kind(
     "not-for-motions",
-    "{argument:argument} is not for specs over time[[: {value} would be a set of shards]]",
-    help=("{value:?}name a .jsonl, .json, .parquet or .csv file", "leave it out"),
+    "{argument:argument} is not for specs over time",
+    help="leave it out",
 )
 NO_MOTION_SATISFIES = Kind(
     "no-motion-satisfies",

@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -68,6 +69,7 @@ LARGE = 1 << 22  # above so many nodes times cells, cells are compared with plai
 THIN = 1e-11  # of the size of coordinates: more than what contraction adds for rounding, less than any tolerance
 SHARED = 4096  # scenes that tell whether many have phi at its bound
 GRACE = 0.25  # seconds
+BESIDE = 16  # cost of drawing, sorting into cells and verifying, in nodes per evaluation (measured)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +123,27 @@ class Problem:
     tape: Tape
     warnings: tuple[Diagnostic, ...] = ()
     improbable: frozenset[int] = frozenset()
+
+    over_time: ClassVar[bool] = False
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The spec's labels: without that of the requirement."""
+        return self.spec.labels
+
+    @property
+    def rows(self) -> int:
+        """How many numbers a scene is in storage."""
+        return len(self.lowest)
+
+    @property
+    def cost(self) -> int:
+        """About the cost of drawing and scoring a scene, in visits of nodes."""
+        return len(self.core.nodes) + BESIDE
+
+    def scenes(self, rows: Array) -> Array:
+        """The scenes of a plan as they begin, (3N, B): all of them, but for switches of choices."""
+        return rows[: row_count(len(self.spec.objects))]
 
     @property
     def fixed(self) -> dict[str, tuple[float, ...]]:

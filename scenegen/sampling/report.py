@@ -19,6 +19,7 @@ from scenegen.errors.requests import (
     TOO_FEW_MEET_REQUIREMENT,
     UNREACHED_CELLS,
 )
+from scenegen.errors.time import TOO_FEW_MOTIONS
 from scenegen.lang.formula.core import REQUIRE, Atom
 from scenegen.lang.formula.interpret import deciding_atoms
 from scenegen.sampling.plan import Plan, Tally
@@ -39,21 +40,29 @@ def summed_up(plan: Plan, tally: Tally) -> tuple[dict[str, object], tuple[Diagno
     if plan.verified:
         count = problem.cells.count
         missing = sorted(set(range(count)).difference(plan.reached))
-        warnings += _unreached(
-            problem, missing, (problem.possible | problem.improbable) - plan.ruled_out, account.tried, len(tally.strays)
-        )
-        if problem.fixed:
-            info["fix"] = {name: list(pose) for name, pose in problem.fixed.items()}
+        if not problem.over_time:
+            possible = (problem.possible | problem.improbable) - plan.ruled_out
+            warnings += _unreached(problem, missing, possible, account.tried, len(tally.strays))
+            if problem.fixed:
+                info["fix"] = {name: list(pose) for name, pose in problem.fixed.items()}
         info["cells"] = {"asked": count, "reached": count - len(missing)}
     if plan.why is not None:
         info |= {"auto": True, "reason": plan.why}
     return info, (*warnings, *account.warnings)
 
 
-def fell_short(plan: Plan, tally: Tally) -> Diagnostic | None:
+def too_few_motions(found: int, wanted: int, time_is_up: bool) -> Diagnostic:
+    """Why fewer motions than requested were found."""
+    reason = "time is up" if time_is_up else "the search did not reach the range"
+    return TOO_FEW_MOTIONS(found=found, wanted=wanted, reason=reason)
+
+
+def fell_short(plan: Plan, tally: Tally, time_is_up: bool) -> Diagnostic | None:
     """Why a run has fewer scenes than requested; None if it has all."""
     if tally.scenes >= plan.wanted:
         return None
+    if plan.problem.over_time:
+        return too_few_motions(tally.found, plan.wanted, time_is_up)
     account = plan.account(tally)
     blamed, rarest = plan.blamed(tally)
     problem = blamed.problem

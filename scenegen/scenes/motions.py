@@ -17,7 +17,8 @@ from pydantic import (
     model_validator,
 )
 
-from scenegen.scenes.data import CountData, ObjectData, RegionData, SpecRef, WorkspaceData, check_counts
+from scenegen.pose import row_count
+from scenegen.scenes.data import CountData, ObjectData, RegionData, SceneFile, SpecRef, WorkspaceData, check_counts
 from scenegen.scenes.numbers import check_numbers, objects_of
 
 MOTIONS_FORMAT: Literal["scenegen/motions"] = "scenegen/motions"
@@ -87,7 +88,16 @@ class MotionFile(_StrictMotionModel):
                 raise ValueError(f"motion {number} has other values than the first")
         return self
 
+    @property
+    def coordinates(self) -> int:
+        """How many numbers place the objects of a motion."""
+        return (self.time.steps + 1) * row_count(len(self.objects))
+
     @model_serializer(mode="wrap")
     def _counts_where_they_are(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = dump(self)
         return {name: value for name, value in data.items() if value or name != "counts"}
+
+
+AnyFile = SceneFile | MotionFile
+"""The header of a file of scenes, or of motions."""

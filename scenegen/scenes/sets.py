@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
@@ -29,16 +29,22 @@ from scenegen.errors.files import (
     NOT_A_SET,
     OTHER_REQUEST,
     SHARD_SIZE,
+    TOO_MANY_TO_READ,
     UNFINISHED_RUN,
 )
-from scenegen.pose import row_count
-from scenegen.scenes.blocks import BLOCK, MOST, Array, Block, SceneFileReading
+from scenegen.errors.time import NOT_MOTIONS
+from scenegen.scenes.blocks import BLOCK, MOST, Array, Block, SceneFileReading, joined
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import UNFINISHED, inside
 from scenegen.scenes.formats import parquet
 from scenegen.scenes.formats.header import load_header
+from scenegen.scenes.formats.registry import MOTIONS, format_of
+from scenegen.scenes.motions import AnyFile, MotionFile
 from scenegen.scenes.shards import HashingWriter, Sink, shortened
 from scenegen.scenes.stores import Store
+
+if TYPE_CHECKING:
+    from scenegen.scenes.formats.motions import MotionArrays
 
 # --------------------------------------------------------------------------------------------------------------------
 # Requests as manifests of sets have them: of a set, of each shard of a data set, and how rare phi is.
@@ -219,49 +225,52 @@ def _over(parts: Sequence[tuple[int, PhiOf]]) -> PhiOf:
     )
 
 
-def shard_size(size: int | None, objects: int, labels: int) -> int:
-    """How many scenes a shard has. Raises RequestError for a size that is no multiple of a block, or too large."""
-    numbers = row_count(objects) + labels
-    most = MOST // numbers // BLOCK * BLOCK
+def motion_block(numbers: int) -> int:
+    """How many motions of so many numbers a block of a set has: shards of large ones have fewer than BLOCK."""
+    return max(1, min(BLOCK, 1 << (MOST // numbers).bit_length() - 1))
+
+
+def shard_size(size: int | None, numbers: int, objects: int = 1, block: int = BLOCK) -> int:
+    """How many scenes of so many numbers each a shard has. Raises RequestError for a size that is no multiple of a
+    block, or too large."""
+    most = MOST // numbers // block * block
     if size is None:
-        return max(BLOCK, min(SHARD_SCENES, SHARD_BYTES // (8 * numbers) // BLOCK * BLOCK, most))
-    if size < BLOCK or size % BLOCK or size > most:
+        return max(block, min(SHARD_SCENES, SHARD_BYTES // (8 * numbers) // block * block, most))
+    if size < block or size % block or size > most:
         large = {"objects": objects, "most": most} if size > most else {}
-        raise RequestError(SHARD_SIZE(size=size, block=BLOCK, **large))
+        raise RequestError(SHARD_SIZE(size=size, block=block, **large))
     return size
 
 
 def make_shard(
     store: Store,
     number: int,
-    header: SceneFile,
+    header: AnyFile,
     labels: Sequence[str],
     blocks: Iterable[Block],
     *,
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
     made: ShardRequest | None = None,
-    beside: bool = False,
 ) -> Shard:
     """Write a shard of one block or more; the same scenes give the same bytes. With `rarity` it says of each scene how
     rare its phi is. Raises OutputError."""
     with store.whole(shard_name(number)) as sink:
-        return pack_shard(sink, number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made, beside=beside)
+        return pack_shard(sink, number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made)
 
 
 def pack_shard(
     sink: Sink,
     number: int,
-    header: SceneFile,
+    header: AnyFile,
     labels: Sequence[str],
     blocks: Iterable[Block],
     *,
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
     made: ShardRequest | None = None,
-    beside: bool = False,
 ) -> Shard:
-    """Pass the bytes of a shard to a sink. `beside`: a thread of its own does that and computes the hash. Raises what
+    """Pass the bytes of a shard to a sink. Raises what
     the sink raises."""
     parts: list[Array] = []  # phi of the blocks
 
@@ -274,8 +283,11 @@ def pack_shard(
         assert rarity is not None
         return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
 
-    with HashingWriter(sink, beside=beside) as packed:
-        parquet.write(packed, header, labels, seen(), None if rarity is None else rare)
+    with HashingWriter(sink) as packed:
+        if isinstance(header, SceneFile):
+            parquet.write(packed, header, labels, seen(), None if rarity is None else rare)
+        else:
+            format_of(Path(shard_name(number)), header.format).write(packed, header, labels, seen())
         size, digest = packed.size, packed.sha256
     rows = (np.concatenate([part[index] for part in parts]) for index in range(len(labels)))
     phi = {
@@ -329,11 +341,11 @@ def read_manifest(store: Store) -> Manifest:
         asked = StoredRequest.model_validate_json(json.dumps(manifest.request))
     except ValidationError as error:
         raise _edited(store, error, "request.") from None
-    header = set_header(store, manifest)
+    header = any_header(store, manifest)
     facts = (
         ("spec", asked.spec, header.spec.sha256),
         ("phi", asked.phi, header.request.phi),
-        ("spread", asked.spread, header.request.spread),
+        ("spread", asked.spread, asked.spread if isinstance(header, MotionFile) else header.request.spread),
         # of a set that is made of others the header is theirs
         ("n", asked.n, asked.n if "from" in manifest.request else header.request.n),
     )
@@ -399,8 +411,8 @@ def begin(store: Store, manifest: Manifest, *, resume: bool) -> Manifest:
         if there.get(shard.file) != shard.bytes:
             reason = "it is missing" if shard.file not in there else "its size is not that of the manifest"
             raise DataError(DAMAGED_SHARD(file=shard.file, location=store.location, reason=reason))
-    if store.local:  # elsewhere each costs a request or two
-        header = set_header(store, found)
+    header = any_header(store, found)
+    if store.local and isinstance(header, SceneFile):  # elsewhere each costs a request or two
         for shard in found.shards:
             check_shard(store, header, found.labels, shard)
     store.delete(*filter(_is_unfinished, there))
@@ -436,23 +448,85 @@ def _is_unfinished(name: str) -> bool:
 
 
 def read_set(store: Store) -> SceneFileReading:
-    """All scenes of a set, shard after shard. Raises DataError."""
-    manifest = read_manifest(store)
-    if not manifest.shards:
-        reason = "none of its shards is complete yet"
-        raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="go on with the run that makes it"))
-    header = set_header(store, manifest)
+    """All scenes of a set, shard after shard; of motions their moments, without phi. Raises DataError."""
+    manifest = _with_shards(store)
+    header = any_header(store, manifest)
+    if isinstance(header, MotionFile):
+        from scenegen.scenes.formats.motions import moments, scenes_header
+
+        states = (moments(_motions(store, header, manifest.labels, shard)) for shard in manifest.shards)
+        count = manifest.scenes * (header.time.steps + 1)
+        return SceneFileReading(scenes_header(header), (), states, count, store.location)
+    scenes = header
 
     def blocks() -> Iterator[Block]:
         for shard in manifest.shards:
-            yield from read_shard(store, header, manifest.labels, shard).blocks
+            yield from read_shard(store, scenes, manifest.labels, shard).blocks
 
     return SceneFileReading(header, tuple(manifest.labels), blocks(), manifest.scenes, store.location)
 
 
+def read_motion_set(store: Store) -> MotionArrays:
+    """All motions of a set. Raises DataError, also for a set of scenes, and for more motions than go into memory."""
+    from scenegen.scenes.formats.motions import motions_of
+
+    manifest = _with_shards(store)
+    header = any_header(store, manifest)
+    if not isinstance(header, MotionFile):
+        raise DataError(NOT_MOTIONS(file=store.location, reason="it is a set of scenes"))
+    most = MOST // header.coordinates
+    if manifest.scenes > most:
+        counts = {"count": f"{manifest.scenes:,}", "objects": len(header.objects), "most": most}
+        raise DataError(TOO_MANY_TO_READ(file=store.location, **counts))
+    parts = [_motions(store, header, manifest.labels, shard) for shard in manifest.shards]
+    blocks = [part.block() for part in parts]
+    block = joined(blocks, len(blocks[0].rows), len(manifest.labels))
+    whole = header.model_copy(update={"sampler": manifest.sampler or header.sampler})
+    return motions_of(whole, manifest.labels, tuple(parts[0].facts), block)
+
+
+def _motions(store: Store, header: MotionFile, labels: Sequence[str], shard: Shard) -> MotionArrays:
+    """The motions of a shard. Raises DataError for a file that is not the one of the manifest."""
+    from scenegen.scenes.formats import motions_parquet
+
+    found = motions_parquet.read(Path(store.path(shard.file)), _opened(store, shard))
+    phi = {label: (float(values.min()), float(values.max())) for label, values in found.phi.items()}
+    facts = (
+        ("its number of motions is not that", len(found), shard.scenes),
+        ("its header is not that", found.header, header),
+        ("its range of phi is not that", phi, {label: (one.lowest, one.highest) for label, one in shard.phi.items()}),
+    )
+    for what, has, wanted in facts:
+        if has != wanted:
+            raise _damaged(store, shard, f"{what} of the manifest")
+    return found
+
+
+def _with_shards(store: Store) -> Manifest:
+    manifest = read_manifest(store)
+    if not manifest.shards:
+        reason = "none of its shards is complete yet"
+        raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy="go on with the run that makes it"))
+    return manifest
+
+
+def any_header(store: Store, manifest: Manifest) -> AnyFile:
+    """The file of scenes, or of motions, without these. Raises DataError."""
+    name = f"the header of {store.location}"
+    if manifest.header.get("format") == MOTIONS:
+        from scenegen.scenes.formats.motions import motion_file
+
+        return motion_file({**manifest.header, "motions": []}, name)
+    return load_header(json.dumps(manifest.header).encode(), name).without_scenes()
+
+
 def set_header(store: Store, manifest: Manifest) -> SceneFile:
-    """The scene file without scenes. Raises DataError."""
-    return load_header(json.dumps(manifest.header).encode(), f"the header of {store.location}").without_scenes()
+    """The scene file without scenes. Raises DataError, also for a set of motions."""
+    header = any_header(store, manifest)
+    if isinstance(header, MotionFile):
+        reason, remedy = "its shards hold motions", "in Python, scenegen.read_motions reads it"
+        raise DataError(NOT_A_SET(location=store.location, reason=reason, remedy=remedy))
+    return header
 
 
 def read_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> SceneFileReading:
@@ -520,7 +594,7 @@ def group_sizes(scenes: int) -> tuple[int, ...]:
     return tuple(min(BLOCK, scenes - start) for start in range(0, scenes, BLOCK))
 
 
-def header_data(header: SceneFile) -> dict[str, Any]:
+def header_data(header: AnyFile) -> dict[str, Any]:
     """A header as the manifest has it."""
-    data: Mapping[str, Any] = header.model_dump(mode="json", exclude={"scenes"})
+    data: Mapping[str, Any] = header.model_dump(mode="json", exclude={"scenes", "motions"})
     return dict(data)

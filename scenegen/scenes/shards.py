@@ -23,9 +23,7 @@ import json
 import os
 import re
 import zlib
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any, Literal, Protocol
 
@@ -370,9 +368,6 @@ def _sync_folder(folder: Path) -> None:
 # The bytes of a file that is packed in parts, and their hash.
 
 
-AHEAD = 8  # parts, of 4 MB in files of scenes, that may wait for a slow disk
-
-
 class Sink(Protocol):
     """Takes the parts of a file."""
 
@@ -390,20 +385,16 @@ class Parts:
 
 
 class HashingWriter(io.RawIOBase):
-    """A file to write to that passes its parts on to a sink; its hash is known with its last byte. `beside`: a thread
-    of its own does both, at most AHEAD parts behind, and is waited for at the end. What the sink raises is raised by a
-    later `write`, or then."""
+    """A file to write to that passes its parts on to a sink; its hash is known with its last byte. `write` raises what
+    the sink raises."""
 
-    def __init__(self, sink: Sink, *, beside: bool = False) -> None:
+    def __init__(self, sink: Sink) -> None:
         self.size = 0
         self._sink, self._hash = sink, hashlib.sha256()
-        self._thread = ThreadPoolExecutor(1) if beside else None
-        self._behind: deque[Future[None]] = deque()  # parts that the thread has been given, in order
 
     @property
     def sha256(self) -> str:
-        """Of all parts so far, once the sink has them. Raises what the sink raises."""
-        self._wait(0)
+        """Of all parts so far."""
         return self._hash.hexdigest()
 
     def writable(self) -> bool:
@@ -414,25 +405,7 @@ class HashingWriter(io.RawIOBase):
 
     def write(self, data: Any) -> int:
         part = bytes(data)  # no copy of bytes
-        self.size += len(part)
-        if self._thread is None:
-            self._pass(part)
-        else:
-            self._behind.append(self._thread.submit(self._pass, part))
-            self._wait(AHEAD)
-        return len(part)
-
-    def close(self) -> None:
-        """The thread has nothing left to do after this."""
-        if self._thread is not None:
-            self._thread.shutdown(cancel_futures=True)
-        super().close()
-
-    def _pass(self, part: bytes) -> None:
         self._sink.write(part)
         self._hash.update(part)
-
-    def _wait(self, most: int) -> None:
-        """Until the thread is at most so many parts behind."""
-        while len(self._behind) > most:
-            self._behind.popleft().result()
+        self.size += len(part)
+        return len(part)

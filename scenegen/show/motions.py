@@ -21,7 +21,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
 from scenegen.pose import as_rows
 from scenegen.scenes.files import check_writable, whole_files, write_whole
-from scenegen.scenes.formats.motions.table import MotionArrays, scenes_header
+from scenegen.scenes.formats.motions import MotionArrays, scenes_header
 from scenegen.show.figures.charts import phi_chart
 from scenegen.show.figures.strip import HELD, STEP, animation, pages, strip, video
 from scenegen.show.scenes import PictureStyle
@@ -120,7 +120,7 @@ def _one(
 ) -> dict[str, bytes]:
 
     if spec.counts:
-        counts = motions.counts(number)
+        counts = motions.numbers_of(number)
         spec = next(
             one for numbers, one in zip(combinations(spec.counts), spec.members, strict=True) if numbers == counts
         )

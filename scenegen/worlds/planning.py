@@ -15,7 +15,7 @@ from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE
 from scenegen.errors.worlds import ONE_PROBLEM_A_FILE
 from scenegen.lang.checker import check_text
 from scenegen.scenes.files import scene_name, whole_files
-from scenegen.scenes.formats.motions.table import is_motions
+from scenegen.scenes.formats.registry import is_motions
 from scenegen.validation import as_path
 from scenegen.worlds.files import check_out, is_file
 from scenegen.worlds.pddl.compile import CompiledProblem, Imported, compile_problem

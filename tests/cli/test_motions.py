@@ -40,6 +40,38 @@ def test_motions_into_a_file(ending, scenegen, here):
 
 
 @pytest.mark.usefixtures("passing")
+def test_motions_into_a_set(scenegen, here):
+    options = ["pass.spec", "--phi", "task=0:0.1", "-n", "5", "--out"]
+    assert scenegen("sample", *options, "motions.jsonl").status == 0
+    outcome = scenegen("sample", *options, "set/", "--workers", "2")
+    assert outcome.status == 0 and re.match(r"5 motions in set/: phi of task \S+ \.\. \S+ \(rejection; ", outcome.err)
+    file, found = package.read_motions(here / "motions.jsonl"), package.read_motions("set/")
+    assert file.poses.tobytes() == found.poses.tobytes() and file.header == found.header
+    assert scenegen("sample", *options, "set/").err.startswith("error[finished-set]")
+    assert scenegen("sample", *options, "set/", "--resume").err == outcome.err
+    assert scenegen("sample", *options, "again.jsonl", "--resume").status == 0
+    assert (here / "again.jsonl").read_bytes() == (here / "motions.jsonl").read_bytes()
+    refused = scenegen("data", "set/")
+    assert refused.status == 1 and refused.err.startswith("error[not-a-set]: set/ is not a set of scenes: its shards")
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("passing")
+def test_motions_that_begin_settled(scenegen, here):
+    from scenegen.worlds.physics.settling import settle_scenes
+
+    for options in ("--out x.jsonl", "--out y.jsonl --resume", "--out z/"):
+        outcome = scenegen("sample", "pass.spec", "--phi", "task=0:", "-n", "20", "--settle", *options.split())
+        assert outcome.status == 0 and "warning[unsettled]" in outcome.err, outcome.err
+    found = package.read_motions(here / "x.jsonl")
+    assert (here / "x.jsonl").read_bytes() == (here / "y.jsonl").read_bytes()
+    assert found.poses.tobytes() == package.read_motions(f"{here}/z/").poses.tobytes()
+    assert found.header.sampler["settled"]
+    spec = package.load(here / "pass.spec").declared
+    assert settle_scenes(spec.shapes, found.poses[:, 0], fixed=tuple(spec.fixed), workers=1).kept.all()
+
+
+@pytest.mark.usefixtures("passing")
 def test_motions_to_the_output(scenegen):
     outcome = scenegen("sample", "pass.spec", "-n", "2", "--seed", "3")
     assert outcome.status == 0
@@ -50,11 +82,10 @@ def test_motions_to_the_output(scenegen):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("--out set/", "error[not-for-motions]: --out"),
-        ("--settle", "error[not-for-motions]: --settle"),
         ("--raw", "error[not-for-motions]: --raw"),
-        ("--resume --out motions.jsonl", "error[not-for-motions]: --resume"),
-        ("--shard-size 8", "error[not-for-motions]: --shard-size"),
+        ("--shard-size 8", "error[only-for-sets]: --shard-size"),
+        ("--shard-size 8 --out set/", "error[shard-size]: a shard cannot have 8 scenes"),
+        ("--engine ray", "error[only-for-sets]: --engine"),
         ("--engine pool", "error["),
         ("--method growth", "error[unknown-choice]"),
         ("--out motions.xml", "error[unknown-motion-ending]: motions.xml has the ending `.xml`"),

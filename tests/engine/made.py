@@ -51,7 +51,7 @@ class Made:
 
     @property
     def problem(self):
-        return SimpleNamespace(lowest=np.zeros(3 * self.objects))
+        return SimpleNamespace(rows=3 * self.objects)
 
     def draw(self, k):
         source = np.random.default_rng([self.seed, k])

@@ -4,8 +4,7 @@ import hashlib
 
 from made import SHA, Made, header_of
 
-from scenegen.sampling.engine.engines import ShardWriter
-from scenegen.sampling.engine.local import Local
+from scenegen.sampling.engine.engines import Local, ShardWriter
 from scenegen.sampling.engine.sets import write_set
 from scenegen.scenes.sets import Manifest, header_data
 from scenegen.scenes.stores import store_at

@@ -14,7 +14,7 @@ import pytest
 from scenegen.errors import OutputError
 from scenegen.errors.files import CANNOT_WRITE_STORE
 from scenegen.sampling.engine import sets
-from scenegen.sampling.engine.local import Local
+from scenegen.sampling.engine.engines import Local
 from scenegen.scenes import files, stores
 from scenegen.scenes import stores as trying
 from scenegen.scenes.sets import read_manifest

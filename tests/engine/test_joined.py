@@ -1,4 +1,4 @@
-"""The file of a run: packed while scenes are drawn, or its lines made by several processes, with the same bytes."""
+"""The file of a run, packed while scenes are drawn, with the same bytes."""
 
 import errno
 import os
@@ -9,16 +9,6 @@ from scenegen.errors import OutputError
 from scenegen.scenes.shards import folder_of
 
 SMALL = {"checkpoint": 0.0, "size": 300}
-
-
-@pytest.mark.parametrize("ending", [".json", ".jsonl"])
-def test_lines_are_the_same_whoever_makes_them(ending, tmp_path, unbroken, monkeypatch):
-    from made import Made, stream
-
-    monkeypatch.setattr("scenegen.sampling.engine.stream.MANY", 1)
-    monkeypatch.setattr("scenegen.sampling.engine.stream.PART", 70)
-    stream(tmp_path / f"x{ending}", Made(2000), workers=2, **SMALL)
-    assert (tmp_path / f"x{ending}").read_bytes() == unbroken[ending]
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from scenegen.sampling.engine import ray as ray_engine
-from scenegen.sampling.engine import ray_tasks
 from scenegen.sampling.engine.engines import chosen
 from scenegen.scenes.blocks import Block
 from scenegen.search.effort import StoppedError
@@ -107,8 +106,8 @@ def test_time_that_is_up_in_the_midst_of_a_task(monkeypatch):
                 raise StoppedError("so far")
             return Block(np.zeros((3, k)), np.zeros((1, k))), np.zeros(k, dtype=np.int8), np.ones(1)
 
-    monkeypatch.setattr(ray_tasks, "_job", lambda _: Job())
-    made = ray_tasks.draw(ray_tasks.packed("anything"), 5, 4)
+    monkeypatch.setattr(ray_engine, "_job", lambda _: Job())
+    made = ray_engine.draw(ray_engine.packed("anything"), 5, 4)
     assert [one.count for one in made[1:4:2]] == [5, 6] and made[5] is made[7] is None
     assert [str(one) for one in made[4::2]] == ["so far"] * 2
 
@@ -151,14 +150,14 @@ def test_a_writer_takes_blocks_that_were_chosen_and_parts_to_choose_from():
             got["blocks"] = blocks
             return number, pieces
 
-    sent = ray_tasks.packed("anything")
+    sent = ray_engine.packed("anything")
     rng = np.random.default_rng(0)
     first, second, whole = (Block(rng.random((6, 9)), rng.random((1, 9))) for _ in range(3))
     which = np.array([[7.0, 5.0, 7.0], [0.0, 8.0, 3.0]])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ray_tasks, "_job", lambda _: Writing())
-        patch.setattr(ray_tasks, "replace", lambda job, store: job)
-        made = ray_tasks.write(sent, 4, 11, [None, which], [5, 7], first, second, whole)
+        patch.setattr(ray_engine, "_job", lambda _: Writing())
+        patch.setattr(ray_engine, "replace", lambda job, store: job)
+        made = ray_engine.write(sent, 4, 11, [None, which], [5, 7], first, second, whole)
     assert made == ((4, 11), ["a line"])
     assert got["blocks"][0] is whole
     np.testing.assert_array_equal(
@@ -167,11 +166,11 @@ def test_a_writer_takes_blocks_that_were_chosen_and_parts_to_choose_from():
 
 
 def test_a_job_is_read_once_however_often_it_is_sent():
-    sent = ray_tasks.packed(("plan", 1))
+    sent = ray_engine.packed(("plan", 1))
     again = pickle.loads(pickle.dumps(sent))  # noqa: S301 - our own
-    assert ray_tasks._job(sent) is ray_tasks._job(again)
-    others = [ray_tasks.packed(("plan", k)) for k in range(3)]
-    assert [ray_tasks._job(one) for one in others] == [("plan", 0), ("plan", 1), ("plan", 2)]
+    assert ray_engine._job(sent) is ray_engine._job(again)
+    others = [ray_engine.packed(("plan", k)) for k in range(3)]
+    assert [ray_engine._job(one) for one in others] == [("plan", 0), ("plan", 1), ("plan", 2)]
     for one, other in itertools.combinations([sent, *others], 2):
         assert one != other
 

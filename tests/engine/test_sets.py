@@ -1,6 +1,5 @@
 """Sets of shards: the same bytes from each engine, whatever happens on the way."""
 
-import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -14,9 +13,8 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.sampling.engine.engines import chosen, open_engine
-from scenegen.sampling.engine.local import Local
-from scenegen.sampling.engine.stream import BlockPacker, ByteBudget
+from scenegen.sampling.engine.engines import Local, chosen, open_engine
+from scenegen.sampling.engine.stream import BlockPacker
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.formats.registry import read_scenes, write_scenes
 from scenegen.scenes.sets import MANIFEST, read_manifest, read_set
@@ -24,7 +22,7 @@ from scenegen.scenes.stores import store_at
 
 sys.path.insert(0, str(Path(__file__).parent))
 from made import Made
-from made_sets import BLOCK, COUNT, digest, run
+from made_sets import BLOCK, COUNT, SHARD, digest, run
 
 
 class Elsewhere(Local):
@@ -135,11 +133,11 @@ def test_killed_anywhere_and_resumed(engine, plain, tmp_path):
 
 @pytest.mark.parametrize("engine", [lambda: Local(1), lambda: Elsewhere(2)])
 def test_a_run_of_which_nothing_waits_is_gone_on_with(engine, tmp_path):
-    """Scenes of a single cell leave as they come, so there is no file of those that wait."""
-    made = {"spread": "base", "size": 100}
+    """The first piece completes a shard, so there is no file of scenes that wait."""
+    made = {"spread": "base", "size": SHARD + 100}
     run(tmp_path / "whole", engine(), made=made)
     pieces = itertools.count()
-    _, found = run(tmp_path / "set", engine(), made=made, spent=lambda: next(pieces) == 12)
+    _, found = run(tmp_path / "set", engine(), made=made, spent=lambda: next(pieces) == 0)
     assert found.shards and found.checkpoint is not None and found.checkpoint.waiting is None
     _, found = run(tmp_path / "set", engine(), made=made, resume=True)
     assert found.complete and digest(tmp_path / "set") == digest(tmp_path / "whole")
@@ -292,7 +290,6 @@ def _checked(monkeypatch, check):
 def test_a_shard_that_cannot_be_packed_ends_the_run(at, tmp_path, monkeypatch):
     """Also when more of its blocks come than may wait: nobody waits for a thread that has ended."""
     _checked(monkeypatch, _Slow(at))
-    monkeypatch.setattr("scenegen.sampling.engine.stream.AHEAD", 1)
     with Local(2) as engine, pytest.raises(AssertionError, match="a wrong scene"):
         run(tmp_path / "set", engine)
     assert len(read_manifest(store_at(f"{tmp_path}/set/")).shards) <= (at - 1) // 2
@@ -315,7 +312,6 @@ def test_a_run_that_ends_in_the_midst_of_a_shard_leaves_no_thread(tmp_path, monk
 def test_blocks_wait_for_the_thread_that_packs_them(tmp_path, monkeypatch):
     slow = _Slow(0, 0.05)
     _checked(monkeypatch, slow)
-    monkeypatch.setattr("scenegen.sampling.engine.stream.AHEAD", 1)
     add, most = BlockPacker.add, []
 
     def counted(self, block):
@@ -329,10 +325,8 @@ def test_blocks_wait_for_the_thread_that_packs_them(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("at", [1, 2])
-def test_a_packing_that_fails_leaves_its_room_to_others(at, monkeypatch):
-    """Nothing it was given counts any longer: not the block at which it failed, nor those that came too late."""
-    monkeypatch.setattr("scenegen.sampling.engine.stream.AHEAD", 1)
-    block, room, seen = Block(np.zeros((3, 5)), np.zeros((1, 5))), ByteBudget(), []
+def test_a_packing_that_fails_ends_what_waits_for_it(at):
+    block, seen = Block(np.zeros((3, 5)), np.zeros((1, 5))), []
 
     def failing(blocks):
         for one in blocks:
@@ -340,18 +334,16 @@ def test_a_packing_that_fails_leaves_its_room_to_others(at, monkeypatch):
             if len(seen) == at:
                 raise OSError("no room on the disk")
 
-    with ThreadPoolExecutor(2) as threads:
-        first = BlockPacker(threads, room, failing)
+    with ThreadPoolExecutor(1) as threads:
+        first = BlockPacker(threads, failing)
         with pytest.raises(OSError, match="on the disk"):
             for _ in range(100):
                 first.add(block)
         first.finish()
-        for _ in range(3):
-            with contextlib.suppress(OSError):
-                first.add(block)
-        second = BlockPacker(threads, room, list)
+        with pytest.raises(OSError, match="on the disk"):
+            first.result()
+        second = BlockPacker(threads, list)
         for _ in range(3):
             second.add(block)
         second.finish()
         assert len(second.result()) == 3
-    assert room._taken == 0

@@ -328,7 +328,7 @@ def test_a_block_that_does_not_pass_inspection_is_not_stored(tmp_path):
 def test_blocks_in_memory_are_the_blocks_of_the_file(tmp_path, unbroken):
     from made import Made
 
-    from scenegen.sampling.engine.stream import run_blocks
+    from scenegen.sampling.engine.blocks import run_blocks
 
     (tmp_path / "x.parquet").write_bytes(unbroken[".parquet"])
     written = read_scenes(tmp_path / "x.parquet").whole()

@@ -5,7 +5,6 @@ import hashlib
 import io
 import os
 import stat
-import threading
 
 import pytest
 
@@ -20,7 +19,7 @@ from scenegen.scenes.files import (
     whole_files,
     write_whole,
 )
-from scenegen.scenes.shards import AHEAD, HashingWriter, Parts
+from scenegen.scenes.shards import HashingWriter, Parts
 
 
 def failing(code):
@@ -193,43 +192,18 @@ def test_what_begins_to_go_to_the_disk_stays_as_it_is(known, tmp_path, monkeypat
     begin_writing(io.BytesIO())
 
 
-@pytest.mark.parametrize("beside", [False, True])
-def test_a_file_that_is_packed(beside):
+def test_a_file_that_is_packed():
     sink = Parts()
-    with HashingWriter(sink, beside=beside) as packed:
+    with HashingWriter(sink) as packed:
         assert packed.write(b"abc") == 3 and packed.write(memoryview(b"de")) == 2 and packed.tell() == packed.size == 5
         assert packed.sha256 == hashlib.sha256(b"abcde").hexdigest()
     assert sink.parts == [b"abc", b"de"]
 
 
-@pytest.mark.parametrize("beside", [False, True])
-@pytest.mark.parametrize("last", [False, True])
-def test_a_sink_that_fails_while_a_file_is_packed(last, beside):
+def test_a_sink_that_fails_while_a_file_is_packed():
     class Full:
         def write(self, part):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    with pytest.raises(OSError, match="No space left"), HashingWriter(Full(), beside=beside) as packed:
-        while packed.size < 1_000_000:
-            packed.write(b"abc")
-            if last:
-                break
-        _ = packed.sha256
-
-
-def test_a_slow_sink_is_waited_for():
-    written, go = [], threading.Event()
-
-    class Slow:
-        def write(self, part):
-            go.wait(10)
-            written.append(part)
-
-    with HashingWriter(Slow(), beside=True) as packed:
-        writer = threading.Thread(target=lambda: [packed.write(b"x") for _ in range(100)])
-        writer.start()
-        writer.join(0.2)
-        assert writer.is_alive() and packed.size <= AHEAD + 1
-        go.set()
-        writer.join()
-        assert packed.sha256 == hashlib.sha256(b"x" * 100).hexdigest() and len(written) == 100
+    with pytest.raises(OSError, match="No space left"), HashingWriter(Full()) as packed:
+        packed.write(b"abc")

@@ -155,7 +155,7 @@ def test_headers_of_motions_that_are_none(header, said, motions):
 
     import pyarrow.parquet as pq
 
-    from scenegen.scenes.formats.motions.table import read_motions
+    from scenegen.scenes.formats.registry import read_motions
 
     table = pq.read_table(motions)
     if header == "columns":
@@ -172,8 +172,8 @@ def test_motions_that_fill_the_memory_are_refused(motions, monkeypatch):
     import pyarrow.parquet as pq
 
     from scenegen.errors.time import NOT_A_TRAJECTORY
-    from scenegen.scenes.formats.motions.table import read_motions
     from scenegen.scenes.formats.plain import read_table
+    from scenegen.scenes.formats.registry import read_motions
 
     table = pq.read_table(motions)
     columns = {name: pa.array(np.full(2_000_000, 1.0)) for name in table.column_names}
@@ -214,7 +214,7 @@ def test_columns_of_motions_that_hold_no_numbers(motions):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from scenegen.scenes.formats.motions.table import read_motions
+    from scenegen.scenes.formats.registry import read_motions
 
     table = pq.read_table(motions)
     pq.write_table(table.append_column("note", pa.array(["a"] * 4)), motions)

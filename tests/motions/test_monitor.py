@@ -28,7 +28,7 @@ SPEC = scenegen.parse(HEAD + "".join(f"{name}: {text}\n" for name, text in FORMU
 
 def motions(count, seed):
     """(B, T + 1, N, 3) from the base distribution, and the box they come from."""
-    problem, _ = make_problem(SPEC.declared, SampleRequest({}, n=1, seed=seed))
+    problem = make_problem(SPEC.declared, SampleRequest({}, n=1, seed=seed))
     poses = within_a_turn(poses_of(problem, draw(problem, 40 * count, np.random.default_rng(seed))))
     inside = problem.room(poses) >= 0.0
     return np.ascontiguousarray(poses[..., inside][..., :count].transpose(3, 2, 0, 1))

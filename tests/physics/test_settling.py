@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from scenegen.geometry import Box
-from scenegen.sampling.engine.blocks import BlockAssembler
-from scenegen.sampling.engine.stream import run_blocks
+from scenegen.sampling.engine.blocks import BlockAssembler, run_blocks
 from scenegen.sampling.plan import Account, Piece, Plan
 from scenegen.sampling.request import Cells, SampleRequest
 from scenegen.scenes.blocks import Block
@@ -54,7 +53,8 @@ class Fake(Plan):
 
 def fake(n, digest="fake"):
     spec = SimpleNamespace(objects=NAMES, shapes=SHAPES, fixed={}, regions=(), declares_heights=False)
-    return Fake(SimpleNamespace(spec=spec, request=SampleRequest(n=n, seed=5), cells=CELLS), digest)
+    problem = SimpleNamespace(spec=spec, request=SampleRequest(n=n, seed=5), cells=CELLS, scenes=lambda rows: rows)
+    return Fake(problem, digest)
 
 
 def settling(plan, workers=1):

@@ -14,7 +14,7 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Apply, Atom, gated
 from scenegen.sampling import problem as module
 from scenegen.sampling import report
-from scenegen.sampling.engine.stream import run_blocks
+from scenegen.sampling.engine.blocks import run_blocks
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rarity_grown import NoRoom, grow_islands

@@ -355,7 +355,7 @@ def make_motion_rules(scenes: Spec, goal: tuple[str, ...], moves: str, share: fl
     assert timed is not None
     with as_gymnasium():
         refuse_choices(scenes, "a motion")
-        problem, _ = make_problem(scenes.declared, SampleRequest({}, 1))
+        problem = make_problem(scenes.declared, SampleRequest({}, 1))
     made = MotionMoves(problem, moves, share)
     views = make_views(scenes.declared)
     over_time = [k for k, node in enumerate(timed.nodes) if not isinstance(node, Signal)]

@@ -20,15 +20,20 @@ limits the memory. The blocks depend only on the candidates and their order, not
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.sampling.plan import Plan
+from scenegen.processes.pool import run_pieces
+from scenegen.sampling.plan import Plan, Tally
+from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Array, Block, joined
+from scenegen.search.effort import StoppedError
 
 # --------------------------------------------------------------------------------------------------------------------
 # The job of whatever draws pieces: a piece without what the request does not want.
@@ -58,7 +63,6 @@ class Drawing:
 Cell = npt.NDArray[np.intp]
 
 GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples are evenly spaced modulo 1, for any number of them
-PARTS = 16  # of a block of a single cell that leave one by one, where pieces are small
 ORDER = 4  # the stream of random numbers for orders; sampling/problem.py names the others
 
 
@@ -129,7 +133,7 @@ class BlockAssembler:
         for start in range(0, block.count, self._size):
             part = slice(start, start + self._size)
             self._keep(block.part(start, start + self._size), index[part], known[part])
-            yield from self._finished(small=block.count < self._size // 2)
+            yield from self._finished()
 
     def rest(self) -> Block | None:
         """The scenes of unfinished blocks, in random order: for a run that has to end early."""
@@ -180,37 +184,24 @@ class BlockAssembler:
             self._waiting.append((block.take(kept), index[kept]))
             self._count += np.bincount(index[kept], minlength=len(self._cells))
 
-    def _finished(self, *, small: bool) -> Iterator[Block]:
-        """`small` says that the piece is."""
+    def _finished(self) -> Iterator[Block]:
         while not self.complete:
+            shares = self._shares(self.done, min(self.done + self._size, self._wanted))
+            if (self._count < shares).any():
+                return
+            block, index = self._together()
             if len(self._cells) == 1:
-                size = self._next(small)
-                if not size:
-                    return
-                block, index = self._together()
+                size = int(shares[0])
                 self._waiting = [(block.part(size, block.count), index[size:])] if size < block.count else []
                 self._count = self._count - size
                 self.done += size
                 yield block.part(0, size)
                 continue
-            shares = self._shares(self.done, min(self.done + self._size, self._wanted))
-            if (self._count < shares).any():
-                return
-            block, index = self._together()
             leaves = _rank(index, len(self._cells)) < shares[index]
             stays = np.flatnonzero(~leaves)
             self._waiting = [(block.take(stays), index[stays])] if len(stays) else []
             self._count = self._count - shares
             yield self._leave(block, np.flatnonzero(leaves))
-
-    def _next(self, small: bool) -> int:
-        """How many scenes of a single cell leave next; 0 if more are to be waited for. They never end beyond a block
-        of `size`."""
-        end = min((self.done // self._size + 1) * self._size, self._wanted)
-        count = int(self._count[0])
-        if count >= end - self.done:
-            return end - self.done
-        return count if small and count >= self._size // PARTS else 0
 
     def _leave(self, block: Block, which: Cell) -> Block:
         if len(self._cells) == 1:
@@ -250,3 +241,107 @@ def _rank(index: Cell, count: int) -> Cell:
     rank = np.empty(len(index), dtype=np.intp)
     rank[order] = np.arange(len(index)) - first[index[order]]
     return rank
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A run: the pieces of a plan, one after the other.
+
+
+@dataclass(slots=True)
+class RunProgress:
+    """The progress of a run. `used` pieces have given the sums `facts`; the last `idle` of them gave no new scene.
+    `cut` says how far the piece had come that the time limit cut short."""
+
+    plan: Plan
+    size: int = BLOCK
+    used: int = 0
+    idle: int = 0
+    facts: Array = field(default_factory=lambda: np.empty(0))
+    cut: str = ""
+    assembler: BlockAssembler = field(init=False)
+
+    def __post_init__(self) -> None:
+        plan = self.plan
+        self.assembler = BlockAssembler(plan.reached, plan.wanted, plan.seed, self.size, plan.groups)
+
+    def follow(self, pieces: Iterator[Any], spent: Callable[[], bool], progress: Progress | None) -> Iterator[Any]:
+        """The pieces, one after the other, until the run is over or its time `spent`; whoever gets one calls `take`."""
+        while not self.over:
+            try:
+                piece = next(pieces)
+            except StoppedError as stopped:  # time was up in the midst of the piece
+                self.cut = stopped.how_far
+                return
+            yield piece
+            if progress is not None:
+                progress(self.assembler.found, self.plan.wanted, self.assembler.candidates)
+            if spent():
+                return
+
+    @property
+    def over(self) -> bool:
+        """Whether the run has come to its end by itself."""
+        if self.assembler.complete:
+            return self.used >= self.plan.fewest
+        patience = self.plan.patience
+        return patience is not None and self.idle >= patience
+
+    def take(self, candidates: Block, cell: Cells, facts: Array) -> Generator[Block, None, None]:
+        """The blocks that one more piece completes."""
+        found = self.assembler.found
+        yield from self.assembler.offer(candidates, cell)
+        if len(facts) > len(self.facts):  # an empty piece may have fewer facts than others
+            self.facts, facts = facts.copy(), self.facts
+        self.facts[: len(facts)] += facts
+        self.idle = self.idle + 1 if self.assembler.found == found else 0
+        self.used += 1
+
+    def tally(self) -> Tally:
+        assembler = self.assembler
+        strays, facts = tuple(sorted(assembler.strays)), tuple(map(float, self.facts))
+        return Tally(
+            assembler.done,
+            assembler.found,
+            self.used,
+            assembler.candidates,
+            strays,
+            facts,
+            assembler.scarcest,
+            self.cut,
+        )
+
+    def state(self) -> tuple[dict[str, object], Array]:
+        """Everything that the request does not determine: JSON, and the scenes of unfinished blocks."""
+        facts, waiting = self.assembler.state()
+        state = {"pieces": self.used, "idle": self.idle, "found": self.assembler.found}
+        return {**state, "facts": self.facts.tolist(), "assembler": facts}, waiting
+
+    def restore(self, state: Mapping[str, Any], waiting: Array, coordinates: int) -> None:
+        self.used, self.idle = int(state["pieces"]), int(state["idle"])
+        self.facts = np.array(state["facts"], dtype=np.float64)
+        self.assembler.restore(state["assembler"], waiting, coordinates)
+
+
+def run_blocks(
+    plan: Plan,
+    labels: int,
+    *,
+    workers: int = 1,
+    spent: Callable[[], bool] = lambda: False,
+    progress: Progress | None = None,
+    size: int = BLOCK,
+) -> Generator[Block, None, Tally]:
+    """The scenes of a request in blocks of `size`; the generator's return value is the tally.
+
+    `labels` is the number of the spec's labels. `spent` is called after each piece; if it returns True, the run ends
+    with fewer scenes than requested. Raises what `run_pieces` raises.
+    """
+    run = RunProgress(plan, size)
+    with closing(run_pieces(Drawing(plan, labels), itertools.count(), workers)) as pieces:
+        for piece in run.follow(pieces, spent, progress):
+            yield from run.take(*piece)
+    scarcest = run.assembler.scarcest
+    rest = run.assembler.rest()
+    if rest is not None:
+        yield rest
+    return replace(run.tally(), scarcest=scarcest)

@@ -1,4 +1,4 @@
-"""Where the pieces of a set are drawn and its shards written: the interface of all engines, and their table.
+"""Where the pieces of a set are drawn and its shards written: the interface of all engines, and this machine's.
 
 An engine returns pieces in their order and carries out three more kinds of work on what it holds: choosing scenes of
 pieces, writing a shard, and fetching scenes. Which process or machine does what never changes a byte.
@@ -6,11 +6,15 @@ pieces, writing a shard, and fetching scenes. Which process or machine does what
 
 from __future__ import annotations
 
+import functools
 import importlib
+import itertools
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,19 +25,18 @@ from scenegen.errors.program import PROCESS_DIED
 from scenegen.processes.pool import check_workers, one_thread, run_pieces
 from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import Cells, Drawing
+from scenegen.sampling.engine.run import jobs
+from scenegen.sampling.engine.stream import BlockPacker
 from scenegen.sampling.plan import Index, Plan
 from scenegen.scenes.blocks import Array, Block, taken
-from scenegen.scenes.data import SceneFile
+from scenegen.scenes.motions import AnyFile
 from scenegen.scenes.sets import Shard, make_shard
-from scenegen.scenes.stores import Store
+from scenegen.scenes.stores import Store, Tell
 
 SceneHandle = Any
 """Scenes that an engine holds, here or elsewhere: only the engine looks into it."""
 
-ENGINES = {
-    "local": "scenegen.sampling.engine.local",
-    "ray": "scenegen.sampling.engine.ray",
-}
+ENGINES = {"local": "", "ray": "scenegen.sampling.engine.ray"}  # where those are that are not this machine
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,16 +56,16 @@ class ShardWriter:
 
     plan: Plan
     store: Store
-    header: SceneFile
+    header: AnyFile
     labels: tuple[str, ...]
     stored: Callable[[Array], Array] | None = None  # makes of the core's rows what files hold
 
     def __call__(self, number: int, pieces: int, blocks: Iterable[Block]) -> Shard:
         return self.write(number, pieces, map(self.ready, blocks))
 
-    def write(self, number: int, pieces: int, blocks: Iterable[Block], *, beside: bool = False) -> Shard:
-        """A shard of blocks that are `ready`. `beside`: a part of the work is done by a thread of its own."""
-        return make_shard(self.store, number, self.header, self.labels, blocks, pieces=pieces, beside=beside)
+    def write(self, number: int, pieces: int, blocks: Iterable[Block]) -> Shard:
+        """A shard of blocks that are `ready`."""
+        return make_shard(self.store, number, self.header, self.labels, blocks, pieces=pieces)
 
     def ready(self, block: Block) -> Block:
         """A block as files hold it, checked."""
@@ -137,14 +140,99 @@ class Engine(ABC):
         """End all processes of this engine, whatever they do."""
 
 
+# --------------------------------------------------------------------------------------------------------------------
+# This machine: pieces are drawn by worker processes, shards are packed in this process, by threads, block by block
+# while they fill; so little of the last one is left when the last scene is drawn.
+
+
+WRITERS = 3  # shards that are packed and written at a time
+
+Written = tuple[Shard, list[str]]
+"""A shard, and what its store said on the way, for the main thread to tell."""
+
+
+class Local(Engine):
+    """Holds scenes as blocks in memory. A single worker is this process, which then writes shards before it goes on."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
+        self._tell: Tell | None = None
+        self._packing: BlockPacker[Written] | None = None  # the shard that is being filled
+        self._packed: deque[tuple[BlockPacker[Written], int]] = deque()  # those that are full, and their pieces
+        self._shards: deque[Shard] = deque()  # written by this process, in order
+
+    def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
+        with closing(run_pieces(drawing, itertools.count(first), self._workers)) as pieces:
+            for scenes, cell, facts in pieces:
+                yield DrawnPiece(cell, facts, scenes)
+
+    def choose(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
+        return chosen(which, parts)
+
+    def fetch(self, scenes: SceneHandle) -> Block:
+        assert isinstance(scenes, Block)
+        return scenes
+
+    def hold(self, scenes: Block) -> SceneHandle:
+        return scenes
+
+    def pack(self, writing: ShardWriter, number: int, block: SceneHandle) -> SceneHandle:
+        if self._threads is None:
+            return block
+        self._packing = self._packing or BlockPacker(self._threads, functools.partial(_written, writing, number))
+        self._packing.add(writing.ready(block))
+        return None
+
+    def write(self, writing: ShardWriter, number: int, pieces: int, blocks: Sequence[SceneHandle]) -> None:
+        self._tell = writing.store.tell
+        if self._threads is None:
+            self._shards.append(writing(number, pieces, blocks))
+            return
+        assert self._packing is not None
+        self._packing.finish()
+        self._packed.append((self._packing, pieces))
+        self._packing = None
+
+    def written(self, *, wait: bool) -> Iterator[Shard]:
+        while self._shards:
+            yield self._shards.popleft()
+        while self._packed and (wait or self._packed[0][0].done):
+            packing, pieces = self._packed[0]
+            shard, said = packing.result()
+            self._packed.popleft()
+            for line in said:
+                if self._tell is not None:
+                    self._tell(line)
+            yield shard.model_copy(update={"pieces": pieces})
+
+    def close(self) -> None:
+        """Full shards are written, or fail, unseen."""
+        if self._packing is not None:
+            self._packing.give_up()
+        if self._threads is not None:
+            self._threads.shutdown(cancel_futures=True)
+
+
+def _written(writing: ShardWriter, number: int, blocks: Iterator[Block]) -> Written:
+    """Runs in a thread."""
+    said: list[str] = []
+    return replace(writing, store=writing.store.told_to(said.append)).write(number, 0, blocks), said
+
+
 def map_each(
     name: str, job: Callable[[Any], Any], items: Iterable[Any], workers: int | None, address: str | None = None
 ) -> Generator[Any, None, None]:
     """job(item) of every item, in their order, by an engine. Raises what the job raises, and what `open_engine`
     does."""
-    module = importlib.import_module(ENGINES[check_engine(name, address)])
-    results: Generator[Any, None, None] = module.map_each(job, items, workers, address)
-    return results
+    module = ENGINES[check_engine(name, address)]
+    if module:
+        results: Generator[Any, None, None] = importlib.import_module(module).map_each(job, items, workers, address)
+        return results
+    items = list(items)
+    return run_pieces(
+        job, items, check_workers(workers) if workers is not None else max(1, min(cores(), len(items) // 2))
+    )
 
 
 def check_engine(name: str, address: str | None = None) -> str:
@@ -159,9 +247,11 @@ def check_engine(name: str, address: str | None = None) -> str:
 def open_engine(name: str, workers: int | None, plan: Plan, address: str | None = None) -> Engine:
     """An engine by its name. `workers` is the number of processes, None for as many as serve. Raises RequestError for
     an unknown name, a package that is not installed, and a cluster that cannot be reached."""
-    module = importlib.import_module(ENGINES[check_engine(name, address)])
-    engine: Engine = module.start(workers, plan, address)
-    return engine
+    module = ENGINES[check_engine(name, address)]
+    if module:
+        engine: Engine = importlib.import_module(module).start(workers, address)
+        return engine
+    return Local(jobs(plan))  # the plan's request has the number of workers, if somebody gave one
 
 
 # --------------------------------------------------------------------------------------------------------------------

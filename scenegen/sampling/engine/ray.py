@@ -9,23 +9,29 @@ memory is flat.
 from __future__ import annotations
 
 import contextlib
+import gc
 import itertools
 import os
+import pickle
 import sys
+import time
+import uuid
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
+
+import numpy as np
 
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.errors.requests import NOT_INSTALLED
+from scenegen.processes.pool import one_thread
 from scenegen.processes.process import SAFE_PATH
-from scenegen.processes.worker import VARIABLES
-from scenegen.sampling.engine import ray_tasks
-from scenegen.sampling.engine.blocks import Drawing
-from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, parts_of
-from scenegen.sampling.plan import Plan
+from scenegen.processes.worker import VARIABLES, raise_gc_threshold
+from scenegen.sampling.engine.blocks import Cells, Drawing
+from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, chosen, parts_of
 from scenegen.scenes.blocks import Array, Block
 from scenegen.scenes.sets import Shard
 from scenegen.search.effort import StoppedError
@@ -62,9 +68,9 @@ class Cluster(Engine):
         cores = max(1, int(ray.cluster_resources().get("CPU", 1)))
         self._ahead = AHEAD * min(workers or cores, cores)
         options = {"num_cpus": 1, "max_retries": RETRIES, "retry_exceptions": False}
-        self._draw = ray.remote(**options)(ray_tasks.draw)
-        self._choose = ray.remote(**options)(ray_tasks.choose)
-        self._write = ray.remote(**options)(ray_tasks.write)
+        self._draw = ray.remote(**options)(draw)
+        self._choose = ray.remote(**options)(choose)
+        self._write = ray.remote(**options)(write)
         self._writing: deque[Any] = deque()
         self._tell: Callable[[str], None] = lambda line: None
         self._jobs: dict[int, tuple[object, Any]] = {}  # what was sent once, by identity
@@ -139,7 +145,7 @@ class Cluster(Engine):
     def _sent(self, job: object) -> Any:
         if id(job) not in self._jobs:
             sent = replace(job, store=job.store.told_to(None)) if isinstance(job, ShardWriter) else job
-            self._jobs[id(job)] = job, self._ray.put(ray_tasks.packed(sent))
+            self._jobs[id(job)] = job, self._ray.put(packed(sent))
         return self._jobs[id(job)][1]
 
     def _get(self, reference: Any, what: str) -> Any:
@@ -186,8 +192,8 @@ def map_each(
 ) -> Generator[Any, None, None]:
     """job(item) of every item, in their order; each is a task."""
     with joined_cluster(workers, address) as ray:
-        data = ray.put(ray_tasks.packed(job))
-        task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(ray_tasks.apply)
+        data = ray.put(packed(job))
+        task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(apply)
         ahead = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
         waiting: deque[Any] = deque()
         left = iter(items)
@@ -198,7 +204,7 @@ def map_each(
             yield result_of(ray, waiting.popleft(), "a shard")
 
 
-def start(workers: int | None, plan: Plan, address: str | None) -> Engine:
+def start(workers: int | None, address: str | None) -> Engine:
     """An engine of the cluster: see `joined_cluster`. Raises RequestError."""
     stack = contextlib.ExitStack()
     return Cluster(stack.enter_context(joined_cluster(workers, address)), workers, stack.close)
@@ -247,3 +253,64 @@ def _for_children() -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Tasks, which run in the worker processes of the cluster.
+
+
+@dataclass(frozen=True, slots=True)
+class StoredJob:
+    """A pickled job that many tasks share, as bytes in the object store; only its name tells it from others."""
+
+    name: str
+    data: np.ndarray[Any, Any] = field(compare=False)
+
+
+def packed(job: object) -> StoredJob:
+    return StoredJob(uuid.uuid4().hex, np.frombuffer(pickle.dumps(job, protocol=5), dtype=np.uint8))
+
+
+@lru_cache(maxsize=4)
+def _job(sent: StoredJob) -> Any:
+    """A plan is read, or a model loaded, once in each process."""
+    job = pickle.loads(sent.data.data)  # noqa: S301 - from the driver of this run
+    gc.freeze()  # it stays: no collection has to look at it
+    raise_gc_threshold()
+    return job
+
+
+def draw(sent: StoredJob, first: int, count: int) -> list[tuple[Cells, Array, float] | StoppedError | Block | None]:
+    """Of each of `count` pieces from `first` on: cells, facts and the seconds that it took; then its scenes. From the
+    piece on that a time limit cuts short: what that raises, and None."""
+    found: list[tuple[Cells, Array, float] | StoppedError | Block | None] = []
+    with one_thread():
+        job = _job(sent)
+        for k in range(first, first + count):
+            begun = time.perf_counter()
+            try:
+                scenes, cell, facts = job(k)
+            except StoppedError as stopped:
+                return found + [stopped, None] * (first + count - k)
+            found += [(cell, facts, time.perf_counter() - begun), scenes]
+    return found
+
+
+def apply(sent: StoredJob, item: Any) -> Any:
+    return _job(sent)(item)
+
+
+def choose(which: Array, numbers: list[int], *parts: Block) -> Block:
+    return chosen(which, dict(zip(numbers, parts, strict=True)))
+
+
+def write(
+    sent: StoredJob, number: int, pieces: int, picks: list[Array | None], numbers: list[int], *scenes: Block
+) -> tuple[Shard, list[str]]:
+    """A shard, and what its store said on the way. `scenes` are parts, by their `numbers`, then whole blocks, which
+    stand where a pick is None."""
+    said: list[str] = []
+    parts, whole = dict(zip(numbers, scenes, strict=False)), iter(scenes[len(numbers) :])
+    blocks = [next(whole) if which is None else chosen(which, parts) for which in picks]
+    writing: ShardWriter = _job(sent)
+    return replace(writing, store=writing.store.told_to(said.append))(number, pieces, blocks), said

@@ -19,27 +19,26 @@ import numpy.typing as npt
 from scenegen.errors import Diagnostic
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import cores
-from scenegen.sampling.engine.stream import run_blocks, stream_scenes
+from scenegen.sampling.engine.blocks import run_blocks
+from scenegen.sampling.engine.stream import stream_scenes
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import fell_short, summed_up
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import Block
-from scenegen.scenes.data import SceneFile
 
 if TYPE_CHECKING:
-    pass
+    from scenegen.scenes.motions import AnyFile
 
 
 Array = npt.NDArray[np.float64]
 
 SMALL = 1 << 29  # evaluations of formula nodes below which processes cost more time than they save: a few seconds
 AT_LEAST = 1 << 27  # of them for each process, for the same reason
-BESIDE = 16  # cost of drawing, sorting into cells and verifying, in nodes per evaluation (measured)
 
-Header = Callable[[dict[str, object]], SceneFile]
-"""From the content of `sampler` to the scene file without its scenes."""
+Header = Callable[[dict[str, object]], "AnyFile"]
+"""From the content of `sampler` to the file without its scenes, or its motions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +66,15 @@ def jobs(plan: Plan) -> int:
     workers = plan.problem.request.workers
     if workers is not None:
         return min(check_workers(workers), plan.shared_by)
-    work = plan.evaluations * (len(plan.problem.core.nodes) + BESIDE)
+    work = plan.evaluations * plan.problem.cost
     return 1 if work < SMALL else max(1, min(cores(), plan.shared_by, math.floor(work / AT_LEAST)))
 
 
 def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> SampledScenes:
     """The scenes of a plan, or as many as the budget allows: `shortfall` then says why. Raises what `run_blocks`
     raises, and AssertionError for a scene that fails the check."""
-    labels = len(plan.problem.spec.labels)
-    rows, phi = np.empty((len(plan.problem.lowest), plan.wanted)), np.empty((labels, plan.wanted))
+    labels = len(plan.problem.labels)
+    rows, phi = np.empty((plan.problem.rows, plan.wanted)), np.empty((labels, plan.wanted))
     count = 0
     with closing(plan):
         run = run_blocks(plan, labels, workers=jobs(plan), spent=lambda: budget.spent, progress=progress)
@@ -90,7 +89,7 @@ def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> S
             rows[:, part], phi[:, part] = block.rows, block.phi
             count += block.count
         info, warnings = summed_up(plan, tally)
-        return SampledScenes(rows[:, :count], phi[:, :count], info, warnings, fell_short(plan, tally))
+        return SampledScenes(rows[:, :count], phi[:, :count], info, warnings, fell_short(plan, tally, budget.spent))
 
 
 def to_file(
@@ -116,7 +115,7 @@ def to_file(
         tally = stream_scenes(
             path,
             plan,
-            problem.spec.labels,
+            problem.labels,
             lambda tally: header(summed_up(plan, tally)[0]),
             request=request_of(problem, versions),
             workers=jobs(plan),
@@ -128,7 +127,7 @@ def to_file(
             stored=stored,
             progress=progress,
         )
-        return tally, summed_up(plan, tally)[1], fell_short(plan, tally)
+        return tally, summed_up(plan, tally)[1], fell_short(plan, tally, budget.spent)
 
 
 def _check(plan: Plan, block: Block) -> None:

@@ -21,15 +21,13 @@ import numpy as np
 from scenegen.errors import OutputError, ScenegenError
 from scenegen.errors.program import INTERRUPTED
 from scenegen.processes.process import stop_signals
-from scenegen.sampling.engine.blocks import BlockAssembler, Drawing
+from scenegen.sampling.engine.blocks import Drawing, RunProgress
 from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter
-from scenegen.sampling.engine.stream import RunProgress
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Array, Block
 from scenegen.scenes.sets import Checkpoint, Manifest, begin, finish, read_waiting, save_checkpoint, write_manifest
 from scenegen.scenes.stores import Store
-from scenegen.search.effort import StoppedError
 
 SPARE = 4  # blocks of candidates that are held though none of them waits any more
 
@@ -64,20 +62,11 @@ def write_set(
         run.restore(found.checkpoint)
     standing = run.standing
     with stop_signals() as stop, closing(engine.pieces(Drawing(plan, len(found.labels)), standing.used)) as pieces:
-        while not standing.over:
-            try:
-                drawn = next(pieces)
-            except StoppedError as stopped:  # time was up in the midst of the piece
-                standing.cut = stopped.how_far
-                break
+        for drawn in standing.follow(pieces, spent, progress):
             run.take(drawn)
-            if progress is not None:
-                progress(standing.assembler.found, plan.wanted, standing.assembler.candidates)
             if stop.asked is not None:
                 run.publish(wait=True)
                 raise KeyboardInterrupt(INTERRUPTED(folder=store.location, scenes=run.manifest.scenes)) from stop.asked
-            if spent():
-                break
     tally = standing.tally()
     if keep_partial and not standing.assembler.complete:
         run.keep_rest()
@@ -120,8 +109,7 @@ class _SetRun:
     _pools: Any = field(default_factory=lambda: itertools.count(-1, -1))
 
     def __post_init__(self) -> None:
-        plan = self.plan
-        self.standing = RunProgress(plan, BlockAssembler(plan.reached, plan.wanted, plan.seed, self.block, plan.groups))
+        self.standing = RunProgress(self.plan, self.block)
         self._done = self.manifest.scenes
 
     def restore(self, checkpoint: Checkpoint) -> None:

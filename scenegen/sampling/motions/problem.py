@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.errors import Diagnostic
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import ANGLES, LENGTHS, THETA, TWO_PI, row_count
+from scenegen.pose import ANGLES, LENGTHS, SIZE, THETA, TWO_PI, row_count
 from scenegen.sampling.rarity import cost as state_cost
-from scenegen.sampling.request import Cells, SampleRequest, cut
+from scenegen.sampling.request import Cells, FixedPose, SampleRequest, cut
 from scenegen.search.effort import NEVER, Stop
 
 Array = npt.NDArray[np.float64]
@@ -55,7 +56,8 @@ class MotionProblem:
     where nothing is required. Headings that it gets may lie outside [0, 2 pi). It must be picklable for several
     processes. `scores` has the same rows, then the room (see GATES). `cost` is about how many numbers it computes for a
     motion. `lean`, if there is one, tells chains the same for less. `log_excess` is what to add to the natural
-    logarithm of a share of motions for the probability under the base distribution: see `Workspace.log_excess`.
+    logarithm of a share of motions for the probability under the base distribution: see `Workspace.log_excess`. `spec`
+    is what the problem was made from, if it was made from one, and `warnings` are about the request.
     """
 
     names: tuple[str, ...]
@@ -72,7 +74,11 @@ class MotionProblem:
     cost: int = 0
     lean: LeanScore | None = None
     log_excess: float = 0.0
+    spec: CheckedSpec | None = None
+    warnings: tuple[Diagnostic, ...] = ()
     cells: Cells = field(init=False)
+
+    over_time: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         cells = cut(self.request, (*self.labels, *GATES))
@@ -88,6 +94,20 @@ class MotionProblem:
     def rows(self) -> int:
         """How many numbers a motion is in storage: the poses at all moments, then the mover of each step."""
         return (self.steps + 1) * row_count(len(self.names)) + self.steps
+
+    @property
+    def fixed(self) -> dict[str, tuple[float, ...]]:
+        """The places of objects that the request fixes."""
+        return {name: tuple(pose) for name, pose in self.request.fix.items() if not isinstance(pose, FixedPose)}
+
+    def poses(self, rows: Array) -> Array:
+        """The poses of motions in storage, (N, 3, steps + 1, B)."""
+        shape = (len(self.names), SIZE, self.steps + 1, rows.shape[1])
+        return rows[: len(rows) - self.steps].reshape(shape)
+
+    def scenes(self, rows: Array) -> Array:
+        """The scenes in which motions begin, (3N, B)."""
+        return self.poses(rows)[:, :, 0].reshape(row_count(len(self.names)), rows.shape[1])
 
     @property
     def movable(self) -> Index:

@@ -47,7 +47,7 @@ def measure(
     requirement and stay within the limits. The same arguments give the same numbers. `check` is called between
     levels. Where `stop` raises StoppedError, runs end with what they have. Raises what `make_problem` raises, and
     StoppedError where it is not known yet what meets the requirement."""
-    problem, _ = make_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
+    problem = make_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
     check = check or _go_on
     with np.errstate(all="ignore"):
         moves = 10 + problem.steps + len(problem.names)

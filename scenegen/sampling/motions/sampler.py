@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -16,12 +16,20 @@ import numpy as np
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.processes.pool import run_pieces
-from scenegen.sampling.engine.stream import run_blocks
-from scenegen.sampling.motions.problem import Array, Index, MotionProblem, Variables, draw, poses_of, within_a_turn
+from scenegen.sampling.motions.problem import (
+    NUMBERS,
+    Array,
+    Index,
+    MotionProblem,
+    Variables,
+    draw,
+    poses_of,
+    within_a_turn,
+)
 from scenegen.sampling.motions.schedule import STREAM, MotionChains, Watch, generator, make_schedule
-from scenegen.sampling.plan import Account, Piece, Plan, Record, Tally, digest
+from scenegen.sampling.plan import AGREE, Account, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.problem import Budget
-from scenegen.sampling.report import of_hits, probability
+from scenegen.sampling.report import of_hits, probability, too_few_motions
 from scenegen.sampling.splitting.levels import Schedule, follow
 from scenegen.search.effort import NEVER, Stop, StoppedError
 
@@ -45,12 +53,24 @@ def columns(problem: MotionProblem, variables: Variables, poses: Array) -> Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _MotionPlan(Plan):
-    problem: MotionProblem  # type: ignore[assignment]  # runs need its request and cells alone
+    problem: MotionProblem  # type: ignore[assignment]  # see MotionProblem for what runs need of a problem
     cells_reached: tuple[int, ...]
 
     @property
     def reached(self) -> tuple[int, ...]:
         return self.cells_reached
+
+    @np.errstate(all="ignore")
+    def check(self, rows: Array, phi: Array) -> None:
+        """Score motions once more. Raises AssertionError for one that is out of range, or was given another phi."""
+        problem = self.problem
+        some = max(1, NUMBERS // problem.rows)
+        for start in range(0, rows.shape[1], some):
+            part = slice(start, start + some)
+            again = problem.scores(problem.poses(rows[:, part]))
+            assert (problem.cells.find(again) >= 0).all(), "a motion is out of range"
+            given, found = phi[:, part], again[: len(phi)]
+            assert ((np.abs(found - given) <= AGREE) | (found == given)).all(), "two scores of a motion disagree"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,6 +105,7 @@ class MotionRejection(_MotionPlan):
     def scenes_per_piece(self) -> float:
         return self.batch * self.share
 
+    @np.errstate(all="ignore")
     def draw(self, k: int) -> Piece:
         self.stop.check()
         made = draw(self.problem, self.batch, generator(self.seed, k))
@@ -139,6 +160,7 @@ class MotionSplitting(_MotionPlan):
     def _start(self, k: int, count: int) -> MotionChains:
         return MotionChains.start(self.problem, count, generator(self.seed, k), self.stop)
 
+    @np.errstate(all="ignore")
     def draw(self, k: int) -> Piece:
         plan, problem = self.schedule, self.problem
         chains = self._start(k, plan.chains)
@@ -242,8 +264,27 @@ def make_plan(
     return None if schedule is None else MotionSplitting(problem, tuple(schedule.cells), schedule, budget)
 
 
+def plan_motions(problem: MotionProblem, budget: Budget, *, watch: Watch | None = None) -> Plan:
+    """The plan of a request for motions, by its method: "auto", "rejection" or "splitting". `watch` is shown motions
+    until there is one: at first any. Raises RequestError where the range is not reached, and if time is up before."""
+    request, cells = problem.request, problem.cells
+    with np.errstate(all="ignore"):
+        if watch is not None:
+            poses = within_a_turn(poses_of(problem, draw(problem, request.n, generator(request.seed, -1))))
+            watch(np.ascontiguousarray(poses.transpose(3, 2, 0, 1)), 0)
+        try:
+            plan = make_plan(problem, budget, request.method, watch)
+        except StoppedError:
+            several = cells.count if cells.count > 1 else None
+            facts = {"tried": "levels of motions", "undecided": cells.count, "cells": several}
+            raise RequestError(NO_TIME_TO_TELL(**facts)) from None
+    if plan is None:
+        raise RequestError(too_few_motions(0, request.n, budget.spent))
+    return plan
+
+
 # --------------------------------------------------------------------------------------------------------------------
-# From a problem to motions: in this process or several, with the same result.
+# From a problem in Python to motions, in memory.
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,47 +304,15 @@ class SampledMotions:
         return len(self.poses)
 
 
-def sample(
-    problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto", watch: Watch | None = None
-) -> SampledMotions:
+def sample(problem: MotionProblem, budget: Budget | None = None, *, method: str = "auto") -> SampledMotions:
     """The request's motions. `method` is "auto", "rejection" or "splitting". Motions do not depend on the request's
-    `workers`. If the range is not reached there are none. `watch` is shown motions until they are there: at first any.
-    Raises RequestError if time is up before the plan is made, AssertionError for a motion that fails the check."""
+    `workers`. Raises RequestError where the range is not reached, and if time is up before the plan is made,
+    AssertionError for a motion that fails the check."""
+    from scenegen.sampling.engine.run import in_memory
+
     budget = Budget(problem.request.timeout) if budget is None else budget
-    labels, cells, workers = len(problem.labels), problem.cells, problem.request.workers or 1
-    with np.errstate(all="ignore"):
-        if watch is not None:
-            poses = within_a_turn(
-                poses_of(problem, draw(problem, problem.request.n, generator(problem.request.seed, -1)))
-            )
-            watch(np.ascontiguousarray(poses.transpose(3, 2, 0, 1)), 0)
-        try:
-            plan = make_plan(problem, budget, method, watch)
-        except StoppedError:
-            raise RequestError(
-                NO_TIME_TO_TELL(
-                    tried="levels of motions", undecided=cells.count, cells=cells.count if cells.count > 1 else None
-                )
-            ) from None
-        columns, info = [np.empty((problem.rows, 0))], dict[str, object]()
-        if plan is not None:
-            run = run_blocks(plan, labels, workers=workers, spent=lambda: budget.spent)
-            while True:
-                try:
-                    columns.append(next(run).rows)
-                except StopIteration as end:
-                    info = dict(plan.account(end.value).info)
-                    break
-            info["cells"] = {"asked": cells.count, "reached": len(plan.reached)}
-        rows = np.concatenate(columns, axis=1)
-        poses, movers = _split(problem, rows)
-        scores = problem.scores(poses)
-    assert (cells.find(scores) >= 0).all(), "a motion is out of range"
-    motions = np.ascontiguousarray(poses.transpose(3, 2, 0, 1))
-    return SampledMotions(motions, movers, scores[:labels].T, info, len(motions) >= problem.request.n)
-
-
-def _split(problem: MotionProblem, rows: Array) -> tuple[Array, Index]:
-    poses, movers = rows[: len(rows) - problem.steps], rows[len(rows) - problem.steps :]
-    shape = (len(problem.names), 3, problem.steps + 1, rows.shape[1])
-    return poses.reshape(shape), movers.T.astype(np.intp)
+    problem = replace(problem, request=replace(problem.request, method=method))
+    found = in_memory(plan_motions(problem, budget), budget)
+    poses = np.ascontiguousarray(problem.poses(found.rows).transpose(3, 2, 0, 1))
+    movers = found.rows[problem.rows - problem.steps :].T.astype(np.intp)
+    return SampledMotions(poses, movers, found.phi.T, found.info, found.shortfall is None)

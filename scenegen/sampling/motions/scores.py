@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.errors.time import NO_BOUND_ON_STEPS
 from scenegen.geometry import NUMPY, Namespace
@@ -329,11 +329,9 @@ def _below(timed: Timed, roots: tuple[int, ...]) -> tuple[tuple[TimeNode, ...], 
 # From a spec over time and a request to a problem for the samplers.
 
 
-def make_problem(
-    spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER
-) -> tuple[MotionProblem, tuple[Diagnostic, ...]]:
-    """The problem, and warnings about the request. Raises RequestError for a request that is wrong or out of the bounds
-    of phi, for an object of which nothing says how far it moves in a step, and where time is up."""
+def make_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) -> MotionProblem:
+    """Raises RequestError for a request that is wrong or out of the bounds of phi, for an object of which nothing says
+    how far it moves in a step, and where time is up."""
     timed = spec.timed
     assert timed is not None
     effort = asking(stop)
@@ -348,13 +346,13 @@ def make_problem(
         raise RequestError(NO_BOUND_ON_STEPS(name=name))
     turn[np.isinf(turn)] = 0.0  # without a bound a heading is kept
     shape = (len(timed.objects), len(rows_of(0)))
-    made = MotionProblem(
+    return MotionProblem(
         names=timed.objects, labels=tuple(timed.labels), steps=timed.horizon.steps, lowest=lowest.reshape(shape),
         highest=highest.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
         moves=timed.moves, dt=timed.horizon.dt, cost=cost(spec),
         lean=lean(timed), log_excess=spec.workspace.log_excess(lowest, highest, len(timed.objects)),
+        spec=spec, warnings=warnings,
     )  # fmt: skip
-    return made, warnings
 
 
 def unbounded(timed: Timed, lowest: Array, highest: Array) -> list[str]:

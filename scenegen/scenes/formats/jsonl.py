@@ -22,21 +22,18 @@ from scenegen.scenes.formats.header import (
     not_scenes,
     parse,
 )
-from scenegen.scenes.formats.lines import Each, LinesJob, block_from, lines_of, numbers_of
+from scenegen.scenes.formats.lines import block_from, lines_of, numbers_of, texts
 
 LONGEST = 1 << 26  # bytes of a line: tens of thousands of objects
 
 Lines = Iterator[tuple[int, bytes]]
 
 
-def write(
-    sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block], *, each: Each = map
-) -> None:
-    """The header, then the scenes block by block; floats are written so that they read back bit for bit. `each` makes
-    their text of blocks, in this process or others."""
+def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
+    """The header, then the scenes block by block; floats are written so that they read back bit for bit."""
     header, blocks = labelled(header, labels, blocks)
     sink.write(dump_header(header).encode() + b"\n")
-    for text in each(LinesJob(lines_of(header, labels), "", "\n"), blocks):
+    for text in texts(header, labels, blocks, "", "\n"):
         sink.write(text)
         sink.write(b"\n")
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
 
 import numpy as np
 
 from scenegen.pose import NAMES, row_count, rows_of
-from scenegen.scenes.blocks import Array, Block, check_numbers, counts_in
+from scenegen.scenes.blocks import Array, Block, check_numbers, counts_in, regrouped
 from scenegen.scenes.data import SceneData, SceneFile
 from scenegen.scenes.numbers import member_of
 from scenegen.scenes.stage import chosen_surface
@@ -131,28 +130,23 @@ def block_of(scenes: Sequence[SceneData], header: SceneFile, labels: Sequence[st
 # Lines of scenes that differ in how many things there are: each as of a file with its objects alone, and `counts`.
 
 
+SOME = 8192  # scenes whose text is in memory at a time
+
 Index = tuple[int, ...]
-
-
-Each = Callable[[Callable[[Block], bytes], Iterable[Block]], Iterable[bytes]]
-"""`map`, or the same by several processes."""
-
-
-@dataclass(frozen=True, slots=True)
-class LinesJob:
-    """The job of writing a block's lines: with something before each, and something between two."""
-
-    lines: SceneLines | NumberedLines
-    before: str
-    between: str
-
-    def __call__(self, block: Block) -> bytes:
-        return self.between.join(f"{self.before}{line}" for line in self.lines.of(block)).encode()
 
 
 def lines_of(header: SceneFile, labels: Sequence[str]) -> SceneLines | NumberedLines:
     """The text of scenes of a file."""
     return NumberedLines(header, labels) if header.counts else SceneLines(header, labels)
+
+
+def texts(
+    header: SceneFile, labels: Sequence[str], blocks: Iterable[Block], before: str, between: str
+) -> Iterator[bytes]:
+    """The lines of some scenes at a time, with something before each, and something between two."""
+    lines = lines_of(header, labels)
+    for block in regrouped(blocks, SOME):
+        yield between.join(f"{before}{line}" for line in lines.of(block)).encode()
 
 
 class NumberedLines:

@@ -51,6 +51,7 @@ from scenegen.scenes.formats.header import dump_header, load_header
 
 Check = Callable[["Footer"], None]
 
+HEADER_LAST = True  # see `registry`
 KEY = b"scenegen"  # of the header in the file's metadata
 BUFFER = 1 << 22  # bytes written at a time: Arrow writes a page in small parts, and would wait for Python with each
 LARGEST = 1 << 30  # bytes of a row group, unpacked
@@ -98,7 +99,7 @@ def write(
     schema = pa.schema(fields)
     options = {"compression": "zstd", "compression_level": 1, "use_dictionary": False, "store_schema": False}
     with (
-        pa.BufferedOutputStream(pa.PythonFile(_Sink(sink), mode="w"), BUFFER) as buffered,
+        arrow_sink(sink) as buffered,
         pq.ParquetWriter(buffered, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer,
     ):
         for block in regrouped(blocks):
@@ -110,6 +111,11 @@ def write(
             writer.write_batch(pa.record_batch(arrays, schema=schema), row_group_size=BLOCK)
         last = header if final is None else final()
         writer.add_key_value_metadata({KEY: dump_header(last.without_scenes()).encode()})
+
+
+def arrow_sink(sink: IO[bytes] | RawIOBase) -> pa.BufferedOutputStream:
+    """What Arrow writes a file to."""
+    return pa.BufferedOutputStream(pa.PythonFile(_Sink(sink), mode="w"), BUFFER)
 
 
 class _Sink(RawIOBase):

@@ -1,11 +1,10 @@
-"""The table of scene file formats: ending -> module with
+"""The tables of file formats: ending -> module, or what a module has by a name, with
 
-    write(sink, header, labels, blocks)   scenes into an open binary file, block by block
-    read(path) -> Reading                 the header, then the scenes, block by block
+    write(sink, header, labels, blocks)   scenes, or motions, into an open binary file, block by block
+    read(path)                            an open file of scenes, or all motions of a file
 
-Both have only a few blocks in memory for files of any length, except JSON, which is read as a whole. Formats of
-HEADER_LAST can be written before the whole of the header is known: their `write` takes `final`, which gives it. Those
-of TEXT take `each`, a `map` of several processes.
+Both have only a few blocks in memory for files of any length, except JSON, which is read as a whole. A format
+with HEADER_LAST can be written before the whole of the header is known: its `write` takes `final`, which gives it.
 """
 
 from __future__ import annotations
@@ -18,11 +17,13 @@ from typing import TYPE_CHECKING, Any
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import NOT_SCENES, UNKNOWN_ENDING
 from scenegen.errors.requests import NOT_INSTALLED
+from scenegen.errors.time import UNKNOWN_MOTION_ENDING
 from scenegen.scenes.files import whole_file
 
 if TYPE_CHECKING:
     from scenegen.scenes.blocks import Block, SceneFileReading
     from scenegen.scenes.data import SceneFile
+    from scenegen.scenes.formats.motions import MotionArrays
 
 FORMATS: dict[str, str] = {
     ".json": "scenegen.scenes.formats.scenes_json",
@@ -30,8 +31,14 @@ FORMATS: dict[str, str] = {
     ".parquet": "scenegen.scenes.formats.parquet",
 }
 
-HEADER_LAST = {".parquet"}
-TEXT = {".json", ".jsonl"}
+MOTION_FORMATS: dict[str, str] = {
+    ".json": "scenegen.scenes.formats.motions:JSON",
+    ".jsonl": "scenegen.scenes.formats.motions:JSON_LINES",
+    ".parquet": "scenegen.scenes.formats.motions_parquet",
+    ".csv": "scenegen.scenes.formats.motions:CSV",
+}
+
+SCENES, MOTIONS = "scenegen/scenes", "scenegen/motions"  # what the headers of files call their formats
 
 # Endings of simulators' and planners' files (see `export`): for these, the error of `sample` suggests `export`.
 ENDINGS: dict[str, str] = {
@@ -58,25 +65,27 @@ INSTEAD = {  # what is no format here, by name or ending, and what does it
 EXTRAS = {"pyarrow": "parquet"}  # libraries that only an extra of scenegen installs
 
 
-def format_of(path: Path) -> Any:
-    """The module for a path's ending. Raises RequestError for an ending that no format has, and if the library that the
-    format needs is not installed."""
-    module = FORMATS.get(path.suffix.lower())
-    if module is None:
-        export = path.with_suffix(".json") if path.suffix.lower() in ENDINGS else None
-        raise RequestError(
-            UNKNOWN_ENDING(
-                path=path, name=path.suffix, known=FORMATS, scenes=export, instead=INSTEAD.get(path.suffix.lower()[1:])
-            )
-        )
+def format_of(path: Path, kind: str = SCENES) -> Any:
+    """What writes and reads files with a path's ending, of scenes or of motions. Raises RequestError for an ending that
+    no format has, and if the library that the format needs is not installed."""
+    ending = path.suffix.lower()
+    known = FORMATS if kind == SCENES else MOTION_FORMATS
+    if ending not in known:
+        if kind == MOTIONS:
+            raise RequestError(UNKNOWN_MOTION_ENDING(path=path, name=path.suffix, known=known))
+        export = path.with_suffix(".json") if ending in ENDINGS else None
+        facts = {"name": path.suffix, "known": known, "scenes": export, "instead": INSTEAD.get(ending[1:])}
+        raise RequestError(UNKNOWN_ENDING(path=path, **facts))
+    module, _, name = known[ending].partition(":")
     try:
-        return importlib.import_module(module)
+        found = importlib.import_module(module)
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
         if library not in EXTRAS:
             raise
         purpose, command = f"for {path.suffix} files", f'pip install "scenegen[{EXTRAS[library]}]"'
         raise RequestError(NOT_INSTALLED(package=library, purpose=purpose, command=command)) from error
+    return getattr(found, name) if name else found
 
 
 def write_scenes(path: Path, header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
@@ -90,14 +99,48 @@ def write_scenes(path: Path, header: SceneFile, labels: Sequence[str], blocks: I
         module.write(sink, header, labels, blocks)
 
 
-def read_scenes(path: Path) -> SceneFileReading:
-    """Open a scene file, or a file of motions: its scenes are the moments. Raises DataError and RequestError; `blocks`
-    of the result raises DataError for later damage."""
-    from scenegen.scenes.formats.motions.table import is_motions, moments
+def write_motions(path: Path, motions: MotionArrays) -> None:
+    """Write motions in the format of the path's ending; the file appears whole or not at all. Raises RequestError,
+    OutputError."""
+    module = format_of(path, MOTIONS)
+    with whole_file(path) as sink:
+        module.write(sink, motions.header, tuple(motions.phi), [motions.block()], tuple(motions.facts))
 
+
+def read_scenes(path: Path) -> SceneFileReading:
+    """Open a scene file, or a file of motions: its scenes are all moments of all motions. Raises DataError and
+    RequestError; `blocks` of the result raises DataError for later damage."""
     if is_motions(path):
-        return moments(path)
+        from scenegen.scenes.blocks import SceneFileReading
+        from scenegen.scenes.formats.motions import moments, scenes_header
+
+        found = read_motions(path)
+        block = moments(found)
+        return SceneFileReading(scenes_header(found.header), (), iter([block]), block.count, str(path))
     if path.suffix.lower() == ".csv":
         raise DataError(NOT_SCENES(file=path, reason="a .csv file has no place for spec and shapes", poses=True))
     reading: SceneFileReading = format_of(path).read(path)
     return reading
+
+
+def read_motions(path: Path) -> MotionArrays:
+    """The motions of a .json, .jsonl or .parquet file. Raises DataError, RequestError."""
+    found: MotionArrays = format_of(path, MOTIONS).read(path)
+    return found
+
+
+PEEK = 256  # bytes at the start of a file within which it names its format
+
+
+def is_motions(path: Path) -> bool:
+    """Whether a .json, .jsonl or .parquet file is one of motions; False where it cannot be read."""
+    ending, named = path.suffix.lower(), f'"{MOTIONS}"'.encode()
+    try:
+        if ending in (".json", ".jsonl") and path.is_file():
+            with path.open("rb") as file:
+                return named in file.read(PEEK)
+        if ending == ".parquet" and path.is_file():
+            return named in format_of(path, MOTIONS).header_bytes(path)[:PEEK]
+    except (OSError, RequestError):
+        pass
+    return False

@@ -14,18 +14,16 @@ from scenegen.scenes.blocks import Block, SceneFileReading
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.header import HEADING, check_objects, labelled, parse, scene_file
-from scenegen.scenes.formats.lines import Each, LinesJob, block_of, lines_of
+from scenegen.scenes.formats.lines import block_of, texts
 
 MOST_BYTES = 1 << 28  # of a file: reading it as a whole takes about thirty times as much memory
 BYTES = 32  # of a number with its name, approximately
 REMEDY = ".jsonl and .parquet files are read part by part, and may be of any size"
 
 
-def write(
-    sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block], *, each: Each = map
-) -> None:
-    """Scenes block by block; floats are written so that they read back bit for bit. `each` makes their text of blocks,
-    in this process or others. Raises OutputError for more than `read` accepts."""
+def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
+    """Scenes block by block; floats are written so that they read back bit for bit. Raises OutputError for more than
+    `read` accepts."""
     header, blocks = labelled(header, labels, blocks)
     data = header.model_dump(mode="json", exclude={"scenes"})
     text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
@@ -33,7 +31,7 @@ def write(
     sink.write(head)
     size = len(head)
     between = b"\n"
-    for lines in each(LinesJob(lines_of(header, labels), "  ", ",\n"), blocks):
+    for lines in texts(header, labels, blocks, "  ", ",\n"):
         size += len(between) + len(lines)
         if size > MOST_BYTES:
             raise OutputError(JSON_TOO_LARGE(limit=MOST_BYTES))

@@ -22,8 +22,8 @@ from scenegen.errors.time import (
 )
 from scenegen.geometry.workspace import Workspace
 from scenegen.pose import NAMES, THETA, TWO_PI
-from scenegen.scenes.formats.motions.table import is_motions, read_motions
 from scenegen.scenes.formats.plain import ENDINGS, Table, doubts, read_table
+from scenegen.scenes.formats.registry import is_motions, read_motions
 
 Array = npt.NDArray[np.float64]
 

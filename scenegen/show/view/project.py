@@ -28,8 +28,7 @@ from scenegen.pose import as_poses, row_count
 from scenegen.resources import shipped_specs
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import is_stream, read_stream, write_whole
-from scenegen.scenes.formats.motions.table import is_motions
-from scenegen.scenes.formats.registry import FORMATS
+from scenegen.scenes.formats.registry import FORMATS, is_motions
 from scenegen.show.view.jobs.evaluate import scene_set, told
 from scenegen.show.view.jobs.source import with_numbers
 from scenegen.show.view.limits import MAX_FILES, MAX_TEXT, most_scenes

@@ -23,7 +23,7 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNSETTLED
 from scenegen.lang.spec import levels
 from scenegen.needs import need
-from scenegen.pose import as_poses, flat, row_count
+from scenegen.pose import as_poses, flat
 from scenegen.processes.pool import Pool
 from scenegen.processes.process import cores
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
@@ -177,7 +177,8 @@ class Refusals:
 # A plan without the scenes that do not settle.
 #
 # It filters candidates before they are spread over cells, so settling is part of the target: within a cell, scenes
-# follow the plan's distribution conditional on settling, and all n requested scenes are found.
+# follow the plan's distribution conditional on settling, and all n requested scenes are found. Of motions the scene in
+# which they begin is dropped.
 
 
 Index = npt.NDArray[np.intp]
@@ -278,6 +279,9 @@ class Settling(Plan):
     def misses(self) -> tuple[Floats, Floats]:
         return self.plan.misses()
 
+    def check(self, rows: Floats, phi: Floats) -> None:
+        self.plan.check(rows, phi)
+
     def draw(self, k: int) -> Piece:
         """Those of the first candidates of piece k in each cell that settle. Raises what `stop` raises."""
         found = self.plan.draw(k)
@@ -285,7 +289,7 @@ class Settling(Plan):
         first = [np.flatnonzero(found.cell == cell)[: self._at_once] for cell in self.reached if cell not in full]
         taken = np.sort(np.concatenate([np.empty(0, dtype=np.intp), *first]))
         spec, rows = self.problem.spec, found.rows[:, taken]
-        poses = as_poses(rows[: row_count(len(spec.objects))])
+        poses = as_poses(self.problem.scenes(rows))
         settled = self._settler().settle(poses, levels(spec, rows), self.stop)
         kept = taken[settled.kept]
         if self.wanted <= BLOCK:

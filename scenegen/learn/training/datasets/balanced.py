@@ -31,7 +31,6 @@ from scenegen.learn.training.recipes import GATHERING
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.choice import choose
 from scenegen.sampling.engine.blocks import Drawing
-from scenegen.sampling.engine.run import BESIDE
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import Rarity, measure
 from scenegen.sampling.rarity_grown import measure_vast
@@ -250,7 +249,7 @@ class _Draws:
         budget = gathering.budget()
         problem = make_problem(self.spec, SampleRequest(ranges, count, seed, spread="base", workers=1), budget)
         with closing(choose(problem, budget)) as plan:
-            visits = plan.evaluations * (len(problem.core.nodes) + BESIDE) / count
+            visits = plan.evaluations * problem.cost / count
             each = max(1e-12, visits * VISIT.get(plan.method, OTHER_VISIT))
             seconds = share * max(0.0, self.seconds - self.kept[0])
             count = min(count, max(FEWEST, int(seconds / each)))

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scenegen.api.monitor import score_trajectory
 from scenegen.api.motions import MotionSet, draw_motions
 from scenegen.api.outline import FormulaTree, Outline, OutlinePart
-from scenegen.api.scene_arrays import make_header
+from scenegen.api.scene_arrays import motion_header
 from scenegen.api.spec import Spec
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.program import NO_MESSAGE, PAGE_LIMIT
@@ -21,8 +21,8 @@ from scenegen.lang.formula.core import REQUIRE, BoundedUntil, Everywhere, Juncti
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimedValues, over_time
 from scenegen.sampling.motions.scores import TraceScores
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scenes.data import RequestData
-from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
+from scenegen.scenes.formats.motions import facts_of
+from scenegen.scenes.motions import MotionRequestData, TimeData
 from scenegen.search import node_bounds
 from scenegen.show.figures.dimensions import dimensions
 from scenegen.show.view.jobs.evaluate import MOST_NODES, Json, line_of, own, tree_of
@@ -136,16 +136,10 @@ def _decides(spec: Spec, label: str, scored: TimedValues, motion: Array, at: lis
 def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], wanted: Mapping[str, Any]) -> MotionSet:
     """Motions from a page as a set with its header; phi is computed again."""
     horizon = timed_of(spec).horizon
-    scenes = make_header(spec.declared, dict(sampler), RequestData(phi={}, n=len(motions)))
-    header = MotionFile(
-        spec=scenes.spec, workspace=scenes.workspace, objects=scenes.objects, regions=scenes.regions,
-        sampler=dict(sampler), time=TimeData(steps=horizon.steps, dt=horizon.dt), motions=[],
-        request=MotionRequestData(phi=wanted["phi"], n=max(1, wanted["n"])),
-    )  # fmt: skip
+    request = MotionRequestData(phi=wanted["phi"], n=max(1, wanted["n"]))
+    header = motion_header(spec.declared, sampler, request, TimeData(steps=horizon.steps, dt=horizon.dt))
     phi = {name: np.array(values) for name, values in told(spec, motions)["phi"].items()}
-    steps = np.hypot(*np.moveaxis(np.diff(motions[..., :2], axis=1), -1, 0))
-    facts = {"moved": (steps > 0.0).any(axis=1).sum(axis=1).astype(np.float64), "way": steps.sum(axis=(1, 2))}
-    return MotionSet(motions, phi, facts, header)
+    return MotionSet(motions, phi, facts_of(motions), header)
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from io import RawIOBase
 from pathlib import Path
 from typing import IO, Any
 
@@ -14,48 +17,86 @@ import pyarrow.parquet as pq
 from scenegen.errors import DataError
 from scenegen.errors.time import DAMAGED_MOTIONS, NOT_MOTIONS
 from scenegen.pose import NAMES
-from scenegen.scenes.blocks import COUNT, PHI
+from scenegen.scenes.blocks import COUNT, PHI, Array, Block, joined
 from scenegen.scenes.files import opened
 from scenegen.scenes.formats.header import parse
-from scenegen.scenes.formats.motions.table import KINDS, PEEK, MotionArrays, columns
-from scenegen.scenes.formats.motions.text import motion_file
-from scenegen.scenes.formats.parquet import KEY, check_rows, is_number, open_parquet, refused
-from scenegen.scenes.motions import MOTIONS_FORMAT, MotionFile
+from scenegen.scenes.formats.motions import FACTS, KINDS, MotionArrays, columns, motion_file, motions_of
+from scenegen.scenes.formats.parquet import KEY, arrow_sink, check_rows, is_number, open_parquet, refused
+from scenegen.scenes.motions import MotionFile
 from scenegen.scenes.numbers import element
 
+GROUP = 1 << 20  # moments of a row group
 
-def write(sink: IO[bytes], motions: MotionArrays, ending: str) -> None:
+
+def write(
+    sink: IO[bytes] | RawIOBase,
+    header: MotionFile,
+    labels: Sequence[str],
+    blocks: Iterable[Block],
+    facts: Sequence[str] = FACTS,
+) -> None:
     """Columns of doubles, and of integers for numbers of things; zstd. What is not there is null."""
-    found = columns(motions)
-    header = motions.header.model_dump(mode="json", exclude={"motions"})
-    names = {"phi": list(motions.phi), "facts": list(motions.facts)}
-    counts = {f"{COUNT}{one.name}" for one in motions.header.counts}
+    rows = header.coordinates + len(facts)
+    if header.counts:  # all motions say which columns have nulls
+        blocks = [joined(list(blocks), rows, len(labels))]
+    data = {**header.model_dump(mode="json", exclude={"motions"}), "columns": {"phi": [*labels], "facts": [*facts]}}
+    metadata = {KEY: json.dumps(data, ensure_ascii=False).encode()}
+
+    def tables() -> Iterator[pa.Table]:
+        done = 0
+        for block in blocks:
+            yield _table(header, metadata, columns(motions_of(header, labels, facts, block), done + 1))
+            done += block.count
+
+    each = tables()
+    first = next(each, None)
+    if first is None:
+        nothing = Block(np.empty((rows, 0)), np.empty((len(labels), 0)))
+        first = _table(header, metadata, columns(motions_of(header, labels, facts, nothing)))
+    options = {"compression": "zstd", "compression_level": 1, "write_page_checksum": True}
+    with arrow_sink(sink) as out, pq.ParquetWriter(out, first.schema, **options) as writer:
+        for group in _groups(itertools.chain([first], each)):
+            writer.write_table(group, row_group_size=GROUP)
+
+
+def _table(header: MotionFile, metadata: dict[bytes, bytes], found: list[tuple[str, Array]]) -> pa.Table:
+    counts = {f"{COUNT}{one.name}" for one in header.counts}
     fields = [
         pa.field(name, pa.int64() if name in counts else pa.float64(), nullable=bool(np.isnan(values).any()))
         for name, values in found
     ]
-    metadata = {KEY: json.dumps({**header, "columns": names}, ensure_ascii=False).encode()}
     arrays = [
         pa.array(values, from_pandas=field.nullable).cast(field.type)
         for field, (_, values) in zip(fields, found, strict=True)
     ]
-    table = pa.table(arrays, schema=pa.schema(fields, metadata=metadata))
-    pq.write_table(table, sink, compression="zstd", compression_level=1, write_page_checksum=True)
+    return pa.table(arrays, schema=pa.schema(fields, metadata=metadata))
 
 
-def names_motions(path: Path) -> bool:
-    """Whether the metadata of a file says that it holds motions; False where it cannot be read."""
+def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
+    """The same rows in tables of `GROUP`, but for the last: the bytes depend on the motions alone."""
+    waiting: pa.Table | None = None
+    for table in tables:
+        waiting = table if waiting is None else pa.concat_tables([waiting, table])
+        while waiting.num_rows > GROUP:
+            yield waiting.slice(0, GROUP).combine_chunks()
+            waiting = waiting.slice(GROUP)
+    if waiting is not None:
+        yield waiting.combine_chunks()
+
+
+def header_bytes(path: Path) -> bytes:
+    """The header in the metadata of a file; nothing where it cannot be read."""
     try:
-        metadata = pq.read_metadata(path).metadata or {}
+        found: bytes = (pq.read_metadata(path).metadata or {}).get(KEY, b"")
+        return found
     except (pa.ArrowException, OSError, ValueError):
-        return False
-    return f'"{MOTIONS_FORMAT}"'.encode() in metadata.get(KEY, b"")[:PEEK]
+        return b""
 
 
-def read(path: Path) -> MotionArrays:
-    """Raises DataError."""
+def read(path: Path, source: Any = None) -> MotionArrays:
+    """The motions of a file; `source` is the open file, if it is not on a disk. Raises DataError."""
     with (
-        opened(path, "a motions file") as file,
+        opened(path, "a motions file") if source is None else source as file,
         refused(lambda said: NOT_MOTIONS(file=path, reason=said)),
     ):
         parquet = open_parquet(path, file)
@@ -85,7 +126,7 @@ def read(path: Path) -> MotionArrays:
 
     places = [[column(f"{one.name}.{axis}") for axis in NAMES] for one in header.objects]
     poses = np.array(places).reshape(len(header.objects), len(NAMES), -1, moments).transpose(2, 3, 0, 1)
-    found = MotionArrays(header, np.ascontiguousarray(poses), {}, {})
+    found = MotionArrays(np.ascontiguousarray(poses), {}, {}, header)
     if header.counts:
         numbers = np.array([column(f"{COUNT}{one.name}").reshape(-1, moments) for one in header.counts])
         try:

@@ -1,1 +1,0 @@
-"""Motion files: JSON, JSON Lines, Parquet and CSV (docs/motions.md)."""

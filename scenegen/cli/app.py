@@ -20,7 +20,7 @@ from typing import Any
 
 import typer
 
-from scenegen.cli.options import Quiet, Verbose, all_whole, option_called
+from scenegen.cli.options import QUIET, VERBOSE, as_typed, option_called
 from scenegen.cli.output import Verbosity, complain, flag, print_message, voice
 from scenegen.cli.streams import give_up, prepare, reader_left
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
@@ -111,14 +111,12 @@ def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
             voice.reset(before)
 
     signature = inspect.signature(command, eval_str=True)
-    given = signature.parameters.values()
     more = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
-        for name, kind in (("quiet", Quiet), ("verbose", Verbose))
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=bool)
+        for name, default in (("quiet", QUIET), ("verbose", VERBOSE))
     ]
-    run_command.__signature__ = signature.replace(  # type: ignore[attr-defined]
-        parameters=[*(one.replace(annotation=all_whole(one.annotation)) for one in given), *more]
-    )
+    every = map(as_typed, [*signature.parameters.values(), *more])
+    run_command.__signature__ = signature.replace(parameters=list(every))  # type: ignore[attr-defined]
     return run_command
 
 

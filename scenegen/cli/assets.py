@@ -4,29 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+from scenegen.cli.options import argument, option
 
 if TYPE_CHECKING:
     from scenegen.things.library import Asset
 
 
 def assets(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(help="Names of objects; all of the library if left out.", metavar="NAME", show_default=False),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="A folder for pictures of them.", metavar="DIR", show_default=False)
-    ] = None,
-    size: Annotated[
-        str, typer.Option("--size", help="Width and height of a picture in pixels.", metavar="WxH")
-    ] = "320x240",
-    json_: Annotated[bool, typer.Option("--json", help="The table as JSON.", show_default=False)] = False,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
-    ] = None,
+    names: list[str] | None = argument("Names of objects; all of the library if left out.", "NAME", default=None),
+    out: Path | None = option("A folder for pictures of them.", "DIR"),
+    size: str = option("Width and height of a picture in pixels.", "WxH", default="320x240"),
+    json_: bool = option("The table as JSON.", flags="--json"),
+    workers: int | None = option("Processes that draw; default: one per core."),
 ) -> None:
     """List the objects of the library: their sizes, masses and friction.
 

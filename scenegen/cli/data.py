@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenegen.cli.options import seconds
+from scenegen.cli.options import JSON, WORKERS, argument, option, seconds
 from scenegen.errors.files import DATA_ARGUMENTS, FAULTY_SHARDS
 from scenegen.errors.requests import OUT_OF_PLACE
 
@@ -29,51 +29,26 @@ SHOWN = 5  # damaged shards that are named
 
 
 def data(
-    sets: Annotated[
-        list[str],
-        typer.Argument(
-            help="Sets, or folders of sets: DIR or URL. Or an action, merge, split, filter or remake, and its sets.",
-            metavar="[ACTION] SET",
-            show_default=False,
-        ),
-    ],
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Check every checksum, and score every scene again.")
-    ] = False,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", help="The new set, or the folder of new sets.", metavar="DIR/", show_default=False),
-    ] = None,
-    phi: Annotated[
-        list[str] | None,
-        typer.Option("--phi", help="For filter: phi to keep.", metavar="[NAME=]LO:HI", show_default=False),
-    ] = None,
-    share: Annotated[
-        list[str] | None,
-        typer.Option("--share", help="For split: a part and its share.", metavar="NAME=SHARE", show_default=False),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of a split.")] = 0,
-    shard: Annotated[
-        list[int] | None,
-        typer.Option("--shard", help="For remake: the number of a shard.", metavar="N", show_default=False),
-    ] = None,
-    engine: Annotated[str, typer.Option("--engine", help="What reads the shards: local or ray.")] = "local",
-    address: Annotated[
-        str | None, typer.Option("--address", help="The Ray cluster.", metavar="ADDR", show_default=False)
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
-    ] = None,
-    timeout: Annotated[
-        float,
-        typer.Option(
-            "--timeout",
-            help="Seconds for fresh exact scenes to compare with; 0 for none. For remake: of a shard.",
-            parser=seconds,
-            metavar="SECONDS",
-        ),
-    ] = FRESH,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
+    sets: list[str] = argument(
+        "Sets, or folders of sets: DIR or URL. Or an action, merge, split, filter or remake, and its sets.",
+        "[ACTION] SET",
+    ),
+    verify: bool = option("Check every checksum, and score every scene again."),
+    out: str | None = option("The new set, or the folder of new sets.", "DIR/"),
+    phi: list[str] | None = option("For filter: phi to keep.", "[NAME=]LO:HI"),
+    share: list[str] | None = option("For split: a part and its share.", "NAME=SHARE"),
+    seed: int = option("Of a split.", default=0),
+    shard: list[int] | None = option("For remake: the number of a shard.", "N"),
+    engine: str = option("What reads the shards: local or ray.", default="local"),
+    address: str | None = option("The Ray cluster.", "ADDR"),
+    workers: int | None = WORKERS,
+    timeout: float = option(
+        "Seconds for fresh exact scenes to compare with; 0 for none. For remake: of a shard.",
+        "SECONDS",
+        default=FRESH,
+        parser=seconds,
+    ),
+    json: bool = JSON,
 ) -> int:
     """Say what is in a set of scenes, or make new sets from old ones. Sets are read shard by shard, whatever their
     size.

@@ -3,53 +3,34 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from scenegen.cli.many import Address, Engine, exit_status, folder_for, names_of, say_why
-from scenegen.cli.options import Root, all_found, seconds, spec_names, whole
+from scenegen.cli.many import exit_status, folder_for, names_of, say_why
+from scenegen.cli.options import ADDRESS, ENGINE, ROOT, WORKERS, all_found, argument, option, seconds, spec_names
 
 if TYPE_CHECKING:
     from scenegen.sampling.engine.engines import JobResult
 
 
 def dataset(
-    out: Annotated[
-        str,
-        typer.Option("--out", help="The folder or URL of the data set.", metavar="DIR/|URL", show_default=False),
-    ],
-    specs: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            help="Spec files, or names of shipped specs; all shipped specs where none is named.",
-            metavar="[SPEC]...",
-            show_default=False,
-            callback=all_found,
-            autocompletion=spec_names,
-        ),
-    ] = None,
-    n: Annotated[
-        int, typer.Option("-n", help="How many scenes, in equal shares of all specs.", parser=whole, metavar="N")
-    ] = 1_000_000,
-    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same data set.")] = 0,
-    shard_size: Annotated[
-        int, typer.Option("--shard-size", help="Scenes of each file at most, a multiple of 65536.", metavar="N")
-    ] = 65_536,
-    timeout: Annotated[
-        float,
-        typer.Option("--timeout", help="Seconds after which to give a shard up.", parser=seconds, metavar="SECONDS"),
-    ] = 600.0,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the shards that are not there yet.")] = False,
-    license: Annotated[
-        str, typer.Option("--license", help="What the cards say of it, as dataset hubs name it.", metavar="ID")
-    ] = "unknown",
-    engine: Engine = "local",
-    address: Address = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
-    ] = None,
-    root: Root = None,
+    out: str = option("The folder or URL of the data set.", "DIR/|URL", default=...),
+    specs: list[Path] | None = argument(
+        "Spec files, or names of shipped specs; all shipped specs where none is named.",
+        "[SPEC]...",
+        default=None,
+        callback=all_found,
+        autocompletion=spec_names,
+    ),
+    n: int = option("How many scenes, in equal shares of all specs.", default=1_000_000),
+    seed: int = option("The same seed gives the same data set.", default=0),
+    shard_size: int = option("Scenes of each file at most, a multiple of 65536.", "N", default=65_536),
+    timeout: float = option("Seconds after which to give a shard up.", "SECONDS", default=600.0, parser=seconds),
+    resume: bool = option("Go on with the shards that are not there yet."),
+    license: str = option("What the cards say of it, as dataset hubs name it.", "ID", default="unknown"),
+    engine: str = ENGINE,
+    address: str | None = ADDRESS,
+    workers: int | None = WORKERS,
+    root: Path | None = ROOT,
 ) -> int:
     """Make a data set of many specs: scenes of every label, satisfied and not, evenly over phi, and how rare each is.
 

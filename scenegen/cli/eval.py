@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenegen.cli.options import Root, SpecFile
+from scenegen.cli.options import JSON, ROOT, SPEC_FILE, argument, option
 from scenegen.errors.program import PHI_NOT_COMPARED
 from scenegen.errors.requests import NO_SUCH_SCENE_NUMBER, OUT_OF_PLACE
 from scenegen.errors.time import NO_SUCH_MOTION
@@ -29,33 +29,15 @@ EVERY = 10_000  # sub-formulas of a label that --json has at most
 
 
 def evaluate(
-    spec: SpecFile,
-    scenes: Annotated[
-        Path,
-        typer.Argument(
-            help="Scenes of the same objects, sampled, settled or poses alone; or a trajectory.",
-            metavar="SCENES",
-            show_default=False,
-        ),
-    ],
-    explain: Annotated[bool, typer.Option("--explain", help="Name the atom that decides phi, too.")] = False,
-    scene: Annotated[
-        int | None, typer.Option("--scene", help="With --explain: every sub-formula of this scene.", metavar="NUMBER")
-    ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON document instead, with every digit.", show_default=False)
-    ] = False,
-    resample: Annotated[
-        bool, typer.Option("--resample", help="Interpolate a trajectory whose rows are at other times.")
-    ] = False,
-    motion: Annotated[
-        int | None, typer.Option("--motion", help="This motion of several alone.", metavar="NUMBER")
-    ] = None,
-    figure: Annotated[
-        Path | None,
-        typer.Option("--figure", help="Draw phi of a motion over time into this file, too.", metavar="FILE"),
-    ] = None,
-    root: Root = None,
+    spec: Path = SPEC_FILE,
+    scenes: Path = argument("Scenes of the same objects, sampled, settled or poses alone; or a trajectory.", "SCENES"),
+    explain: bool = option("Name the atom that decides phi, too."),
+    scene: int | None = option("With --explain: every sub-formula of this scene.", "NUMBER"),
+    json: bool = JSON,
+    resample: bool = option("Interpolate a trajectory whose rows are at other times."),
+    motion: int | None = option("This motion of several alone.", "NUMBER"),
+    figure: Path | None = option("Draw phi of a motion over time into this file, too.", "FILE"),
+    root: Path | None = ROOT,
 ) -> int:
     """Print phi of every scene and label, computed by the exact spec in float64.
 
@@ -99,9 +81,9 @@ def evaluate(
             rule, remedy = "shows one scene, and this is a spec of motions", "leave it out"
             raise RequestError(OUT_OF_PLACE(option="--scene", rule=rule, remedy=remedy))
         return evaluate_trajectories(checked, scenes, options, json=json)
-    for option in options.given:
+    for name in options.given:
         rule, remedy = "is for trajectories, and this is a spec of scenes", "leave it out"
-        raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy=remedy))
+        raise RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy=remedy))
     found = read_scenes(scenes, spec=checked if is_plain(scenes) else None)
     check_count(found)
     for warning in found.warnings:

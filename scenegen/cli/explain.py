@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from textwrap import wrap
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
+
+from scenegen.cli.options import argument
 
 if TYPE_CHECKING:
     from scenegen.errors.catalog import CatalogEntry
@@ -20,15 +22,9 @@ def _codes(incomplete: str) -> list[str]:
 
 
 def explain(
-    code: Annotated[
-        str | None,
-        typer.Argument(
-            help="The code in brackets, a relation, a word or a page.",
-            metavar="CODE|NAME",
-            show_default=False,
-            autocompletion=_codes,
-        ),
-    ] = None,
+    code: str | None = argument(
+        "The code in brackets, a relation, a word or a page.", "CODE|NAME", default=None, autocompletion=_codes
+    ),
 ) -> None:
     """Explain an error or warning by its code: what it means, its facts, an example, and the example mended.
 
@@ -102,12 +98,9 @@ def _names(incomplete: str) -> list[str]:
 
 
 def relations(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            help="A relation or function; all if left out.", metavar="NAME", show_default=False, autocompletion=_names
-        ),
-    ] = None,
+    name: str | None = argument(
+        "A relation or function; all if left out.", "NAME", default=None, autocompletion=_names
+    ),
 ) -> None:
     """List the relations and functions of the language, or show one: its meaning, definition and defaults.
 

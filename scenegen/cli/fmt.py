@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from scenegen.cli.options import argument, option
 
 STANDARD_INPUT = Path("-")
 
 
 def fmt(
-    specs: Annotated[
-        list[Path],
-        typer.Argument(help="Spec files; - is standard input.", metavar="SPEC", show_default=False),
-    ],
-    check: Annotated[
-        bool, typer.Option("--check", help="Write nothing; exit status 1 if any file is not in canonical form.")
-    ] = False,
-    diff: Annotated[bool, typer.Option("--diff", help="Write nothing; print what would change.")] = False,
+    specs: list[Path] = argument("Spec files; - is standard input.", "SPEC"),
+    check: bool = option("Write nothing; exit status 1 if any file is not in canonical form."),
+    diff: bool = option("Write nothing; print what would change."),
 ) -> int:
     """Rewrite specs in canonical form: comments and paragraphs stay, spacing and line breaks do not.
 

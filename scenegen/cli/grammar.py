@@ -3,52 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from scenegen.cli.options import Root, find_spec, spec_names
+from scenegen.cli.options import ROOT, argument, find_spec, option, spec_names
 
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
 
 
 def grammar(
-    spec: Annotated[
-        Path | None,
-        typer.Argument(
-            help="A spec file, or the name of a shipped spec: its declarations are what the grammar is about.",
-            metavar="[SPEC]",
-            show_default=False,
-            autocompletion=spec_names,
-        ),
-    ] = None,
-    objects: Annotated[
-        str | None,
-        typer.Option("--objects", help="Objects instead of a spec: mug,plate.", metavar="NAMES", show_default=False),
-    ] = None,
-    to: Annotated[
-        str, typer.Option("--to", help="lark and json are read by llguidance, gbnf by llama.cpp.", metavar="DIALECT")
-    ] = "lark",
-    shape: Annotated[
-        str,
-        typer.Option(
-            "--shape",
-            help="goals: labels that are possible each by itself; formulas: statements freely joined.",
-            metavar="SHAPE",
-        ),
-    ] = "goals",
-    only: Annotated[
-        str,
-        typer.Option(
-            "--only", help="labels: leave out the declarations, which the model repeats otherwise.", metavar="PART"
-        ),
-    ] = "spec",
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", help="Write it into this file.", metavar="FILE", show_default=False),
-    ] = None,
-    root: Root = None,
+    spec: Path | None = argument(
+        "A spec file, or the name of a shipped spec: its declarations are what the grammar is about.",
+        "[SPEC]",
+        default=None,
+        autocompletion=spec_names,
+    ),
+    objects: str | None = option("Objects instead of a spec: mug,plate.", "NAMES"),
+    to: str = option("lark and json are read by llguidance, gbnf by llama.cpp.", "DIALECT", default="lark"),
+    shape: str = option(
+        "goals: labels that are possible each by itself; formulas: statements freely joined.", "SHAPE", default="goals"
+    ),
+    only: str = option(
+        "labels: leave out the declarations, which the model repeats otherwise.", "PART", default="spec"
+    ),
+    out: Path | None = option("Write it into this file.", "FILE"),
+    root: Path | None = ROOT,
 ) -> None:
     """Write the grammar that keeps a language model to valid specs.
 

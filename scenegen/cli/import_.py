@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from scenegen.cli.options import argument, option
 
 
 def import_(
-    problem: Annotated[Path, typer.Argument(help="A PDDL or BDDL problem.", metavar="PROBLEM", show_default=False)],
-    out: Annotated[Path, typer.Option("--out", help="The spec.", metavar="SPEC", show_default=False)],
-    domain: Annotated[
-        Path | None, typer.Option("--domain", help="Its PDDL domain.", metavar="DOMAIN", show_default=False)
-    ] = None,
-    table: Annotated[
-        Path | None,
-        typer.Option("--map", help="Sizes of objects, meanings of predicates.", metavar="TOML", show_default=False),
-    ] = None,
+    problem: Path = argument("A PDDL or BDDL problem.", "PROBLEM"),
+    out: Path = option("The spec.", "SPEC", default=...),
+    domain: Path | None = option("Its PDDL domain.", "DOMAIN"),
+    table: Path | None = option("Sizes of objects, meanings of predicates.", "TOML", flags="--map"),
 ) -> None:
     """Make a spec from a planning problem: of LIBERO, of BEHAVIOR, or of any PDDL domain.
 

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from scenegen.cli.options import option
 from scenegen.errors.files import NOT_A_FOLDER
 from scenegen.errors.requests import NOT_INSTALLED
 
 
 def lsp(
-    stdio: Annotated[
-        bool, typer.Option("--stdio", help="Talk over standard input and output; there is no other way.")
-    ] = True,
-    root: Annotated[
-        Path | None, typer.Option(help="Specs may import what lies below this folder, not below their own alone.")
-    ] = None,
+    stdio: bool = option("Talk over standard input and output; there is no other way.", default=True),
+    root: Path | None = option("Specs may import what lies below this folder, not below their own alone."),
 ) -> int:
     """Serve editors: mistakes as you type, hover, completion, definitions, formatting and renaming.
 

@@ -6,9 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from scenegen.errors.files import FOLDER_FOR_SEVERAL, ONLY_FOR_SEVERAL, SAME_NAME, SOME_FAILED
 from scenegen.scenes.locations import is_url, names_set
@@ -16,24 +14,6 @@ from scenegen.scenes.locations import is_url, names_set
 if TYPE_CHECKING:
     from scenegen.errors import Diagnostic
     from scenegen.sampling.engine.engines import JobResult
-
-Engine = Annotated[
-    str,
-    typer.Option(
-        "--engine",
-        help="What does many jobs: local processes, or a ray cluster. The bytes are the same.",
-        autocompletion=lambda incomplete: [name for name in ("local", "ray") if name.startswith(incomplete)],
-    ),
-]
-Address = Annotated[
-    str | None,
-    typer.Option(
-        "--address",
-        help="The Ray cluster; default: $RAY_ADDRESS, or this machine.",
-        metavar="ADDR",
-        show_default=False,
-    ),
-]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from scenegen.cli.options import argument
 from scenegen.errors.files import FILE_EXISTS
 
 STARTER = """\
@@ -37,10 +35,7 @@ safe: farFrom(mug, plate, NEAR)
 
 
 def new(
-    name: Annotated[
-        Path,
-        typer.Argument(help="The file; .spec is added where it is missing.", metavar="NAME", show_default=False),
-    ],
+    name: Path = argument("The file; .spec is added where it is missing.", "NAME"),
 ) -> None:
     """Write a commented spec to start from. A file that is there already is left as it is.
 

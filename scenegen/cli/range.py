@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenegen.cli.options import Counts, Root, SpecFile, named, parse_counts, seconds
+from scenegen.cli.options import COUNT, JSON, ROOT, SPEC_FILE, named, option, parse_counts, seconds
 from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
@@ -24,28 +24,16 @@ FLOOR = -1  # the axis of a plot extends at least down to this log10
 
 
 def range_(
-    spec: SpecFile,
-    label: Annotated[
-        str | None, typer.Option("--label", help="This label alone.", metavar="NAME", show_default=False)
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same numbers.")] = 0,
-    png: Annotated[
-        Path | None,
-        typer.Option("--png", help="Draw the curves into this file, too.", metavar="FILE", show_default=False),
-    ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
-    timeout: Annotated[
-        float | None,
-        typer.Option(
-            "--timeout",
-            help="Seconds after which to end with what is known; default: none.",
-            parser=seconds,
-            metavar="SECONDS",
-            show_default=False,
-        ),
-    ] = None,
-    count: Counts = None,
-    root: Root = None,
+    spec: Path = SPEC_FILE,
+    label: str | None = option("This label alone.", "NAME"),
+    seed: int = option("The same seed gives the same numbers.", default=0),
+    png: Path | None = option("Draw the curves into this file, too.", "FILE"),
+    json: bool = JSON,
+    timeout: float | None = option(
+        "Seconds after which to end with what is known; default: none.", "SECONDS", parser=seconds
+    ),
+    count: list[str] | None = COUNT,
+    root: Path | None = ROOT,
 ) -> None:
     """Say what phi can be reached and how rare it is, before you ask for scenes.
 

@@ -6,20 +6,14 @@ import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from scenegen.cli.many import Address, Engine, JobMessages, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Meshes, PosesOf, whole
+from scenegen.cli.many import JobMessages, names_of, refuse_engine, shared_work
+from scenegen.cli.options import ADDRESS, ENGINE, MESHES, PICTURES, POSES_OF, argument, option
 from scenegen.errors.program import NO_PICTURE, STILL_OUTLINES
 from scenegen.errors.requests import OUT_OF_PLACE, OUT_OF_RANGE, SIZE_SYNTAX
 
 TELL = 10.0  # seconds between two lines of progress where there is no terminal
-Most = Annotated[
-    int | None,
-    typer.Option("--pictures", help="Draw so many scenes, from the first; default: all.", parser=whole, metavar="N"),
-]
 
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
@@ -27,85 +21,36 @@ if TYPE_CHECKING:
 
 
 def render(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(help="A scenes file; several get a folder each in --out.", metavar="SCENES", show_default=False),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            help="The folder for the pictures, or a .gif or .mp4 file for one motion.",
-            metavar="DIR|FILE",
-            show_default=False,
-        ),
-    ],
-    view: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--view",
-            help="top, perspective, front or three-quarter; more than one may be given. Default: top and perspective.",
-            metavar="VIEW",
-        ),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option(
-            "--size",
-            help="Width and height of a picture in pixels. Default: 640x480, wider for a wide workspace.",
-            metavar="WxH",
-        ),
-    ] = None,
-    distinct: Annotated[
-        bool,
-        typer.Option("--distinct", help="Colour objects apart that would look the same.", show_default=False),
-    ] = False,
-    transparent: Annotated[
-        bool, typer.Option("--transparent", help="Leave out the ground below the table.", show_default=False)
-    ] = False,
-    depth: Annotated[
-        bool, typer.Option("--depth", help="Also write the depth of every pixel (PNG and NPZ).", show_default=False)
-    ] = False,
-    masks: Annotated[
-        bool, typer.Option("--masks", help="Also write what every pixel shows (PNG and NPZ).", show_default=False)
-    ] = False,
-    figure: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--figure",
-            help="A figure instead of pictures: sheet, sweep, gif, mp4, heatmap or topview; of motions gif, mp4, strip "
-            "or phi; more than one may be given.",
-            metavar="FIGURE",
-        ),
-    ] = None,
-    label: Annotated[
-        str | None,
-        typer.Option("--label", help="The label that figures are about; default: the first."),
-    ] = None,
-    motion: Annotated[
-        int | None,
-        typer.Option("--motion", help="The motion of several that a .gif or .mp4 file shows.", metavar="NUMBER"),
-    ] = None,
-    renderer: Annotated[
-        str, typer.Option("--renderer", help="software, or egl where there is a graphics card.", metavar="NAME")
-    ] = "software",
-    looks: Annotated[
-        str | None,
-        typer.Option(
-            "--looks",
-            help="random, or a TOML file: draw table, ground, walls, light, camera and tints for each scene.",
-            metavar="LOOKS",
-        ),
-    ] = None,
-    meshes: Meshes = None,
-    spec: PosesOf = None,
-    seed: Annotated[int, typer.Option("--seed", help="With --looks: the same seed gives the same looks.")] = 0,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
-    ] = None,
-    pictures: Most = None,
-    engine: Engine = "local",
-    address: Address = None,
+    sources: list[Path] = argument("A scenes file; several get a folder each in --out.", "SCENES"),
+    out: Path = option("The folder for the pictures, or a .gif or .mp4 file for one motion.", "DIR|FILE", default=...),
+    view: list[str] | None = option(
+        "top, perspective, front or three-quarter; more than one may be given. Default: top and perspective.", "VIEW"
+    ),
+    size: str | None = option(
+        "Width and height of a picture in pixels. Default: 640x480, wider for a wide workspace.", "WxH"
+    ),
+    distinct: bool = option("Colour objects apart that would look the same."),
+    transparent: bool = option("Leave out the ground below the table."),
+    depth: bool = option("Also write the depth of every pixel (PNG and NPZ)."),
+    masks: bool = option("Also write what every pixel shows (PNG and NPZ)."),
+    figure: list[str] | None = option(
+        "A figure instead of pictures: sheet, sweep, gif, mp4, heatmap or topview; of motions gif, mp4, "
+        "strip or phi; more than one may be given.",
+        "FIGURE",
+    ),
+    label: str | None = option("The label that figures are about; default: the first."),
+    motion: int | None = option("The motion of several that a .gif or .mp4 file shows.", "NUMBER"),
+    renderer: str = option("software, or egl where there is a graphics card.", "NAME", default="software"),
+    looks: str | None = option(
+        "random, or a TOML file: draw table, ground, walls, light, camera and tints for each scene.", "LOOKS"
+    ),
+    meshes: Path | None = MESHES,
+    spec: Path | None = POSES_OF,
+    seed: int = option("With --looks: the same seed gives the same looks.", default=0),
+    workers: int | None = option("Processes that draw; default: one per core."),
+    pictures: int | None = PICTURES,
+    engine: str = ENGINE,
+    address: str | None = ADDRESS,
 ) -> int:
     """Draw every scene from above and in perspective, and a contact sheet of all with phi under each picture.
 
@@ -353,9 +298,9 @@ def _unknown(scenes: SceneSet) -> tuple[Diagnostic, ...]:
 def _refuse_with_figures(
     *, transparent: bool, depth: bool, masks: bool, renderer: str, views: list[str] | None
 ) -> None:
-    for option, given in (("--transparent", transparent), ("--depth", depth), ("--masks", masks)):
+    for name, given in (("--transparent", transparent), ("--depth", depth), ("--masks", masks)):
         if given:
-            raise _only(option, "goes with pictures, not with --figure")
+            raise _only(name, "goes with pictures, not with --figure")
     if renderer != "software":
         raise _only("--renderer", "goes with pictures, not with --figure")
     if views is not None and len(views) > 1:

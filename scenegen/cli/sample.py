@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from scenegen.cli.options import Counts, Root, all_found, seconds, spec_names, whole
-from scenegen.cli.render import Most
+from scenegen.cli.options import COUNT, PICTURES, ROOT, all_found, argument, option, seconds, spec_names
 from scenegen.cli.sample_runs import SampleOptions, StorageOptions, sample_many, sample_one
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS, OUT_OF_PLACE, RESUME_WITHOUT_FILE
 from scenegen.sampling.methods import METHODS, methods_help
@@ -23,152 +20,55 @@ def _choices(*names: str) -> Callable[[str], list[str]]:
 
 
 def sample(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(
-            help="A spec file, the name of a shipped spec, or a model file; several with a folder for --out.",
-            metavar="SPEC|MODEL",
-            show_default=False,
-            callback=all_found,
-            autocompletion=spec_names,
-        ),
-    ],
-    phi: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--phi",
-            help="Wanted phi: LO:HI, LO: or :HI; NAME=LO:HI names a label.",
-            metavar="[NAME=]LO:HI",
-            show_default=False,
-        ),
-    ] = None,
-    satisfied: Annotated[
-        bool, typer.Option("--satisfied", help="phi >= 0 for every label that --phi does not name.")
-    ] = False,
-    violated: Annotated[
-        bool, typer.Option("--violated", help="phi <= 0 for every label that --phi does not name.")
-    ] = False,
-    n: Annotated[
-        int | None,
-        typer.Option(
-            "-n",
-            help="How many scenes; default: 16, with --fix-from as many as are given.",
-            parser=whole,
-            metavar="N",
-            show_default=False,
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same scenes.")] = 0,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            "--out",
-            help="The scenes file, or DIR/ or a URL for a set of shards; default: standard output.",
-            metavar="FILE|DIR/|URL",
-            show_default=False,
-        ),
-    ] = None,
-    method: Annotated[
-        str,
-        typer.Option(
-            "--method",
-            help=methods_help(),
-            autocompletion=_choices(*METHODS),
-        ),
-    ] = "auto",
-    spread: Annotated[
-        str,
-        typer.Option(
-            "--spread",
-            help="flat: evenly over the range of phi; base: as they occur.",
-            autocompletion=_choices("flat", "base"),
-        ),
-    ] = "flat",
-    fix: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fix",
-            help="Hold an object where it is, in metres and radians or with units (50cm, 90deg); repeat for more. "
-            "With --fix-from the name alone.",
-            metavar="NAME=X,Y[,THETA]",
-            show_default=False,
-        ),
-    ] = None,
-    fix_from: Annotated[
-        Path | None,
-        typer.Option(
-            "--fix-from",
-            help="Complete each scene of this file once: hold its objects, or those of --fix NAME, draw the others.",
-            metavar="SCENES",
-            show_default=False,
-        ),
-    ] = None,
-    count: Counts = None,
-    settle: Annotated[
-        bool, typer.Option("--settle", help="Only scenes in which nothing moves when dropped in a simulator.")
-    ] = False,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers", help="Processes; default: one for small requests, else one per core.", show_default=False
-        ),
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where an earlier run with this --out was broken off.")
-    ] = False,
-    engine: Annotated[
-        str,
-        typer.Option(
-            "--engine",
-            help="What draws a set: local processes, or a ray cluster. The bytes are the same.",
-            autocompletion=_choices("local", "ray"),
-        ),
-    ] = "local",
-    address: Annotated[
-        str | None,
-        typer.Option(
-            "--address",
-            help="The Ray cluster; default: $RAY_ADDRESS, or this machine.",
-            metavar="ADDR",
-            show_default=False,
-        ),
-    ] = None,
-    shard_size: Annotated[
-        int | None,
-        typer.Option(
-            "--shard-size",
-            help="Scenes of each file of a set, a multiple of 65536.",
-            metavar="N",
-            show_default=False,
-        ),
-    ] = None,
-    timeout: Annotated[
-        float,
-        typer.Option("--timeout", help="Seconds after which to give up.", parser=seconds, metavar="SECONDS"),
-    ] = 60.0,
-    keep_partial: Annotated[bool, typer.Option("--keep-partial", help="Keep what was found when time is up.")] = False,
-    raw: Annotated[bool, typer.Option("--raw", help="A model's own output, neither refined nor filtered.")] = False,
-    steps: Annotated[
-        int | None,
-        typer.Option(
-            "--steps",
-            help="Evaluations of a flow's network for a scene; default: as it was trained.",
-            metavar="N",
-            show_default=False,
-        ),
-    ] = None,
-    spec: Annotated[
-        Path | None,
-        typer.Option(
-            "--spec", help="Refuse a model that was trained on another spec.", metavar="SPEC", show_default=False
-        ),
-    ] = None,
-    render: Annotated[
-        Path | None,
-        typer.Option("--render", help="Draw the scenes into this folder, too.", metavar="DIR", show_default=False),
-    ] = None,
-    pictures: Most = None,
-    root: Root = None,
+    sources: list[Path] = argument(
+        "A spec file, the name of a shipped spec, or a model file; several with a folder for --out.",
+        "SPEC|MODEL",
+        callback=all_found,
+        autocompletion=spec_names,
+    ),
+    phi: list[str] | None = option("Wanted phi: LO:HI, LO: or :HI; NAME=LO:HI names a label.", "[NAME=]LO:HI"),
+    satisfied: bool = option("phi >= 0 for every label that --phi does not name."),
+    violated: bool = option("phi <= 0 for every label that --phi does not name."),
+    n: int | None = option(
+        "How many scenes; default: 16, with --fix-from as many as are given.",
+    ),
+    seed: int = option("The same seed gives the same scenes.", default=0),
+    out: str | None = option(
+        "The scenes file, or DIR/ or a URL for a set of shards; default: standard output.", "FILE|DIR/|URL"
+    ),
+    method: str = option(methods_help(), default="auto", autocompletion=_choices(*METHODS)),
+    spread: str = option(
+        "flat: evenly over the range of phi; base: as they occur.",
+        default="flat",
+        autocompletion=_choices("flat", "base"),
+    ),
+    fix: list[str] | None = option(
+        "Hold an object where it is, in metres and radians or with units (50cm, 90deg); repeat for more. "
+        "With --fix-from the name alone.",
+        "NAME=X,Y[,THETA]",
+    ),
+    fix_from: Path | None = option(
+        "Complete each scene of this file once: hold its objects, or those of --fix NAME, draw the others.", "SCENES"
+    ),
+    count: list[str] | None = COUNT,
+    settle: bool = option("Only scenes in which nothing moves when dropped in a simulator."),
+    workers: int | None = option("Processes; default: one for small requests, else one per core."),
+    resume: bool = option("Go on where an earlier run with this --out was broken off."),
+    engine: str = option(
+        "What draws a set: local processes, or a ray cluster. The bytes are the same.",
+        default="local",
+        autocompletion=_choices("local", "ray"),
+    ),
+    address: str | None = option("The Ray cluster; default: $RAY_ADDRESS, or this machine.", "ADDR"),
+    shard_size: int | None = option("Scenes of each file of a set, a multiple of 65536.", "N"),
+    timeout: float = option("Seconds after which to give up.", "SECONDS", default=60.0, parser=seconds),
+    keep_partial: bool = option("Keep what was found when time is up."),
+    raw: bool = option("A model's own output, neither refined nor filtered."),
+    steps: int | None = option("Evaluations of a flow's network for a scene; default: as it was trained.", "N"),
+    spec: Path | None = option("Refuse a model that was trained on another spec.", "SPEC"),
+    render: Path | None = option("Draw the scenes into this folder, too.", "DIR"),
+    pictures: int | None = PICTURES,
+    root: Path | None = ROOT,
 ) -> int:
     """Draw scenes whose phi lies in the given ranges; every returned scene is verified against the spec.
 

@@ -132,8 +132,7 @@ def _sample(
     if wishes.counts:
         from scenegen.cli.options import parse_counts
 
-        counts = parse_counts(wishes.counts)
-        subject = subject.with_counts(counts)
+        subject = subject.with_counts(parse_counts(wishes.counts))
     if _is_over_time(subject):
         refused = {"engine": storing.engine != "local", "resume": storing.resume}
         refused |= {"address": bool(storing.address), "shard_size": bool(storing.shard_size)}

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import typer
 
-from scenegen.cli.options import spec_names
+from scenegen.cli.options import argument, spec_names
 from scenegen.errors.requests import UNKNOWN_SHIPPED_SPEC
 
 
 def specs(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            help="Print the text of this one.", metavar="NAME", show_default=False, autocompletion=spec_names
-        ),
-    ] = None,
+    name: str | None = argument("Print the text of this one.", "NAME", default=None, autocompletion=spec_names),
 ) -> None:
     """List the specs that ship with scenegen, or print one. Other commands take them by name.
 

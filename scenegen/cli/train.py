@@ -8,12 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from scenegen.cli.many import Address, Engine, JobMessages, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts, seconds, whole
+from scenegen.cli.many import JobMessages, folder_for, names_of, refuse_engine, shared_work
+from scenegen.cli.options import ADDRESS, COUNT, ENGINE, ROOT, SPEC_FILES, option, parse_counts, seconds
 from scenegen.scenes.locations import names_set
 
 if TYPE_CHECKING:
@@ -56,100 +54,52 @@ class Clock:
 
 
 def train(
-    specs: SpecFiles,
-    out: Annotated[
-        str,
-        typer.Option(
-            "--out",
-            help="The model file; of several specs, or of one that draws numbers, DIR/ for a model of each name.",
-            metavar="FILE|DIR/",
-            show_default=False,
-        ),
-    ],
-    model: Annotated[
-        str,
-        typer.Option("--model", help="flow, energy, gan or aae.", metavar="NAME", autocompletion=_models),
-    ] = "flow",
-    recipe: Annotated[
-        str, typer.Option("--recipe", help="default, or paper: the published networks and settings (gan, aae).")
-    ] = "default",
-    epochs: Annotated[int | None, typer.Option("--epochs", help="Passes over the training scenes.")] = None,
-    batch_size: Annotated[int | None, typer.Option("--batch-size", help="Scenes per step.")] = None,
-    lr: Annotated[float | None, typer.Option("--lr", help="Learning rate of Adam.")] = None,
-    scenes: Annotated[
-        int | None,
-        typer.Option(
-            "--scenes",
-            help="Training scenes; of a file the first so many, all if left out.",
-            parser=whole,
-            metavar="N",
-        ),
-    ] = None,
-    data: Annotated[
-        str | None,
-        typer.Option(
-            "--data",
-            help="balanced: exact, flat in phi; uniform; boosted: satisfying scenes perturbed to be more; or a file of "
-            "scenes (.parquet of any size, .jsonl, .json).",
-            metavar="NAME|FILE",
-        ),
-    ] = None,
-    phi: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--phi",
-            help="Where to train: most of the training scenes lie in LO:HI, LO: or :HI; NAME=LO:HI names a label.",
-            metavar="[NAME=]LO:HI",
-            show_default=False,
-        ),
-    ] = None,
-    hyper: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--hyper",
-            help="A setting of the model, as width=128; repeat for more. `scenegen explain models` lists all.",
-            metavar="NAME=VALUE",
-        ),
-    ] = None,
-    patience: Annotated[
-        int | None,
-        typer.Option(
-            "--patience",
-            help="Stop after so many epochs without a smaller error of phi on held-out labels, and keep the best; left "
-            "out, all epochs are run and the last is kept.",
-            metavar="EPOCHS",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of everything random; the same seed gives the same model.")] = 0,
-    device: Annotated[str, typer.Option("--device", help="cpu, cuda or cuda:1.")] = "cpu",
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on from where an earlier run into --out stopped.")
-    ] = False,
-    log_dir: Annotated[
-        Path | None,
-        typer.Option("--log-dir", help="Write TensorBoard event files there.", metavar="DIR", show_default=False),
-    ] = None,
-    timeout: Annotated[
-        float | None,
-        typer.Option(
-            "--timeout",
-            help="Seconds after which to stop; left out, there is no limit.",
-            parser=seconds,
-            metavar="SECONDS",
-            show_default=False,
-        ),
-    ] = None,
-    card: Annotated[
-        bool, typer.Option("--card/--no-card", help="Measure the model when it is done: FILE.md and FILE.png.")
-    ] = True,
-    engine: Engine = "local",
-    address: Address = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", help="Models that are trained at a time; default: one per core.", show_default=False),
-    ] = None,
-    count: Counts = None,
-    root: Root = None,
+    specs: list[Path] = SPEC_FILES,
+    out: str = option(
+        "The model file; of several specs, or of one that draws numbers, DIR/ for a model of each name.",
+        "FILE|DIR/",
+        default=...,
+    ),
+    model: str = option("flow, energy, gan or aae.", "NAME", default="flow", autocompletion=_models),
+    recipe: str = option("default, or paper: the published networks and settings (gan, aae).", default="default"),
+    epochs: int | None = option("Passes over the training scenes."),
+    batch_size: int | None = option("Scenes per step."),
+    lr: float | None = option("Learning rate of Adam."),
+    scenes: int | None = option(
+        "Training scenes; of a file the first so many, all if left out.",
+    ),
+    data: str | None = option(
+        "balanced: exact, flat in phi; uniform; boosted: satisfying scenes perturbed to be more; or a file "
+        "of scenes (.parquet of any size, .jsonl, .json).",
+        "NAME|FILE",
+    ),
+    phi: list[str] | None = option(
+        "Where to train: most of the training scenes lie in LO:HI, LO: or :HI; NAME=LO:HI names a label.",
+        "[NAME=]LO:HI",
+    ),
+    hyper: list[str] | None = option(
+        "A setting of the model, as width=128; repeat for more. `scenegen explain models` lists all.", "NAME=VALUE"
+    ),
+    patience: int | None = option(
+        "Stop after so many epochs without a smaller error of phi on held-out labels, and keep the best; "
+        "left out, all epochs are run and the last is kept.",
+        "EPOCHS",
+    ),
+    seed: int = option("Of everything random; the same seed gives the same model.", default=0),
+    device: str = option("cpu, cuda or cuda:1.", default="cpu"),
+    resume: bool = option("Go on from where an earlier run into --out stopped."),
+    log_dir: Path | None = option("Write TensorBoard event files there.", "DIR"),
+    timeout: float | None = option(
+        "Seconds after which to stop; left out, there is no limit.", "SECONDS", parser=seconds
+    ),
+    card: bool = option(
+        "Measure the model when it is done: FILE.md and FILE.png.", flags="--card/--no-card", default=True
+    ),
+    engine: str = ENGINE,
+    address: str | None = ADDRESS,
+    workers: int | None = option("Models that are trained at a time; default: one per core."),
+    count: list[str] | None = COUNT,
+    root: Path | None = ROOT,
 ) -> int:
     """Train a model that draws scenes for a wanted phi, and write it to one small file.
 

@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from scenegen.cli.options import argument, option
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def view(
-    what: Annotated[
-        Path | None,
-        typer.Argument(
-            help="A spec, a file of scenes or motions, a model or a folder.",
-            metavar="[SPEC|SCENES|MODEL]",
-            show_default=False,
-        ),
-    ] = None,
-    port: Annotated[int | None, typer.Option(help="The port; any free one if left out.", min=0, max=65535)] = None,
-    host: Annotated[str, typer.Option(help="The address to listen on.")] = "127.0.0.1",
-    public: Annotated[
-        bool, typer.Option("--public", help="Let other machines in: needed for a --host beyond this one.")
-    ] = False,
-    browser: Annotated[bool, typer.Option("--open", help="Open the link in a browser.")] = False,
-    export: Annotated[
-        Path | None,
-        typer.Option("--export", help="Write a page that needs no server instead.", metavar="FILE", show_default=False),
-    ] = None,
-    n: Annotated[int, typer.Option("-n", help="With --export: how many scenes or motions.", min=1, max=400)] = 200,
-    seed: Annotated[int, typer.Option("--seed", help="With --export: the seed.", min=0)] = 0,
+    what: Path | None = argument(
+        "A spec, a file of scenes or motions, a model or a folder.", "[SPEC|SCENES|MODEL]", default=None
+    ),
+    port: int | None = option("The port; any free one if left out.", min=0, max=65535),
+    host: str = option("The address to listen on.", default="127.0.0.1"),
+    public: bool = option("Let other machines in: needed for a --host beyond this one."),
+    browser: bool = option("Open the link in a browser.", flags="--open"),
+    export: Path | None = option("Write a page that needs no server instead.", "FILE"),
+    n: int = option("With --export: how many scenes or motions.", default=200, min=1, max=400),
+    seed: int = option("With --export: the seed.", default=0, min=0),
 ) -> int:
     """Open a page where you write a spec and see its scenes while you type.
 

@@ -167,8 +167,8 @@ def test_a_strategy(extended):
 @pytest.mark.slow
 def test_a_command(extended):
     project = extended("A command")
-    run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "count or program")
-    run_tests(project, "tests/cli/test_help.py", "-k", "count or program")
+    run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "count or test_program")
+    run_tests(project, "tests/cli/test_help.py", "-k", "count or test_program")
     scenegen(project, "sample", "first", "-n", "5", "--out", "s.json")
     assert scenegen(project, "count", "s.json") == "5\n"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +16,7 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, check_spec, refuse_choices
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import UNKNOWN_CHOICE
-from scenegen.errors.time import NOT_FOR_MOTIONS, NOT_OVER_TIME, TOO_FEW_MOTIONS
+from scenegen.errors.time import NOT_OVER_TIME, TOO_FEW_MOTIONS
 from scenegen.pose import X
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.scenes.data import RequestData
@@ -150,9 +149,6 @@ def read_motions(path: str | Path) -> MotionSet:
     return MotionSet(found.poses, found.phi, found.facts, found.header)
 
 
-METHODS = ("auto", "rejection", "splitting")
-
-
 def sample_motions(
     spec: Spec,
     phi: Phi | None = None,
@@ -195,12 +191,7 @@ def draw_motions(
     if spec.over_time is None:
         raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
     refuse_choices(spec, "a motion")
-    for argument in ("settle", "raw"):
-        if getattr(request, argument):
-            raise RequestError(NOT_FOR_MOTIONS(argument=argument))
-    if request.method not in METHODS:
-        raise RequestError(UNKNOWN_CHOICE(what="method", name=request.method, known=METHODS))
-    request = replace(check_request(spec, replace(request, method="auto")), method=request.method)
+    request = check_request(spec, request)
     with open_budget(request, load=MOTIONS, reserve=reserve) as budget:
         problem, warnings = make_problem(spec.declared, request, budget)
         made = sample(problem, budget, method=request.method, watch=watch)

@@ -6,7 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.cli.many import exit_status, folder_for, names_of, say_why
-from scenegen.cli.options import ADDRESS, ENGINE, ROOT, WORKERS, all_found, argument, option, seconds, spec_names
+from scenegen.cli.options import (
+    ADDRESS,
+    ENGINE,
+    ROOT,
+    WORKERS,
+    all_found,
+    argument,
+    field_option,
+    option,
+    spec_names,
+)
+from scenegen.sampling.request import SampleRequest
 
 if TYPE_CHECKING:
     from scenegen.sampling.engine.engines import JobResult
@@ -21,11 +32,13 @@ def dataset(
         callback=all_found,
         autocompletion=spec_names,
     ),
-    n: int = option("How many scenes, in equal shares of all specs.", default=1_000_000),
-    seed: int = option("The same seed gives the same data set.", default=0),
-    shard_size: int = option("Scenes of each file at most, a multiple of 65536.", "N", default=65_536),
-    timeout: float = option("Seconds after which to give a shard up.", "SECONDS", default=600.0, parser=seconds),
-    resume: bool = option("Go on with the shards that are not there yet."),
+    n: int = field_option(SampleRequest, "n", "How many scenes, in equal shares of all specs.", default=1_000_000),
+    seed: int = field_option(SampleRequest, "seed", "The same seed gives the same data set."),
+    shard_size: int = field_option(
+        SampleRequest, "shard_size", "Scenes of each file at most, a multiple of 65536.", default=65_536
+    ),
+    timeout: float = field_option(SampleRequest, "timeout", "Seconds after which to give a shard up.", default=600.0),
+    resume: bool = field_option(SampleRequest, "resume", "Go on with the shards that are not there yet."),
     license: str = option("What the cards say of it, as dataset hubs name it.", "ID", default="unknown"),
     engine: str = ENGINE,
     address: str | None = ADDRESS,

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import inspect
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 
 from scenegen.errors.files import SPEC_NOT_FOUND
+from scenegen.validation import options_of
+
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def option(help: str, metavar: str | None = None, *, default: Any = None, flags: str = "", **more: Any) -> Any:
@@ -39,6 +43,43 @@ def as_typed(parameter: inspect.Parameter) -> inspect.Parameter:
     if parameter.annotation in (int, int | None) and given.parser is None and given.min is None:
         given.parser, given.metavar = whole, given.metavar or "N"
     return parameter.replace(default=given)
+
+
+def asking(kind: type) -> Callable[[Command], Command]:
+    """A command with an option for each field of a dataclass that has one (`scenegen.validation.Option`), before its
+    own. It gets what was typed by the fields' names, as its `**typed`."""
+
+    def extended(command: Command) -> Command:
+        signature = inspect.signature(command, eval_str=True)
+        own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        arguments = [one for one in own if isinstance(one.default, typer.models.ArgumentInfo)]
+        fields = [
+            inspect.Parameter(
+                name,
+                inspect.Parameter.KEYWORD_ONLY,
+                annotation=kept if given.typed is None else given.typed,
+                default=field_option(kind, name, rich_help_panel=given.panel),
+            )
+            for name, (kept, given) in options_of(kind).items()
+        ]
+        others = [one.replace(kind=one.KEYWORD_ONLY) for one in own if one not in arguments]
+        command.__signature__ = signature.replace(parameters=[*arguments, *fields, *others])  # type: ignore[attr-defined]
+        return command
+
+    return extended
+
+
+def field_option(kind: type, name: str, help: str | None = None, **changes: Any) -> Any:
+    """The option of a field of a dataclass, for another command with a `help` and `default` of its own."""
+    usual = {one.name: one.default for one in dataclasses.fields(kind)}[name]
+    _, given = options_of(kind)[name]
+    more: dict[str, Any] = {"default": None if usual is dataclasses.MISSING or given.typed is not None else usual}
+    if given.choices:
+        more["autocompletion"] = choices(*given.choices)
+    if given.unit == "s":
+        more["parser"] = seconds
+    metavar = "SECONDS" if given.unit == "s" else given.metavar
+    return option(given.help if help is None else help, metavar, **{**more, **changes})
 
 
 def choices(*names: str) -> Callable[[str], list[str]]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.cli.options import COUNT, ROOT, SPEC_FILE, option, parse_counts, seconds
+from scenegen.cli.options import COUNT, ROOT, SPEC_FILE, field_option, option, parse_counts
+from scenegen.sampling.request import USUAL, SampleRequest, parse_phi
 
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet
@@ -19,12 +20,12 @@ def pairs(
     ),
     start: list[str] | None = option("Wanted phi of the start; default: anything but a goal.", "[NAME=]LO:HI"),
     moved: int | None = option("How many objects stand elsewhere; default: start and goal are independent.", "K"),
-    n: int = option("How many pairs.", default=16),
+    n: int = field_option(SampleRequest, "n", "How many pairs.", default=USUAL),
     count: list[str] | None = COUNT,
-    seed: int = option("The same seed gives the same pairs.", default=0),
+    seed: int = field_option(SampleRequest, "seed", "The same seed gives the same pairs."),
     out: Path | None = option("A .json, .jsonl, .parquet or .csv file; default: JSON to standard output.", "FILE"),
-    workers: int | None = option("Processes; default: one."),
-    timeout: float = option("Seconds after which to give up.", "SECONDS", default=60.0, parser=seconds),
+    workers: int | None = field_option(SampleRequest, "workers", "Processes; default: one."),
+    timeout: float = field_option(SampleRequest, "timeout"),
     root: Path | None = ROOT,
 ) -> None:
     """Draw pairs of a start and a goal: rearrangement tasks for planners and goal-conditioned learners.
@@ -47,7 +48,6 @@ def pairs(
     from scenegen.api.spec import load
     from scenegen.cli.output import complain, detail, left, print_error
     from scenegen.cli.streams import check_output, write_data
-    from scenegen.sampling.request import parse_phi
     from scenegen.scenes.files import check_writable
     from scenegen.scenes.formats.motions.table import format_of
 

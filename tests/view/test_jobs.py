@@ -203,7 +203,7 @@ def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
     some = replace(
         scenegen.sample(scenegen.parse(TEXT), n=2), warnings=(TOO_MANY_SHOWN(most=1, count=2, what="scenes"),)
     )
-    monkeypatch.setattr("scenegen.api.sample.sample", lambda *_, **__: some)
+    monkeypatch.setattr("scenegen.api.sample.draw_scenes", lambda *_, **__: some)
     (found,) = do("sample", tmp_path, request={"n": 2})
     assert found["warnings"] == [{"code": TOO_MANY_SHOWN.code, "title": some.warnings[0].title}]
 

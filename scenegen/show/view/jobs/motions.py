@@ -1,15 +1,16 @@
-"""Motions for the page: what they are worth, at every moment, and why; those of a request; and a set of them."""
+"""Motions for the page: what they are worth, at every moment, and why; and a set of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.monitor import score_trajectory
-from scenegen.api.motions import MotionSet, draw_motions
+from scenegen.api.motions import MotionSet
+from scenegen.api.request import request_data
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec
 from scenegen.errors import DataError
@@ -17,7 +18,7 @@ from scenegen.errors.program import NO_MESSAGE
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.formula.timed import TimedValues
 from scenegen.sampling.motions.scores import TraceScores
-from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.show.figures.dimensions import dimensions
@@ -44,19 +45,6 @@ def motions_of(spec: Spec, poses: object) -> Array:
         raise DataError(NO_MESSAGE(reason=f"no motions of {shape[1]} objects at {shape[0]} moments"))
     check_size(spec, len(array))
     return array
-
-
-def drawn(
-    spec: Spec, wanted: Mapping[str, Any], seconds: float, watch: Callable[[Array, int], None] | None = None
-) -> MotionSet:
-    """The motions of a request, exactly those that `scenegen sample` makes of it, or fewer with a warning. `watch` is
-    shown what comes near it meanwhile. Raises what `sample_motions` raises."""
-    request = SampleRequest(
-        {name: Range(*ends) for name, ends in wanted["phi"].items()}, wanted["n"], seed=wanted["seed"],
-        method=wanted["method"], spread=wanted["spread"], fix=wanted["fix"] or {}, timeout=seconds, keep_partial=True,
-        workers=1,
-    )  # fmt: skip
-    return draw_motions(spec, request, watch=watch)
 
 
 def told(spec: Spec, motions: Array) -> dict[str, Any]:
@@ -130,14 +118,14 @@ def _decides(spec: Spec, label: str, scored: TimedValues, motion: Array, at: lis
     }
 
 
-def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], wanted: Mapping[str, Any]) -> MotionSet:
+def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], request: SampleRequest) -> MotionSet:
     """Motions from a page as a set with its header; phi is computed again."""
     horizon = timed_of(spec).horizon
     scenes = make_header(spec.declared, dict(sampler), RequestData(phi={}, n=len(motions)))
     header = MotionFile(
         spec=scenes.spec, workspace=scenes.workspace, objects=scenes.objects, regions=scenes.regions,
         sampler=dict(sampler), time=TimeData(steps=horizon.steps, dt=horizon.dt), motions=[],
-        request=MotionRequestData(phi=wanted["phi"], n=max(1, wanted["n"])),
+        request=MotionRequestData(phi=request_data(request).phi, n=request.n),
     )  # fmt: skip
     phi = {name: np.array(values) for name, values in told(spec, motions)["phi"].items()}
     steps = np.hypot(*np.moveaxis(np.diff(motions[..., :2], axis=1), -1, 0))

@@ -61,6 +61,7 @@ def test_every_section_touches_what_its_row_names():
             linked = (
                 "docs/curriculum.md",
                 "docs/api.md",
+                "docs/sampling.md",
                 f"{folder}/registry.py",
             )  # the last is beside a file it names
             assert (new if addition.new else addition.path) in (*named, *linked), (title, addition.path)
@@ -134,6 +135,23 @@ def test_a_sampler(extended):
         scenegen(project, *request, "--workers", workers, "--out", f"s{workers}.jsonl")
     assert (project / "s1.jsonl").read_bytes() == (project / "s2.jsonl").read_bytes()
     assert '"method":"plain"' in (project / "s1.jsonl").read_text().partition("\n")[0].replace(" ", "")
+
+
+@pytest.mark.slow
+def test_an_option_of_sample(extended):
+    project = extended("An option of `sample`")
+    goldens = ("tests/cli/test_help.py", "tests/api/test_request.py", "-k", "test_command and sample or request")
+    run_tests(project, "--regenerate", *goldens)
+    run_tests(project, *goldens)
+    assert "--inset" in scenegen(project, "sample", "--help")
+    assert "`--inset MARGIN`" in (project / "docs" / "sampling.md").read_text()
+    words = ("sample", "first", "--phi", "0:0.2", "-n", "64", "--out", "s.json")
+    lowest = "import scenegen; print(scenegen.read_scenes('s.json').phi['task'].min() >= 0.05)"
+    scenegen(project, *words)
+    assert python(project, "-c", lowest) == "False\n"
+    scenegen(project, *words, "--inset", "0.05")
+    assert python(project, "-c", lowest) == "True\n"
+    python(project, "-c", "import scenegen; scenegen.sample(scenegen.load('specs/first.spec'), (0, 0.4), inset=0.1)")
 
 
 @pytest.mark.slow

@@ -45,25 +45,23 @@ def as_typed(parameter: inspect.Parameter) -> inspect.Parameter:
     return parameter.replace(default=given)
 
 
-def asking(kind: type) -> Callable[[Command], Command]:
+def asking(kind: type, **defaults: Any) -> Callable[[Command], Command]:
     """A command with an option for each field of a dataclass that has one (`scenegen.validation.Option`), before its
-    own. It gets what was typed by the fields' names, as its `**typed`."""
+    own that may be left out. It gets what was typed by the fields' names, as its `**typed`; `defaults` are those that
+    the fields do not have."""
 
     def extended(command: Command) -> Command:
         signature = inspect.signature(command, eval_str=True)
         own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
-        arguments = [one for one in own if isinstance(one.default, typer.models.ArgumentInfo)]
-        fields = [
-            inspect.Parameter(
-                name,
-                inspect.Parameter.KEYWORD_ONLY,
-                annotation=kept if given.typed is None else given.typed,
-                default=field_option(kind, name, rich_help_panel=given.panel),
-            )
-            for name, (kept, given) in options_of(kind).items()
-        ]
-        others = [one.replace(kind=one.KEYWORD_ONLY) for one in own if one not in arguments]
-        command.__signature__ = signature.replace(parameters=[*arguments, *fields, *others])  # type: ignore[attr-defined]
+        first = [one for one in own if isinstance(one.default, typer.models.ArgumentInfo) or one.default.default is ...]
+        fields = []
+        for name, (kept, given) in options_of(kind).items():
+            more = {"default": defaults[name]} if name in defaults else {}
+            default = field_option(kind, name, rich_help_panel=given.panel, **more)
+            typed = kept if given.typed is None else given.typed
+            fields.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=typed, default=default))
+        others = [one.replace(kind=one.KEYWORD_ONLY) for one in own if one not in first]
+        command.__signature__ = signature.replace(parameters=[*first, *fields, *others])  # type: ignore[attr-defined]
         return command
 
     return extended

@@ -11,18 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import JobMessages, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import ADDRESS, COUNT, ENGINE, ROOT, SPEC_FILES, option, parse_counts, seconds
+from scenegen.cli.options import ADDRESS, COUNT, ENGINE, ROOT, SPEC_FILES, asking, option, parse_counts, seconds
+from scenegen.learn.training.config import TrainConfig, make_config, parse_settings
 from scenegen.scenes.locations import names_set
 
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
     from scenegen.errors import Diagnostic
-
-
-def _models(incomplete: str) -> list[str]:
-    from scenegen.learn.models.registry import MODELS
-
-    return [name for name in MODELS if name.startswith(incomplete)]
 
 
 class Clock:
@@ -53,6 +48,7 @@ class Clock:
         return f"{now - marks[0]:.0f} s in all" + (f" ({told})" if told else "")
 
 
+@asking(TrainConfig, model="flow", recipe="default")
 def train(
     specs: list[Path] = SPEC_FILES,
     out: str = option(
@@ -60,33 +56,6 @@ def train(
         "FILE|DIR/",
         default=...,
     ),
-    model: str = option("flow, energy, gan or aae.", "NAME", default="flow", autocompletion=_models),
-    recipe: str = option("default, or paper: the published networks and settings (gan, aae).", default="default"),
-    epochs: int | None = option("Passes over the training scenes."),
-    batch_size: int | None = option("Scenes per step."),
-    lr: float | None = option("Learning rate of Adam."),
-    scenes: int | None = option(
-        "Training scenes; of a file the first so many, all if left out.",
-    ),
-    data: str | None = option(
-        "balanced: exact, flat in phi; uniform; boosted: satisfying scenes perturbed to be more; or a file "
-        "of scenes (.parquet of any size, .jsonl, .json).",
-        "NAME|FILE",
-    ),
-    phi: list[str] | None = option(
-        "Where to train: most of the training scenes lie in LO:HI, LO: or :HI; NAME=LO:HI names a label.",
-        "[NAME=]LO:HI",
-    ),
-    hyper: list[str] | None = option(
-        "A setting of the model, as width=128; repeat for more. `scenegen explain models` lists all.", "NAME=VALUE"
-    ),
-    patience: int | None = option(
-        "Stop after so many epochs without a smaller error of phi on held-out labels, and keep the best; "
-        "left out, all epochs are run and the last is kept.",
-        "EPOCHS",
-    ),
-    seed: int = option("Of everything random; the same seed gives the same model.", default=0),
-    device: str = option("cpu, cuda or cuda:1.", default="cpu"),
     resume: bool = option("Go on from where an earlier run into --out stopped."),
     log_dir: Path | None = option("Write TensorBoard event files there.", "DIR"),
     timeout: float | None = option(
@@ -100,6 +69,7 @@ def train(
     workers: int | None = option("Models that are trained at a time; default: one per core."),
     count: list[str] | None = COUNT,
     root: Path | None = ROOT,
+    **typed: Any,
 ) -> int:
     """Train a model that draws scenes for a wanted phi, and write it to one small file.
 
@@ -127,21 +97,11 @@ def train(
     and the exit status is 1. With --resume complete models are left alone, and the others go on. A spec that draws how
     many things there are gets a model for each number, in DIR/NAME/, which `sample` takes as a model.
     """
-    from scenegen.learn.training.config import make_config, parse_settings
     from scenegen.needs import need
     from scenegen.validation import as_seconds
 
-    options: dict[str, Any] = {
-        "epochs": epochs,
-        "batch_size": batch_size,
-        "lr": lr,
-        "scenes": scenes,
-        "data": data,
-        "patience": patience,
-        "hyper": parse_settings(hyper or []),
-        "seed": seed,
-        "device": device,
-    }
+    options = {**typed, "hyper": parse_settings(typed["hyper"] or [])}
+    model, recipe, phi = (options.pop(name) for name in ("model", "recipe", "phi"))
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
     counts = parse_counts(count)
@@ -295,7 +255,6 @@ class Training:
         from scenegen.errors import DataError
         from scenegen.learn.models.checkpoint import load_model
         from scenegen.learn.train import trained_on
-        from scenegen.learn.training.config import make_config
         from scenegen.learn.training.state import load_state, state_path
         from scenegen.sampling.request import parse_phi
 

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.options import argument, option
+from scenegen.cli.output import print_error
+from scenegen.errors import RequestError
 
 if TYPE_CHECKING:
     from scenegen.things.library import Asset
@@ -29,8 +31,6 @@ def assets(
     The name of an object in a spec picks its asset: `object mug, fork[3], plate_2`. Lengths are metres, length is along
     the heading; masses are kilograms. With --out, every asset is drawn, and all on contact_sheet.png.
     """
-    from scenegen.cli.output import print_error
-
     found = _found(names or [])
     if json_:
         print(json.dumps([_row(asset) for asset in found], indent=2))
@@ -43,7 +43,6 @@ def assets(
 
 def _found(names: list[str]) -> list[Asset]:
     """The assets of these names. Raises RequestError for one that is not in the library."""
-    from scenegen.errors import RequestError
     from scenegen.errors.declarations import UNKNOWN_ASSET
     from scenegen.things import ASSETS, asset_of, has_picture
 

@@ -16,8 +16,8 @@ import typer
 from scenegen.api.outline import FormulaTree, Line, Outline, OutlinePart
 from scenegen.api.spec import Spec
 from scenegen.cli.options import COUNT, ROOT, SPEC_FILES, named, option, parse_counts
-from scenegen.cli.output import tree
-from scenegen.errors import Source
+from scenegen.cli.output import complain, detail, flag, tree
+from scenegen.errors import ScenegenError, Source, to_json
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
@@ -60,8 +60,6 @@ def check(
     """
     from scenegen.api.feasibility import doubts, idle
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain, detail
-    from scenegen.errors import ScenegenError
 
     numbers = parse_counts(count)
     reports: list[dict[str, Any]] = []
@@ -155,9 +153,6 @@ def _time(spec: Spec) -> dict[str, Any]:
 
 def _as_json(problem: Diagnostic) -> dict[str, Any]:
     """A diagnostic as data; `title` is what `message` was called at first."""
-    from scenegen.cli.output import flag
-    from scenegen.errors import to_json
-
     found = to_json(problem, flag)
     return {"title": found["message"], **found}
 

@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from scenegen.cli.options import JSON, ROOT, SPEC_FILE, argument, option
+from scenegen.cli.output import complain, note, print_error, tree
+from scenegen.errors import RequestError
+from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.program import PHI_NOT_COMPARED
 from scenegen.errors.requests import NO_SUCH_SCENE_NUMBER, OUT_OF_PLACE
 from scenegen.errors.time import NO_SUCH_MOTION
@@ -70,8 +73,6 @@ def evaluate(
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
-    from scenegen.cli.output import note
-    from scenegen.errors import RequestError
     from scenegen.lang.formula.core import REQUIRE
     from scenegen.scenes.formats.plain import is_plain
 
@@ -86,8 +87,7 @@ def evaluate(
         raise RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy=remedy))
     found = read_scenes(scenes, spec=checked if is_plain(scenes) else None)
     check_count(found)
-    for warning in found.warnings:
-        note(warning)
+    note(*found.warnings)
     if scene is not None and not explain:
         raise RequestError(OUT_OF_PLACE(option="--scene", rule="shows one scene of --explain", remedy="add --explain"))
     if scene is not None and not 1 <= scene <= len(found):
@@ -122,7 +122,6 @@ def evaluate(
 
 def _explain(spec: Spec, scenes: SceneSet, number: int) -> None:
     """The formulas of a scene, each sub-formula with its value."""
-    from scenegen.cli.output import tree
     from scenegen.lang.formula.core import REQUIRE
 
     outline, values = _values(spec, scenes, number)
@@ -194,7 +193,6 @@ def _table(columns: dict[str, list[float] | list[str]]) -> None:
 def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
     """0 where the stored values are those of the spec, or of another spec altogether."""
     from scenegen.api.scenes import compare
-    from scenegen.cli.output import complain, note
 
     if not scenes.phi:  # moments of motions
         return 0
@@ -229,8 +227,6 @@ class TrajectoryOptions:
 def evaluate_trajectories(spec: Spec, path: Path, options: TrajectoryOptions, *, json: bool) -> int:
     """Print phi of every motion and label, with the atom and the moment that decide it; the status of the program."""
     from scenegen.api.monitor import read_trajectories, score_trajectory
-    from scenegen.cli.output import note
-    from scenegen.errors import RequestError
 
     if options.figure is not None:
         _check_figure(options.figure, path)
@@ -259,8 +255,7 @@ def evaluate_trajectories(spec: Spec, path: Path, options: TrajectoryOptions, *,
         typer.echo(dumps(found, indent=1))
     else:
         _trajectory_table(tables)
-    for one in notes:
-        note(one)
+    note(*notes)
     if options.figure is not None:
         _draw(options.figure, next(iter(scored.values())), spec)
     return 0
@@ -294,8 +289,6 @@ def _finite(value: float) -> float | None:
 
 
 def _check_figure(figure: Path, path: Path) -> None:
-    from scenegen.errors import RequestError
-    from scenegen.errors.files import WRONG_ENDING
     from scenegen.scenes.files import check_writable
 
     if figure.suffix.lower() != ".png":
@@ -304,7 +297,6 @@ def _check_figure(figure: Path, path: Path) -> None:
 
 
 def _draw(figure: Path, scored: TimedValues, spec: Spec) -> None:
-    from scenegen.cli.output import print_error
     from scenegen.scenes.files import write_whole
     from scenegen.show.motions import phi_chart
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from scenegen.cli.options import argument
+from scenegen.errors import RequestError
+from scenegen.errors.program import UNKNOWN_CODE
 
 if TYPE_CHECKING:
     from scenegen.errors.catalog import CatalogEntry
@@ -40,9 +42,7 @@ def explain(
     relations`; a page of the documentation is printed whole; a word of another language gets what to write for it here.
     """
     from scenegen.editors.lsp.names import CLAUSES, KEYWORDS_IN_WORDS
-    from scenegen.errors import RequestError
     from scenegen.errors.catalog import GROUPS, catalog
-    from scenegen.errors.program import UNKNOWN_CODE
     from scenegen.lang.syntax.foreign import SIGNS, of_relation
     from scenegen.resources import PAGES, shipped_pages
 
@@ -111,7 +111,6 @@ def relations(
 
     A name of another language, such as `near`, gets the one that it has here.
     """
-    from scenegen.errors import RequestError
     from scenegen.errors.language import UNKNOWN_RELATION
     from scenegen.lang.relations import groups
     from scenegen.lang.syntax.foreign import of_relation

@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.cli.options import MESHES, POSES_OF, argument, option
+from scenegen.cli.output import complain, note, note_others, print_error
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_PLACE
 
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
@@ -68,9 +71,6 @@ def export(
     these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
     are in its own words, so that its own domain reads them.
     """
-    from scenegen.cli.output import note_others, print_error
-    from scenegen.errors import RequestError
-    from scenegen.errors.requests import OUT_OF_PLACE
     from scenegen.worlds.files import PLANNERS, check_export, check_looks, check_meshes, chosen, convert
 
     if seed and looks is None:
@@ -104,14 +104,12 @@ def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) 
     """The scenes of a file in memory, where they are not as a file of scenes holds them, or `whole` says so."""
     from scenegen.api.reading import read_scenes
     from scenegen.api.spec import load
-    from scenegen.cli.output import note
     from scenegen.scenes.formats.settled import is_settled
 
     if not (spec or mirrored or whole or is_settled(path)):
         return None
     found = read_scenes(path, spec=None if spec is None else load(spec))
-    for one in found.warnings:
-        note(one)
+    note(*found.warnings)
     return found.mirrored() if mirrored else found
 
 
@@ -140,9 +138,6 @@ def export_problems(
     """Write the scenes or pairs of a file as planning problems, and say where they are; `read` are its scenes, if they
     have been read."""
     from scenegen.api.motions import MotionSet
-    from scenegen.cli.output import complain, note_others, print_error
-    from scenegen.errors import RequestError
-    from scenegen.errors.requests import OUT_OF_PLACE
     from scenegen.worlds import planning
     from scenegen.worlds.files import PLANNERS, check_export
 

@@ -6,6 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.cli.options import ROOT, argument, find_spec, option, spec_names
+from scenegen.cli.output import print_error, write_data
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_PLACE
 
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
@@ -39,8 +42,6 @@ def grammar(
     model says in it passes `scenegen check`, except that with --shape formulas labels may contradict themselves.
     `scenegen explain language-models` says how to use it.
     """
-    from scenegen.cli.output import print_error
-    from scenegen.cli.streams import write_data
     from scenegen.editors.grammars.grammar import grammar_of
     from scenegen.scenes.files import check_writable, write_whole
 
@@ -58,8 +59,6 @@ def _about(path: Path | None, objects: str | None, root: Path | None) -> Spec:
     """The spec that is meant. Raises RequestError where it is none or two."""
     from scenegen.api.spec import load
     from scenegen.editors.grammars.grammar import of_objects
-    from scenegen.errors import RequestError
-    from scenegen.errors.requests import OUT_OF_PLACE
 
     if path is not None and objects is not None:
         rule = "stands for a spec, and there is one"

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import typer
 
+from scenegen.errors import DataError, RequestError, Source, Span
 from scenegen.errors.files import SPEC_NOT_FOUND
 from scenegen.validation import options_of
 
@@ -88,7 +89,6 @@ def choices(*names: str) -> Callable[[str], list[str]]:
 def parse_counts(options: list[str] | None) -> dict[str, str]:
     """The numbers of `--count` options as typed, e.g. ["block=5"], or assets, ["mug=025_mug"]: the spec knows which.
     Raises RequestError with a caret."""
-    from scenegen.errors import RequestError, Source, Span
     from scenegen.errors.declarations import COUNT_SYNTAX, COUNT_TWICE
 
     found: dict[str, str] = {}
@@ -149,7 +149,6 @@ def find_spec(path: Path, context: Any = None) -> Path:
 
     Raises DataError if there is none, which names the option of the command in `context` that may be meant.
     """
-    from scenegen.errors import DataError
     from scenegen.resources import shipped_specs
     from scenegen.scenes.files import is_stream
 

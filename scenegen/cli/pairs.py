@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.cli.options import COUNT, ROOT, SPEC_FILE, field_option, option, parse_counts
+from scenegen.cli.output import check_output, complain, detail, left, print_error, write_data
 from scenegen.sampling.request import USUAL, SampleRequest, parse_phi
 
 if TYPE_CHECKING:
@@ -46,8 +47,6 @@ def pairs(
     """
     from scenegen.api.pairs import pairs as draw
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain, detail, left, print_error
-    from scenegen.cli.streams import check_output, write_data
     from scenegen.scenes.files import check_writable
     from scenegen.scenes.formats.motions.table import format_of
 

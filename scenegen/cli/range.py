@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from scenegen.cli.options import COUNT, JSON, ROOT, SPEC_FILE, named, option, parse_counts, seconds
+from scenegen.cli.output import complain, detail, left, print_error, use_color
+from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
@@ -49,7 +51,6 @@ def range_(
     """
     from scenegen.api.rarity import rarity
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain, detail, left
     from scenegen.scenes.files import check_writable, write_whole
 
     if png is not None:
@@ -67,7 +68,6 @@ def range_(
         _print(spec, found, "scene" if checked.over_time is None else "motion", count or [])
     complain(*found.warnings)
     if png is not None:
-        from scenegen.cli.output import print_error
         from scenegen.show.figures.plot import RarityPanel, plot
 
         panels = [
@@ -79,8 +79,6 @@ def range_(
 
 
 def _check_png(path: Path) -> None:
-    from scenegen.errors import RequestError
-
     if path.suffix.lower() != ".png":
         raise RequestError(WRONG_ENDING(path=path, ending=".png", remedy="name a file such as rarity.png"))
 
@@ -136,8 +134,6 @@ def _plot(one: LabelRarity) -> list[str]:
     """Both curves, as wide as the terminal."""
     import shutil
     import sys
-
-    from scenegen.cli.output import use_color
 
     fancy = sys.stdout.isatty() and (sys.stdout.encoding or "").lower().startswith("utf")
     above, below = _points(one.curve, "above"), _points(one.curve, "below")

@@ -10,7 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from scenegen.cli.options import COUNT, PICTURES, ROOT, all_found, argument, asking, option, parse_counts, spec_names
-from scenegen.cli.output import complain, detail, elapsed, left, print_columns, print_error, progress_bar
+from scenegen.cli.output import (
+    check_output,
+    complain,
+    detail,
+    elapsed,
+    left,
+    print_columns,
+    print_error,
+    progress_bar,
+    write_data,
+)
 from scenegen.errors import RequestError
 from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import (
@@ -259,7 +269,6 @@ def _sample_scenes(subject: Spec | Model, request: SampleRequest, options: Sampl
 
 def _check_places(options: SampleOptions, motions: bool = False) -> None:
     """Refuse, before any work is done, places that cannot be written to, and a library that is missing."""
-    from scenegen.cli.streams import check_output
     from scenegen.needs import need
     from scenegen.scenes.files import check_folder, check_writable
 
@@ -307,7 +316,6 @@ def _hand_out(scenes: SceneSet, options: SampleOptions) -> None:
     if options.path is not None:
         scenes.save(options.path)
     else:
-        from scenegen.cli.streams import write_data
         from scenegen.scenes.formats.scenes_json import dump
 
         write_data(dump(scenes.file()))
@@ -354,7 +362,6 @@ def _sample_motions(spec: Spec, request: SampleRequest, options: SampleOptions, 
     cannot be written to."""
     from scenegen.api.motions import draw_motions
     from scenegen.api.request import check_request
-    from scenegen.cli.streams import write_data
 
     check_request(spec, request)
     only = {"fix_from": options.fix_from, "pictures": options.pictures, "out": options.out if options.stored else None}

@@ -9,6 +9,8 @@ from pathlib import Path
 from scenegen.cli import options
 from scenegen.cli.many import JobMessages, folder_for, names_of, refuse_engine, shared_work
 from scenegen.cli.options import ADDRESS, ENGINE, MESHES, POSES_OF, WORKERS, argument, option
+from scenegen.cli.output import print_error, progress_bar
+from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
 from scenegen.scenes.locations import names_set
 
@@ -54,7 +56,6 @@ def settle(
     and the exit status is 1.
     """
     from scenegen.api.spec import load
-    from scenegen.cli.output import print_error, progress_bar
     from scenegen.worlds.physics.settle import settle_file
 
     loaded = None if spec is None else load(spec)
@@ -112,7 +113,6 @@ def _result(source: Path) -> str:
 
 def _quantity(name: str, text: str, wanted: str) -> float:
     """A length in metres or an angle in degrees, above 0. Raises RequestError."""
-    from scenegen.errors import RequestError
     from scenegen.geometry.units import ANGLE, LENGTH, quantity
 
     known = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(mm|cm|m|deg|rad|turn)\s*", text)

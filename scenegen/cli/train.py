@@ -12,8 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import JobMessages, folder_for, names_of, refuse_engine, shared_work
 from scenegen.cli.options import ADDRESS, COUNT, ENGINE, ROOT, SPEC_FILES, asking, option, parse_counts, seconds
+from scenegen.cli.output import complain, console, detail, flag, print_error
+from scenegen.errors import DataError, RequestError, ScenegenError, render
 from scenegen.learn.training.config import TrainConfig, make_config, parse_settings
 from scenegen.scenes.locations import names_set
+from scenegen.validation import as_seconds
 
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
@@ -98,7 +101,6 @@ def train(
     many things there are gets a model for each number, in DIR/NAME/, which `sample` takes as a model.
     """
     from scenegen.needs import need
-    from scenegen.validation import as_seconds
 
     options = {**typed, "hyper": parse_settings(typed["hyper"] or [])}
     model, recipe, phi = (options.pop(name) for name in ("model", "recipe", "phi"))
@@ -118,8 +120,6 @@ def train(
         job = Training(model, recipe, options, card, resume, seconds, log_dir, root, counts, tuple(phi or ()))
         return shared_work(job, jobs, engine, workers, address, "training")
     refuse_engine(engine, address)
-    from scenegen.cli.output import complain, console, detail, flag, print_error
-    from scenegen.errors import RequestError, render
     from scenegen.errors.learning import FOLDER_OF_MODELS
     from scenegen.scenes.files import check_writable
 
@@ -177,7 +177,6 @@ def trainings(
     """The jobs of a spec, by their names: one model, FOLDER/NAME.safetensors; or, where the spec draws how many things
     there are, a model for each combination of numbers, in FOLDER/NAME/."""
     from scenegen.api.spec import load
-    from scenegen.errors import ScenegenError
     from scenegen.lang.check.families import written
     from scenegen.learn.model import family_files
 
@@ -252,7 +251,6 @@ class Training:
 
     def _complete(self, spec: Spec, out: Path) -> bool:
         """Whether a file is the model of this training after all its epochs."""
-        from scenegen.errors import DataError
         from scenegen.learn.models.checkpoint import load_model
         from scenegen.learn.train import trained_on
         from scenegen.learn.training.state import load_state, state_path

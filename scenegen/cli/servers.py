@@ -1,10 +1,17 @@
-"""`scenegen view`: write a spec and see its scenes while typing."""
+"""What serves until it is ended: `scenegen view`, a page for people, and `scenegen lsp`, for editors."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from scenegen.cli.options import argument, option
+from scenegen.cli.output import complain, print_error
+from scenegen.errors import RequestError
+from scenegen.errors.files import NOT_A_FOLDER
+from scenegen.errors.program import PUBLIC_ADDRESS, SERVED_IN_PUBLIC
+from scenegen.errors.requests import NOT_INSTALLED
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -36,10 +43,6 @@ def view(
     specs in the folder of what was opened. End it with Ctrl-C. Needs the extra `view`: pip install
     "scenegen\\[view]"; --export needs nothing more.
     """
-    from scenegen.cli.output import complain, print_error
-    from scenegen.errors import RequestError
-    from scenegen.errors.program import PUBLIC_ADDRESS, SERVED_IN_PUBLIC
-    from scenegen.errors.requests import NOT_INSTALLED
     from scenegen.show.view.opened import open_
 
     if host not in LOOPBACK and not public:
@@ -55,13 +58,8 @@ def view(
         size = export_page(opened, export, n, seed, command)
         print_error(f"wrote {export}, {size / 1e6:.1f} MB: open it in any browser")
         return 0
-    try:
+    with _needs(("starlette", "uvicorn", "websockets", "h11"), "for the page", "view", "; --export works without"):
         from scenegen.show.view.serve import serve
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.split(".")[0] not in ("starlette", "uvicorn", "websockets", "h11"):
-            raise
-        command = 'pip install "scenegen[view]"; --export works without'
-        raise RequestError(NOT_INSTALLED(package="starlette", purpose="for the page", command=command)) from None
     if host not in LOOPBACK:
         complain(SERVED_IN_PUBLIC(host=host))
 
@@ -74,3 +72,42 @@ def view(
             webbrowser.open(link)
 
     return serve(opened, host, port, told)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `scenegen lsp`.
+
+
+def lsp(
+    stdio: bool = option("Talk over standard input and output; there is no other way.", default=True),
+    root: Path | None = option("Specs may import what lies below this folder, not below their own alone."),
+) -> int:
+    """Serve editors: mistakes as you type, hover, completion, definitions, formatting and renaming.
+
+    \b
+      # what an editor starts
+      scenegen lsp --stdio
+      # specs that import from a folder above their own
+      scenegen lsp --root specs
+
+    It speaks the Language Server Protocol over standard input and output, and ends when the editor says so. How to set
+    up an editor is in editors/README.md. Needs the extra `lsp`: pip install "scenegen\\[lsp]".
+    """
+    del stdio  # editors that know several ways say which one they use
+    with _needs(("pygls", "lsprotocol"), "for the language server", "lsp"):
+        from scenegen.editors.lsp.server import serve
+    if root is not None and not root.is_dir():
+        raise RequestError(NOT_A_FOLDER(path=root, remedy="name the folder that specs may read"))
+    return serve(root)
+
+
+@contextlib.contextmanager
+def _needs(packages: tuple[str, ...], purpose: str, extra: str, otherwise: str = "") -> Iterator[None]:
+    """Around an import: raises RequestError where one of these packages of an extra is not installed."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.split(".")[0] not in packages:
+            raise
+        command = f'pip install "scenegen[{extra}]"{otherwise}'
+        raise RequestError(NOT_INSTALLED(package=packages[0], purpose=purpose, command=command)) from None

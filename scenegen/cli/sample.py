@@ -233,7 +233,6 @@ def _request(subject: Spec | Model, options: SampleOptions) -> SampleRequest:
 
 
 def _sample_scenes(subject: Spec | Model, request: SampleRequest, options: SampleOptions, reserve: IdleWorkers) -> None:
-    from scenegen.cli.render import draw
     from scenegen.scenes.blocks import BLOCK
 
     of_sets = None if options.stored else request.misplaced("scenes")
@@ -256,7 +255,7 @@ def _sample_scenes(subject: Spec | Model, request: SampleRequest, options: Sampl
         detail(f"sampled and wrote {written.count} scenes")
         summary(written.header, written.count, written.phi, options.out)
         if options.render is not None:
-            draw(read_scenes(options.out), options.render, most=options.pictures)
+            _draw(read_scenes(options.out), options.render, options.pictures)
         return
     from scenegen.api.sample import draw_scenes
 
@@ -311,7 +310,6 @@ def _complete(subject: Spec | Model, request: SampleRequest, options: SampleOpti
 def _hand_out(scenes: SceneSet, options: SampleOptions) -> None:
     """Write scenes to a file or the output, say what they are, and draw them."""
     from scenegen.api.stream import met
-    from scenegen.cli.render import draw
 
     if options.path is not None:
         scenes.save(options.path)
@@ -323,7 +321,13 @@ def _hand_out(scenes: SceneSet, options: SampleOptions) -> None:
         print_error(f"{scenes.header.sampler['method']}: {scenes.header.sampler['reason']}")
     summary(scenes.header, len(scenes), met(scenes), options.path)
     if options.render is not None:
-        draw(scenes, options.render, most=options.pictures)
+        _draw(scenes, options.render, options.pictures)
+
+
+def _draw(scenes: SceneSet, folder: Path, most: int | None) -> None:
+    from scenegen.cli.render import draw
+
+    draw(scenes, folder, most)
 
 
 def _is_over_time(subject: Spec | Model) -> TypeGuard[Spec]:

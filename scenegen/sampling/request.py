@@ -265,7 +265,7 @@ class SampleRequest:
         ),
     ] = USUAL
     seed: Annotated[int, Option("The same seed gives the same scenes.", check=whole_number(0, MAX_SEED))] = 0
-    method: Annotated[str, Option(methods_help(), choices=METHODS, check=one_of(METHODS), panel=DRAWING)] = "auto"
+    method: Annotated[str, Option(methods_help(), choices=METHODS, panel=DRAWING)] = "auto"
     spread: Annotated[
         str,
         Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS, check=one_of(SPREADS)),

@@ -63,7 +63,7 @@ def test_options_that_mean_nothing_are_found(changes, what, name):
 
 
 @pytest.mark.parametrize(
-    "changes", [{"n": True}, {"n": 0}, {"seed": 1.5}, {"method": "best"}, {"fix": [1]}, {"timeout": "soon"}, {"phi": 3}]
+    "changes", [{"n": True}, {"n": 0}, {"seed": 1.5}, {"spread": "best"}, {"fix": [1]}, {"timeout": "soon"}, {"phi": 3}]
 )
 def test_a_request_that_can_be_none_is_never_made(changes):
     with pytest.raises(RequestError):

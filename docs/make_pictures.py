@@ -73,10 +73,10 @@ def growth(folder: Path) -> None:
     import numpy as np
     from matplotlib import patches
     from matplotlib.figure import Figure
-
     from scenegen.sampling.growth.insert import place
-    from scenegen.sampling.growth.machine import make_machine
     from scenegen.sampling.growth.particles import Particles, resample
+
+    from scenegen.sampling.growth.machine import make_machine
     from scenegen.sampling.problem import make_problem
     from scenegen.sampling.request import Range, SampleRequest
 

@@ -5,13 +5,85 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from scenegen.errors import RequestError
-from scenegen.errors.requests import ODD_FILE_NAME, WRONG_VALUE
+from scenegen.errors.requests import ODD_FILE_NAME, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
+
+# --------------------------------------------------------------------------------------------------------------------
+# Options: the fields of a request say themselves how they are given, and what they can be.
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A field of a request as an option of commands: `Annotated[int, Option(...)]`.
+
+    `help` and `metavar` are shown; `typed` is the type of what is typed where that is another than the field's, and
+    `parse` makes the field's value of it and of the labels of the spec. `check` takes the name and a value, and returns
+    the value to keep; it raises RequestError. `choices` are its values, where they are few. `unit` is "s" for a span of
+    time. `of` is what the option means something for; `panel` is the part of a help text where it stands.
+    """
+
+    help: str
+    metavar: str | None = None
+    typed: Any = None
+    parse: Callable[[Any, tuple[str, ...]], Any] | None = None
+    check: Callable[[str, Any], Any] | None = None
+    choices: Collection[str] = ()
+    unit: str = ""
+    of: tuple[str, ...] = ("scenes", "sets", "motions")
+    panel: str | None = None
+
+
+def options_of(kind: type) -> dict[str, tuple[Any, Option]]:
+    """The type and the option of each field of a dataclass that has one, by the field's name, in their order."""
+    hints = get_type_hints(kind, include_extras=True)
+    each = {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Annotated}
+    return {name: (hint[0], hint[1]) for name, hint in each.items() if isinstance(hint[1], Option)}
+
+
+def whole_number(least: int, most: int) -> Callable[[str, object], int]:
+    """The check of a whole number within bounds."""
+
+    def check(name: str, value: object) -> int:
+        number = as_int(name, value)
+        if not least <= number <= most:
+            shown = f"{most:,}" if most < 1 << 60 else f"{most}"
+            raise RequestError(OUT_OF_RANGE(argument=name, value=number, wanted=f"from {least} to {shown}"))
+        return number
+
+    return check
+
+
+def one_of(known: Collection[str]) -> Callable[[str, object], str]:
+    """The check of a word among some."""
+
+    def check(name: str, value: object) -> str:
+        if value not in tuple(known):
+            raise RequestError(UNKNOWN_CHOICE(what=name, name=value, known=known))
+        return str(value)
+
+    return check
+
+
+def by_name(example: str) -> Callable[[str, object], Mapping[str, Any]]:
+    """The check of values by name."""
+
+    def check(name: str, value: object) -> Mapping[str, Any]:
+        if not isinstance(value, Mapping):
+            raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted=example))
+        return value
+
+    return check
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Values of one kind.
 
 
 def as_int(name: str, value: object) -> int:
@@ -24,7 +96,8 @@ def as_int(name: str, value: object) -> int:
 def as_seconds(name: str, value: object) -> float:
     """A span of time. Raises RequestError for what is none, or not above 0."""
     if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 < float(value) < math.inf:
-        raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="a number of seconds above 0"))
+        shown = f"{value:g}" if isinstance(value, float | int) else repr(value)
+        raise RequestError(WRONG_VALUE(argument=name, value=shown, wanted="a positive number of seconds"))
     return float(value)
 
 

@@ -17,7 +17,6 @@ from scenegen.errors.declarations import (
     REQUIREMENT_CANNOT_BE_MET,
     REQUIREMENT_HARDLY_MET,
 )
-from scenegen.errors.learning import NOTHING_TO_LEARN
 from scenegen.errors.requests import TABLE_TOO_FULL
 from scenegen.geometry import NUMPY
 from scenegen.lang.check.families import combinations, written
@@ -275,6 +274,8 @@ def _not_at_once(core: Core, box: tuple[Array, Array]) -> list[str]:
 def refuse_infeasible(spec: CheckedSpec) -> None:
     """Refuse what cannot be learnt, with the reason that `check` gives: a label that no scene satisfies, a requirement
     that none meets, where bounds prove it, and a label that does not vary. Raises RequestError."""
+    from scenegen.errors.learning import NOTHING_TO_LEARN
+
     constant = [name for name, (low, high) in spec_bounds(spec).items() if not low < high]
     if constant:
         raise RequestError(*(NOTHING_TO_LEARN(label=name, value=spec_bounds(spec)[name][0]) for name in constant))

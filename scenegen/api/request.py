@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from numbers import Real
@@ -18,13 +17,12 @@ from scenegen.errors.requests import (
     RAW_WITH_FIXED,
     RAW_WITHOUT_MODEL,
     UNKNOWN_CHOICE,
-    WRONG_VALUE,
 )
 from scenegen.errors.time import NOT_FOR_MOTIONS
 from scenegen.needs import need
 from scenegen.sampling.methods import METHODS
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.validation import as_int, as_list
+from scenegen.validation import as_list
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
@@ -65,49 +63,33 @@ def _range(label: str, ends: object) -> Range:
 
 
 def check_request(source: Spec | LearnedModel, request: SampleRequest) -> SampleRequest:
-    """The request with its method chosen for a model; what depends on the spec is checked by `make_problem`. Raises
-    RequestError for values of the wrong kind, and for settings that do not go together."""
-    over_time = spec_of(source).over_time is not None
-    if over_time:
-        _check_for_motions(spec_of(source), request)
-    n, seed = as_int("n", request.n), as_int("seed", request.seed)
-    fix, raw, timeout = request.fix, request.raw, request.timeout
-    if not isinstance(fix, Mapping):
-        wanted = 'poses by name: fix={"plate": (0.5, 0.5)}'
-        raise RequestError(WRONG_VALUE(argument="fix", value=repr(fix), wanted=wanted))
-    method = request.method if over_time else _method(request.method, source, raw)
-    if not (isinstance(timeout, Real) and math.isfinite(timeout) and timeout > 0):
-        shown = f"{timeout:g}" if isinstance(timeout, float | int) else repr(timeout)
-        wanted = "a positive number of seconds"
-        raise RequestError(WRONG_VALUE(argument="timeout", value=shown, wanted=wanted))
-    if raw and fix:
+    """The request held against what it samples from, a spec, a spec over time or a model: with the method of `auto` for
+    a model. Raises RequestError for options that mean nothing there, and for options that do not go together. What
+    depends on the bounds of phi is checked by `make_problem`."""
+    spec = spec_of(source)
+    learned = isinstance(source, LearnedModel)
+    known: tuple[str, ...] = tuple(METHODS)
+    if spec.over_time is not None:
+        refuse_choices(spec, "a motion")
+        argument = request.misplaced("motions")
+        if argument is not None:
+            raise RequestError(NOT_FOR_MOTIONS(argument=argument))
+        known = tuple(name for name, method in METHODS.items() if method.over_time)
+    method = "model" if learned and request.method == "auto" else request.method
+    if method not in known:
+        raise RequestError(UNKNOWN_CHOICE(what="method", name=method, known=known))
+    proposes = METHODS[method].proposes
+    if proposes and not learned:
+        raise RequestError(METHOD_WITHOUT_MODEL(method=method))
+    if request.raw and not proposes:
+        raise RequestError(RAW_WITHOUT_MODEL())
+    if request.raw and request.fix:
         raise RequestError(RAW_WITH_FIXED())
-    if raw and request.settle:
+    if request.raw and request.settle:
         raise RequestError(RAW_SETTLED())
     if request.settle:
         need("pybullet", "to settle scenes")
-    return replace(request, n=n, seed=seed, method=method)
-
-
-def _check_for_motions(spec: Spec, request: SampleRequest) -> None:
-    refuse_choices(spec, "a motion")
-    if request.raw:
-        raise RequestError(NOT_FOR_MOTIONS(argument="raw"))
-    if request.method not in MOTION_METHODS:
-        raise RequestError(UNKNOWN_CHOICE(what="method", name=request.method, known=MOTION_METHODS))
-
-
-def _method(method: str, source: Spec | LearnedModel, raw: bool) -> str:
-    """One of METHODS, never auto for a model."""
-    if method not in tuple(METHODS):
-        raise RequestError(UNKNOWN_CHOICE(what="method", name=method, known=METHODS))
-    if method == "auto" and isinstance(source, LearnedModel):
-        method = "model"
-    if METHODS[method].proposes and not isinstance(source, LearnedModel):
-        raise RequestError(METHOD_WITHOUT_MODEL(method=method))
-    if raw and not METHODS[method].proposes:
-        raise RequestError(RAW_WITHOUT_MODEL())
-    return method
+    return request if method == request.method else replace(request, method=method)
 
 
 def plan_of(

@@ -17,7 +17,6 @@ from scenegen.sampling.request import Progress, SampleRequest
 from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.formats.registry import MOTIONS
 from scenegen.scenes.open_store import open_store
-from scenegen.validation import as_int
 
 if TYPE_CHECKING:
     from scenegen.sampling.plan import Plan, Tally
@@ -33,10 +32,6 @@ def write_set(
     source: Spec | LearnedModel,
     request: SampleRequest,
     *,
-    engine: str = "local",
-    address: str | None = None,
-    shard_size: int | None = None,
-    resume: bool = False,
     progress: Progress | None = None,
     on_note: Note | None = None,
 ) -> Written:
@@ -56,14 +51,13 @@ def write_set(
     from scenegen.scenes.lease import held, refuse_held
     from scenegen.version import __version__
 
-    size = None if shard_size is None else as_int("shard_size", shard_size)
     numbers, block = _numbers(spec_of(source)), BLOCK
     if spec_of(source).over_time is not None:
         block = sets.motion_block(numbers)
-    size = sets.shard_size(size, numbers, len(spec_of(source).objects), block)
-    check_engine(engine, address)
+    size = sets.shard_size(request.shard_size, numbers, len(spec_of(source).objects), block)
+    check_engine(request.engine, request.address)
     refuse_held(store)
-    sets.refuse_taken(store, resume=resume)
+    sets.refuse_taken(store, resume=request.resume)
     budget = Budget(request.timeout)
     with closing(plan_of(source, request, budget, on_note)) as plan:
         labels = plan.problem.labels
@@ -71,7 +65,7 @@ def write_set(
         def account(tally: Tally) -> Mapping[str, Any]:
             return summed_up(plan, tally)[0]
 
-        with held(store) as hold, open_engine(engine, request.workers, plan, address) as chosen:
+        with held(store) as hold, open_engine(request.engine, request.workers, plan, request.address) as chosen:
             header = header_of(plan.problem, {"method": plan.method})
             writing = ShardWriter(plan, store, header, labels, stored_form(plan.problem))
             facts = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method}
@@ -88,7 +82,7 @@ def write_set(
 
             tally, manifest = write(
                 store, plan, chosen, manifest, writing, account,
-                resume=resume, keep_partial=request.keep_partial, spent=spent, progress=progress, block=block,
+                resume=request.resume, keep_partial=request.keep_partial, spent=spent, progress=progress, block=block,
             )  # fmt: skip
             warnings: tuple[Diagnostic, ...] = ()
             if tally is not None:

@@ -20,7 +20,6 @@ from scenegen.lang.check.families import combinations
 from scenegen.lang.checker import check_file, check_text
 from scenegen.lang.formula.timed import Horizon, Movers, Timed
 from scenegen.lang.spec import CheckedSpec
-from scenegen.needs import need
 from scenegen.scenes.files import is_stream, read_bytes, read_stream
 from scenegen.validation import as_int, as_path
 
@@ -206,6 +205,8 @@ class Spec:
         See Robustness. Raises RequestError where torch is not installed.
         """
         refuse_choices(self, "`robustness()`")
+        from scenegen.needs import need
+
         need("torch", "for `robustness()`")
         from scenegen.learn.robustness import Robustness
 
@@ -216,6 +217,8 @@ class Spec:
         `time`. See TraceRobustness. Raises RequestError for a spec without, and where torch is not installed."""
         if self._checked.timed is None:
             raise RequestError(NOT_OVER_TIME(file=self._checked.name))
+        from scenegen.needs import need
+
         need("torch", "for `trace_robustness()`")
         from scenegen.learn.robustness.traces import TraceRobustness
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
+from scenegen.api.request import Note, check_request, plan_of
 from scenegen.api.sample import PhiSummary, Written, partial
 from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.api.scenes import SceneSet
@@ -15,7 +15,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY_FOR_JSON
 from scenegen.pose import row_count
-from scenegen.sampling.request import FixedPose, Progress, SampleRequest
+from scenegen.sampling.request import Progress, SampleRequest
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
@@ -30,60 +30,11 @@ if TYPE_CHECKING:
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
 
-def sample_to(
-    path: str | Path,
-    source: Spec | LearnedModel,
-    phi: Phi | None = None,
-    n: int = 16,
-    *,
-    seed: int = 0,
-    method: str = "auto",
-    spread: str = "flat",
-    timeout: float = 60.0,
-    raw: bool = False,
-    keep_partial: bool = False,
-    fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
-    settle: bool = False,
-    workers: int | None = None,
-    resume: bool = False,
-    engine: str = "local",
-    address: str | None = None,
-    shard_size: int | None = None,
-    progress: Progress | None = None,
-    on_note: Note | None = None,
-) -> Written:
-    """The scenes of `sample(...)`, the very same in the same order, in a .parquet, .jsonl or .json file, or as a set;
-    of a spec over time the motions of `sample_motions(...)`, also in a .csv file.
-
-    A path that ends in a slash and a URL (s3://bucket/set/) are places of a set: Parquet files of
-    `shard_size` scenes each, and a manifest. `engine` is "local" or "ray", whose cluster is at `address`; both give the
-    same bytes.
-
-    They are written block by block: memory stays flat, so n may be a billion (a million in .json, which is read as a
-    whole). They grow in a folder beside the file, `scenes.parquet.part/`, and are joined at the end. After an
-    interrupt, a timeout or `kill -9` at any moment, the same call with `resume` goes on from there and ends with the
-    same bytes as an unbroken run; without, such a folder is refused. Raises what `sample` raises, OutputError for a
-    file that cannot be written, and DataError for a damaged folder.
-    """
-    request = SampleRequest(
-        read_phi(source, phi), n, seed=seed, method=method, spread=spread, fix={} if fix is None else fix,
-        settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial,
-    )  # fmt: skip
-    return write_scenes(
-        path, source, request, resume=resume, engine=engine, address=address, shard_size=shard_size, progress=progress,
-        on_note=on_note,
-    )  # fmt: skip
-
-
 def write_scenes(
     path: str | Path,
     source: Spec | LearnedModel,
     request: SampleRequest,
     *,
-    resume: bool = False,
-    engine: str = "local",
-    address: str | None = None,
-    shard_size: int | None = None,
     progress: Progress | None = None,
     on_note: Note | None = None,
 ) -> Written:
@@ -91,13 +42,8 @@ def write_scenes(
     if names_set(path):
         from scenegen.api.sets import write_set
 
-        return write_set(
-            as_location(path), source, request, engine=engine, address=address, shard_size=shard_size, resume=resume,
-            progress=progress, on_note=on_note,
-        )  # fmt: skip
-    for argument, given in (("shard_size", shard_size), ("address", address), ("engine", engine != "local" or None)):
-        if given is not None:
-            raise RequestError(ONLY_FOR_SETS(argument=argument))
+        return write_set(as_location(path), source, request, progress=progress, on_note=on_note)
+    refuse_set_options(request)
     path = as_path("path", path)
     over_time = spec_of(source).over_time is not None
     format_of(path, MOTIONS if over_time else SCENES)
@@ -126,7 +72,7 @@ def write_scenes(
         header,
         budget,
         versions={"scenegen": __version__},
-        resume=resume,
+        resume=request.resume,
         joining=seen,
         stored=stored and (lambda block: Block(stored(block.rows), block.phi)),
         progress=progress,
@@ -142,6 +88,13 @@ def write_scenes(
         for block in _blocks_of(path, over_time):
             seen(block)
     return Written(path, seen.count, headers[-1], seen.phi(plan.problem.labels), warnings)
+
+
+def refuse_set_options(request: SampleRequest) -> None:
+    """Raises RequestError for options that only sets have."""
+    argument = request.misplaced("scenes")
+    if argument is not None:
+        raise RequestError(ONLY_FOR_SETS(argument=argument))
 
 
 def _blocks_of(path: Path, over_time: bool) -> Iterable[Block]:

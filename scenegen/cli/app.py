@@ -20,9 +20,8 @@ from typing import Any
 
 import typer
 
-from scenegen.cli.options import Quiet, Verbose, all_whole, option_called
-from scenegen.cli.output import Verbosity, complain, flag, print_message, voice
-from scenegen.cli.streams import give_up, prepare, reader_left
+from scenegen.cli.options import QUIET, VERBOSE, as_typed, option_called
+from scenegen.cli.output import Verbosity, complain, flag, give_up, prepare, print_message, reader_left, voice
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE_OUTPUT
 from scenegen.errors.program import COMMAND_LINE, INTERNAL_ERROR, INTERRUPTED, OUT_OF_MEMORY
@@ -51,9 +50,9 @@ of one will do, as in `scenegen check table_setting`.
 
 # command -> its module and function; each module imports what it needs only when it runs
 COMMANDS: dict[str, str] = {
-    "new": "scenegen.cli.new:new",
+    "new": "scenegen.cli.specs:new",
     "specs": "scenegen.cli.specs:specs",
-    "import": "scenegen.cli.import_:import_",
+    "import": "scenegen.cli.specs:import_",
     "check": "scenegen.cli.check:check",
     "fmt": "scenegen.cli.fmt:fmt",
     "range": "scenegen.cli.range:range_",
@@ -67,12 +66,12 @@ COMMANDS: dict[str, str] = {
     "settle": "scenegen.cli.settle:settle",
     "assets": "scenegen.cli.assets:assets",
     "data": "scenegen.cli.data:data",
-    "dataset": "scenegen.cli.dataset:dataset",
+    "dataset": "scenegen.cli.data:dataset",
     "grammar": "scenegen.cli.grammar:grammar",
     "relations": "scenegen.cli.explain:relations",
     "explain": "scenegen.cli.explain:explain",
-    "view": "scenegen.cli.view:view",
-    "lsp": "scenegen.cli.lsp:lsp",
+    "view": "scenegen.cli.servers:view",
+    "lsp": "scenegen.cli.servers:lsp",
 }
 ALONE = ("assets", "explain", "lsp", "relations", "specs", "view")  # no argument needed; others show their help
 
@@ -111,14 +110,12 @@ def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
             voice.reset(before)
 
     signature = inspect.signature(command, eval_str=True)
-    given = signature.parameters.values()
     more = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
-        for name, kind in (("quiet", Quiet), ("verbose", Verbose))
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=bool)
+        for name, default in (("quiet", QUIET), ("verbose", VERBOSE))
     ]
-    run_command.__signature__ = signature.replace(  # type: ignore[attr-defined]
-        parameters=[*(one.replace(annotation=all_whole(one.annotation)) for one in given), *more]
-    )
+    every = map(as_typed, [*signature.parameters.values(), *more])
+    run_command.__signature__ = signature.replace(parameters=list(every))  # type: ignore[attr-defined]
     return run_command
 
 

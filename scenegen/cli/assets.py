@@ -4,29 +4,22 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+from scenegen.cli.options import argument, option
+from scenegen.cli.output import print_error
+from scenegen.errors import RequestError
 
 if TYPE_CHECKING:
     from scenegen.things.library import Asset
 
 
 def assets(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(help="Names of objects; all of the library if left out.", metavar="NAME", show_default=False),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="A folder for pictures of them.", metavar="DIR", show_default=False)
-    ] = None,
-    size: Annotated[
-        str, typer.Option("--size", help="Width and height of a picture in pixels.", metavar="WxH")
-    ] = "320x240",
-    json_: Annotated[bool, typer.Option("--json", help="The table as JSON.", show_default=False)] = False,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
-    ] = None,
+    names: list[str] | None = argument("Names of objects; all of the library if left out.", "NAME", default=None),
+    out: Path | None = option("A folder for pictures of them.", "DIR"),
+    size: str = option("Width and height of a picture in pixels.", "WxH", default="320x240"),
+    json_: bool = option("The table as JSON.", flags="--json"),
+    workers: int | None = option("Processes that draw; default: one per core."),
 ) -> None:
     """List the objects of the library: their sizes, masses and friction.
 
@@ -38,8 +31,6 @@ def assets(
     The name of an object in a spec picks its asset: `object mug, fork[3], plate_2`. Lengths are metres, length is along
     the heading; masses are kilograms. With --out, every asset is drawn, and all on contact_sheet.png.
     """
-    from scenegen.cli.output import print_error
-
     found = _found(names or [])
     if json_:
         print(json.dumps([_row(asset) for asset in found], indent=2))
@@ -52,7 +43,6 @@ def assets(
 
 def _found(names: list[str]) -> list[Asset]:
     """The assets of these names. Raises RequestError for one that is not in the library."""
-    from scenegen.errors import RequestError
     from scenegen.errors.declarations import UNKNOWN_ASSET
     from scenegen.things import ASSETS, asset_of, has_picture
 

@@ -9,15 +9,15 @@ from itertools import groupby
 from math import nan
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from scenegen.api.outline import FormulaTree, Line, Outline, OutlinePart
 from scenegen.api.spec import Spec
-from scenegen.cli.options import Counts, Root, SpecFiles, named, parse_counts
-from scenegen.cli.output import tree
-from scenegen.errors import Source
+from scenegen.cli.options import COUNT, ROOT, SPEC_FILES, named, option, parse_counts
+from scenegen.cli.output import complain, detail, flag, tree
+from scenegen.errors import ScenegenError, Source, to_json
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
@@ -35,21 +35,13 @@ MEANT = "change one of the parts that clash; where it is meant so, add --allow-u
 
 
 def check(
-    specs: SpecFiles,
-    depth: Annotated[
-        int | None,
-        typer.Option("--depth", help="Show formulas to this depth, on as many lines as it takes.", metavar="N", min=0),
-    ] = None,
-    full: Annotated[bool, typer.Option("--full", help="Show every sub-formula on a line of its own.")] = False,
-    allow_unsatisfiable: Annotated[
-        bool,
-        typer.Option("--allow-unsatisfiable", help="No error where no scene satisfies a formula: a warning."),
-    ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON document instead, for editors and scripts.")
-    ] = False,
-    count: Counts = None,
-    root: Root = None,
+    specs: list[Path] = SPEC_FILES,
+    depth: int | None = option("Show formulas to this depth, on as many lines as it takes.", "N", min=0),
+    full: bool = option("Show every sub-formula on a line of its own."),
+    allow_unsatisfiable: bool = option("No error where no scene satisfies a formula: a warning."),
+    json: bool = option("Print one JSON document instead, for editors and scripts."),
+    count: list[str] | None = COUNT,
+    root: Path | None = ROOT,
 ) -> int:
     """Check specs: print the formula of each label, the objects, and what phi can be.
 
@@ -68,8 +60,6 @@ def check(
     """
     from scenegen.api.feasibility import doubts, idle
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain, detail
-    from scenegen.errors import ScenegenError
 
     numbers = parse_counts(count)
     reports: list[dict[str, Any]] = []
@@ -163,9 +153,6 @@ def _time(spec: Spec) -> dict[str, Any]:
 
 def _as_json(problem: Diagnostic) -> dict[str, Any]:
     """A diagnostic as data; `title` is what `message` was called at first."""
-    from scenegen.cli.output import flag
-    from scenegen.errors import to_json
-
     found = to_json(problem, flag)
     return {"title": found["message"], **found}
 

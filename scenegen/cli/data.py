@@ -1,20 +1,39 @@
-"""`scenegen data`: what is in sets of scenes, and new sets from them."""
+"""`scenegen data`: what is in sets of scenes, and new sets from them; `scenegen dataset`: sets of many specs."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenegen.cli.options import seconds
+from scenegen.cli.many import exit_status, folder_for, names_of, say_why
+from scenegen.cli.options import (
+    ADDRESS,
+    ENGINE,
+    JSON,
+    ROOT,
+    WORKERS,
+    all_found,
+    argument,
+    field_option,
+    option,
+    seconds,
+    spec_names,
+)
+from scenegen.cli.output import complain, print_error, print_message, progress_bar
+from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import DATA_ARGUMENTS, FAULTY_SHARDS
 from scenegen.errors.requests import OUT_OF_PLACE
+from scenegen.sampling.request import SampleRequest
+from scenegen.scenes.locations import inside
 
 if TYPE_CHECKING:
     from scenegen.api.set_report import SetReport
     from scenegen.api.stored import StoredSet
+    from scenegen.sampling.engine.engines import JobResult
+
 
 OPTIONS: dict[str | None, tuple[str, ...]] = {  # of each action; None is the report
     None: ("--verify", "--json", "--engine", "--address", "--workers", "--timeout"),
@@ -29,51 +48,26 @@ SHOWN = 5  # damaged shards that are named
 
 
 def data(
-    sets: Annotated[
-        list[str],
-        typer.Argument(
-            help="Sets, or folders of sets: DIR or URL. Or an action, merge, split, filter or remake, and its sets.",
-            metavar="[ACTION] SET",
-            show_default=False,
-        ),
-    ],
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Check every checksum, and score every scene again.")
-    ] = False,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", help="The new set, or the folder of new sets.", metavar="DIR/", show_default=False),
-    ] = None,
-    phi: Annotated[
-        list[str] | None,
-        typer.Option("--phi", help="For filter: phi to keep.", metavar="[NAME=]LO:HI", show_default=False),
-    ] = None,
-    share: Annotated[
-        list[str] | None,
-        typer.Option("--share", help="For split: a part and its share.", metavar="NAME=SHARE", show_default=False),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of a split.")] = 0,
-    shard: Annotated[
-        list[int] | None,
-        typer.Option("--shard", help="For remake: the number of a shard.", metavar="N", show_default=False),
-    ] = None,
-    engine: Annotated[str, typer.Option("--engine", help="What reads the shards: local or ray.")] = "local",
-    address: Annotated[
-        str | None, typer.Option("--address", help="The Ray cluster.", metavar="ADDR", show_default=False)
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
-    ] = None,
-    timeout: Annotated[
-        float,
-        typer.Option(
-            "--timeout",
-            help="Seconds for fresh exact scenes to compare with; 0 for none. For remake: of a shard.",
-            parser=seconds,
-            metavar="SECONDS",
-        ),
-    ] = FRESH,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
+    sets: list[str] = argument(
+        "Sets, or folders of sets: DIR or URL. Or an action, merge, split, filter or remake, and its sets.",
+        "[ACTION] SET",
+    ),
+    verify: bool = option("Check every checksum, and score every scene again."),
+    out: str | None = option("The new set, or the folder of new sets.", "DIR/"),
+    phi: list[str] | None = option("For filter: phi to keep.", "[NAME=]LO:HI"),
+    share: list[str] | None = option("For split: a part and its share.", "NAME=SHARE"),
+    seed: int = option("Of a split.", default=0),
+    shard: list[int] | None = option("For remake: the number of a shard.", "N"),
+    engine: str = option("What reads the shards: local or ray.", default="local"),
+    address: str | None = option("The Ray cluster.", "ADDR"),
+    workers: int | None = WORKERS,
+    timeout: float = option(
+        "Seconds for fresh exact scenes to compare with; 0 for none. For remake: of a shard.",
+        "SECONDS",
+        default=FRESH,
+        parser=seconds,
+    ),
+    json: bool = JSON,
 ) -> int:
     """Say what is in a set of scenes, or make new sets from old ones. Sets are read shard by shard, whatever their
     size.
@@ -93,7 +87,6 @@ def data(
     `remake` makes a shard of a data set again from its own seed, and puts it back where it is missing or damaged.
     """
     from scenegen.api.stored import open_set
-    from scenegen.errors import RequestError
 
     action = sets[0] if sets[0] in OPTIONS and not Path(sets[0]).is_dir() else None
     places = sets if action is None else sets[1:]
@@ -137,8 +130,6 @@ def _report(places: list[str], how: ReportOptions, *, json: bool) -> int:
     """Report every set of the places, and return the exit status."""
     from scenegen.api.stored import sets_in
     from scenegen.cli.many import exit_status
-    from scenegen.cli.output import complain, print_message
-    from scenegen.errors import DataError
 
     found = [one for place in places for one in sets_in(place)]
     documents, failed, scenes, size = [], [], 0, 0
@@ -190,10 +181,7 @@ def _look(location: str, how: ReportOptions) -> tuple[StoredSet, SetReport]:
 
 def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share: list[str], seed: int) -> None:
     from scenegen.api.set_edit import filter_set, merge_sets, split_set
-    from scenegen.cli.output import print_error
-    from scenegen.errors import RequestError
     from scenegen.sampling.request import parse_phi
-    from scenegen.scenes.locations import inside
 
     if action == "merge":
         made = {out: merge_sets(opened, out)}
@@ -213,7 +201,6 @@ def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share:
 
 def _remake(place: str, shards: list[int], timeout: float | None) -> None:
     from scenegen.api.dataset import TIMEOUT, remake
-    from scenegen.cli.output import print_error
 
     for number in shards:
         shard, written = remake(place, number, timeout or TIMEOUT)
@@ -224,8 +211,6 @@ def _remake(place: str, shards: list[int], timeout: float | None) -> None:
 
 
 def _share(text: str) -> tuple[str, float]:
-    from scenegen.errors import RequestError
-
     name, _, value = text.partition("=")
     try:
         if name.isidentifier():
@@ -303,3 +288,79 @@ def _as_json(stored: StoredSet, report: SetReport) -> dict[str, Any]:
         "verified": report.verified,
         "shards": [{"file": one.file, "scenes": one.scenes, "fault": one.fault or None} for one in report.shards],
     }
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `scenegen dataset`: a data set of many specs, at every difficulty.
+
+
+def dataset(
+    out: str = option("The folder or URL of the data set.", "DIR/|URL", default=...),
+    specs: list[Path] | None = argument(
+        "Spec files, or names of shipped specs; all shipped specs where none is named.",
+        "[SPEC]...",
+        default=None,
+        callback=all_found,
+        autocompletion=spec_names,
+    ),
+    n: int = field_option(SampleRequest, "n", "How many scenes, in equal shares of all specs.", default=1_000_000),
+    seed: int = field_option(SampleRequest, "seed", "The same seed gives the same data set."),
+    shard_size: int = field_option(
+        SampleRequest, "shard_size", "Scenes of each file at most, a multiple of 65536.", default=65_536
+    ),
+    timeout: float = field_option(SampleRequest, "timeout", "Seconds after which to give a shard up.", default=600.0),
+    resume: bool = field_option(SampleRequest, "resume", "Go on with the shards that are not there yet."),
+    license: str = option("What the cards say of it, as dataset hubs name it.", "ID", default="unknown"),
+    engine: str = ENGINE,
+    address: str | None = ADDRESS,
+    workers: int | None = WORKERS,
+    root: Path | None = ROOT,
+) -> int:
+    """Make a data set of many specs: scenes of every label, satisfied and not, evenly over phi, and how rare each is.
+
+    \b
+      scenegen dataset --out data/
+      scenegen dataset table_setting breakfast -n 100_000 --out data/
+      scenegen dataset -n 50_000_000 --out s3://bucket/data/ --engine ray
+
+    First the rarity of phi is measured, as `scenegen range` does. Then each spec gets a set of its own in DIR/, with a
+    manifest and a card. Every shard is an independent job with a seed of its own: `scenegen data remake` makes one
+    again.
+
+    A label that no scene satisfies, or every scene, is named in the cards; its share goes to the other parts of the
+    spec. A spec or a shard that fails is reported by its name, the others are made, and the exit status is 1; --resume
+    with a longer --timeout goes on.
+    """
+    from scenegen.api.dataset import DRAWING, make_dataset
+    from scenegen.resources import shipped_specs
+
+    paths = specs or list(shipped_specs().values())
+    folder = folder_for(out, len(paths), urls=True)
+    named = list(zip(names_of(paths), paths, strict=True))
+    failed: list[str] = []
+    jobs = done = 0
+    with progress_bar() as bar:
+        task = bar.add_task("measuring", total=len(named))
+
+        def told(what: str, ended: JobResult, count: int, total: int) -> None:
+            nonlocal jobs, done
+            jobs += 1
+            done += what == DRAWING and not ended.errors
+            bar.update(task, completed=count, total=total, description=f"{what}: {count} of {total}")
+            if ended.errors:
+                say_why(ended)
+                failed.append(ended.name)
+
+        try:
+            made = make_dataset(
+                folder, named, n, seed=seed, shard_size=shard_size, timeout=timeout, resume=resume, license=license,
+                engine=engine, workers=workers, address=address, root=root, told=told,
+            )  # fmt: skip
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(f"interrupted after {done} shards; --resume goes on in {folder}/") from error
+    scenes = sum(one.scenes for one in made.values())
+    for name, one in made.items():
+        for why in one.missing or ():
+            print_error(f"{name}: left out: {why}")
+    print_error(f"{scenes:,} scenes of {len(made)} specs in {folder}/")
+    return exit_status(failed, jobs)

@@ -8,11 +8,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenegen.cli.options import Root, SpecFile
+from scenegen.cli.options import JSON, ROOT, SPEC_FILE, argument, option
+from scenegen.cli.output import complain, note, print_error, tree
+from scenegen.errors import RequestError
+from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.program import PHI_NOT_COMPARED
 from scenegen.errors.requests import NO_SUCH_SCENE_NUMBER, OUT_OF_PLACE
 from scenegen.errors.time import NO_SUCH_MOTION
@@ -29,33 +32,15 @@ EVERY = 10_000  # sub-formulas of a label that --json has at most
 
 
 def evaluate(
-    spec: SpecFile,
-    scenes: Annotated[
-        Path,
-        typer.Argument(
-            help="Scenes of the same objects, sampled, settled or poses alone; or a trajectory.",
-            metavar="SCENES",
-            show_default=False,
-        ),
-    ],
-    explain: Annotated[bool, typer.Option("--explain", help="Name the atom that decides phi, too.")] = False,
-    scene: Annotated[
-        int | None, typer.Option("--scene", help="With --explain: every sub-formula of this scene.", metavar="NUMBER")
-    ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON document instead, with every digit.", show_default=False)
-    ] = False,
-    resample: Annotated[
-        bool, typer.Option("--resample", help="Interpolate a trajectory whose rows are at other times.")
-    ] = False,
-    motion: Annotated[
-        int | None, typer.Option("--motion", help="This motion of several alone.", metavar="NUMBER")
-    ] = None,
-    figure: Annotated[
-        Path | None,
-        typer.Option("--figure", help="Draw phi of a motion over time into this file, too.", metavar="FILE"),
-    ] = None,
-    root: Root = None,
+    spec: Path = SPEC_FILE,
+    scenes: Path = argument("Scenes of the same objects, sampled, settled or poses alone; or a trajectory.", "SCENES"),
+    explain: bool = option("Name the atom that decides phi, too."),
+    scene: int | None = option("With --explain: every sub-formula of this scene.", "NUMBER"),
+    json: bool = JSON,
+    resample: bool = option("Interpolate a trajectory whose rows are at other times."),
+    motion: int | None = option("This motion of several alone.", "NUMBER"),
+    figure: Path | None = option("Draw phi of a motion over time into this file, too.", "FILE"),
+    root: Path | None = ROOT,
 ) -> int:
     """Print phi of every scene and label, computed by the exact spec in float64.
 
@@ -88,8 +73,6 @@ def evaluate(
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
-    from scenegen.cli.output import note
-    from scenegen.errors import RequestError
     from scenegen.lang.formula.core import REQUIRE
     from scenegen.scenes.formats.plain import is_plain
 
@@ -99,13 +82,12 @@ def evaluate(
             rule, remedy = "shows one scene, and this is a spec of motions", "leave it out"
             raise RequestError(OUT_OF_PLACE(option="--scene", rule=rule, remedy=remedy))
         return evaluate_trajectories(checked, scenes, options, json=json)
-    for option in options.given:
+    for name in options.given:
         rule, remedy = "is for trajectories, and this is a spec of scenes", "leave it out"
-        raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy=remedy))
+        raise RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy=remedy))
     found = read_scenes(scenes, spec=checked if is_plain(scenes) else None)
     check_count(found)
-    for warning in found.warnings:
-        note(warning)
+    note(*found.warnings)
     if scene is not None and not explain:
         raise RequestError(OUT_OF_PLACE(option="--scene", rule="shows one scene of --explain", remedy="add --explain"))
     if scene is not None and not 1 <= scene <= len(found):
@@ -140,7 +122,6 @@ def evaluate(
 
 def _explain(spec: Spec, scenes: SceneSet, number: int) -> None:
     """The formulas of a scene, each sub-formula with its value."""
-    from scenegen.cli.output import tree
     from scenegen.lang.formula.core import REQUIRE
 
     outline, values = _values(spec, scenes, number)
@@ -212,7 +193,6 @@ def _table(columns: dict[str, list[float] | list[str]]) -> None:
 def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
     """0 where the stored values are those of the spec, or of another spec altogether."""
     from scenegen.api.scenes import compare
-    from scenegen.cli.output import complain, note
 
     if not scenes.phi:  # moments of motions
         return 0
@@ -247,8 +227,6 @@ class TrajectoryOptions:
 def evaluate_trajectories(spec: Spec, path: Path, options: TrajectoryOptions, *, json: bool) -> int:
     """Print phi of every motion and label, with the atom and the moment that decide it; the status of the program."""
     from scenegen.api.monitor import read_trajectories, score_trajectory
-    from scenegen.cli.output import note
-    from scenegen.errors import RequestError
 
     if options.figure is not None:
         _check_figure(options.figure, path)
@@ -277,8 +255,7 @@ def evaluate_trajectories(spec: Spec, path: Path, options: TrajectoryOptions, *,
         typer.echo(dumps(found, indent=1))
     else:
         _trajectory_table(tables)
-    for one in notes:
-        note(one)
+    note(*notes)
     if options.figure is not None:
         _draw(options.figure, next(iter(scored.values())), spec)
     return 0
@@ -312,8 +289,6 @@ def _finite(value: float) -> float | None:
 
 
 def _check_figure(figure: Path, path: Path) -> None:
-    from scenegen.errors import RequestError
-    from scenegen.errors.files import WRONG_ENDING
     from scenegen.scenes.files import check_writable
 
     if figure.suffix.lower() != ".png":
@@ -322,7 +297,6 @@ def _check_figure(figure: Path, path: Path) -> None:
 
 
 def _draw(figure: Path, scored: TimedValues, spec: Spec) -> None:
-    from scenegen.cli.output import print_error
     from scenegen.scenes.files import write_whole
     from scenegen.show.figures.charts import phi_chart
 

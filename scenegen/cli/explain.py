@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from textwrap import wrap
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
+
+from scenegen.cli.options import argument
+from scenegen.errors import RequestError
+from scenegen.errors.program import UNKNOWN_CODE
 
 if TYPE_CHECKING:
     from scenegen.errors.catalog import CatalogEntry
@@ -20,15 +24,9 @@ def _codes(incomplete: str) -> list[str]:
 
 
 def explain(
-    code: Annotated[
-        str | None,
-        typer.Argument(
-            help="The code in brackets, a relation, a word or a page.",
-            metavar="CODE|NAME",
-            show_default=False,
-            autocompletion=_codes,
-        ),
-    ] = None,
+    code: str | None = argument(
+        "The code in brackets, a relation, a word or a page.", "CODE|NAME", default=None, autocompletion=_codes
+    ),
 ) -> None:
     """Explain an error or warning by its code: what it means, its facts, an example, and the example mended.
 
@@ -44,9 +42,7 @@ def explain(
     relations`; a page of the documentation is printed whole; a word of another language gets what to write for it here.
     """
     from scenegen.editors.lsp.names import CLAUSES, KEYWORDS_IN_WORDS
-    from scenegen.errors import RequestError
     from scenegen.errors.catalog import GROUPS, catalog
-    from scenegen.errors.program import UNKNOWN_CODE
     from scenegen.lang.syntax.foreign import SIGNS, of_relation
     from scenegen.resources import PAGES, shipped_pages
 
@@ -101,12 +97,9 @@ def _names(incomplete: str) -> list[str]:
 
 
 def relations(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            help="A relation or function; all if left out.", metavar="NAME", show_default=False, autocompletion=_names
-        ),
-    ] = None,
+    name: str | None = argument(
+        "A relation or function; all if left out.", "NAME", default=None, autocompletion=_names
+    ),
 ) -> None:
     """List the relations and functions of the language, or show one: its meaning, definition and defaults.
 
@@ -117,7 +110,6 @@ def relations(
 
     A name of another language, such as `near`, gets the one that it has here.
     """
-    from scenegen.errors import RequestError
     from scenegen.errors.language import UNKNOWN_RELATION
     from scenegen.lang.check.scope import groups
     from scenegen.lang.syntax.foreign import of_relation

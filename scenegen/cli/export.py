@@ -5,78 +5,36 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from scenegen.cli.options import Meshes, PosesOf
+from scenegen.cli.options import MESHES, POSES_OF, argument, option
+from scenegen.cli.output import complain, note, note_others, print_error
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_PLACE
 
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
 
 
 def export(
-    scenes: Annotated[Path, typer.Argument(help="A scenes file.", metavar="SCENES", show_default=False)],
-    out: Annotated[
-        Path, typer.Option("--out", help="A folder, or a file by its ending.", metavar="DIR|FILE", show_default=False)
-    ],
-    to: Annotated[
-        str | None,
-        typer.Option(
-            "--to",
-            help="mjcf, sdf, usd, pddl, json, jsonl or parquet; default: by the ending of --out.",
-            show_default=False,
-        ),
-    ] = None,
-    spec: PosesOf = None,
-    mirrored: Annotated[
-        bool, typer.Option("--mirrored", help="Write each scene as in a mirror, left and right exchanged.")
-    ] = False,
-    meshes: Meshes = None,
-    looks: Annotated[
-        str | None,
-        typer.Option(
-            "--looks",
-            help="mjcf, usd: random, or a TOML file, as of scenegen render: another look for each scene.",
-            metavar="LOOKS",
-            show_default=False,
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option("--seed", help="With --looks: the same seed gives the same looks, and those of render.")
-    ] = 0,
-    facts: Annotated[
-        str | None,
-        typer.Option(
-            "--facts", help="pddl: these relations, as in leftOf,on.", metavar="RELATION,...", show_default=False
-        ),
-    ] = None,
-    goal: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--goal", help="pddl: the label that is the goal; again for more.", metavar="LABEL", show_default=False
-        ),
-    ] = None,
-    whole_goal: Annotated[
-        bool, typer.Option("--whole-goal", help="pddl: the goal of a pair is all that holds in its goal scene.")
-    ] = False,
-    table: Annotated[
-        Path | None,
-        typer.Option("--map", help="pddl: predicates of your own.", metavar="TOML", show_default=False),
-    ] = None,
-    problem: Annotated[
-        Path | None,
-        typer.Option(
-            "--problem",
-            help="pddl: the problem that the spec was imported from: facts and goal in its words.",
-            metavar="PROBLEM",
-            show_default=False,
-        ),
-    ] = None,
-    domain: Annotated[
-        Path | None,
-        typer.Option("--domain", help="pddl: the domain of that problem.", metavar="DOMAIN", show_default=False),
-    ] = None,
+    scenes: Path = argument("A scenes file.", "SCENES"),
+    out: Path = option("A folder, or a file by its ending.", "DIR|FILE", default=...),
+    to: str | None = option("mjcf, sdf, usd, pddl, json, jsonl or parquet; default: by the ending of --out."),
+    spec: Path | None = POSES_OF,
+    mirrored: bool = option("Write each scene as in a mirror, left and right exchanged."),
+    meshes: Path | None = MESHES,
+    looks: str | None = option(
+        "mjcf, usd: random, or a TOML file, as of scenegen render: another look for each scene.", "LOOKS"
+    ),
+    seed: int = option("With --looks: the same seed gives the same looks, and those of render.", default=0),
+    facts: str | None = option("pddl: these relations, as in leftOf,on.", "RELATION,..."),
+    goal: list[str] | None = option("pddl: the label that is the goal; again for more.", "LABEL"),
+    whole_goal: bool = option("pddl: the goal of a pair is all that holds in its goal scene."),
+    table: Path | None = option("pddl: predicates of your own.", "TOML", flags="--map"),
+    problem: Path | None = option(
+        "pddl: the problem that the spec was imported from: facts and goal in its words.", "PROBLEM"
+    ),
+    domain: Path | None = option("pddl: the domain of that problem.", "DOMAIN"),
 ) -> None:
     """Write scenes for MuJoCo (mjcf), Gazebo (sdf) and Isaac Sim (usd), for planners (pddl), or in another format of
     scene files (json, jsonl, parquet).
@@ -113,9 +71,6 @@ def export(
     these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
     are in its own words, so that its own domain reads them.
     """
-    from scenegen.cli.output import note_others, print_error
-    from scenegen.errors import RequestError
-    from scenegen.errors.requests import OUT_OF_PLACE
     from scenegen.worlds.files import PLANNERS, check_export, check_looks, check_meshes, chosen, convert
 
     if seed and looks is None:
@@ -129,8 +84,8 @@ def export(
         return
     given = {"--facts": facts, "--goal": goal, "--whole-goal": whole_goal, "--map": table, "--problem": problem}
     given["--domain"] = domain
-    for option in (name for name, value in given.items() if value):
-        raise RequestError(OUT_OF_PLACE(option=option, rule="is for planning problems", remedy="add --to pddl"))
+    for name in (name for name, value in given.items() if value):
+        raise RequestError(OUT_OF_PLACE(option=name, rule="is for planning problems", remedy="add --to pddl"))
     check_meshes(chosen(to, out), meshes, "--meshes")
     check_looks(out, chosen(to, out), looks, "--looks")
     found = _chosen(scenes, spec, mirrored, whole=looks is not None)
@@ -149,14 +104,12 @@ def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) 
     """The scenes of a file in memory, where they are not as a file of scenes holds them, or `whole` says so."""
     from scenegen.api.reading import read_scenes
     from scenegen.api.spec import load
-    from scenegen.cli.output import note
     from scenegen.scenes.formats.settled import is_settled
 
     if not (spec or mirrored or whole or is_settled(path)):
         return None
     found = read_scenes(path, spec=None if spec is None else load(spec))
-    for one in found.warnings:
-        note(one)
+    note(*found.warnings)
     return found.mirrored() if mirrored else found
 
 
@@ -185,9 +138,6 @@ def export_problems(
     """Write the scenes or pairs of a file as planning problems, and say where they are; `read` are its scenes, if they
     have been read."""
     from scenegen.api.motions import MotionSet
-    from scenegen.cli.output import complain, note_others, print_error
-    from scenegen.errors import RequestError
-    from scenegen.errors.requests import OUT_OF_PLACE
     from scenegen.worlds import planning
     from scenegen.worlds.files import PLANNERS, check_export
 

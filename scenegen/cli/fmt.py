@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from scenegen.cli.options import argument, option
+from scenegen.cli.output import complain, print_error, write_data
+from scenegen.errors import ScenegenError
 
 STANDARD_INPUT = Path("-")
 
 
 def fmt(
-    specs: Annotated[
-        list[Path],
-        typer.Argument(help="Spec files; - is standard input.", metavar="SPEC", show_default=False),
-    ],
-    check: Annotated[
-        bool, typer.Option("--check", help="Write nothing; exit status 1 if any file is not in canonical form.")
-    ] = False,
-    diff: Annotated[bool, typer.Option("--diff", help="Write nothing; print what would change.")] = False,
+    specs: list[Path] = argument("Spec files; - is standard input.", "SPEC"),
+    check: bool = option("Write nothing; exit status 1 if any file is not in canonical form."),
+    diff: bool = option("Write nothing; print what would change."),
 ) -> int:
     """Rewrite specs in canonical form: comments and paragraphs stay, spacing and line breaks do not.
 
@@ -30,9 +26,6 @@ def fmt(
     What a spec means never changes. A file in canonical form already is not touched; one with syntax errors is not
     either, and the exit status is then 1. With - the result goes to standard output.
     """
-    from scenegen.cli.output import complain, print_error
-    from scenegen.errors import ScenegenError
-
     failed = changes = False
     for path in specs:
         name = "<stdin>" if path == STANDARD_INPUT else str(path)
@@ -75,7 +68,6 @@ def _formatted(name: str, data: bytes) -> bytes:
 
 
 def _write(path: Path, before: bytes, after: bytes) -> None:
-    from scenegen.cli.streams import write_data
     from scenegen.scenes.files import write_whole
 
     if path == STANDARD_INPUT:
@@ -89,8 +81,6 @@ def _write(path: Path, before: bytes, after: bytes) -> None:
 def _print_diff(name: str, before: bytes, after: bytes) -> None:
     """A unified diff on standard output, as `patch` and `git apply -p0` take it."""
     from difflib import unified_diff
-
-    from scenegen.cli.streams import write_data
 
     old, new = (data.decode().split("\n") for data in (before, after))
     lines = [f"{line}\n" for line in old[:-1]] + ([f"{old[-1]}\n\\ No newline at end of file\n"] if old[-1] else [])

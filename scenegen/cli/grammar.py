@@ -3,52 +3,34 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from scenegen.cli.options import Root, find_spec, spec_names
+from scenegen.cli.options import ROOT, argument, find_spec, option, spec_names
+from scenegen.cli.output import print_error, write_data
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_PLACE
 
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
 
 
 def grammar(
-    spec: Annotated[
-        Path | None,
-        typer.Argument(
-            help="A spec file, or the name of a shipped spec: its declarations are what the grammar is about.",
-            metavar="[SPEC]",
-            show_default=False,
-            autocompletion=spec_names,
-        ),
-    ] = None,
-    objects: Annotated[
-        str | None,
-        typer.Option("--objects", help="Objects instead of a spec: mug,plate.", metavar="NAMES", show_default=False),
-    ] = None,
-    to: Annotated[
-        str, typer.Option("--to", help="lark and json are read by llguidance, gbnf by llama.cpp.", metavar="DIALECT")
-    ] = "lark",
-    shape: Annotated[
-        str,
-        typer.Option(
-            "--shape",
-            help="goals: labels that are possible each by itself; formulas: statements freely joined.",
-            metavar="SHAPE",
-        ),
-    ] = "goals",
-    only: Annotated[
-        str,
-        typer.Option(
-            "--only", help="labels: leave out the declarations, which the model repeats otherwise.", metavar="PART"
-        ),
-    ] = "spec",
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", help="Write it into this file.", metavar="FILE", show_default=False),
-    ] = None,
-    root: Root = None,
+    spec: Path | None = argument(
+        "A spec file, or the name of a shipped spec: its declarations are what the grammar is about.",
+        "[SPEC]",
+        default=None,
+        autocompletion=spec_names,
+    ),
+    objects: str | None = option("Objects instead of a spec: mug,plate.", "NAMES"),
+    to: str = option("lark and json are read by llguidance, gbnf by llama.cpp.", "DIALECT", default="lark"),
+    shape: str = option(
+        "goals: labels that are possible each by itself; formulas: statements freely joined.", "SHAPE", default="goals"
+    ),
+    only: str = option(
+        "labels: leave out the declarations, which the model repeats otherwise.", "PART", default="spec"
+    ),
+    out: Path | None = option("Write it into this file.", "FILE"),
+    root: Path | None = ROOT,
 ) -> None:
     """Write the grammar that keeps a language model to valid specs.
 
@@ -60,8 +42,6 @@ def grammar(
     model says in it passes `scenegen check`, except that with --shape formulas labels may contradict themselves.
     `scenegen explain language-models` says how to use it.
     """
-    from scenegen.cli.output import print_error
-    from scenegen.cli.streams import write_data
     from scenegen.editors.grammars.grammar import grammar_of
     from scenegen.scenes.files import check_writable, write_whole
 
@@ -79,8 +59,6 @@ def _about(path: Path | None, objects: str | None, root: Path | None) -> Spec:
     """The spec that is meant. Raises RequestError where it is none or two."""
     from scenegen.api.spec import load
     from scenegen.editors.grammars.grammar import of_objects
-    from scenegen.errors import RequestError
-    from scenegen.errors.requests import OUT_OF_PLACE
 
     if path is not None and objects is not None:
         rule = "stands for a spec, and there is one"

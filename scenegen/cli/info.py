@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
+from scenegen.cli.options import JSON, argument
+
 
 def info(
-    model: Annotated[
-        Path,
-        typer.Argument(
-            help="A model file, or a folder of models, as `scenegen train` writes them.",
-            metavar="MODEL",
-            show_default=False,
-        ),
-    ],
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
+    model: Path = argument("A model file, or a folder of models, as `scenegen train` writes them.", "MODEL"),
+    json: bool = JSON,
 ) -> None:
     """Say what a model file is: its spec, what it was trained on and how, how good it is, and how fast.
 

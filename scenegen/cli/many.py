@@ -6,34 +6,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from scenegen.cli.output import complain, note, print_error, print_message, progress_bar
+from scenegen.errors import RequestError
 from scenegen.errors.files import FOLDER_FOR_SEVERAL, ONLY_FOR_SEVERAL, SAME_NAME, SOME_FAILED
 from scenegen.scenes.locations import is_url, names_set
 
 if TYPE_CHECKING:
     from scenegen.errors import Diagnostic
     from scenegen.sampling.engine.engines import JobResult
-
-Engine = Annotated[
-    str,
-    typer.Option(
-        "--engine",
-        help="What does many jobs: local processes, or a ray cluster. The bytes are the same.",
-        autocompletion=lambda incomplete: [name for name in ("local", "ray") if name.startswith(incomplete)],
-    ),
-]
-Address = Annotated[
-    str | None,
-    typer.Option(
-        "--address",
-        help="The Ray cluster; default: $RAY_ADDRESS, or this machine.",
-        metavar="ADDR",
-        show_default=False,
-    ),
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +28,6 @@ class JobMessages:
 
 def names_of(sources: Sequence[Path]) -> list[str]:
     """The name of each input, which its output gets, too. Raises RequestError for two of one name."""
-    from scenegen.errors import RequestError
-
     names = [source.stem for source in sources]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -57,8 +37,6 @@ def names_of(sources: Sequence[Path]) -> list[str]:
 
 def folder_for(out: str | None, count: int, *, urls: bool = False) -> str:
     """The folder of several outputs, without the slash at its end. Raises RequestError for another place."""
-    from scenegen.errors import RequestError
-
     if out is None or not names_set(out) or (is_url(out) and not urls):
         raise RequestError(FOLDER_FOR_SEVERAL(count=count))
     return out.rstrip("/") or "/"
@@ -66,8 +44,6 @@ def folder_for(out: str | None, count: int, *, urls: bool = False) -> str:
 
 def refuse_engine(engine: str, address: str | None) -> None:
     """For one input, whose parts this machine's processes share. Raises RequestError."""
-    from scenegen.errors import RequestError
-
     for argument, given in (("engine", engine != "local"), ("address", address is not None)):
         if given:
             raise RequestError(ONLY_FOR_SEVERAL(argument=argument))
@@ -83,7 +59,6 @@ def shared_work(
 ) -> int:
     """Do jobs by an engine, say of each what it says, and return the exit status. Raises what `engine.many.each`
     raises, and KeyboardInterrupt that says how many jobs are done."""
-    from scenegen.cli.output import complain, note, print_error, progress_bar
     from scenegen.sampling.engine.engines import each
 
     done = 0
@@ -119,16 +94,12 @@ def finished(results: Iterable[JobResult], count: int, told: Callable[[JobResult
 
 def say_why(ended: JobResult) -> None:
     """A job that failed, by its name, and its errors."""
-    from scenegen.cli.output import complain, print_message
-
     print_message(f"{ended.name} failed:")
     complain(*ended.errors)
 
 
 def exit_status(failed: Sequence[str], count: int) -> int:
     """At the end of `count` jobs: 1 if some failed, which are named once more."""
-    from scenegen.cli.output import complain
-
     if failed:
         complain(SOME_FAILED(failed=tuple(failed), count=count))
     return 1 if failed else 0

@@ -1,55 +1,94 @@
-"""Arguments and options that several commands share."""
+"""Options of commands, and the options and arguments that several commands share."""
 
 from __future__ import annotations
 
 import copy
+import dataclasses
+import inspect
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Any, TypeVar
 
 import typer
 
+from scenegen.errors import DataError, RequestError, Source, Span
 from scenegen.errors.files import SPEC_NOT_FOUND
+from scenegen.validation import options_of
 
-Root = Annotated[
-    Path | None,
-    typer.Option("--root", help="The folder that imports may read from; the spec's own if left out.", metavar="DIR"),
-]
-Counts = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--count",
-        help="How many there are of things whose number the spec draws, or which asset; repeat for more.",
-        metavar="NAME=N",
-        show_default=False,
-    ),
-]
-PosesOf = Annotated[
-    Path | None,
-    typer.Option(
-        "--spec",
-        help="The spec of a file that holds poses alone: .csv, .parquet, .json or .jsonl.",
-        metavar="SPEC",
-        show_default=False,
-        callback=lambda path: None if path is None else find_spec(path),
-        autocompletion=lambda incomplete: spec_names(incomplete),
-    ),
-]
-Meshes = Annotated[
-    Path | None,
-    typer.Option(
-        "--meshes",
-        help="The folder of the spec's meshes, assets and URDF files: objects as they are in these.",
-        metavar="DIR",
-        show_default=False,
-    ),
-]
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def option(help: str, metavar: str | None = None, *, default: Any = None, flags: str = "", **more: Any) -> Any:
+    """An option of a command, the default of a parameter. It is called like the parameter unless `flags`, separated by
+    spaces, are given; `default=...` for an option that must be given; `more` is what typer.Option takes."""
+    shown = default is not ... and default is not None and default is not False
+    return typer.Option(default, *flags.split(), help=help, metavar=metavar, show_default=shown, **more)
+
+
+def argument(help: str, metavar: str, *, default: Any = ..., **more: Any) -> Any:
+    """An argument of a command, as `option` is an option."""
+    return typer.Argument(default, help=help, metavar=metavar, show_default=False, **more)
+
+
+def as_typed(parameter: inspect.Parameter) -> inspect.Parameter:
+    """The parameter of a command as typer takes it: an option is called like it, a flag that is not given is False, and
+    whole numbers may be written as `whole` takes them."""
+    if not isinstance(parameter.default, typer.models.OptionInfo):
+        return parameter
+    given = copy.copy(parameter.default)
+    dashes = "-" if len(parameter.name) == 1 else "--"
+    given.param_decls = given.param_decls or (f"{dashes}{parameter.name.replace('_', '-')}",)
+    if parameter.annotation is bool and given.default is None:
+        given.default = False
+    if parameter.annotation in (int, int | None) and given.parser is None and given.min is None:
+        given.parser, given.metavar = whole, given.metavar or "N"
+    return parameter.replace(default=given)
+
+
+def asking(kind: type, **defaults: Any) -> Callable[[Command], Command]:
+    """A command with an option for each field of a dataclass that has one (`scenegen.validation.Option`), before its
+    own that may be left out. It gets what was typed by the fields' names, as its `**typed`; `defaults` are those that
+    the fields do not have."""
+
+    def extended(command: Command) -> Command:
+        signature = inspect.signature(command, eval_str=True)
+        own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        first = [one for one in own if isinstance(one.default, typer.models.ArgumentInfo) or one.default.default is ...]
+        fields = []
+        for name, (kept, given) in options_of(kind).items():
+            more = {"default": defaults[name]} if name in defaults else {}
+            default = field_option(kind, name, rich_help_panel=given.panel, **more)
+            typed = kept if given.typed is None else given.typed
+            fields.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=typed, default=default))
+        others = [one.replace(kind=one.KEYWORD_ONLY) for one in own if one not in first]
+        command.__signature__ = signature.replace(parameters=[*first, *fields, *others])  # type: ignore[attr-defined]
+        return command
+
+    return extended
+
+
+def field_option(kind: type, name: str, help: str | None = None, **changes: Any) -> Any:
+    """The option of a field of a dataclass, for another command with a `help` and `default` of its own."""
+    usual = {one.name: one.default for one in dataclasses.fields(kind)}[name]
+    _, given = options_of(kind)[name]
+    more: dict[str, Any] = {"default": None if usual is dataclasses.MISSING or given.typed is not None else usual}
+    if given.choices:
+        more["autocompletion"] = choices(*given.choices)
+    if given.unit == "s":
+        more["parser"] = seconds
+    metavar = "SECONDS" if given.unit == "s" else given.metavar
+    return option(given.help if help is None else help, metavar, **{**more, **changes})
+
+
+def choices(*names: str) -> Callable[[str], list[str]]:
+    """What a shell completes an option's value to."""
+    return lambda incomplete: [name for name in names if name.startswith(incomplete)]
 
 
 def parse_counts(options: list[str] | None) -> dict[str, str]:
     """The numbers of `--count` options as typed, e.g. ["block=5"], or assets, ["mug=025_mug"]: the spec knows which.
     Raises RequestError with a caret."""
-    from scenegen.errors import RequestError, Source, Span
     from scenegen.errors.declarations import COUNT_SYNTAX, COUNT_TWICE
 
     found: dict[str, str] = {}
@@ -73,16 +112,6 @@ def whole(text: str | int) -> int:
         if not value.is_integer():
             raise typer.BadParameter(f"'{text}' is not a whole number; write 1000, 1_000 or 1e3") from None
         return int(value)
-
-
-def all_whole(annotation: Any) -> Any:
-    """The same type of an option; one that takes any whole number takes it as `whole` does."""
-    kind, *more = get_args(annotation) or (annotation,)
-    if kind not in (int, int | None) or not more or more[0].parser or more[0].min is not None:
-        return annotation
-    option = copy.copy(more[0])
-    option.parser, option.metavar = whole, option.metavar or "N"
-    return Annotated[kind, option]
 
 
 def seconds(text: str | float) -> float:
@@ -120,7 +149,6 @@ def find_spec(path: Path, context: Any = None) -> Path:
 
     Raises DataError if there is none, which names the option of the command in `context` that may be meant.
     """
-    from scenegen.errors import DataError
     from scenegen.resources import shipped_specs
     from scenegen.scenes.files import is_stream
 
@@ -164,25 +192,38 @@ def all_found(context: typer.Context, paths: list[Path] | None) -> list[Path]:
     return [find_spec(path, context) for path in paths or ()]
 
 
-SpecFile = Annotated[
-    Path,
-    typer.Argument(
-        help="A spec file, the name of a shipped spec, or - for standard input.",
-        metavar="SPEC",
-        show_default=False,
-        callback=_found,
-        autocompletion=spec_names,
-    ),
-]
-SpecFiles = Annotated[
-    list[Path],
-    typer.Argument(
-        help="Spec files, names of shipped specs, or - for standard input.",
-        metavar="SPEC",
-        show_default=False,
-        callback=all_found,
-        autocompletion=spec_names,
-    ),
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors and warnings.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say what is being done, and how long it takes.")]
+SPEC_FILE = argument(
+    "A spec file, the name of a shipped spec, or - for standard input.",
+    "SPEC",
+    callback=_found,
+    autocompletion=spec_names,
+)
+SPEC_FILES = argument(
+    "Spec files, names of shipped specs, or - for standard input.",
+    "SPEC",
+    callback=all_found,
+    autocompletion=spec_names,
+)
+ROOT = option("The folder that imports may read from; the spec's own if left out.", "DIR")
+COUNT = option(
+    "How many there are of things whose number the spec draws, or which asset; repeat for more.",
+    "NAME=N",
+)
+POSES_OF = option(
+    "The spec of a file that holds poses alone: .csv, .parquet, .json or .jsonl.",
+    "SPEC",
+    callback=lambda path: None if path is None else find_spec(path),
+    autocompletion=spec_names,
+)
+MESHES = option("The folder of the spec's meshes, assets and URDF files: objects as they are in these.", "DIR")
+ENGINE = option(
+    "What does many jobs: local processes, or a ray cluster. The bytes are the same.",
+    default="local",
+    autocompletion=choices("local", "ray"),
+)
+ADDRESS = option("The Ray cluster; default: $RAY_ADDRESS, or this machine.", "ADDR")
+PICTURES = option("Draw so many scenes, from the first; default: all.")
+WORKERS = option("Processes; default: one per core.")
+JSON = option("Print one JSON document instead, with every digit.")
+QUIET = option("Say nothing but errors and warnings.", flags="--quiet -q")
+VERBOSE = option("Say what is being done, and how long it takes.", flags="--verbose -v")

@@ -3,65 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from scenegen.cli.options import Counts, Root, SpecFile, parse_counts, seconds, whole
+from scenegen.cli.options import COUNT, ROOT, SPEC_FILE, field_option, option, parse_counts
+from scenegen.cli.output import check_output, complain, detail, left, print_error, write_data
+from scenegen.sampling.request import USUAL, SampleRequest, parse_phi
 
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet
 
 
 def pairs(
-    spec: SpecFile,
-    goal: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--goal",
-            help="Wanted phi of the goal: LO:HI, LO: or :HI; NAME=LO:HI names a label; default: 0: for every label.",
-            metavar="[NAME=]LO:HI",
-            show_default=False,
-        ),
-    ] = None,
-    start: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--start",
-            help="Wanted phi of the start; default: anything but a goal.",
-            metavar="[NAME=]LO:HI",
-            show_default=False,
-        ),
-    ] = None,
-    moved: Annotated[
-        int | None,
-        typer.Option(
-            "--moved",
-            help="How many objects stand elsewhere; default: start and goal are independent.",
-            metavar="K",
-            show_default=False,
-        ),
-    ] = None,
-    n: Annotated[int, typer.Option("-n", help="How many pairs.", parser=whole, metavar="N")] = 16,
-    count: Counts = None,
-    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same pairs.")] = 0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            help="A .json, .jsonl, .parquet or .csv file; default: JSON to standard output.",
-            metavar="FILE",
-            show_default=False,
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes; default: one.", show_default=False)
-    ] = None,
-    timeout: Annotated[
-        float,
-        typer.Option("--timeout", help="Seconds after which to give up.", parser=seconds, metavar="SECONDS"),
-    ] = 60.0,
-    root: Root = None,
+    spec: Path = SPEC_FILE,
+    goal: list[str] | None = option(
+        "Wanted phi of the goal: LO:HI, LO: or :HI; NAME=LO:HI names a label; default: 0: for every label.",
+        "[NAME=]LO:HI",
+    ),
+    start: list[str] | None = option("Wanted phi of the start; default: anything but a goal.", "[NAME=]LO:HI"),
+    moved: int | None = option("How many objects stand elsewhere; default: start and goal are independent.", "K"),
+    n: int = field_option(SampleRequest, "n", "How many pairs.", default=USUAL),
+    count: list[str] | None = COUNT,
+    seed: int = field_option(SampleRequest, "seed", "The same seed gives the same pairs."),
+    out: Path | None = option("A .json, .jsonl, .parquet or .csv file; default: JSON to standard output.", "FILE"),
+    workers: int | None = field_option(SampleRequest, "workers", "Processes; default: one."),
+    timeout: float = field_option(SampleRequest, "timeout"),
+    root: Path | None = ROOT,
 ) -> None:
     """Draw pairs of a start and a goal: rearrangement tasks for planners and goal-conditioned learners.
 
@@ -81,9 +47,6 @@ def pairs(
     """
     from scenegen.api.pairs import pairs as draw
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain, detail, left, print_error
-    from scenegen.cli.streams import check_output, write_data
-    from scenegen.sampling.request import parse_phi
     from scenegen.scenes.files import check_writable
     from scenegen.scenes.formats.registry import MOTIONS, format_of
 

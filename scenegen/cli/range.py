@@ -6,11 +6,13 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenegen.cli.options import Counts, Root, SpecFile, named, parse_counts, seconds
+from scenegen.cli.options import COUNT, JSON, ROOT, SPEC_FILE, named, option, parse_counts, seconds
+from scenegen.cli.output import complain, detail, left, print_error, use_color
+from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
@@ -24,28 +26,16 @@ FLOOR = -1  # the axis of a plot extends at least down to this log10
 
 
 def range_(
-    spec: SpecFile,
-    label: Annotated[
-        str | None, typer.Option("--label", help="This label alone.", metavar="NAME", show_default=False)
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same numbers.")] = 0,
-    png: Annotated[
-        Path | None,
-        typer.Option("--png", help="Draw the curves into this file, too.", metavar="FILE", show_default=False),
-    ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead, with every digit.")] = False,
-    timeout: Annotated[
-        float | None,
-        typer.Option(
-            "--timeout",
-            help="Seconds after which to end with what is known; default: none.",
-            parser=seconds,
-            metavar="SECONDS",
-            show_default=False,
-        ),
-    ] = None,
-    count: Counts = None,
-    root: Root = None,
+    spec: Path = SPEC_FILE,
+    label: str | None = option("This label alone.", "NAME"),
+    seed: int = option("The same seed gives the same numbers.", default=0),
+    png: Path | None = option("Draw the curves into this file, too.", "FILE"),
+    json: bool = JSON,
+    timeout: float | None = option(
+        "Seconds after which to end with what is known; default: none.", "SECONDS", parser=seconds
+    ),
+    count: list[str] | None = COUNT,
+    root: Path | None = ROOT,
 ) -> None:
     """Say what phi can be reached and how rare it is, before you ask for scenes.
 
@@ -61,7 +51,6 @@ def range_(
     """
     from scenegen.api.rarity import rarity
     from scenegen.api.spec import load
-    from scenegen.cli.output import complain, detail, left
     from scenegen.scenes.files import check_writable, write_whole
 
     if png is not None:
@@ -79,7 +68,6 @@ def range_(
         _print(spec, found, "scene" if checked.over_time is None else "motion", count or [])
     complain(*found.warnings)
     if png is not None:
-        from scenegen.cli.output import print_error
         from scenegen.show.figures.charts import RarityPanel, plot
 
         panels = [
@@ -91,8 +79,6 @@ def range_(
 
 
 def _check_png(path: Path) -> None:
-    from scenegen.errors import RequestError
-
     if path.suffix.lower() != ".png":
         raise RequestError(WRONG_ENDING(path=path, ending=".png", remedy="name a file such as rarity.png"))
 
@@ -148,8 +134,6 @@ def _plot(one: LabelRarity) -> list[str]:
     """Both curves, as wide as the terminal."""
     import shutil
     import sys
-
-    from scenegen.cli.output import use_color
 
     fancy = sys.stdout.isatty() and (sys.stdout.encoding or "").lower().startswith("utf")
     above, below = _points(one.curve, "above"), _points(one.curve, "below")

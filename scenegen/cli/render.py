@@ -1,4 +1,4 @@
-"""`scenegen render`: pictures and figures of scenes."""
+"""`scenegen render`: pictures and figures of scenes, and of motions."""
 
 from __future__ import annotations
 
@@ -6,106 +6,56 @@ import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from scenegen.cli.many import Address, Engine, JobMessages, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Meshes, PosesOf, whole
+from scenegen.cli.many import JobMessages, names_of, refuse_engine, shared_work
+from scenegen.cli.options import ADDRESS, ENGINE, MESHES, PICTURES, POSES_OF, argument, option
+from scenegen.cli.output import note, note_others, print_error, progress_bar
+from scenegen.errors import RequestError, Source, Span
 from scenegen.errors.program import NOT_ITS_MODEL
 from scenegen.errors.requests import OUT_OF_PLACE, OUT_OF_RANGE, SIZE_SYNTAX
-
-TELL = 10.0  # seconds between two lines of progress where there is no terminal
-Most = Annotated[
-    int | None,
-    typer.Option("--pictures", help="Draw so many scenes, from the first; default: all.", parser=whole, metavar="N"),
-]
+from scenegen.errors.time import NOT_ONE_MOTION
+from scenegen.scenes.formats.registry import is_motions
 
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
     from scenegen.errors import Diagnostic
 
 
+TELL = 10.0  # seconds between two lines of progress where there is no terminal
+
+
 def render(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(help="A scenes file; several get a folder each in --out.", metavar="SCENES", show_default=False),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            help="The folder for the pictures, or a .gif or .mp4 file for one motion.",
-            metavar="DIR|FILE",
-            show_default=False,
-        ),
-    ],
-    view: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--view",
-            help="top, perspective, front or three-quarter; more than one may be given. Default: top and perspective.",
-            metavar="VIEW",
-        ),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option(
-            "--size",
-            help="Width and height of a picture in pixels. Default: 640x480, wider for a wide workspace.",
-            metavar="WxH",
-        ),
-    ] = None,
-    distinct: Annotated[
-        bool,
-        typer.Option("--distinct", help="Colour objects apart that would look the same.", show_default=False),
-    ] = False,
-    transparent: Annotated[
-        bool, typer.Option("--transparent", help="Leave out the ground below the table.", show_default=False)
-    ] = False,
-    depth: Annotated[
-        bool, typer.Option("--depth", help="Also write the depth of every pixel (PNG and NPZ).", show_default=False)
-    ] = False,
-    masks: Annotated[
-        bool, typer.Option("--masks", help="Also write what every pixel shows (PNG and NPZ).", show_default=False)
-    ] = False,
-    figure: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--figure",
-            help="A figure instead of pictures: sheet, sweep, gif, mp4, heatmap or topview; of motions gif, mp4, strip "
-            "or phi; more than one may be given.",
-            metavar="FIGURE",
-        ),
-    ] = None,
-    label: Annotated[
-        str | None,
-        typer.Option("--label", help="The label that figures are about; default: the first."),
-    ] = None,
-    motion: Annotated[
-        int | None,
-        typer.Option("--motion", help="The motion of several that a .gif or .mp4 file shows.", metavar="NUMBER"),
-    ] = None,
-    renderer: Annotated[
-        str, typer.Option("--renderer", help="software, or egl where there is a graphics card.", metavar="NAME")
-    ] = "software",
-    looks: Annotated[
-        str | None,
-        typer.Option(
-            "--looks",
-            help="random, or a TOML file: draw table, ground, walls, light, camera and tints for each scene.",
-            metavar="LOOKS",
-        ),
-    ] = None,
-    meshes: Meshes = None,
-    spec: PosesOf = None,
-    seed: Annotated[int, typer.Option("--seed", help="With --looks: the same seed gives the same looks.")] = 0,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes that draw; default: one per core.")
-    ] = None,
-    pictures: Most = None,
-    engine: Engine = "local",
-    address: Address = None,
+    sources: list[Path] = argument("A scenes file; several get a folder each in --out.", "SCENES"),
+    out: Path = option("The folder for the pictures, or a .gif or .mp4 file for one motion.", "DIR|FILE", default=...),
+    view: list[str] | None = option(
+        "top, perspective, front or three-quarter; more than one may be given. Default: top and perspective.", "VIEW"
+    ),
+    size: str | None = option(
+        "Width and height of a picture in pixels. Default: 640x480, wider for a wide workspace.", "WxH"
+    ),
+    distinct: bool = option("Colour objects apart that would look the same."),
+    transparent: bool = option("Leave out the ground below the table."),
+    depth: bool = option("Also write the depth of every pixel (PNG and NPZ)."),
+    masks: bool = option("Also write what every pixel shows (PNG and NPZ)."),
+    figure: list[str] | None = option(
+        "A figure instead of pictures: sheet, sweep, gif, mp4, heatmap or topview; of motions gif, mp4, "
+        "strip or phi; more than one may be given.",
+        "FIGURE",
+    ),
+    label: str | None = option("The label that figures are about; default: the first."),
+    motion: int | None = option("The motion of several that a .gif or .mp4 file shows.", "NUMBER"),
+    renderer: str = option("software, or egl where there is a graphics card.", "NAME", default="software"),
+    looks: str | None = option(
+        "random, or a TOML file: draw table, ground, walls, light, camera and tints for each scene.", "LOOKS"
+    ),
+    meshes: Path | None = MESHES,
+    spec: Path | None = POSES_OF,
+    seed: int = option("With --looks: the same seed gives the same looks.", default=0),
+    workers: int | None = option("Processes that draw; default: one per core."),
+    pictures: int | None = PICTURES,
+    engine: str = ENGINE,
+    address: str | None = ADDRESS,
 ) -> int:
     """Draw every scene from above and in perspective, and a contact sheet of all with phi under each picture.
 
@@ -145,8 +95,6 @@ def render(
       strip    six moments side by side: motion_0001_strip.png
       phi      phi over time: motion_0001_phi.png
     """
-    from scenegen.cli.motion_pictures import film, names_film
-    from scenegen.cli.output import print_error
     from scenegen.scenes.formats.registry import is_motions
 
     shape = None if size is None else parse_size(size)
@@ -161,14 +109,17 @@ def render(
         raise _only("--spec", "goes with scenes, and motions say themselves of what spec they are")
     if pictures is not None and (figure or alone or len(sources) > 1):
         raise _only("--pictures", "goes with pictures of one file")
-    if figure or alone:
-        _refuse_with_figures(transparent=transparent, depth=depth, masks=masks, renderer=renderer, views=view)
-        if looks is not None:
-            raise _only("--looks", "goes with pictures, not with --figure")
-        if meshes is not None:
-            raise _only("--meshes", "goes with pictures, not with --figure")
-    elif label is not None:
-        raise _only("--label", "goes with --figure, and with --out FILE.gif or FILE.mp4")
+    if not (figure or alone):
+        if label is not None:
+            raise _only("--label", "goes with --figure, and with --out FILE.gif or FILE.mp4")
+    elif view is not None and len(view) > 1:
+        raise _only("--view", "may be given once with --figure")
+    else:
+        of_pictures: dict[str, object] = {"--transparent": transparent, "--depth": depth, "--masks": masks}
+        of_pictures |= {"--renderer": renderer != "software", "--looks": looks, "--meshes": meshes}
+        for name, given in of_pictures.items():
+            if given:
+                raise _only(name, "goes with pictures, not with --figure")
     of_figures = {"view": view[0] if view else "perspective", "size": shape, "distinct": distinct, "label": label}
     look: dict[str, Any] = {
         "size": shape,
@@ -191,11 +142,11 @@ def render(
         return shared_work(job, jobs, engine, workers, address, "drawing")
     refuse_engine(engine, address)
     if alone:
-        print_error(film(sources[0], out, motion, {**of_figures, "workers": workers}))
+        print_error(draw_motion(sources[0], out, motion, {**of_figures, "workers": workers}))
     elif figure:
         _figures(sources[0], out, tuple(figure), {**of_figures, "workers": workers}, spec)
     else:
-        draw(_scenes(sources[0], spec), out, workers=workers, most=pictures, **look)
+        draw(_scenes(sources[0], spec), out, pictures, workers=workers, **look)
     return 0
 
 
@@ -208,10 +159,8 @@ class _Drawing:
     spec: Path | None
 
     def __call__(self, paths: tuple[Path, Path]) -> JobMessages:
-        from scenegen.cli.motion_pictures import figures
-
         source, out = paths
-        made = figures(source, out, self.kinds, {**self.look, "workers": 1}) if self.kinds else None
+        made = figures_of_motions(source, out, self.kinds, {**self.look, "workers": 1}) if self.kinds else None
         if made is not None:
             return JobMessages((f"drew {len(made)} figures in {out}",))
         found = _scenes(source, self.spec)
@@ -227,19 +176,15 @@ def _scenes(source: Path, spec: Path | None) -> SceneSet:
     from scenegen.api.reading import read_scenes
     from scenegen.api.scenes import check_count
     from scenegen.api.spec import load
-    from scenegen.cli.output import note
 
     found = read_scenes(source, spec=None if spec is None else load(spec))
     check_count(found)
-    for one in found.warnings:
-        note(one)
+    note(*found.warnings)
     return found
 
 
 def parse_size(text: str) -> tuple[int, int]:
     """`640x480` -> (640, 480). Raises RequestError."""
-    from scenegen.errors import RequestError, Source, Span
-
     match = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text, re.ASCII)
     if match is None:
         here = Span(Source("size", text, argument=True), 0, len(text))
@@ -247,28 +192,9 @@ def parse_size(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def draw(
-    scenes: SceneSet,
-    out: Path,
-    *,
-    size: tuple[int, int] | None = None,
-    workers: int | None = None,
-    views: tuple[str, ...] | None = None,
-    distinct: bool = False,
-    transparent: bool = False,
-    depth: bool = False,
-    masks: bool = False,
-    renderer: str = "software",
-    looks: str | None = None,
-    meshes: Path | None = None,
-    seed: int = 0,
-    most: int | None = None,
-) -> None:
+def draw(scenes: SceneSet, out: Path, most: int | None = None, **look: Any) -> None:
     """Draw with a progress bar, or where nobody sees one a line every ten seconds, and say where the pictures are and
-    how fast they came. `most` is how many scenes are drawn, from the first."""
-    from scenegen.cli.output import note, note_others, print_error, progress_bar
-    from scenegen.errors import RequestError
-
+    how fast they came. `most` is how many scenes are drawn, from the first; `look` is that of `SceneSet.render`."""
     if most is not None:
         if most < 1:
             raise RequestError(OUT_OF_RANGE(argument="pictures", value=most, wanted="1 or more"))
@@ -284,27 +210,13 @@ def draw(
 
     with progress_bar() as bar:
         task = bar.add_task("drawing", total=len(scenes))
-        drawn = scenes.render(
-            out,
-            views=views,
-            size=size,
-            distinct=distinct,
-            transparent=transparent,
-            depth=depth,
-            masks=masks,
-            renderer=renderer,
-            looks=looks,
-            meshes=meshes,
-            seed=seed,
-            workers=workers,
-            progress=report,
-        )
+        drawn = scenes.render(out, progress=report, **look)
     took = time.perf_counter() - started
-    _note_unknown(scenes)
-    if meshes is not None:
+    note(*_unknown(scenes))
+    if look.get("meshes") is not None:
         from scenegen.show.render.scenes import still_outlines
 
-        if left := still_outlines(scenes.header, meshes):
+        if left := still_outlines(scenes.header, look["meshes"]):
             note(NOT_ITS_MODEL(outlines=left))
     speed = f"{len(scenes) / took:.3g} scenes/s"
     print_error(f"drew {len(drawn.pictures)} pictures in {out} ({speed}); contact sheet: {drawn.sheet}")
@@ -312,11 +224,9 @@ def draw(
 
 
 def _figures(source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, Any], spec: Path | None) -> None:
-    from scenegen.cli import motion_pictures
-    from scenegen.cli.output import note_others, print_error, progress_bar
     from scenegen.show.scenes import figures
 
-    made, scenes = motion_pictures.figures(source, out, kinds, look), None
+    made, scenes = figures_of_motions(source, out, kinds, look), None
     if made is None:
         scenes = _scenes(source, spec)
         with progress_bar() as bar:
@@ -328,17 +238,10 @@ def _figures(source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, An
                 progress=lambda done, total: bar.update(task, completed=done, total=total),
                 **look,
             )
-        _note_unknown(scenes)
+        note(*_unknown(scenes))
     print_error(f"drew {len(made)} figures in {out}" if len(made) > 4 else f"drew {', '.join(map(str, made))}")
     if scenes is not None and "topview" in kinds:
         note_others(out, len(scenes), "_topview.svg")
-
-
-def _note_unknown(scenes: SceneSet) -> None:
-    from scenegen.cli.output import note
-
-    for one in _unknown(scenes):
-        note(one)
 
 
 def _unknown(scenes: SceneSet) -> tuple[Diagnostic, ...]:
@@ -350,19 +253,54 @@ def _unknown(scenes: SceneSet) -> tuple[Diagnostic, ...]:
     return (NOT_ITS_MODEL(blocks=unknown),) if unknown else ()
 
 
-def _refuse_with_figures(
-    *, transparent: bool, depth: bool, masks: bool, renderer: str, views: list[str] | None
-) -> None:
-    for option, given in (("--transparent", transparent), ("--depth", depth), ("--masks", masks)):
-        if given:
-            raise _only(option, "goes with pictures, not with --figure")
-    if renderer != "software":
-        raise _only("--renderer", "goes with pictures, not with --figure")
-    if views is not None and len(views) > 1:
-        raise _only("--view", "may be given once with --figure")
+def _only(name: str, rule: str) -> Exception:
+    return RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy="see `scenegen render --help`"))
 
 
-def _only(option: str, rule: str) -> Exception:
-    from scenegen.errors import RequestError
+# --------------------------------------------------------------------------------------------------------------------
+# Motion files: figures of each motion, or one motion as a .gif or .mp4 file.
 
-    return RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="see `scenegen render --help`"))
+
+ENDINGS = (".gif", ".mp4", ".avi", ".m4v", ".mkv", ".mov", ".webm", ".webp")  # the first two are written
+KINDS = ("gif", "mp4", "strip", "phi")  # figures of motions
+SHARED = ("gif", "mp4")  # of scenes, too: those of a sweep
+
+
+SAMPLE = "`scenegen sample` draws motions of a spec with `time`"
+
+
+def names_film(out: Path) -> bool:
+    """Whether this is the file of one motion, not a folder."""
+    return out.suffix.lower() in ENDINGS and not out.is_dir()
+
+
+def draw_motion(source: Path, out: Path, motion: int | None, look: dict[str, Any]) -> str:
+    """Draw one motion of a file into `out`; what to say of it. Raises what `MotionSet.animate` raises, and RequestError
+    for a file of scenes."""
+    from scenegen.api.motions import read_motions
+
+    if not is_motions(source):
+        raise RequestError(NOT_ONE_MOTION(path=out.name, file=source))
+    return f"drew {read_motions(source).animate(out, motion, **look)}"
+
+
+def figures_of_motions(
+    source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, Any]
+) -> tuple[Path, ...] | None:
+    """Draw figures of every motion of a file; None where the file or the figures are not of motions. Raises what
+    `MotionSet.figures` raises, and RequestError for figures of both kinds."""
+    from scenegen.api.motions import read_motions
+
+    if not is_motions(source):
+        wrong = next((kind for kind in kinds if kind in KINDS and kind not in SHARED), None)
+        if wrong is not None:
+            rule = f"is of motions, and {source} holds scenes"
+            raise RequestError(OUT_OF_PLACE(option=f"--figure {wrong}", rule=rule, remedy=SAMPLE))
+        return None
+    others = [kind for kind in kinds if kind not in KINDS]
+    if not others:
+        return read_motions(source).figures(out, *kinds, **look)
+    if len(others) < len(kinds):
+        rule, remedy = "is of scenes, the others are of motions", "call `scenegen render` once for either"
+        raise RequestError(OUT_OF_PLACE(option=f"--figure {others[0]}", rule=rule, remedy=remedy))
+    return None

@@ -1,174 +1,101 @@
-"""`scenegen sample`: scenes for a range of phi."""
+"""`scenegen sample`: scenes for a range of phi, in files, pictures and a summary."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any, TypeGuard
 
-import typer
-
-from scenegen.cli.options import Counts, Root, all_found, seconds, spec_names, whole
-from scenegen.cli.render import Most
-from scenegen.cli.sample_runs import SampleOptions, StorageOptions, sample_many, sample_one
-from scenegen.errors.requests import CONFLICTING_ARGUMENTS, OUT_OF_PLACE, RESUME_WITHOUT_FILE
-from scenegen.sampling.methods import METHODS, methods_help
+from scenegen.cli.options import COUNT, PICTURES, ROOT, all_found, argument, asking, option, parse_counts, spec_names
+from scenegen.cli.output import (
+    check_output,
+    complain,
+    detail,
+    elapsed,
+    left,
+    print_columns,
+    print_error,
+    progress_bar,
+    write_data,
+)
+from scenegen.errors import RequestError
+from scenegen.errors.requests import (
+    CONFLICTING_ARGUMENTS,
+    OUT_OF_PLACE,
+    RESUME_WITHOUT_FILE,
+    SPEC_OF_SPEC,
+    STEPS_OF_SPEC,
+)
+from scenegen.errors.time import NOT_FOR_MOTIONS
+from scenegen.sampling.request import OF_MODELS, Range, SampleRequest
+from scenegen.scenes.locations import inside, names_set
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from rich.progress import Progress
+
+    from scenegen.api.sample import PhiSummary
+    from scenegen.api.scenes import SceneSet
+    from scenegen.api.spec import Spec
+    from scenegen.learn.model import Model
+    from scenegen.scenes.motions import AnyFile
 
 
-def _choices(*names: str) -> Callable[[str], list[str]]:
-    """What a shell completes an option's value to."""
-    return lambda incomplete: [name for name in names if name.startswith(incomplete)]
+@dataclass(frozen=True, slots=True)
+class SampleOptions:
+    """The options of one run that are none of its request: what is sampled from, and what becomes of the scenes.
+    `typed` are those of the request, as typed."""
+
+    source: Path
+    out: str | None
+    render: Path | None
+    satisfied: bool
+    violated: bool
+    fix_from: Path | None
+    count: list[str]
+    pictures: int | None
+    steps: int | None
+    spec: Path | None
+    root: Path | None
+    typed: Mapping[str, Any]
+
+    @property
+    def stored(self) -> bool:
+        """Whether the scenes go into a set."""
+        return self.out is not None and names_set(self.out)
+
+    @property
+    def path(self) -> Path | None:
+        """The one file of the scenes."""
+        return None if self.out is None or self.stored else Path(self.out)
 
 
+@asking(SampleRequest)
 def sample(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(
-            help="A spec file, the name of a shipped spec, or a model file; several with a folder for --out.",
-            metavar="SPEC|MODEL",
-            show_default=False,
-            callback=all_found,
-            autocompletion=spec_names,
-        ),
-    ],
-    phi: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--phi",
-            help="Wanted phi: LO:HI, LO: or :HI; NAME=LO:HI names a label.",
-            metavar="[NAME=]LO:HI",
-            show_default=False,
-        ),
-    ] = None,
-    satisfied: Annotated[
-        bool, typer.Option("--satisfied", help="phi >= 0 for every label that --phi does not name.")
-    ] = False,
-    violated: Annotated[
-        bool, typer.Option("--violated", help="phi <= 0 for every label that --phi does not name.")
-    ] = False,
-    n: Annotated[
-        int | None,
-        typer.Option(
-            "-n",
-            help="How many scenes; default: 16, with --fix-from as many as are given.",
-            parser=whole,
-            metavar="N",
-            show_default=False,
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same scenes.")] = 0,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            "--out",
-            help="The scenes file, or DIR/ or a URL for a set of shards; default: standard output.",
-            metavar="FILE|DIR/|URL",
-            show_default=False,
-        ),
-    ] = None,
-    method: Annotated[
-        str,
-        typer.Option(
-            "--method",
-            help=methods_help(),
-            autocompletion=_choices(*METHODS),
-        ),
-    ] = "auto",
-    spread: Annotated[
-        str,
-        typer.Option(
-            "--spread",
-            help="flat: evenly over the range of phi; base: as they occur.",
-            autocompletion=_choices("flat", "base"),
-        ),
-    ] = "flat",
-    fix: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fix",
-            help="Hold an object where it is, in metres and radians or with units (50cm, 90deg); repeat for more. "
-            "With --fix-from the name alone.",
-            metavar="NAME=X,Y[,THETA]",
-            show_default=False,
-        ),
-    ] = None,
-    fix_from: Annotated[
-        Path | None,
-        typer.Option(
-            "--fix-from",
-            help="Complete each scene of this file once: hold its objects, or those of --fix NAME, draw the others.",
-            metavar="SCENES",
-            show_default=False,
-        ),
-    ] = None,
-    count: Counts = None,
-    settle: Annotated[
-        bool, typer.Option("--settle", help="Only scenes in which nothing moves when dropped in a simulator.")
-    ] = False,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers", help="Processes; default: one for small requests, else one per core.", show_default=False
-        ),
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where an earlier run with this --out was broken off.")
-    ] = False,
-    engine: Annotated[
-        str,
-        typer.Option(
-            "--engine",
-            help="What draws a set: local processes, or a ray cluster. The bytes are the same.",
-            autocompletion=_choices("local", "ray"),
-        ),
-    ] = "local",
-    address: Annotated[
-        str | None,
-        typer.Option(
-            "--address",
-            help="The Ray cluster; default: $RAY_ADDRESS, or this machine.",
-            metavar="ADDR",
-            show_default=False,
-        ),
-    ] = None,
-    shard_size: Annotated[
-        int | None,
-        typer.Option(
-            "--shard-size",
-            help="Scenes of each file of a set, a multiple of 65536.",
-            metavar="N",
-            show_default=False,
-        ),
-    ] = None,
-    timeout: Annotated[
-        float,
-        typer.Option("--timeout", help="Seconds after which to give up.", parser=seconds, metavar="SECONDS"),
-    ] = 60.0,
-    keep_partial: Annotated[bool, typer.Option("--keep-partial", help="Keep what was found when time is up.")] = False,
-    raw: Annotated[bool, typer.Option("--raw", help="A model's own output, neither refined nor filtered.")] = False,
-    steps: Annotated[
-        int | None,
-        typer.Option(
-            "--steps",
-            help="Evaluations of a flow's network for a scene; default: as it was trained.",
-            metavar="N",
-            show_default=False,
-        ),
-    ] = None,
-    spec: Annotated[
-        Path | None,
-        typer.Option(
-            "--spec", help="Refuse a model that was trained on another spec.", metavar="SPEC", show_default=False
-        ),
-    ] = None,
-    render: Annotated[
-        Path | None,
-        typer.Option("--render", help="Draw the scenes into this folder, too.", metavar="DIR", show_default=False),
-    ] = None,
-    pictures: Most = None,
-    root: Root = None,
+    sources: list[Path] = argument(
+        "A spec file, the name of a shipped spec, or a model file; several with a folder for --out.",
+        "SPEC|MODEL",
+        callback=all_found,
+        autocompletion=spec_names,
+    ),
+    satisfied: bool = option("phi >= 0 for every label that --phi does not name."),
+    violated: bool = option("phi <= 0 for every label that --phi does not name."),
+    count: list[str] | None = COUNT,
+    fix_from: Path | None = option(
+        "Complete each scene of this file once: hold its objects, or those of --fix NAME, draw the others.", "SCENES"
+    ),
+    out: str | None = option(
+        "The scenes file, or DIR/ or a URL for a set of shards; default: standard output.", "FILE|DIR/|URL"
+    ),
+    render: Path | None = option("Draw the scenes into this folder, too.", "DIR"),
+    pictures: int | None = PICTURES,
+    steps: int | None = option(
+        "Evaluations of a flow's network for a scene; default: as it was trained.", rich_help_panel=OF_MODELS
+    ),
+    spec: Path | None = option("Refuse a model that was trained on another spec.", "SPEC", rich_help_panel=OF_MODELS),
+    root: Path | None = ROOT,
+    **typed: Any,
 ) -> int:
     """Draw scenes whose phi lies in the given ranges; every returned scene is verified against the spec.
 
@@ -197,20 +124,336 @@ def sample(
     An --out that ends in a slash, or a URL (s3://bucket/set/), is a set: Parquet files of --shard-size scenes, a
     manifest, a card. It may have any number of scenes. With several specs each gets a set in DIR/; a bad one is
     reported by its name, the others are made, and the exit status is 1."""
-    from scenegen.errors import RequestError
-
-    if out is None and resume:
+    if out is None and typed["resume"]:
         raise RequestError(RESUME_WITHOUT_FILE())
     if satisfied and violated:
         raise RequestError(CONFLICTING_ARGUMENTS(one="satisfied", other="violated"))
-    wishes = SampleOptions(
-        phi or [], satisfied, violated, n, seed, method, spread, fix or [], settle, raw, workers, keep_partial, timeout,
-        steps, spec, root, count or [], fix_from,
-    )  # fmt: skip
     if pictures is not None and render is None:
         raise RequestError(OUT_OF_PLACE(option="--pictures", rule="goes with --render", remedy="add --render DIR"))
-    storing = StorageOptions(resume, engine, address, shard_size, pictures)
-    if len(sources) == 1:
-        sample_one(sources[0], wishes, out, storing, render)
-        return 0
-    return sample_many(sources, wishes, out, storing, render)
+    options = SampleOptions(
+        sources[0], out, render, satisfied, violated, fix_from, count or [], pictures, steps, spec, root, typed
+    )
+    if len(sources) > 1:
+        return _sample_many(sources, options)
+    _sample_one(options)
+    return 0
+
+
+def _sample_many(sources: list[Path], options: SampleOptions) -> int:
+    """A set for each source in the folder --out, and the exit status: 1 if one of them failed. Each uses the whole
+    engine; the time limit is that of each. Raises RequestError if the sources cannot be told apart."""
+    from scenegen.cli.many import finished, folder_for, names_of
+    from scenegen.sampling.engine.engines import here
+    from scenegen.scenes.files import ensure_folder
+
+    folder, render, typed = folder_for(options.out, len(sources), urls=True), options.render, options.typed
+
+    def sample(source: Path) -> None:
+        print_error(f"{source}:")
+        place = None if render is None else render / source.stem
+        limit = {**typed, "timeout": typed["timeout"] + elapsed()}
+        _sample_one(replace(options, source=source, out=inside(folder, source.stem), render=place, typed=limit))
+
+    jobs = list(zip(names_of(sources), sources, strict=True))
+    if render is not None:
+        ensure_folder(render)
+    with _shared(typed["engine"], typed["workers"], typed["address"]):
+        return finished(here(sample, jobs), len(jobs))
+
+
+@contextlib.contextmanager
+def _shared(engine: str, workers: int | None, address: str | None) -> Iterator[None]:
+    """One cluster for all runs."""
+    if engine != "ray":
+        yield
+        return
+    from scenegen.sampling.engine.ray import joined_cluster
+
+    with joined_cluster(workers, address):
+        yield
+
+
+def _sample_one(options: SampleOptions) -> None:
+    """Raises what the API raises, and OutputError for places that cannot be written to."""
+    subject = _load(options)
+    request = _request(subject, options)
+    if _is_over_time(subject):
+        _sample_motions(subject, request, options)
+    else:
+        _sample_scenes(subject, request, options)
+
+
+def _load(options: SampleOptions) -> Spec | Model:
+    """A model if the file is one, else a spec; with the numbers of things of --count, and the steps of --steps."""
+    from scenegen.api.spec import load
+
+    source, root = options.source, options.root
+    subject: Spec | Model
+    if looks_like_model(source):
+        from scenegen.learn.model import load_model
+
+        subject = load_model(source, None if options.spec is None else load(options.spec, root))
+    elif options.spec is not None:
+        raise RequestError(SPEC_OF_SPEC())
+    else:
+        subject = load(source, root)
+    subject = subject.with_counts(parse_counts(options.count)) if options.count else subject
+    if options.steps is None:
+        return subject
+    from scenegen.learn.model import Model
+
+    if not isinstance(subject, Model):
+        raise RequestError(STEPS_OF_SPEC())
+    return subject.in_steps(options.steps)
+
+
+def _request(subject: Spec | Model, options: SampleOptions) -> SampleRequest:
+    from scenegen.api.spec import spec_of
+
+    labels = spec_of(subject).labels
+    typed = {**options.typed, "timeout": left(options.typed["timeout"])}
+    typed["fix"] = None if options.fix_from is not None else typed["fix"]
+    request = SampleRequest.typed(typed, labels)
+    if options.satisfied or options.violated:
+        rest = Range(low=0.0) if options.satisfied else Range(high=0.0)
+        request = replace(request, phi={name: request.phi.get(name, rest) for name in labels})
+    wanted = ", ".join(f"{name}={one}" for name, one in request.phi.items()) or "any phi"
+    detail(f"read {options.source} (labels {', '.join(labels)}); wanted: {wanted}")
+    return request
+
+
+def _sample_scenes(subject: Spec | Model, request: SampleRequest, options: SampleOptions) -> None:
+    from scenegen.api.stream import refuse_set_options
+    from scenegen.scenes.blocks import BLOCK
+
+    if not options.stored:
+        refuse_set_options(request)
+    _check_places(options)
+    if options.fix_from is not None:
+        _complete(subject, request, options)
+        return
+    if options.out is not None and (options.stored or request.resume or request.n > BLOCK):
+        from scenegen.api.reading import read_scenes
+        from scenegen.api.stream import write_scenes
+
+        with ProgressBar() as bar:
+            written = write_scenes(options.out, subject, request, progress=bar, on_note=print_error)
+        complain(*written.warnings)
+        detail(f"sampled and wrote {written.count} scenes")
+        summary(written.header, written.count, written.phi, options.out)
+        if options.render is not None:
+            _draw(read_scenes(options.out), options.render, options.pictures)
+        return
+    from scenegen.api.sample import draw_scenes
+
+    with ProgressBar() as bar:
+        scenes = draw_scenes(subject, request, progress=bar)
+    complain(*scenes.warnings)
+    detail(f"sampled {len(scenes)} scenes")
+    _hand_out(scenes, options)
+
+
+def _check_places(options: SampleOptions, motions: bool = False) -> None:
+    """Refuse, before any work is done, places that cannot be written to, and a library that is missing."""
+    from scenegen.needs import need
+    from scenegen.scenes.files import check_folder, check_writable
+    from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of
+
+    if options.path is not None:
+        format_of(options.path, MOTIONS if motions else SCENES)
+        check_writable(options.path, options.source)
+    elif options.out is None:
+        check_output()
+    if options.render is not None and options.fix_from is None:
+        check_folder(options.render, options.path)
+        need("pybullet", "to draw pictures")
+
+
+def _complete(subject: Spec | Model, request: SampleRequest, options: SampleOptions) -> None:
+    """The scenes of --fix-from, completed. Raises what `sample` raises."""
+    from scenegen.api.complete import complete
+    from scenegen.api.reading import part_of_scenes
+    from scenegen.api.sample import draw_scenes
+    from scenegen.api.spec import LearnedModel
+
+    assert options.fix_from is not None
+    if options.stored or request.resume or isinstance(subject, LearnedModel):
+        rule = "completes scenes of a spec, in memory"
+        raise RequestError(OUT_OF_PLACE(option="--fix-from", rule=rule, remedy="name a spec, and a single file"))
+    names = options.typed["fix"] or []
+    for text in names:
+        if "=" in text:
+            rule, name = "has no place beside --fix-from, whose scenes say where things are", text.partition("=")[0]
+            raise RequestError(OUT_OF_PLACE(option=f"--fix {text}", rule=rule, remedy=f"write --fix {name}"))
+    given = part_of_scenes(subject.checked, options.fix_from, names)
+    scenes = complete(subject, request, given, draw_scenes, options.typed["n"])
+    complain(*scenes.warnings)
+    _hand_out(scenes, options)
+
+
+def _hand_out(scenes: SceneSet, options: SampleOptions) -> None:
+    """Write scenes to a file or the output, say what they are, and draw them."""
+    from scenegen.api.stream import met
+
+    if options.path is not None:
+        scenes.save(options.path)
+    else:
+        from scenegen.scenes.formats.scenes_json import dump
+
+        write_data(dump(scenes.file()))
+    if "reason" in scenes.header.sampler:
+        print_error(f"{scenes.header.sampler['method']}: {scenes.header.sampler['reason']}")
+    summary(scenes.header, len(scenes), met(scenes), options.path)
+    if options.render is not None:
+        _draw(scenes, options.render, options.pictures)
+
+
+def _draw(scenes: SceneSet, folder: Path, most: int | None) -> None:
+    from scenegen.cli.render import draw
+
+    draw(scenes, folder, most)
+
+
+def _is_over_time(subject: Spec | Model) -> TypeGuard[Spec]:
+    from scenegen.api.spec import LearnedModel
+
+    return not isinstance(subject, LearnedModel) and subject.over_time is not None
+
+
+def looks_like_model(path: Path) -> bool:
+    """By its ending, by the spec in a folder of models, or by how safetensors files begin: the header's length in 8
+    bytes, then the header."""
+    if path.suffix.lower() == ".safetensors":
+        return True
+    if path.suffix.lower() == ".spec" and not path.is_dir():
+        return False
+    from scenegen.learn.model import is_family
+
+    if is_family(path):
+        return True
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            start = file.read(9)
+    except OSError:
+        return False
+    return len(start) == 9 and start[8:] == b"{" and b"\0" in start[:8]
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `scenegen sample` of a spec over time: motions.
+
+
+def _sample_motions(spec: Spec, request: SampleRequest, options: SampleOptions) -> None:
+    """Raises what the API raises, RequestError for an option that only scenes have, and OutputError for places that
+    cannot be written to."""
+    from scenegen.api.motions import draw_motions, read_motions
+    from scenegen.api.request import check_request
+    from scenegen.api.stream import met, refuse_set_options, write_scenes
+    from scenegen.scenes.blocks import BLOCK
+
+    check_request(spec, request)
+    for name in ("fix_from", "pictures"):
+        if getattr(options, name) is not None:
+            raise RequestError(NOT_FOR_MOTIONS(argument=name))
+    if not options.stored:
+        refuse_set_options(request)
+    _check_places(options, motions=True)
+    if options.out is not None and (options.stored or request.resume or request.n > BLOCK):
+        with ProgressBar() as bar:
+            written = write_scenes(options.out, spec, request, progress=bar, on_note=print_error)
+        complain(*written.warnings)
+        detail(f"sampled and wrote {written.count} motions")
+        print_error(motion_summary(written.header.sampler, written.count, written.phi, options.out))
+        if options.render is not None:
+            made = read_motions(options.out).figures(options.render, "gif", "strip")
+            print_error(f"drew {len(made)} figures in {options.render}")
+        return
+    found = draw_motions(spec, request)
+    complain(*found.warnings)
+    detail(f"sampled {len(found)} motions")
+    if options.path is None:
+        write_data(found.dump())
+    else:
+        found.save(options.path)
+    print_error(motion_summary(found.header.sampler, len(found), met(found), options.path))
+    if options.render is not None:
+        made = found.figures(options.render, "gif", "strip")
+        print_error(f"drew {len(made)} figures in {options.render}")
+
+
+def motion_summary(info: Mapping[str, Any], count: int, phi: Mapping[str, PhiSummary], place: Path | str | None) -> str:
+    """What was drawn, and where it is."""
+    ranges = ", ".join(f"{name} {one.lowest:.4g} .. {one.highest:.4g}" for name, one in phi.items())
+    rare = info.get("log10_probability")
+    drawn = str(info["method"]) + ("" if rare is None else f"; log10 of their probability {rare:.2f}")
+    share = info.get("effective_share")
+    if share is not None and share < 1.0:
+        drawn += f"; worth about {max(1, round(share * count)):,} independent ones"
+    what = "motion" if count == 1 else "motions"
+    return f"{count:,} {what}{'' if place is None else f' in {place}'}: phi of {ranges} ({drawn})"
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What `scenegen sample` shows: a bar while it works, and a table of what was found.
+
+
+class ProgressBar:
+    """A progress bar that appears only when sampling takes a while."""
+
+    def __enter__(self) -> ProgressBar:
+        self._progress: Progress | None = None
+        self._calls = 0
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._progress is not None:
+            self._progress.stop()
+
+    def __call__(self, found: int, wanted: int, candidates: int) -> None:
+        self._calls += 1
+        if self._calls < 2:
+            return
+        if self._progress is None:
+            self._progress = progress_bar()
+            self._task = self._progress.add_task("sampling", total=None)
+            self._progress.start()
+        text = f"sampling: {found:,} of {wanted:,} in {candidates:,} candidates"
+        self._progress.update(self._task, description=text, completed=found, total=wanted)
+
+
+def summary(header: AnyFile, count: int, phi: Mapping[str, PhiSummary], out: Path | str | None) -> None:
+    """The requested ranges beside the results."""
+    print_error(f"{count} scenes ({_how(header.sampler)})" + (f" in {out}" if out is not None else ""))
+    rows = []
+    for label, values in phi.items():
+        low, high = header.request.phi.get(label, (None, None))
+        wanted = "any" if low is None and high is None else f"{_end(low)}:{_end(high)}"
+        rows.append((label, wanted, *(f"{value:+.4f}" for value in (values.lowest, values.mean, values.highest))))
+    print_columns(("label", "wanted phi", "lowest", "mean", "highest"), rows)
+
+
+def _how(info: Mapping[str, Any]) -> str:
+    """How scenes were made, and with what yield."""
+    if info.get("raw"):
+        return "raw output of the model"
+    if info["method"] in ("rejection", "completed"):
+        return f"{info['method']}, {info['draws']:,} draws, {100 * info['acceptance']:.3g}% accepted"
+    if info["method"] == "splitting":
+        return f"splitting, {info['candidates']:,} evaluations, {100 * info['acceptance']:.3g}% of the moves accepted"
+    if info["method"] == "growth":
+        return f"growth, {info['candidates']:,} evaluations, {info['sweeps']} sweeps of moves after the last object"
+    if info["method"] == "numbered":
+        methods = ", ".join(dict.fromkeys(part["method"] for part in info["numbers"]))
+        equal = " in equal shares" if all("share" in part for part in info["numbers"]) else ""
+        what = "choices of assets" if any("assets" in part for part in info["numbers"]) else "numbers of things"
+        return f"{len(info['numbers'])} {what}{equal}, by {methods}"
+    if info["method"] == "paired":
+        methods = ", ".join(part["method"] for part in info["components"])
+        return f"{len(info['components'])} independent parts by {methods}, {info['candidates']:,} evaluations"
+    return f"{info['method']}, {info['candidates']:,} candidates"
+
+
+def _end(value: float | None) -> str:
+    return "" if value is None else f"{value:g}"

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from scenegen.cli import options
-from scenegen.cli.many import Address, Engine, JobMessages, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Meshes, PosesOf
+from scenegen.cli.many import JobMessages, folder_for, names_of, refuse_engine, shared_work
+from scenegen.cli.options import ADDRESS, ENGINE, MESHES, POSES_OF, WORKERS, argument, option
+from scenegen.cli.output import print_error, progress_bar
+from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
 from scenegen.scenes.locations import names_set
 
@@ -19,38 +18,21 @@ LENGTHS, ANGLES = ("a length with its unit, such as 2mm", "an angle with its uni
 
 
 def settle(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(help="A scenes file; several with a folder for --out.", metavar="SCENES", show_default=False),
-    ],
-    out: Annotated[
-        str,
-        typer.Option(
-            "--out",
-            help="A .json, .jsonl or .parquet file of results; of several, DIR/ for files of the same names.",
-            metavar="FILE|DIR/",
-            show_default=False,
-        ),
-    ],
-    simulator: Annotated[
-        str, typer.Option("--in", help="mujoco or pybullet.", metavar="SIMULATOR", show_default=True)
-    ] = "mujoco",
-    seconds: Annotated[
-        float, typer.Option("--seconds", help="Simulated seconds.", parser=options.seconds, metavar="SECONDS")
-    ] = 2.0,
-    max_shift: Annotated[
-        str, typer.Option("--max-shift", help="How far an object may move.", metavar="LENGTH")
-    ] = "2mm",
-    max_turn: Annotated[
-        str, typer.Option("--max-turn", help="By how much an object may turn, about any axis.", metavar="ANGLE")
-    ] = "2deg",
-    spec: PosesOf = None,
-    meshes: Meshes = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes; default: one per core.", show_default=False)
-    ] = None,
-    engine: Engine = "local",
-    address: Address = None,
+    sources: list[Path] = argument("A scenes file; several with a folder for --out.", "SCENES"),
+    out: str = option(
+        "A .json, .jsonl or .parquet file of results; of several, DIR/ for files of the same names.",
+        "FILE|DIR/",
+        default=...,
+    ),
+    simulator: str = option("mujoco or pybullet.", "SIMULATOR", flags="--in", default="mujoco"),
+    seconds: float = option("Simulated seconds.", "SECONDS", default=2.0, parser=options.seconds),
+    max_shift: str = option("How far an object may move.", "LENGTH", default="2mm"),
+    max_turn: str = option("By how much an object may turn, about any axis.", "ANGLE", default="2deg"),
+    spec: Path | None = POSES_OF,
+    meshes: Path | None = MESHES,
+    workers: int | None = WORKERS,
+    engine: str = ENGINE,
+    address: str | None = ADDRESS,
 ) -> int:
     """Let scenes come to rest in a simulator, and write down where their objects are then.
 
@@ -74,7 +56,6 @@ def settle(
     and the exit status is 1.
     """
     from scenegen.api.spec import load
-    from scenegen.cli.output import print_error, progress_bar
     from scenegen.worlds.physics.rest import settle_file
 
     loaded = None if spec is None else load(spec)
@@ -132,7 +113,6 @@ def _result(source: Path) -> str:
 
 def _quantity(name: str, text: str, wanted: str) -> float:
     """A length in metres or an angle in degrees, above 0. Raises RequestError."""
-    from scenegen.errors import RequestError
     from scenegen.geometry.units import ANGLE, LENGTH, quantity
 
     known = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(mm|cm|m|deg|rad|turn)\s*", text)

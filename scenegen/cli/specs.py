@@ -1,22 +1,21 @@
-"""`scenegen specs`: the specs that ship with scenegen."""
+"""Where a spec comes from: `scenegen specs` has those that ship, `scenegen new` writes one to start from, and `scenegen
+import` makes one of a planning problem."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
 
 import typer
 
-from scenegen.cli.options import spec_names
+from scenegen.cli.options import argument, option, spec_names
+from scenegen.cli.output import complain, print_error, print_message, write_data
+from scenegen.errors import OutputError, RequestError
+from scenegen.errors.files import FILE_EXISTS
 from scenegen.errors.requests import UNKNOWN_SHIPPED_SPEC
 
 
 def specs(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            help="Print the text of this one.", metavar="NAME", show_default=False, autocompletion=spec_names
-        ),
-    ] = None,
+    name: str | None = argument("Print the text of this one.", "NAME", default=None, autocompletion=spec_names),
 ) -> None:
     """List the specs that ship with scenegen, or print one. Other commands take them by name.
 
@@ -28,8 +27,6 @@ def specs(
 
     A file NAME or NAME.spec in the current folder comes before the shipped spec NAME.
     """
-    from scenegen.cli.streams import write_data
-    from scenegen.errors import RequestError
     from scenegen.resources import shipped_specs
 
     shipped = shipped_specs()
@@ -42,3 +39,92 @@ def specs(
     for one, path in shipped.items():
         first = path.read_text(encoding="utf-8").partition("\n")[0]
         typer.echo(f"{one:<{wide}}  {first.removeprefix('#').strip() if first.startswith('#') else ''}".rstrip())
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `scenegen new`: a commented spec to start from.
+
+
+STARTER = """\
+# One line about the task: what should the table look like?
+workspace [0, 1] x [0, 1]  # metres: x to the right, y away from you
+
+# Names of the library get its shapes (`scenegen assets` lists them); any other object is a small block.
+object plate, mug, fork
+# An array, and sizes of your own:
+# object block[3] = box(5 cm, 5 cm, 5 cm)
+# Held in place, never moved:
+# object tray = box(40 cm, 30 cm, 2 cm) at (0.5, 0.5)
+
+# What you say more than once gets a name.
+const NEAR = 30 cm
+region middle = rect(0.3, 0.3, 0.7, 0.7)
+def beside(a, b) = closeTo(a, b, NEAR) & alignedY(a, b, 5 cm)
+
+# Holds in every scene, and is no part of phi.
+require noOverlap() & insideWorkspace()
+
+# A label: `--phi task=LO:HI` asks for scenes by its phi. Combine relations with &, |, ! and ->.
+task: inside(plate, middle) & leftOf(fork, plate) & beside(fork, plate) & angle(fork, NORTH, 20 deg)
+
+# As many labels as you like, each with a phi of its own.
+safe: farFrom(mug, plate, NEAR)
+"""
+
+
+def new(
+    name: Path = argument("The file; .spec is added where it is missing.", "NAME"),
+) -> None:
+    """Write a commented spec to start from. A file that is there already is left as it is.
+
+    \b
+      scenegen new my.spec
+      scenegen new tables/breakfast
+
+    `scenegen specs NAME` prints a shipped spec, which is another way to start.
+    """
+    import shlex
+
+    from scenegen.scenes.files import write_whole
+
+    path = name if name.suffix.lower() == ".spec" else name.with_name(f"{name.name}.spec")
+    if path.exists() or path.is_symlink():
+        raise OutputError(FILE_EXISTS(path=path))
+    write_whole(path, STARTER.encode())
+    print_error(f"wrote {path}; try: scenegen check {shlex.quote(str(path))}")
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# `scenegen import`: PDDL and BDDL problems as specs.
+
+
+def import_(
+    problem: Path = argument("A PDDL or BDDL problem.", "PROBLEM"),
+    out: Path = option("The spec.", "SPEC", default=...),
+    domain: Path | None = option("Its PDDL domain.", "DOMAIN"),
+    table: Path | None = option("Sizes of objects, meanings of predicates.", "TOML", flags="--map"),
+) -> None:
+    """Make a spec from a planning problem: of LIBERO, of BEHAVIOR, or of any PDDL domain.
+
+    \b
+      scenegen import task.bddl --out task.spec
+      scenegen import p.pddl --domain d.pddl --map m.toml --out p.spec
+      scenegen sample task.spec --phi goal=-0.3:0 -n 50 --out starts.json
+
+    The goal becomes the label `goal`; where the things that it moves start is the label `start`. What has no geometry,
+    such as a stove that is on, is listed here and in the spec. A map has [objects], kinds with shapes, and
+    [predicates], names with relations.
+    """
+    import shlex
+
+    from scenegen.scenes.files import check_writable, write_whole
+    from scenegen.worlds.planning import import_problem
+
+    inputs = [one for one in (problem, domain, table) if one is not None]
+    check_writable(out, *inputs)
+    made = import_problem(problem, domain, table)
+    write_whole(out, made.text.encode())
+    complain(*made.warnings)
+    for line in made.lost:
+        print_message(line)
+    print_error(f"wrote {out}; try: scenegen check {shlex.quote(str(out))}")

@@ -8,23 +8,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from scenegen.cli.many import Address, Engine, JobMessages, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import Counts, Root, SpecFiles, parse_counts, seconds, whole
+from scenegen.cli.many import JobMessages, folder_for, names_of, refuse_engine, shared_work
+from scenegen.cli.options import ADDRESS, COUNT, ENGINE, ROOT, SPEC_FILES, asking, option, parse_counts, seconds
+from scenegen.cli.output import complain, console, detail, flag, print_error
+from scenegen.errors import DataError, RequestError, ScenegenError, render
+from scenegen.learn.training.config import TrainConfig, make_config, parse_settings
 from scenegen.scenes.locations import names_set
+from scenegen.validation import as_seconds
 
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
     from scenegen.errors import Diagnostic
-
-
-def _models(incomplete: str) -> list[str]:
-    from scenegen.learn.models.registry import MODELS
-
-    return [name for name in MODELS if name.startswith(incomplete)]
 
 
 class Clock:
@@ -55,101 +51,28 @@ class Clock:
         return f"{now - marks[0]:.0f} s in all" + (f" ({told})" if told else "")
 
 
+@asking(TrainConfig, model="flow", recipe="default")
 def train(
-    specs: SpecFiles,
-    out: Annotated[
-        str,
-        typer.Option(
-            "--out",
-            help="The model file; of several specs, or of one that draws numbers, DIR/ for a model of each name.",
-            metavar="FILE|DIR/",
-            show_default=False,
-        ),
-    ],
-    model: Annotated[
-        str,
-        typer.Option("--model", help="flow, energy, gan or aae.", metavar="NAME", autocompletion=_models),
-    ] = "flow",
-    recipe: Annotated[
-        str, typer.Option("--recipe", help="default, or paper: the published networks and settings (gan, aae).")
-    ] = "default",
-    epochs: Annotated[int | None, typer.Option("--epochs", help="Passes over the training scenes.")] = None,
-    batch_size: Annotated[int | None, typer.Option("--batch-size", help="Scenes per step.")] = None,
-    lr: Annotated[float | None, typer.Option("--lr", help="Learning rate of Adam.")] = None,
-    scenes: Annotated[
-        int | None,
-        typer.Option(
-            "--scenes",
-            help="Training scenes; of a file the first so many, all if left out.",
-            parser=whole,
-            metavar="N",
-        ),
-    ] = None,
-    data: Annotated[
-        str | None,
-        typer.Option(
-            "--data",
-            help="balanced: exact, flat in phi; uniform; boosted: satisfying scenes perturbed to be more; or a file of "
-            "scenes (.parquet of any size, .jsonl, .json).",
-            metavar="NAME|FILE",
-        ),
-    ] = None,
-    phi: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--phi",
-            help="Where to train: most of the training scenes lie in LO:HI, LO: or :HI; NAME=LO:HI names a label.",
-            metavar="[NAME=]LO:HI",
-            show_default=False,
-        ),
-    ] = None,
-    hyper: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--hyper",
-            help="A setting of the model, as width=128; repeat for more. `scenegen explain models` lists all.",
-            metavar="NAME=VALUE",
-        ),
-    ] = None,
-    patience: Annotated[
-        int | None,
-        typer.Option(
-            "--patience",
-            help="Stop after so many epochs without a smaller error of phi on held-out labels, and keep the best; left "
-            "out, all epochs are run and the last is kept.",
-            metavar="EPOCHS",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of everything random; the same seed gives the same model.")] = 0,
-    device: Annotated[str, typer.Option("--device", help="cpu, cuda or cuda:1.")] = "cpu",
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on from where an earlier run into --out stopped.")
-    ] = False,
-    log_dir: Annotated[
-        Path | None,
-        typer.Option("--log-dir", help="Write TensorBoard event files there.", metavar="DIR", show_default=False),
-    ] = None,
-    timeout: Annotated[
-        float | None,
-        typer.Option(
-            "--timeout",
-            help="Seconds after which to stop; left out, there is no limit.",
-            parser=seconds,
-            metavar="SECONDS",
-            show_default=False,
-        ),
-    ] = None,
-    card: Annotated[
-        bool, typer.Option("--card/--no-card", help="Measure the model when it is done: FILE.md and FILE.png.")
-    ] = True,
-    engine: Engine = "local",
-    address: Address = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", help="Models that are trained at a time; default: one per core.", show_default=False),
-    ] = None,
-    count: Counts = None,
-    root: Root = None,
+    specs: list[Path] = SPEC_FILES,
+    out: str = option(
+        "The model file; of several specs, or of one that draws numbers, DIR/ for a model of each name.",
+        "FILE|DIR/",
+        default=...,
+    ),
+    resume: bool = option("Go on from where an earlier run into --out stopped."),
+    log_dir: Path | None = option("Write TensorBoard event files there.", "DIR"),
+    timeout: float | None = option(
+        "Seconds after which to stop; left out, there is no limit.", "SECONDS", parser=seconds
+    ),
+    card: bool = option(
+        "Measure the model when it is done: FILE.md and FILE.png.", flags="--card/--no-card", default=True
+    ),
+    engine: str = ENGINE,
+    address: str | None = ADDRESS,
+    workers: int | None = option("Models that are trained at a time; default: one per core."),
+    count: list[str] | None = COUNT,
+    root: Path | None = ROOT,
+    **typed: Any,
 ) -> int:
     """Train a model that draws scenes for a wanted phi, and write it to one small file.
 
@@ -177,21 +100,10 @@ def train(
     and the exit status is 1. With --resume complete models are left alone, and the others go on. A spec that draws how
     many things there are gets a model for each number, in DIR/NAME/, which `sample` takes as a model.
     """
-    from scenegen.learn.training.config import make_config, parse_settings
     from scenegen.needs import need
-    from scenegen.validation import as_seconds
 
-    options: dict[str, Any] = {
-        "epochs": epochs,
-        "batch_size": batch_size,
-        "lr": lr,
-        "scenes": scenes,
-        "data": data,
-        "patience": patience,
-        "hyper": parse_settings(hyper or []),
-        "seed": seed,
-        "device": device,
-    }
+    options = {**typed, "hyper": parse_settings(typed["hyper"] or [])}
+    model, recipe, phi = (options.pop(name) for name in ("model", "recipe", "phi"))
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
     counts = parse_counts(count)
@@ -208,8 +120,6 @@ def train(
         job = Training(model, recipe, options, card, resume, seconds, log_dir, root, counts, tuple(phi or ()))
         return shared_work(job, jobs, engine, workers, address, "training")
     refuse_engine(engine, address)
-    from scenegen.cli.output import complain, console, detail, flag, print_error
-    from scenegen.errors import RequestError, render
     from scenegen.errors.learning import FOLDER_OF_MODELS
     from scenegen.scenes.files import check_writable
 
@@ -267,7 +177,6 @@ def trainings(
     """The jobs of a spec, by their names: one model, FOLDER/NAME.safetensors; or, where the spec draws how many things
     there are, a model for each combination of numbers, in FOLDER/NAME/."""
     from scenegen.api.spec import load
-    from scenegen.errors import ScenegenError
     from scenegen.lang.check.families import written
     from scenegen.learn.model import family_files
 
@@ -342,10 +251,8 @@ class Training:
 
     def _complete(self, spec: Spec, out: Path) -> bool:
         """Whether a file is the model of this training after all its epochs."""
-        from scenegen.errors import DataError
         from scenegen.learn.models.checkpoint import load_model
         from scenegen.learn.train import trained_on
-        from scenegen.learn.training.config import make_config
         from scenegen.learn.training.state import load_state, state_path
         from scenegen.sampling.request import parse_phi
 

@@ -33,7 +33,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import X, along, row_count
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.request import Cells, FixedPose, SampleRequest, check_seed, hold_fixed
+from scenegen.sampling.request import Cells, FixedPose, SampleRequest, hold_fixed
 from scenegen.scenes.numbers import numbers_in
 
 Array = npt.NDArray[np.float64]
@@ -272,12 +272,11 @@ def plan_numbers(
     """The plan of a spec with random numbers of things; `make` plans a member, `last` takes each plan once the shares
     are known. Members that have no scene in the range are left out. Raises RequestError where all are, for a mistake in
     the request, and where time is up before all members are planned."""
-    check_seed(request.seed)
     everything = list(combinations(spec.counts))
     for name, held in request.fix.items():
         if name in spec.objects and any(name not in member.objects for member in spec.members):
             raise RequestError(HELD_MAY_BE_MISSING(held.span if isinstance(held, FixedPose) else None, name=name))
-    each = max(1, -(-request.n // len(everything))) if isinstance(request.n, int) and request.n > 0 else request.n
+    each = max(1, -(-request.n // len(everything)))
     numbers: list[dict[str, int]] = []
     plans: list[Plan] = []
     left_out: list[tuple[dict[str, int], str]] = []

@@ -21,13 +21,14 @@ class Method:
     make: str
     good_for: str
     proposes: bool = False
+    over_time: bool = False  # draws motions, too
 
 
 METHODS: Mapping[str, Method] = {
-    "auto": Method("scenegen.sampling.choice:choose", "takes the method below that needs least time"),
-    "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests"),
+    "auto": Method("scenegen.sampling.choice:choose", "takes the method below that needs least time", over_time=True),
+    "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests", over_time=True),
     "growth": Method("scenegen.sampling.growth.sampler:make_plan", "full tables"),
-    "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets"),
+    "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets", over_time=True),
     "model": Method("scenegen.learn.guided:make_plan", "a model file", proposes=True),
 }
 

@@ -23,7 +23,7 @@ from scenegen.pose import PLACE, along, row_count, row_of, rows_of
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.families import NOT_FOUND, WITHOUT, assets_of, seed_of
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.request import SampleRequest, check_seed
+from scenegen.sampling.request import SampleRequest
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -224,7 +224,6 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
     RequestError where no number has a pair, where one has fewer than its share, for a mistake in the request, and where
     time is up."""
     everything = list(combinations(spec.counts))
-    check_seed(request.seed)
     rng = np.random.default_rng(np.random.SeedSequence([request.seed, STREAM, ORDER]))
     order = rng.permutation(len(everything)).tolist()
     found: dict[int, Pairs] = {}

@@ -24,10 +24,10 @@ from scenegen.sampling.request import (
     FixedPose,
     Range,
     SampleRequest,
-    check_request,
     cut,
     empty_range,
     hold_fixed,
+    within_reach,
 )
 from scenegen.search import label_bounds
 from scenegen.search.clash import clash, explain
@@ -208,7 +208,7 @@ def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort, rounds: int
     tape = make_tape(core, lowest, highest, effort)
     _refuse_points(core, lowest, highest, request.phi, effort)
     phi, bounds = _at_shared_bounds(core, lowest, highest, request.phi, bounds, effort)
-    checked, warnings = check_request(dataclasses.replace(request, fix=fixed, phi=phi), bounds)
+    checked, warnings = within_reach(dataclasses.replace(request, fix=fixed, phi=phi), bounds)
     cells = cut(checked, tuple(core.labels), most)
     if core is not spec.core:
         cells.low[-1] = 0.0

@@ -1,16 +1,18 @@
 """A user's request: ranges of phi for some labels, the number of scenes, and how to draw them.
 
 `LO:HI` is a bounded range; `LO:` and `:HI` are constraints only; a label that is not mentioned is free. Text is parsed
-here (`parse_phi`), Python values in `api/request.py`; after that a request is a `SampleRequest`.
+here (`SampleRequest.typed`), Python values in `api/request.py`; after that a request is a `SampleRequest`. A new option
+is a field of it, and the place where it acts.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -29,20 +31,21 @@ from scenegen.errors.requests import (
     NOT_A_NUMBER,
     NOT_A_POSE,
     ONLY_AT_BOUND,
-    OUT_OF_RANGE,
     RANGE_END,
     RANGE_REVERSED,
     RANGE_SYNTAX,
     RANGE_WITHOUT_END,
     SINGLE_VALUE,
-    UNKNOWN_CHOICE,
     UNKNOWN_LABEL,
     UNKNOWN_OBJECT,
 )
 from scenegen.geometry.units import quantity
-from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
-from scenegen.validation import as_list
+from scenegen.sampling.methods import METHODS, methods_help
+from scenegen.validation import Option, as_int, as_list, as_seconds, by_name, one_of, options_of, whole_number
+
+if TYPE_CHECKING:
+    from scenegen.lang.spec import CheckedSpec
 
 Progress: TypeAlias = Callable[[int, int, int], None]
 """Called after each piece: scenes found, scenes requested, candidates in the requested cells."""
@@ -86,30 +89,6 @@ class FixedPose:
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True)
-class SampleRequest:
-    """A request for scenes of a spec or a model; `sampling.problem.make_problem` checks it against its spec.
-
-    `phi` are the ranges by label. `fix` has the poses of fixed objects by name: (x, y) or (x, y, theta), in metres and
-    radians. `method` is one of `sampling.methods.METHODS`. `timeout` (seconds) and `workers` (processes; None: as many
-    as save time) change no scene. A range that phi reaches only at its bound, with probability 0, is replaced by a band
-    beside it, with a warning; with `strict` it is refused, for those who promise the range and show no warnings.
-    """
-
-    phi: Mapping[str, Range] = field(default_factory=dict)
-    n: int = USUAL
-    seed: int = 0
-    method: str = "auto"
-    spread: str = "flat"
-    fix: Mapping[str, FixedPose | tuple[float, ...]] = field(default_factory=dict)
-    settle: bool = False
-    raw: bool = False
-    timeout: float = 60.0
-    workers: int | None = None
-    keep_partial: bool = False
-    strict: bool = False
-
-
 def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "phi") -> dict[str, Range]:
     """The ranges of `--phi` options as typed, e.g. ["task=0.05:0.2", "safe=0:"]; `argument` is the option's name.
     Raises RequestError with a caret."""
@@ -134,8 +113,6 @@ def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "ph
 
 
 def _parse_range(text: str, source: Source, offset: int) -> Range:
-    from scenegen.geometry.units import quantity
-
     whole = Span(source, offset, offset + len(text))
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
@@ -187,61 +164,16 @@ def empty_range(wanted: Range) -> Diagnostic | None:
     return None
 
 
-def check_seed(seed: int) -> None:
-    """Raises RequestError for what is no seed."""
-    if not 0 <= seed <= MAX_SEED:
-        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
-
-
-def check_request(
-    request: SampleRequest, bounds: Mapping[str, tuple[float, float]]
-) -> tuple[SampleRequest, tuple[Diagnostic, ...]]:
-    """A request checked against a spec's labels and the interval bounds of their phi; and warnings. The ranges of the
-    result can be sampled: none is empty or a single value. Raises RequestError."""
-    n, seed, spread = request.n, request.seed, request.spread
-    if not 1 <= n <= MAX_SCENES:
-        raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted=f"from 1 to {MAX_SCENES:,}"))
-    check_seed(seed)
-    if spread not in SPREADS:
-        raise RequestError(UNKNOWN_CHOICE(what="spread", name=spread, known=SPREADS))
-    warnings: list[Diagnostic] = []
-    checked: dict[str, Range] = {}
-    for name, wanted in request.phi.items():
-        if name not in bounds:
-            raise RequestError(UNKNOWN_LABEL(name=name, known=bounds))
+def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
+    """Raises RequestError for an end that is not finite, and for a reversed range."""
+    for label, wanted in by_name("ranges by label")(name, phi).items():
         for end in (wanted.low, wanted.high):
             if end is not None and not abs(end) <= LARGEST_PHI:
-                raise RequestError(RANGE_END(end=end, label=name))
+                raise RequestError(RANGE_END(end=end, label=label))
         problem = empty_range(wanted)
         if problem is not None:
             raise RequestError(problem)
-        checked[name] = _within_reach(name, wanted, bounds[name], None if request.strict else warnings)
-    return replace(request, phi=checked), tuple(warnings)
-
-
-def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warnings: list[Diagnostic] | None) -> Range:
-    """The range, or a band beside the bound where phi reaches the range only there. Without a list for its warning that
-    is refused."""
-    lowest, highest = bounds
-    low = -math.inf if wanted.low is None else wanted.low
-    high = math.inf if wanted.high is None else wanted.high
-    reach = {"label": name, "lowest": lowest, "highest": highest}
-    if low > highest or high < lowest:
-        raise RequestError(BEYOND_BOUNDS(wanted.span, range=wanted, **reach))
-    at_top, at_bottom = low == highest, high == lowest
-    if at_top or at_bottom:
-        # Reached only at its bound, as in closeTo(mug, plate, 0): suggest a band beside the bound.
-        band = Range(highest - 2 * BAND, highest) if at_top else Range(lowest, lowest + 2 * BAND)
-        bound = highest if at_top else lowest
-        if warnings is None:
-            refused = ONLY_AT_BOUND(wanted.span, bound=bound, ask=band, **reach)
-            raise RequestError(replace(refused, severity="error"))
-        warnings.append(ONLY_AT_BOUND(wanted.span, bound=bound, band=band, **reach))
-        return band
-    if low == high:
-        band = Range(max(low - BAND, lowest), min(high + BAND, highest))
-        raise RequestError(SINGLE_VALUE(wanted.span, label=name, value=low, band=band))
-    return wanted
+    return cast("Mapping[str, Range]", phi)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -255,8 +187,9 @@ COMPASS = {"EAST": 0, "NORTH": 90, "WEST": 180, "SOUTH": 270}
 UNITS = {"m": ("", "m", "cm", "mm"), "rad": ("", "rad", "deg", "turn")}
 
 
-def parse_fix(options: Sequence[str]) -> dict[str, FixedPose]:
-    """The objects of `--fix` options as typed, e.g. ["plate=0.5,0.5"]. Raises RequestError with a caret."""
+def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, FixedPose]:
+    """The objects of `--fix` options as typed, e.g. ["plate=0.5,0.5"], whatever the labels. Raises RequestError with a
+    caret."""
     found: dict[str, FixedPose] = {}
     for text in options:
         source = Source("fix", text, argument=True)
@@ -292,6 +225,174 @@ def _amount(part: str, base: str, here: Span) -> float:
     if not suffix and base == "rad" and abs(value) > TWO_PI:
         raise RequestError(MORE_THAN_A_TURN(here, amount=value))
     return quantity(amount, suffix)[0]
+
+
+def _optional_int(name: str, value: object) -> int | None:
+    return None if value is None else as_int(name, value)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The request. Its fields are the options of `scenegen sample`, of Python's `sample` and of the page.
+
+
+DRAWING, SETS, OF_MODELS = "How scenes are drawn", "Sets of scenes: --out DIR/ or a URL", "Models"  # panels of the help
+
+
+@dataclass(frozen=True, slots=True)
+class SampleRequest:
+    """A request for scenes of a spec or a model. Values that can be no request's are refused when it is made; what
+    depends on the spec is checked by `api.request.check_request` and `within_reach`.
+
+    `phi` are the ranges by label. `fix` has the poses of fixed objects by name: (x, y) or (x, y, theta), in metres and
+    radians. `method` is one of `sampling.methods.METHODS`. `timeout` (seconds) and `workers` (processes; None: as many
+    as save time) change no scene, nor do `resume`, `engine`, `address` and `shard_size`, which say how scenes are
+    written. A range that phi reaches only at its bound, with probability 0, is replaced by a band beside it, with a
+    warning; with `strict` it is refused, for those who promise the range and show no warnings.
+    """
+
+    phi: Annotated[
+        Mapping[str, Range],
+        Option(
+            "Wanted phi: LO:HI, LO: or :HI; NAME=LO:HI names a label.",
+            "[NAME=]LO:HI",
+            typed=list[str] | None,
+            parse=parse_phi,
+            check=_check_phi,
+        ),
+    ] = field(default_factory=dict)
+    n: Annotated[
+        int,
+        Option(
+            "How many scenes; default: 16, with --fix-from as many as are given.",
+            typed=int | None,
+            check=whole_number(1, MAX_SCENES),
+        ),
+    ] = USUAL
+    seed: Annotated[int, Option("The same seed gives the same scenes.", check=whole_number(0, MAX_SEED))] = 0
+    method: Annotated[str, Option(methods_help(), choices=METHODS, panel=DRAWING)] = "auto"
+    spread: Annotated[
+        str,
+        Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS, check=one_of(SPREADS)),
+    ] = "flat"
+    fix: Annotated[
+        Mapping[str, FixedPose | tuple[float, ...]],
+        Option(
+            "Hold an object where it is, in metres and radians or with units (50cm, 90deg); repeat for more. "
+            "With --fix-from the name alone.",
+            "NAME=X,Y[,THETA]",
+            typed=list[str] | None,
+            parse=parse_fix,
+            check=by_name('poses by name: fix={"plate": (0.5, 0.5)}'),
+        ),
+    ] = field(default_factory=dict)
+    settle: Annotated[
+        bool,
+        Option("Only scenes in which nothing moves when dropped in a simulator."),
+    ] = False
+    workers: Annotated[
+        int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING)
+    ] = None
+    timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", check=as_seconds, panel=DRAWING)] = (
+        60.0
+    )
+    keep_partial: Annotated[bool, Option("Keep what was found when time is up.", panel=DRAWING)] = False
+    raw: Annotated[
+        bool,
+        Option("A model's own output, neither refined nor filtered.", of=("scenes", "sets"), panel=OF_MODELS),
+    ] = False
+    resume: Annotated[bool, Option("Go on where an earlier run with this --out was broken off.")] = False
+    shard_size: Annotated[
+        int | None,
+        Option(
+            "Scenes of each file of a set, a multiple of 65536.",
+            "N",
+            check=_optional_int,
+            of=("sets", "motions"),
+            panel=SETS,
+        ),
+    ] = None
+    engine: Annotated[
+        str,
+        Option(
+            "What draws a set: local processes, or a ray cluster. The bytes are the same.",
+            choices=("local", "ray"),
+            of=("sets", "motions"),
+            panel=SETS,
+        ),
+    ] = "local"
+    address: Annotated[
+        str | None,
+        Option("The Ray cluster; default: $RAY_ADDRESS, or this machine.", "ADDR", of=("sets", "motions"), panel=SETS),
+    ] = None
+    strict: bool = False
+
+    def __post_init__(self) -> None:
+        for name, option in _options().items():
+            if option.check is not None:
+                object.__setattr__(self, name, option.check(name, getattr(self, name)))
+
+    @classmethod
+    def typed(cls, options: Mapping[str, Any], labels: Sequence[str]) -> SampleRequest:
+        """The request of options as typed, by their names; those that were not typed are None. Raises RequestError with
+        a caret."""
+        found = {}
+        for name, option in _options().items():
+            value = options.get(name)
+            if value is not None:
+                found[name] = value if option.parse is None else option.parse(value, tuple(labels))
+        return cls(**found)
+
+    def misplaced(self, what: str) -> str | None:
+        """The first option that was given and means nothing for `what`, which is "scenes", "sets" or "motions"."""
+        usual = SampleRequest()
+        for name, option in _options().items():
+            if what not in option.of and getattr(self, name) != getattr(usual, name):
+                return name
+        return None
+
+
+@functools.cache
+def _options() -> dict[str, Option]:
+    return {name: option for name, (_, option) in options_of(SampleRequest).items()}
+
+
+def within_reach(
+    request: SampleRequest, bounds: Mapping[str, tuple[float, float]]
+) -> tuple[SampleRequest, tuple[Diagnostic, ...]]:
+    """A request held against a spec's labels and the interval bounds of their phi; and warnings. The ranges of the
+    result can be sampled: none is empty or a single value. Raises RequestError."""
+    warnings: list[Diagnostic] = []
+    checked: dict[str, Range] = {}
+    for name, wanted in request.phi.items():
+        if name not in bounds:
+            raise RequestError(UNKNOWN_LABEL(name=name, known=bounds))
+        checked[name] = _within_reach(name, wanted, bounds[name], None if request.strict else warnings)
+    return replace(request, phi=checked), tuple(warnings)
+
+
+def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warnings: list[Diagnostic] | None) -> Range:
+    """The range, or a band beside the bound where phi reaches the range only there. Without a list for its warning that
+    is refused."""
+    lowest, highest = bounds
+    low = -math.inf if wanted.low is None else wanted.low
+    high = math.inf if wanted.high is None else wanted.high
+    reach = {"label": name, "lowest": lowest, "highest": highest}
+    if low > highest or high < lowest:
+        raise RequestError(BEYOND_BOUNDS(wanted.span, range=wanted, **reach))
+    at_top, at_bottom = low == highest, high == lowest
+    if at_top or at_bottom:
+        # Reached only at its bound, as in closeTo(mug, plate, 0): suggest a band beside the bound.
+        band = Range(highest - 2 * BAND, highest) if at_top else Range(lowest, lowest + 2 * BAND)
+        bound = highest if at_top else lowest
+        if warnings is None:
+            refused = ONLY_AT_BOUND(wanted.span, bound=bound, ask=band, **reach)
+            raise RequestError(replace(refused, severity="error"))
+        warnings.append(ONLY_AT_BOUND(wanted.span, bound=bound, band=band, **reach))
+        return band
+    if low == high:
+        band = Range(max(low - BAND, lowest), min(high + BAND, highest))
+        raise RequestError(SINGLE_VALUE(wanted.span, label=name, value=low, band=band))
+    return wanted
 
 
 def hold_fixed(

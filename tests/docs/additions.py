@@ -11,7 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "extending.md"
 FOLDERS = ("scenegen", "experiments", "grammar", "specs", "tests")
-FILES = ("pyproject.toml", "docs/curriculum.md", "docs/api.md")
+FILES = ("pyproject.toml", "docs/curriculum.md", "docs/api.md", "docs/sampling.md")
 BLOCK = re.compile(r"^```\w+ (file|into)=(\S+)(?: (table|after)=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 

@@ -61,6 +61,7 @@ def test_every_section_touches_what_its_row_names():
             linked = (
                 "docs/curriculum.md",
                 "docs/api.md",
+                "docs/sampling.md",
                 f"{folder}/registry.py",
             )  # the last is beside a file it names
             assert (new if addition.new else addition.path) in (*named, *linked), (title, addition.path)
@@ -152,6 +153,23 @@ def test_a_sampler(extended):
 
 
 @pytest.mark.slow
+def test_an_option_of_sample(extended):
+    project = extended("An option of `sample`")
+    goldens = ("tests/cli/test_help.py", "tests/api/test_request.py", "-k", "test_command and sample or request")
+    run_tests(project, "--regenerate", *goldens)
+    run_tests(project, *goldens)
+    assert "--inset" in scenegen(project, "sample", "--help")
+    assert "`--inset MARGIN`" in (project / "docs" / "sampling.md").read_text()
+    words = ("sample", "first", "--phi", "0:0.2", "-n", "64", "--out", "s.json")
+    lowest = "import scenegen; print(scenegen.read_scenes('s.json').phi['task'].min() >= 0.05)"
+    scenegen(project, *words)
+    assert python(project, "-c", lowest) == "False\n"
+    scenegen(project, *words, "--inset", "0.05")
+    assert python(project, "-c", lowest) == "True\n"
+    python(project, "-c", "import scenegen; scenegen.sample(scenegen.load('specs/first.spec'), (0, 0.4), inset=0.1)")
+
+
+@pytest.mark.slow
 def test_a_figure(extended):
     project = extended("A figure")
     run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "render")
@@ -182,8 +200,8 @@ def test_a_strategy(extended):
 @pytest.mark.slow
 def test_a_command(extended):
     project = extended("A command")
-    run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "count or program")
-    run_tests(project, "tests/cli/test_help.py", "-k", "count or program")
+    run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "count or test_program")
+    run_tests(project, "tests/cli/test_help.py", "-k", "count or test_program")
     scenegen(project, "sample", "first", "-n", "5", "--out", "s.json")
     assert scenegen(project, "count", "s.json") == "5\n"
 

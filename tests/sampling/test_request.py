@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.sampling.problem import make_problem
-from scenegen.sampling.request import BAND, Range, SampleRequest, check_request, parse_phi
+from scenegen.sampling.request import BAND, Range, SampleRequest, parse_phi, within_reach
 
 NUMBERS = st.floats(-1e6, 1e6).map(lambda value: value + 0.0)
 
@@ -72,7 +72,7 @@ def test_a_single_value_is_refused_with_a_band(exp1):
     with pytest.raises(RequestError, match=r"with probability 0[\s\S]*phi=\{\"task\": \(0\.0875, 0\.1125\)\}"):
         make_problem(exp1, SampleRequest({"task": Range(0.1, 0.1)}, n=1))
     with pytest.raises(RequestError, match=r"phi=\{\"safe\": \(-0\.25\d*, -0\.2375\)\}"):
-        check_request(SampleRequest({"safe": Range(-0.25, -0.25)}), {"safe": (-0.2500001, 1.0)})
+        within_reach(SampleRequest({"safe": Range(-0.25, -0.25)}), {"safe": (-0.2500001, 1.0)})
 
 
 def test_a_bound_that_is_only_touched_gets_a_warning_and_a_band():

@@ -201,7 +201,7 @@ def test_every_shipped_spec_works_on_the_page(tmp_path, name):
 
 def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
     some = replace(scenegen.sample(scenegen.parse(TEXT), n=2), warnings=(PAGE_LIMIT(most=1, count=2, what="scenes"),))
-    monkeypatch.setattr("scenegen.api.sample.sample", lambda *_, **__: some)
+    monkeypatch.setattr("scenegen.api.sample.draw_scenes", lambda *_, **__: some)
     (found,) = do("sample", tmp_path, request={"n": 2})
     assert found["warnings"] == [{"code": PAGE_LIMIT.code, "title": some.warnings[0].title}]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from PIL import Image
 
 import scenegen
 from scenegen.api.monitor import score_trajectory
+from scenegen.api.motions import draw_motions
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.show.view import export
@@ -236,12 +238,12 @@ def test_motions_are_shown_while_they_are_found(tmp_path, monkeypatch):
 def test_motions_that_were_found_when_time_is_up_are_shown(tmp_path, monkeypatch):
     monkeypatch.setattr("scenegen.show.view.jobs.sample.BEAT", 0.0)
 
-    def slow(spec, wanted, seconds, watch):
-        found = scenegen.sample_motions(spec, wanted["phi"], 5, method="splitting")
+    def slow(spec, request, watch):
+        found = draw_motions(spec, replace(request, n=5), watch=None)
         watch(found.poses, 2)
         raise RequestError(NO_TIME_TO_TELL(tried="levels of motions", undecided=1, count=1))
 
-    monkeypatch.setattr("scenegen.show.view.jobs.motions.drawn", slow)
+    monkeypatch.setattr("scenegen.api.motions.draw_motions", slow)
     wanted = {"phi": {"task": [0, None]}, "n": 12, "method": "splitting"}
     *_, last = do("sample", tmp_path, NEAR, request=wanted, watch=True)
     assert len(last["motions"]) == 2 and min(last["phi"]["task"]) >= 0

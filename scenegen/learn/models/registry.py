@@ -6,8 +6,6 @@ import importlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from pydantic import ValidationError
-
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE, UNKNOWN_SETTING, WRONG_SETTING, WRONG_VALUE
 
@@ -43,6 +41,8 @@ def model_class(name: str, recipe: str = "default") -> type[SceneModel]:
 
 def parse_hyper(name: str, values: Mapping[str, float], recipe: str = "default") -> Hyper:
     """The model's own settings, checked. Raises RequestError for an unknown setting or a value out of its range."""
+    from pydantic import ValidationError
+
     settings = model_class(name, recipe).hyper_class
     if not isinstance(values, Mapping):
         wanted = 'settings by name: hyper={"width": 128}'

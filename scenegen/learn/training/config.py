@@ -1,4 +1,4 @@
-"""What a training run is asked to do."""
+"""What a training run is asked to do: the fields of `TrainConfig` are options of `scenegen train`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from numbers import Integral, Real
 from os import PathLike
-from typing import Any
+from typing import Annotated, Any
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.files import UNKNOWN_ENDING
@@ -27,7 +27,7 @@ from scenegen.learn.training.datasets.registry import DATASETS, is_file
 from scenegen.learn.training.recipes import CONSTANT, DEFAULTS
 from scenegen.sampling.request import number
 from scenegen.scenes.formats.registry import FORMATS
-from scenegen.validation import as_path
+from scenegen.validation import Option, as_path
 
 # option -> lowest and highest value; whole numbers where the bounds are
 BOUNDS: dict[str, tuple[float, float]] = {
@@ -44,6 +44,21 @@ WARM = 200  # steps
 LEAST = 0.01  # of the rate, at the end
 
 
+def parse_settings(options: Sequence[str]) -> dict[str, float]:
+    """The model's own settings as typed, such as ["width=128"]. Raises RequestError with a caret."""
+    found: dict[str, float] = {}
+    for text in options:
+        name, equals, rest = text.partition("=")
+        value = number(rest)
+        here = Span(Source("hyper", text, argument=True), len(name) + 1 if equals else 0, len(text))
+        if value is None or not name.strip():
+            raise RequestError(SETTING_SYNTAX(here))
+        if name.strip() in found:
+            raise RequestError(SETTING_TWICE(here, name=name.strip()))
+        found[name.strip()] = int(value) if value.is_integer() else value
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class TrainConfig:
     """`make_config` fills in what a recipe has for the model.
@@ -56,18 +71,48 @@ class TrainConfig:
     diagnostic per value that is out of its range.
     """
 
-    model: str
-    recipe: str
-    epochs: int
-    batch_size: int
-    lr: float
-    scenes: int | None
-    data: str
-    seed: int = 0
-    device: str = "cpu"
-    patience: int | None = None
-    hyper: Mapping[str, float] = field(default_factory=dict)
-    phi: Mapping[str, str] = field(default_factory=dict)
+    model: Annotated[str, Option("flow, energy, gan or aae.", "NAME", choices=MODELS)]
+    recipe: Annotated[str, Option("default, or paper: the published networks and settings (gan, aae).")]
+    epochs: Annotated[int, Option("Passes over the training scenes.", typed=int | None)]
+    batch_size: Annotated[int, Option("Scenes per step.", typed=int | None)]
+    lr: Annotated[float, Option("Learning rate of Adam.", typed=float | None)]
+    scenes: Annotated[int | None, Option("Training scenes; of a file the first so many, all if left out.")]
+    data: Annotated[
+        str,
+        Option(
+            "balanced: exact, flat in phi; uniform; boosted: satisfying scenes perturbed to be more; or a file of "
+            "scenes (.parquet of any size, .jsonl, .json).",
+            "NAME|FILE",
+            typed=str | None,
+        ),
+    ]
+    seed: Annotated[int, Option("Of everything random; the same seed gives the same model.")] = 0
+    device: Annotated[str, Option("cpu, cuda or cuda:1.")] = "cpu"
+    patience: Annotated[
+        int | None,
+        Option(
+            "Stop after so many epochs without a smaller error of phi on held-out labels, and keep the best; left "
+            "out, all epochs are run and the last is kept.",
+            "EPOCHS",
+        ),
+    ] = None
+    hyper: Annotated[
+        Mapping[str, float],
+        Option(
+            "A setting of the model, as width=128; repeat for more. `scenegen explain models` lists all.",
+            "NAME=VALUE",
+            typed=list[str] | None,
+            parse=parse_settings,
+        ),
+    ] = field(default_factory=dict)
+    phi: Annotated[
+        Mapping[str, str],
+        Option(
+            "Where to train: most of the training scenes lie in LO:HI, LO: or :HI; NAME=LO:HI names a label.",
+            "[NAME=]LO:HI",
+            typed=list[str] | None,
+        ),
+    ] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         found = [problem for name in BOUNDS if (problem := _check_number(name, getattr(self, name))) is not None]
@@ -119,21 +164,6 @@ def make_config(model: str, recipe: str = "default", **options: Any) -> TrainCon
     if is_file(str(given.get("data", ""))):
         given = {"scenes": None, **given}  # all of them, not as many as the recipe draws
     return TrainConfig(model, recipe, **{**DEFAULTS[recipe, model], **given})
-
-
-def parse_settings(options: Sequence[str]) -> dict[str, float]:
-    """The model's own settings as typed, such as ["width=128"]. Raises RequestError with a caret."""
-    found: dict[str, float] = {}
-    for text in options:
-        name, equals, rest = text.partition("=")
-        value = number(rest)
-        here = Span(Source("hyper", text, argument=True), len(name) + 1 if equals else 0, len(text))
-        if value is None or not name.strip():
-            raise RequestError(SETTING_SYNTAX(here))
-        if name.strip() in found:
-            raise RequestError(SETTING_TWICE(here, name=name.strip()))
-        found[name.strip()] = int(value) if value.is_integer() else value
-    return found
 
 
 def _plain(value: object) -> object:

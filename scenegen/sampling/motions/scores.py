@@ -38,7 +38,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, along, row_of, rows_of
 from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_step_bounds
 from scenegen.sampling.motions.problem import Array, MotionProblem, cost, within_a_turn
-from scenegen.sampling.request import SampleRequest, check_request, hold_fixed
+from scenegen.sampling.request import SampleRequest, hold_fixed, within_reach
 from scenegen.search.effort import NEVER, Stop, StoppedError, asking
 
 STATES = 1 << 16  # states scored at a time, which stay in cache
@@ -340,7 +340,7 @@ def make_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) 
         bounds = phi_bounds(timed, lowest, highest, effort)
     except StoppedError:
         raise RequestError(NO_TIME_TO_CHECK()) from None
-    checked, warnings = check_request(dataclasses.replace(request, fix=fixed), bounds)
+    checked, warnings = within_reach(dataclasses.replace(request, fix=fixed), bounds)
     radius, turn = _steps(timed, lowest, highest)
     for name in unbounded(timed, lowest, highest):
         raise RequestError(NO_BOUND_ON_STEPS(name=name))

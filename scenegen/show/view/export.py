@@ -18,6 +18,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.program import PAGE_LIMIT
 from scenegen.lang.checker import check_file
+from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import check_writable, write_whole
 from scenegen.scenes.motions import MotionFile
@@ -189,7 +190,7 @@ def _motions(
         "notes": [],
         "took": 0.0,
     }
-    header = motions.motion_set(spec, poses, sampler, {"phi": {}, "n": len(poses)}).header
+    header = motions.motion_set(spec, poses, sampler, SampleRequest(n=len(poses))).header
     return shown, [_shortened(motions.reasons(spec, one, everything=False)) for one in poses], header
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.monitor import score_trajectory
-from scenegen.api.motions import MotionSet, draw_motions
+from scenegen.api.motions import MotionSet
 from scenegen.api.outline import FormulaTree, Outline, OutlinePart
 from scenegen.api.scene_arrays import motion_header
 from scenegen.api.spec import Spec
@@ -20,7 +20,7 @@ from scenegen.errors.program import NO_MESSAGE, PAGE_LIMIT
 from scenegen.lang.formula.core import REQUIRE, BoundedUntil, Everywhere, Junction, Moment, Window
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimedValues, over_time
 from scenegen.sampling.motions.scores import TraceScores
-from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.formats.motions import facts_of
 from scenegen.scenes.motions import MotionRequestData, TimeData
 from scenegen.search import node_bounds
@@ -47,19 +47,6 @@ def motions_of(spec: Spec, poses: object) -> Array:
         raise DataError(NO_MESSAGE(reason=f"no motions of {shape[1]} objects at {shape[0]} moments"))
     check_size(spec, len(array))
     return array
-
-
-def drawn(
-    spec: Spec, wanted: Mapping[str, Any], seconds: float, watch: Callable[[Array, int], None] | None = None
-) -> MotionSet:
-    """The motions of a request, exactly those that `scenegen sample` makes of it, or fewer with a warning. `watch` is
-    shown what comes near it meanwhile. Raises what `sample_motions` raises."""
-    request = SampleRequest(
-        {name: Range(*ends) for name, ends in wanted["phi"].items()}, wanted["n"], seed=wanted["seed"],
-        method=wanted["method"], spread=wanted["spread"], fix=wanted["fix"] or {}, timeout=seconds, keep_partial=True,
-        workers=1,
-    )  # fmt: skip
-    return draw_motions(spec, request, watch=watch)
 
 
 def told(spec: Spec, motions: Array) -> dict[str, Any]:
@@ -133,11 +120,12 @@ def _decides(spec: Spec, label: str, scored: TimedValues, motion: Array, at: lis
     }
 
 
-def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], wanted: Mapping[str, Any]) -> MotionSet:
+def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], request: SampleRequest) -> MotionSet:
     """Motions from a page as a set with its header; phi is computed again."""
     horizon = timed_of(spec).horizon
-    request = MotionRequestData(phi=wanted["phi"], n=max(1, wanted["n"]))
-    header = motion_header(spec.declared, sampler, request, TimeData(steps=horizon.steps, dt=horizon.dt))
+    ranges = {name: (one.low, one.high) for name, one in request.phi.items()}
+    asked = MotionRequestData(phi=ranges, n=request.n)
+    header = motion_header(spec.declared, sampler, asked, TimeData(steps=horizon.steps, dt=horizon.dt))
     phi = {name: np.array(values) for name, values in told(spec, motions)["phi"].items()}
     return MotionSet(motions, phi, facts_of(motions), header)
 

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ from scenegen.errors.program import ANOTHER_SPEC, NO_MESSAGE, PAGE_LIMIT
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE
 from scenegen.errors.time import TOO_FEW_MOTIONS
 from scenegen.needs import need
+from scenegen.sampling.request import USUAL, Range, SampleRequest
 from scenegen.scenes.data import RequestData
 from scenegen.show.view.jobs.evaluate import scene_set, told
 from scenegen.show.view.jobs.source import SLIGHTLY, calmly, give_way, spec_of
@@ -50,42 +51,42 @@ QUICK = 5.0  # seconds that the first look may take
 def sample(message: dict[str, Any]) -> Iterator[Any]:
     """Verified scenes: poses (n, N, 3), phi by label, and how they were made."""
     spec = spec_of(message)
-    wanted = request_of(message, spec)
+    request = request_of(message, spec)
     if spec.over_time is not None:
-        yield from _motions(spec, wanted, message)
+        yield from _motions(spec, request, message)
         return
-    named = message.get("model") if wanted["method"] == "model" else None
+    named = message.get("model") if request.method == "model" else None
     source = _model_of(str(named), spec) if named else None
     notes: list[str] = []
     began = time.perf_counter()
-    seconds = min(float(message.get("timeout") or TIMEOUT), LONGEST)
 
     def draw() -> SceneSet:
-        how: dict[str, Any] = {"timeout": seconds, "keep_partial": True, "workers": 1, "on_note": notes.append}
-        return sampling.sample(source or spec, **wanted, **how)
+        return sampling.draw_scenes(source or spec, request, on_note=notes.append)
 
     found = draw() if len(spec.objects) < MANY else calmly(draw, SLIGHTLY)  # the page asks for a first look, too
     data = scenes_data(spec, found)
     data["warnings"] += [
         {"code": NEVER_SATISFIED.code, "title": f"`{name}` is satisfied only at its border: phi is 0 in all scenes"}
         for name, values in found.phi.items()
-        if _touches(wanted["phi"].get(name), values)
+        if _touches(request.phi.get(name), values)
     ]
     yield {**data, "notes": notes, "took": time.perf_counter() - began}
 
 
-def _touches(ends: tuple[float | None, float | None] | None, phi: npt.NDArray[np.float64]) -> bool:
+def _touches(wanted: Range | None, phi: npt.NDArray[np.float64]) -> bool:
     """Whether scenes that may have any phi from 0 up have no more than rounding makes."""
-    return ends is not None and ends[0] == 0.0 and (ends[1] is None or ends[1] > TOUCH) and bool(phi.max() < TOUCH)
+    if wanted is None or wanted.low != 0.0 or (wanted.high is not None and wanted.high <= TOUCH):
+        return False
+    return bool(phi.max() < TOUCH)
 
 
-def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def _motions(spec: Spec, request: SampleRequest, message: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Motions (n, T + 1, N, 3), phi by label, and how they were made. With `watch`, a `look` now and then until they
     are there: those that come nearest, of which the first `hits` are in the range; `left` seconds remain at most."""
+    from scenegen.api.motions import draw_motions
     from scenegen.show.view.jobs import motions
 
     began = time.perf_counter()
-    seconds = min(float(message.get("timeout") or PATIENCE), LONGEST)
     news: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
     in_range = np.empty((0,))  # motions
     last = -BEAT  # when something was shown
@@ -93,15 +94,15 @@ def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) 
     def watch(nearest: npt.NDArray[np.float64], hits: int) -> None:
         nonlocal in_range, last
         now = time.perf_counter() - began
-        if len(in_range) == wanted["n"] or now - last < BEAT:
+        if len(in_range) == request.n or now - last < BEAT:
             return
         in_range, last = nearest[:hits], now
         look = {**motions.told(spec, nearest), "motions": nearest.tolist(), "sampler": {}, "warnings": [], "notes": []}
-        news.put({"look": {**look, "took": 0.0}, "hits": hits, "left": max(0.0, seconds - now)})
+        news.put({"look": {**look, "took": 0.0}, "hits": hits, "left": max(0.0, request.timeout - now)})
 
     def draw() -> MotionSet:
         try:
-            return motions.drawn(spec, wanted, seconds, watch if message.get("watch") else None)
+            return draw_motions(spec, request, watch=watch if message.get("watch") else None)
         finally:
             news.put(None)
 
@@ -114,7 +115,7 @@ def _motions(spec: Spec, wanted: Mapping[str, Any], message: Mapping[str, Any]) 
         except RequestError:
             if not len(in_range):
                 raise
-            few = partial(TOO_FEW_MOTIONS(found=len(in_range), wanted=wanted["n"], reason="time is up"))
+            few = partial(TOO_FEW_MOTIONS(found=len(in_range), wanted=request.n, reason="time is up"))
             warnings = [{"code": few.code, "title": f"{few.title}; these are the first that were found, in no order"}]
             data = {**motions.told(spec, in_range), "motions": in_range.tolist(), "sampler": {}, "warnings": warnings}
     yield {**data, "notes": [], "took": time.perf_counter() - began}
@@ -165,21 +166,23 @@ def _glimpse(message: dict[str, Any], most: int) -> dict[str, Any] | None:
     spec = spec_of(message)
     if spec.over_time is not None:
         return None
-    wanted = request_of(message, spec)
-    n = min(most, wanted["n"])
+    request = request_of(message, spec)
     try:
-        found = glimpse(spec, wanted["phi"], n, seed=wanted["seed"], fix=wanted["fix"], timeout=QUICK)
+        found = glimpse(spec, request.phi, min(most, request.n), seed=request.seed, fix=request.fix, timeout=QUICK)
     except RequestError:
         return None
     return {**scenes_data(spec, found), "notes": [], "took": 0.0} if len(found) else None
 
 
-def request_of(message: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
-    """The arguments of `scenegen.sample`. Raises RequestError for what is no request."""
+def request_of(message: Mapping[str, Any], spec: Spec) -> SampleRequest:
+    """The request of a page: what is found in its time is kept, by one process. Raises RequestError for what is no
+    request."""
     wanted = message.get("request") or {}
+    patience = TIMEOUT if spec.over_time is None else PATIENCE
     try:
-        n, seed = int(wanted.get("n", 16)), int(wanted.get("seed", 0))
-        phi = {str(name): (_end(ends[0]), _end(ends[1])) for name, ends in dict(wanted.get("phi") or {}).items()}
+        n, seed = int(wanted.get("n", USUAL)), int(wanted.get("seed", 0))
+        seconds = min(float(message.get("timeout") or patience), LONGEST)
+        phi = {str(name): Range(_end(ends[0]), _end(ends[1])) for name, ends in dict(wanted.get("phi") or {}).items()}
         fix = {str(name): tuple(float(one) for one in pose) for name, pose in dict(wanted.get("fix") or {}).items()}
     except (TypeError, ValueError, LookupError, AttributeError, OverflowError):
         raise RequestError(NO_MESSAGE(reason="no request for scenes")) from None
@@ -190,14 +193,11 @@ def request_of(message: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
     most = most_scenes(len(spec.objects))
     if not 1 <= n <= most:
         raise RequestError(PAGE_LIMIT(most=most, count=n, what="scenes"))
-    return {
-        "phi": {name: ends for name, ends in phi.items() if ends != (None, None)},
-        "n": n,
-        "seed": seed,
-        "method": str(wanted.get("method", "auto")),
-        "spread": str(wanted.get("spread", "flat")),
-        "fix": fix or None,
-    }
+    bounded = {name: ends for name, ends in phi.items() if ends != Range()}
+    return SampleRequest(
+        bounded, n, seed, str(wanted.get("method", "auto")), str(wanted.get("spread", "flat")), fix, timeout=seconds,
+        keep_partial=True, workers=1,
+    )  # fmt: skip
 
 
 def _end(value: Any) -> float | None:
@@ -255,9 +255,10 @@ def download(message: dict[str, Any]) -> Iterator[Any]:
     scenes = scene_set(spec, message["poses"], sampler if isinstance(sampler, dict) else None, message.get("on"))
     if not len(scenes):
         raise RequestError(NO_SCENES())
-    ends = {name: (low, high) for name, (low, high) in request["phi"].items()}
-    data = RequestData(phi=ends, n=max(1, request["n"]), spread=request["spread"])
-    scenes = replace(scenes, header=scenes.header.model_copy(update={"request": data}), trusted=True)
+    ranges = {name: (one.low, one.high) for name, one in request.phi.items()}
+    data = RequestData(phi=ranges, n=request.n, spread=cast("Any", request.spread))
+    header = scenes.header.model_copy(update={"request": data})
+    scenes = replace(scenes, header=header, trusted=True)
     into = Path(message["into"])
     if wanted in FILES:
         yield scenes.save(into / f"scenes.{wanted}").name

@@ -145,20 +145,22 @@ def sample_motions(
     timeout: float = 60.0,
     keep_partial: bool = False,
     fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
+    settle: bool = False,
     workers: int | None = None,
 ) -> MotionSet:
     """n motions of a spec over time whose phi lies in the wanted range of every label; each is scored once more.
 
     Arguments are as of `sample`; `method` is `rejection`, `splitting`, or `auto`. The distribution is described in
     docs/motions.md: steps are uniform over what the spec allows, conditioned on requirement, limits and range. An
-    object that `fix` names stays where it is, all the time. `facts` holds `moved`, the number of objects that ever
+    object that `fix` names stays where it is, all the time. With `settle`, the first moment of each is one that stands
+    still when dropped. `facts` holds `moved`, the number of objects that ever
     move, and `way`, the metres that all go together. The same arguments give the same motions, whatever `workers`.
     Raises RequestError for a request that is wrong or out of reach, for a spec without `time`, and where fewer than n
     motions were found, unless `keep_partial`.
     """
     request = SampleRequest(
         read_phi(spec, phi), n, seed=seed, method=method, spread=spread, timeout=timeout, keep_partial=keep_partial,
-        fix={} if fix is None else fix, workers=workers,
+        fix={} if fix is None else fix, settle=settle, workers=workers,
     )  # fmt: skip
     return draw_motions(spec, request)
 

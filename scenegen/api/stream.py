@@ -92,7 +92,7 @@ def write_scenes(
 
 def refuse_set_options(request: SampleRequest) -> None:
     """Raises RequestError for options that only sets have."""
-    argument = request.misplaced("scenes")
+    argument = request.misplaced("scenes", "motions", "files")
     if argument is not None:
         raise RequestError(ONLY_FOR_SETS(argument=argument))
 

@@ -298,16 +298,16 @@ class SampleRequest:
     keep_partial: Annotated[bool, Option("Keep what was found when time is up.", panel=DRAWING)] = False
     raw: Annotated[
         bool,
-        Option("A model's own output, neither refined nor filtered.", of=("scenes", "sets"), panel=OF_MODELS),
+        Option("A model's own output, neither refined nor filtered.", of=("scenes",), panel=OF_MODELS),
     ] = False
-    resume: Annotated[bool, Option("Go on where an earlier run with this --out was broken off.")] = False
+    resume: Annotated[bool, Option("Go on where an earlier run with this --out was broken off.", of=("files",))] = False
     shard_size: Annotated[
         int | None,
         Option(
             "Scenes of each file of a set, a multiple of 65536.",
             "N",
             check=_optional_int,
-            of=("sets", "motions"),
+            of=("sets",),
             panel=SETS,
         ),
     ] = None
@@ -316,13 +316,13 @@ class SampleRequest:
         Option(
             "What draws a set: local processes, or a ray cluster. The bytes are the same.",
             choices=("local", "ray"),
-            of=("sets", "motions"),
+            of=("sets",),
             panel=SETS,
         ),
     ] = "local"
     address: Annotated[
         str | None,
-        Option("The Ray cluster; default: $RAY_ADDRESS, or this machine.", "ADDR", of=("sets", "motions"), panel=SETS),
+        Option("The Ray cluster; default: $RAY_ADDRESS, or this machine.", "ADDR", of=("sets",), panel=SETS),
     ] = None
     strict: bool = False
 
@@ -342,11 +342,11 @@ class SampleRequest:
                 found[name] = value if option.parse is None else option.parse(value, tuple(labels))
         return cls(**found)
 
-    def misplaced(self, what: str) -> str | None:
-        """The first option that was given and means nothing for `what`, which is "scenes", "sets" or "motions"."""
+    def misplaced(self, *what: str) -> str | None:
+        """The first option that was given and means nothing for any of `what`: "scenes", "motions", "files", "sets"."""
         usual = SampleRequest()
         for name, option in _options().items():
-            if what not in option.of and getattr(self, name) != getattr(usual, name):
+            if not {*what} & {*option.of} and getattr(self, name) != getattr(usual, name):
                 return name
         return None
 

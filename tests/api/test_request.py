@@ -11,7 +11,7 @@ from scenegen.cli.app import COMMANDS
 from scenegen.cli.sample import sample as command
 from scenegen.errors import RequestError
 from scenegen.sampling.request import FixedPose, Range, SampleRequest
-from scenegen.validation import options_of
+from scenegen.validation import Option, options_of
 
 FIELDS = options_of(SampleRequest)
 DEFAULTS = {one.name: one.default for one in dataclasses.fields(SampleRequest)}
@@ -21,12 +21,16 @@ START, END = "<!-- options: made by tests/api/test_request.py --regenerate -->\n
 
 @pytest.mark.parametrize(
     "function, what",
-    [(scenegen.sample, "scenes"), (scenegen.sample_to, "sets"), (scenegen.sample_motions, "motions")],
+    [
+        (scenegen.sample, {"scenes"}),
+        (scenegen.sample_to, {"scenes", "files", "sets"}),
+        (scenegen.sample_motions, {"motions"}),
+    ],
 )
 def test_python_has_the_options_that_mean_something_by_the_same_names_and_defaults(function, what):
     given = inspect.signature(function).parameters
-    usual = {name for name, (_, option) in FIELDS.items() if what in option.of}
-    assert usual - {"resume"} <= set(given) and not (set(FIELDS) - usual) & set(given)
+    usual = {name for name, (_, option) in FIELDS.items() if what & {*option.of}}
+    assert usual <= set(given) and not (set(FIELDS) - usual) & set(given)
     for name in usual & set(given):
         if name not in ("phi", "fix", "n"):  # which may be left out
             assert given[name].default == DEFAULTS[name], name
@@ -49,17 +53,18 @@ def test_what_is_typed_becomes_the_request():
 @pytest.mark.parametrize(
     "changes, what, name",
     [
-        ({}, "motions", None),
-        ({"settle": True}, "motions", "settle"),
-        ({"raw": True}, "motions", "raw"),
-        ({"settle": True}, "scenes", None),
-        ({"engine": "ray"}, "scenes", "engine"),
-        ({"shard_size": 65536}, "scenes", "shard_size"),
-        ({"shard_size": 65536, "address": "auto"}, "sets", None),
+        ({}, ["motions"], None),
+        ({"settle": True}, ["motions"], None),
+        ({"raw": True}, ["motions", "sets"], "raw"),
+        ({"settle": True}, ["scenes"], None),
+        ({"engine": "ray"}, ["scenes", "files"], "engine"),
+        ({"resume": True}, ["scenes"], "resume"),
+        ({"shard_size": 65536}, ["scenes"], "shard_size"),
+        ({"shard_size": 65536, "address": "auto"}, ["motions", "sets"], None),
     ],
 )
 def test_options_that_mean_nothing_are_found(changes, what, name):
-    assert SampleRequest(**changes).misplaced(what) == name
+    assert SampleRequest(**changes).misplaced(*what) == name
 
 
 @pytest.mark.parametrize(
@@ -81,7 +86,7 @@ def test_the_table_of_options(request):
         shown = f"{flag.replace('_', '-')} {one.default.metavar or ''}".strip().replace("|", "\\|")
         of = FIELDS[name][1].of if name in FIELDS else ()
         usual = f"; {one.default.default} by default" if one.default.show_default else ""
-        where = "" if len(of) in (0, 3) else ", ".join(of)
+        where = "" if of == Option("").of else ", ".join(of)
         lines.append(f"| `{shown}` | {one.default.help.rstrip('.').replace('|', chr(92) + '|')}{usual} | {where} |")
     table = "\n".join(lines) + "\n"
     before, _, rest = PAGE.read_text().partition(START)

@@ -41,9 +41,9 @@ def cutter(monkeypatch, program):
     monkeypatch.setattr(convex, "cut", partial(played, program))
     runs = []
 
-    def process(what):
+    def process(what, *rest):
         runs.append(what)
-        return WorkerProcess(what)
+        return WorkerProcess(what, *rest)
 
     monkeypatch.setattr(convex, "WorkerProcess", process)
     return runs

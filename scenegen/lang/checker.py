@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
-from scenegen.errors.declarations import CONSTANT_LABEL, CONSTANT_REQUIREMENT, NO_FREE_OBJECT, SPEC_TOO_LARGE
-from scenegen.errors.language import CONSTANT_FROM_SCENE, WRONG_OVERRIDE
-from scenegen.errors.time import CHOICE_OVER_TIME, LOOKS_BEYOND, MOVES_WITHOUT_TIME
+from scenegen.errors.declarations import CONSTANT_LABEL, NO_FREE_OBJECT, SPEC_TOO_LARGE
+from scenegen.errors.language import NOT_CONSTANT, WRONG_OVERRIDE
+from scenegen.errors.time import LOOKS_BEYOND, NO_PLACE_OVER_TIME, TIME_MISSING
 from scenegen.geometry.units import ANGLE, BARE, LENGTH
 from scenegen.lang.check.draft import Draft, Look
 from scenegen.lang.check.expressions import Lowering
@@ -132,7 +132,7 @@ def read_time(draft: Draft) -> None:
             elif isinstance(one.statement, ast.Moves):
                 draft.moves = movers(one.source, one.statement)
                 if not draft.scope.timed:
-                    raise SpecError(MOVES_WITHOUT_TIME(one.statement.span(one.source)))
+                    raise SpecError(TIME_MISSING(one.statement.span(one.source)))
     if lowering.horizon is not None:
         builder = lowering.builder
         builder.moving = len(builder.objects)
@@ -205,7 +205,7 @@ def _stand(draft: Draft) -> None:
         for thing in scope.things.values():
             one = thing.declaration
             if one is not None and one.choice:
-                raise SpecError(CHOICE_OVER_TIME(one.name.span(thing.source)))
+                raise SpecError(NO_PLACE_OVER_TIME(one.name.span(thing.source)))
     chosen = lowering.choices = choices(lowering, found, list(scope.things.values()))
     lowering.supports = {which: options[0] for which, options in found.items() if which not in chosen}
     lowering.builder.objects = (*names, *(f"{names[which]}.on" for which in chosen))
@@ -231,7 +231,7 @@ def check_constants(draft: Draft) -> None:
                 value = lowering.evaluate(expr, CallFrame(declared.source))
                 if isinstance(value, NumberValue) and lowering.builder.value(value.node) is None:
                     here, formula = expr.span(declared.source), print_expr(expr)
-                    raise SpecError(CONSTANT_FROM_SCENE(here, name=declared.name.id, formula=formula))
+                    raise SpecError(NOT_CONSTANT(here, name=declared.name.id, formula=formula))
                 draft.problems.extend(_bad_override(declared, value, lowering))
 
 
@@ -304,7 +304,7 @@ def make_core(draft: Draft) -> None:
         if not depends[index]:
             draft.problems.append(CONSTANT_LABEL(draft.formula(name), name=name, held=held))
     if core.requirement is not None and not depends[core.requirement]:
-        draft.problems.append(CONSTANT_REQUIREMENT(draft.first_requirement(), held=held))
+        draft.problems.append(CONSTANT_LABEL(draft.first_requirement(), held=held))
 
 
 def split_time(draft: Draft) -> None:

@@ -17,16 +17,15 @@ from typing import Any, TypeGuard
 from scenegen.errors import Diagnostic, Kind, Span, SpecError
 from scenegen.errors.declarations import NO_OBJECTS, WORKSPACE_OF_ITSELF
 from scenegen.errors.language import (
-    DIVISION_BY_SCENE,
-    DIVISION_BY_ZERO,
     EQUALITY,
+    MISPLACED_VALUE,
     MORE_THAN_A_TURN,
-    NOT_A_CONSTANT,
     NOT_TWO_COORDINATES,
     NUMBER_TOO_LARGE,
-    STRAY_RANGE,
     UNIT_MISMATCH,
-    UNIT_OF_ARGUMENT,
+    WRONG_DIVISOR,
+    WRONG_NAME,
+    WRONG_UNIT,
 )
 from scenegen.geometry import PRIMITIVES, Footprint, UnitMismatch
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, Unit, agree, quantity
@@ -118,7 +117,7 @@ def objects(lowering: Lowering, node: ast.Name, frame: CallFrame, origin: Span) 
     if not lowering.scope.things:
         raise lowering.error(NO_OBJECTS, node, frame)
     if not lowering.scope.objects:
-        raise lowering.error(NOT_A_CONSTANT, node, frame, name=node.id)
+        raise lowering.error(WRONG_NAME, node, frame, name=node.id)
     if node.id in lowering.scope.objects:
         return ObjectValue(lowering.scope.objects[node.id], origin=origin)
     places = range(len(lowering.scope.objects)) if node.id == "objects" else lowering.scope.arrays[node.id]
@@ -397,7 +396,7 @@ class Lowering:
             case ast.Temporal() | ast.Until():
                 return temporal(self, node, env, frame)
             case ast.Range():
-                raise self.error(STRAY_RANGE, node, frame)
+                raise self.error(MISPLACED_VALUE, node, frame)
         raise AssertionError(f"the resolver let {type(node).__name__} pass")
 
     def at_once(self, node: ast.Expr, env: Environment, frame: CallFrame) -> Value | None:
@@ -450,9 +449,9 @@ class Lowering:
         if name == "div":
             divisor = self.builder.divisor(numbers[1].node)
             if divisor is None:
-                raise self.error(DIVISION_BY_SCENE, parts[1], frame)
+                raise self.error(WRONG_DIVISOR, parts[1], frame)
             if divisor == 0.0:
-                raise self.error(DIVISION_BY_ZERO, parts[1], frame)
+                raise self.error(WRONG_DIVISOR, parts[1], frame, zero=True)
         units = [number.unit for number in numbers]
         return self.apply(name, units, [number.node for number in numbers], (), node, frame)
 
@@ -471,7 +470,7 @@ class Lowering:
         except UnitMismatch as mismatch:
             if len(units) == 1 or "place" in PRIMITIVES[name].params or "footprint" in PRIMITIVES[name].params:
                 left, right = mismatch.left.words, mismatch.right.words
-                raise self.error(UNIT_OF_ARGUMENT, node, frame, name=name, wanted=right, found=left) from None
+                raise self.error(WRONG_UNIT, node, frame, name=name, wanted=right, found=left) from None
             raise self._mismatch(mismatch, "combined with", node, frame) from None
         except OverflowError:
             raise self.error(NUMBER_TOO_LARGE, node, frame) from None

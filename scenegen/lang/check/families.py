@@ -21,20 +21,17 @@ import numpy.typing as npt
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
     ASSET_SIZE,
-    BAD_ASSET_INDEX,
     DEPENDS_ON_NUMBER,
     FILE_WITHOUT_QUOTES,
-    NO_ASSET_INDEX,
     NOT_A_CATEGORY,
     NOT_OF_CATEGORY,
-    NUMBERS_OVER_TIME,
     ONE_NUMBER,
     SPEC_TOO_LARGE,
     TOO_MANY_COUNTS,
-    UNKNOWN_ASSET_CATEGORY,
-    UNKNOWN_INDEXED_ASSET,
+    UNKNOWN_ASSET,
     UNUSABLE_SHAPE_FILE,
 )
+from scenegen.errors.time import NO_PLACE_OVER_TIME
 from scenegen.lang.check.imports import Project
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.regions import SIGNATURES
@@ -100,7 +97,7 @@ def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, in
         first = last.counts[0]
         if first.assets:
             raise SpecError(NOT_OF_CATEGORY(name=first.name, what="the spec is one of motions"))
-        raise SpecError(NUMBERS_OVER_TIME(name=first.name, most=first.most))
+        raise SpecError(NO_PLACE_OVER_TIME(name=first.name, most=first.most))
     members: list[CheckedSpec] = []
     nodes = 0
     for numbers in combinations(last.counts):
@@ -236,11 +233,11 @@ def entries_of(path: str, here: Span, project: Project) -> Mapping[str, AssetEnt
     file = project.find(where, here)
     with contextlib.suppress(OSError):  # of a folder that is closed to us, which reading names
         if not file.exists():
-            raise SpecError(NO_ASSET_INDEX(here, path=where, name=name))
+            raise SpecError(UNUSABLE_SHAPE_FILE(here, path=where, name=name))
     try:
         return read_index(project.read(where, here, "an index of assets"))
     except IndexFileError as error:
-        raise SpecError(BAD_ASSET_INDEX(here, path=where, reason=str(error))) from None
+        raise SpecError(UNUSABLE_SHAPE_FILE(here, path=where, reason=str(error), index=True)) from None
 
 
 def indexed(path: str, here: Span, project: Project) -> Shape:
@@ -261,7 +258,9 @@ def _read(path: str, here: Span, project: Project) -> Shape:
     entry = entries.get(name)
     if entry is None:
         some, more = list(entries)[:SHOWN], max(0, len(entries) - SHOWN)
-        raise SpecError(UNKNOWN_INDEXED_ASSET(here, path=where, name=name, known=entries, some=some, more=more or None))
+        raise SpecError(
+            UNKNOWN_ASSET(here, path=where, name=name, known=entries, some=some, more=more or None, asset=True)
+        )
     file = str(PurePosixPath(where).parent / entry.file.replace("\\", "/"))
 
     def beside(other: str) -> bytes:
@@ -404,7 +403,7 @@ def _named(path: str, here: Span, project: Project) -> list[str]:
     where, name = index_of(path)
     known = categories(entries_of(path, here, project))
     if name not in known:
-        raise SpecError(UNKNOWN_ASSET_CATEGORY(here, path=where, name=name, known=tuple(known)))
+        raise SpecError(UNKNOWN_ASSET(here, path=where, name=name, known=tuple(known)))
     return known[name]
 
 

@@ -7,7 +7,8 @@ from collections.abc import Set as AbstractSet
 from typing import Literal
 
 from scenegen.errors import Diagnostic, Span, SpecError
-from scenegen.errors.declarations import CONSTANT_LABEL, IMPOSSIBLE_REQUIREMENT, NO_FORMULA, STACKED_AND_APART
+from scenegen.errors.declarations import CONSTANT_LABEL, IMPOSSIBLE_REQUIREMENT, STACKED_AND_APART
+from scenegen.errors.language import NO_FORMULA
 from scenegen.geometry.units import BARE
 from scenegen.lang.check.draft import Draft
 from scenegen.lang.check.expressions import Lowering

@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING
 from scenegen.errors import Span
 from scenegen.errors.declarations import MAY_BE_MISSING, MEASURED_TOO_EARLY, TOO_MANY_CASES
 from scenegen.errors.language import (
-    EMPTY_LIST,
     INDEX_OUT_OF_RANGE,
     NO_SUCH_PART,
-    NOT_A_PLAIN_NUMBER,
     NOT_A_WHOLE_NUMBER,
     NOT_AN_ARRAY,
     NOT_CONSTANT,
-    PART_OF_AN_OBJECT,
     SAME_ARGUMENT_TWICE,
+    TOO_FEW_ELEMENTS,
+    WRONG_UNIT,
 )
 from scenegen.errors.template import nearest
 from scenegen.geometry import Circle, Footprint
@@ -368,7 +367,7 @@ def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: 
             if name == "count":
                 return NumberValue(lowering.builder.const(float(len(items))), BARE, origin=origin)
             if not items:
-                raise lowering.error(EMPTY_LIST, node.base, frame, needs=f"it has no `.{name}`")
+                raise lowering.error(TOO_FEW_ELEMENTS, node.base, frame, needs=f"it has no `.{name}`")
             return items[0 if name == "first" else -1]
         case ListValue():
             raise lowering.error(NO_SUCH_PART, node, frame, what="a list", name=name, known=LIST_MEMBERS)
@@ -385,11 +384,11 @@ def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: 
                 if found is not None:
                     return found
             if lowering.scope.inferred:
-                raise lowering.error(PART_OF_AN_OBJECT, node, frame, name=written, part=name, inferred=written)
+                raise lowering.error(NO_SUCH_PART, node, frame, name=written, part=name, inferred=written)
             known = [one.surface.name for one in surface_values(lowering, index, base)] if lowering.shapes else []
             edge = name if name in SIDES[:4] else None
             facts = {"meant": nearest(name, {one.partition("[")[0] for one in known}), "surfaces": known}
-            raise lowering.error(PART_OF_AN_OBJECT, node, frame, name=written, part=name, edge=edge, **facts)
+            raise lowering.error(NO_SUCH_PART, node, frame, name=written, part=name, edge=edge, **facts)
         case _:
             raise lowering.error(NO_SUCH_PART, node, frame, what=base.kind, name=name)
 
@@ -454,7 +453,7 @@ def whole_number(lowering: Lowering, number: NumberValue, node: ast.Expr, frame:
     if value is None:
         raise lowering.error(NOT_CONSTANT, node, frame, what=what)
     if number.unit != BARE:
-        raise lowering.error(NOT_A_PLAIN_NUMBER, node, frame, what=what, found=number.unit.words)
+        raise lowering.error(WRONG_UNIT, node, frame, what=what, found=number.unit.words)
     if value != int(value):
         raise lowering.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=value)
     return int(value)

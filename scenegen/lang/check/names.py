@@ -12,28 +12,20 @@ from scenegen.errors import Diagnostic, Source, Span, quoted
 from scenegen.errors.language import (
     BUILT_IN_NAME,
     CIRCULAR_DEFINITION,
-    COORDINATE_WITH_DOT,
-    DEFAULT_BEFORE_REQUIRED,
-    DUPLICATE_ARGUMENT,
-    DUPLICATE_PARAMETER,
-    DUPLICATE_VARIABLE,
     HIDDEN_NAME,
-    MISSING_ARGUMENTS,
-    NO_ARGUMENTS,
-    NOT_A_CONSTANT,
-    NOT_A_RELATION,
+    MISPLACED_VALUE,
+    NAMED_TWICE,
+    NO_SUCH_PART,
     NOT_FINITE,
     SHADOWED_VARIABLE,
-    SHAPE_IN_FORMULA,
-    TEXT_IN_FORMULA,
     TOO_MANY_PARAMETERS,
-    UNKNOWN_CONSTANT,
     UNKNOWN_NAME,
     UNKNOWN_PARAMETER,
     UNKNOWN_RELATION,
-    UNNAMED_AFTER_NAMED,
     UNUSED_NAME,
+    WRONG_NAME,
     WRONG_NUMBER_OF_ARGUMENTS,
+    WRONG_ORDER,
 )
 from scenegen.errors.time import TIME_MISSING
 from scenegen.lang.check.imports import SourcedStatement
@@ -137,9 +129,9 @@ def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnost
     for parameter in definition.parameters:
         here = parameter.name.span(source)
         if parameter.name.id in seen:
-            yield DUPLICATE_PARAMETER(here, name=parameter.name.id)
+            yield NAMED_TWICE(here, name=parameter.name.id, parameter=True)
         if defaults and parameter.default is None:
-            yield DEFAULT_BEFORE_REQUIRED(here, name=parameter.name.id)
+            yield WRONG_ORDER(here, name=parameter.name.id)
         seen.add(parameter.name.id)
         defaults = defaults or parameter.default is not None
 
@@ -150,12 +142,12 @@ def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, c
         node, visible = stack.pop()
         match node:
             case ast.Member(base, member) if member.id in NAMES:
-                yield COORDINATE_WITH_DOT(node.span(source), axis=member.id, base=print_expr(base))
+                yield NO_SUCH_PART(node.span(source), axis=member.id, base=print_expr(base))
                 continue
             case ast.Name() if node.id not in visible:
                 yield from _name(node, set(visible), scope, source, constant)
             case ast.Text():
-                yield TEXT_IN_FORMULA(node.span(source))
+                yield MISPLACED_VALUE(node.span(source), text=True)
             case ast.Call():
                 yield from _call(node, scope, source)
             case ast.Quantifier():
@@ -174,7 +166,7 @@ def _variables(node: ast.Quantifier, visible: frozenset[str], source: Source) ->
     for variable in node.variables:
         here = variable.span(source)
         if variable.id in seen:
-            yield DUPLICATE_VARIABLE(here, name=variable.id)
+            yield NAMED_TWICE(here, name=variable.id)
         elif variable.id in BUILT_IN:
             yield BUILT_IN_NAME(here, name=variable.id, what="built in", use="be a variable")
         elif variable.id in visible:
@@ -190,15 +182,15 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
         yield NOT_FINITE(here, name=node.id)
     elif constant:
         if node.id in scope.labels:
-            yield NOT_A_CONSTANT(here, name=node.id)
+            yield WRONG_NAME(here, name=node.id)
         elif node.id not in scope.things:
             drawn = PRIOR if RELATIONS.get(plain(node.id)) == PRIOR else None
             near = [*scope.constants, *scope.regions, *scope.things]
-            yield UNKNOWN_CONSTANT(here, name=node.id, known=near, instead=drawn)
+            yield UNKNOWN_NAME(here, name=node.id, known=near, instead=drawn, constant=True)
     elif not scope.knows(node.id):
         if node.id in scope.functions():
             signature = scope.signature(node.id)
-            yield MISSING_ARGUMENTS(here, name=node.id, usage=signature.usage if signature else None)
+            yield WRONG_NUMBER_OF_ARGUMENTS(here, name=node.id, usage=signature.usage if signature else None)
             return
         known = {*scope.values(), *bound}
         instead = THE_TABLE if plain(node.id) in TABLES else None
@@ -211,14 +203,14 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
     here = node.function.span(source)
     if signature is None:
         if scope.knows(name):
-            yield NOT_A_RELATION(here, name=name)
+            yield WRONG_NAME(here, name=name, relation=True)
             return
         if name in STEPS or name in TEMPORAL:
             yield TIME_MISSING(here, word=name)
             return
         if name in SHAPES or name in AREAS:
             kind, opening = ("an object", "object") if name in SHAPES else ("a region", "region")
-            yield SHAPE_IN_FORMULA(here, name=name, kind=kind, opening=opening, shape=print_expr(node))
+            yield MISPLACED_VALUE(here, name=name, kind=kind, opening=opening, shape=print_expr(node))
             return
         relations = tuple(one for one in scope.definitions if not one.startswith("_"))
         known = scope.functions()
@@ -238,7 +230,7 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
     count = len(node.arguments)
     if signature.variadic:
         if count < 1:
-            return NO_ARGUMENTS(node.span(source), name=signature.name, usage=signature.usage)
+            return WRONG_NUMBER_OF_ARGUMENTS(node.span(source), name=signature.name, usage=signature.usage, none=True)
         return {str(number): argument.value for number, argument in enumerate(node.arguments)}
     if count > len(signature.parameters):
         extra = node.arguments[len(signature.parameters)]
@@ -254,7 +246,7 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
         if argument.name is None:
             name = signature.parameters[position]
             if known is not None:
-                return UNNAMED_AFTER_NAMED(argument.span(source), name=name)
+                return WRONG_ORDER(argument.span(source), name=name, argument=True)
         else:
             name = argument.name.id
             known = frozenset(signature.parameters) if known is None else known
@@ -265,7 +257,7 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
                     here, function=signature.name, name=name, known=parameters, usage=signature.usage
                 )
             if name in given:
-                return DUPLICATE_ARGUMENT(argument.span(source), name=name, usage=signature.usage)
+                return NAMED_TWICE(argument.span(source), name=name, usage=signature.usage)
         given[name] = argument.value
     missing = [name for name in signature.parameters[: signature.needed] if name not in given]
     if missing:

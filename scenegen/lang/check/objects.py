@@ -9,25 +9,21 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.errors.declarations import (
-    DRAWER_COUNT,
     DRAWER_NOT_OPEN,
-    DRAWER_SHARE,
-    DRAWER_SHARES,
     EMPTY_ARRAY,
     FILE_WITHOUT_QUOTES,
     NOT_A_SHAPE,
-    NOT_AN_OUTLINE,
-    ONE_OBJECT_MANY_PLACES,
-    PLACE_OUTSIDE_WORKSPACE,
+    OUTSIDE_WORKSPACE,
     STANDS_IN,
     TOO_MANY_COUNTS,
     TOO_MANY_OBJECTS,
     UNKNOWN_ASSET,
     UNLIKELY_SHAPE,
     UNUSABLE_SHAPE_FILE,
+    WRONG_DRAWERS,
     WRONG_NUMBER_OF_PLACES,
 )
-from scenegen.errors.language import EMPTY_RANGE, NOT_A_PLAIN_NUMBER, NOT_AN_ANGLE, NOT_CONSTANT
+from scenegen.errors.language import EMPTY_RANGE, NOT_CONSTANT, WRONG_UNIT
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
 from scenegen.geometry.units import ANGLE, BARE
 from scenegen.geometry.workspace import Workspace
@@ -79,7 +75,7 @@ def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
         what = "the number of drawers"
         drawers = whole_number(lowering, lowering.coerce.number(value, what), expr, CallFrame(source), what)
         if not 1 <= drawers <= MOST:
-            raise SpecError(DRAWER_COUNT(expr.span(source), given=drawers, most=MOST))
+            raise SpecError(WRONG_DRAWERS(expr.span(source), given=drawers, most=MOST))
     if "open" not in given:
         return cabinet_shape((0.0,) * (drawers or DRAWERS))
     value, expr = given["open"]
@@ -91,14 +87,14 @@ def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
         if share is None:
             raise SpecError(NOT_CONSTANT(here, what=what))
         if number.unit != BARE:
-            raise SpecError(NOT_A_PLAIN_NUMBER(here, what=what, found=number.unit.words))
+            raise SpecError(WRONG_UNIT(here, what=what, found=number.unit.words))
         if not 0.0 <= share <= 1.0:
-            raise SpecError(DRAWER_SHARE(here, given=share))
+            raise SpecError(WRONG_DRAWERS(here, given=share, share=True))
         shares.append(share)
     if not isinstance(value, ListValue):
         return cabinet_shape((*(0.0,) * ((drawers or DRAWERS) - 1), *shares))
     if len(shares) != (drawers or len(shares)) or not 1 <= len(shares) <= MOST:
-        raise SpecError(DRAWER_SHARES(here, given=len(shares), drawers=drawers or None, most=MOST))
+        raise SpecError(WRONG_DRAWERS(here, given=len(shares), drawers=drawers or None, most=MOST, shares=True))
     return cabinet_shape(tuple(shares))
 
 
@@ -291,7 +287,7 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
     if "shape" in given:
         stated: Shape = _shape(lowering, given["shape"], source, project)
         if stated.path or stated.color or stated.asset not in PLAIN:
-            raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
+            raise SpecError(NOT_A_SHAPE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
     if kind == "asset":
         found = indexed(path.value, here, project)
@@ -349,7 +345,7 @@ def pose(lowering: Lowering, thing: DeclaredObject, within: Workspace) -> tuple[
     if thing.is_array:
         _count_places(len(parts), count, here)
     elif isinstance(one.pose, ast.List):
-        raise SpecError(ONE_OBJECT_MANY_PLACES(here))
+        raise SpecError(WRONG_NUMBER_OF_PLACES(here))
     return tuple(_pose(lowering, part, thing.source, within) for part in parts)
 
 
@@ -377,7 +373,7 @@ def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace)
 def _refuse_outside(x: float, y: float, here: Span, within: Workspace) -> None:
     if not (within.x[0] <= x <= within.x[1] and within.y[0] <= y <= within.y[1]):
         box = f"[{within.x[0]:g}, {within.x[1]:g}] x [{within.y[0]:g}, {within.y[1]:g}]"
-        raise SpecError(PLACE_OUTSIDE_WORKSPACE(here, workspace=box))
+        raise SpecError(OUTSIDE_WORKSPACE(here, workspace=box))
 
 
 def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
@@ -387,7 +383,7 @@ def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
     if amount is None:
         raise SpecError(NOT_CONSTANT(expr.span(source), what="a heading"))
     if given.unit not in (BARE, ANGLE):
-        raise SpecError(NOT_AN_ANGLE(expr.span(source), found=given.unit.words))
+        raise SpecError(WRONG_UNIT(expr.span(source), found=given.unit.words, what="a heading", angle=True))
     lowering.refuse_degrees([given, NumberValue(given.node, ANGLE, origin=Span(source, expr.start, expr.end))])
     wrapped = math.fmod(amount, TWO_PI)
     wrapped = wrapped + TWO_PI if wrapped < 0.0 else wrapped

@@ -17,18 +17,13 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
-    CHOICE_NOT_A_LIST,
-    EMPTY_CHOICE,
-    NESTED_CHOICE,
+    DOES_NOT_FIT,
     NO_FLAT_TOP,
-    NOT_ON_RIM,
     NOT_ON_SURFACE,
+    OUTSIDE_WORKSPACE,
     STANDS_ON_ITSELF,
-    SUPPORT_COUNT,
-    SURFACE_OUTSIDE,
-    SURFACE_TOO_SMALL,
-    SURFACE_TWICE,
-    TOO_TALL_FOR_SURFACE,
+    WRONG_CHOICE,
+    WRONG_NUMBER_OF_PLACES,
 )
 from scenegen.geometry import MATH, PRIMITIVES
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon, clipped, standing_area
@@ -72,7 +67,7 @@ def supports(lowering: Lowering, thing: DeclaredObject, places: Sequence[int]) -
         value = lowering.evaluate(one.support, frame)
         values = list(value.items) if isinstance(value, ListValue) and thing.is_array else [value] * len(places)
     if len(values) != len(places):
-        raise SpecError(SUPPORT_COUNT(here, objects=len(places), surfaces=len(values)))
+        raise SpecError(WRONG_NUMBER_OF_PLACES(here, objects=len(places), surfaces=len(values)))
     return {place: (_support(lowering, place, value, here),) for place, value in zip(places, values, strict=True)}
 
 
@@ -86,27 +81,27 @@ def _choices(
     else:
         value = lowering.evaluate(written, frame)
         if not isinstance(value, ListValue):
-            raise SpecError(CHOICE_NOT_A_LIST(here, found=value.kind, written=here.text))
+            raise SpecError(WRONG_CHOICE(here, found=value.kind, written=here.text))
         parts = [(item, here) for item in value.items]
     if not parts:
-        raise SpecError(EMPTY_CHOICE(here))
+        raise SpecError(WRONG_CHOICE(here))
     found = {}
     for value, span in parts:
         if isinstance(value, ListValue):
             surfaces = None if span.text.isidentifier() else one_list(here.text)
-            raise SpecError(NESTED_CHOICE(span, surfaces=surfaces))
+            raise SpecError(WRONG_CHOICE(span, surfaces=surfaces, nested=True))
     for place in places:
         options: list[Support] = []
         for value, span in parts:
             option = _support(lowering, place, value, span)
             if any(option.name == other.name for other in options):
-                raise SpecError(SURFACE_TWICE(span, surface=option.name))
+                raise SpecError(WRONG_CHOICE(span, surface=option.name))
             whole = cut_off(option, lowering.space)
             if whole is None:
-                raise SpecError(SURFACE_OUTSIDE(span, name=lowering.builder.objects[place]))
+                raise SpecError(OUTSIDE_WORKSPACE(span, name=lowering.builder.objects[place]))
             if not area_of(lowering.shapes[place].footprint, whole) > 0.0:
                 name = lowering.builder.objects[place]
-                raise SpecError(SURFACE_TOO_SMALL(span, name=name, surface=option.name))
+                raise SpecError(DOES_NOT_FIT(span, name=name, surface=option.name))
             options.append(whole)
         found[place] = tuple(options)
     return found
@@ -145,9 +140,9 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
             named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape)}
             below = lowering.builder.objects[carrier]
             if surface.name not in named and carrier != upper:
-                raise SpecError(SURFACE_TOO_SMALL(here, name=name, surface=f"{below}.{surface.name}", carrier=below))
+                raise SpecError(DOES_NOT_FIT(here, name=name, surface=f"{below}.{surface.name}", carrier=below))
             if surface.name == "rim" and _holds(surfaces_of(lowering.shapes[carrier], shape)[0], shape):
-                raise SpecError(NOT_ON_RIM(here, name=name, surface=f"{below}.rim", carrier=below))
+                raise SpecError(DOES_NOT_FIT(here, name=name, surface=f"{below}.rim", carrier=below, rim=True))
             surface = named.get(surface.name, surface)
         case _:
             wanted = "an object, a surface or a region"
@@ -158,7 +153,7 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
     if not _holds(surface, shape):
         on_rim = isinstance(value, ObjectValue) and found[-1].name == "rim"
         rim = f"{lowering.builder.objects[carrier]}.rim" if on_rim else None
-        problem = SURFACE_TOO_SMALL(here, name=name, surface=label, carrier=rim)
+        problem = DOES_NOT_FIT(here, name=name, surface=label, carrier=rim)
         raise SpecError(not_open(lowering, upper, carrier, surface, here) or problem)
     _refuse_tall(name, shape.height, label, surface.clear, here)
     return Support(label, carrier, surface.outline, surface.height, surface.walled, far=surface.far)
@@ -171,7 +166,7 @@ def _holds(surface: SupportSurface, shape: Shape) -> bool:
 def _refuse_tall(name: str, height: float, surface: str, clear: float, here: Span) -> None:
     if height > clear + ROUNDING:
         sizes = {"height": 100.0 * height, "clear": 100.0 * clear}
-        raise SpecError(TOO_TALL_FOR_SURFACE(here, name=name, surface=surface, **sizes))
+        raise SpecError(DOES_NOT_FIT(here, name=name, surface=surface, **sizes))
 
 
 def _free_over(lowering: Lowering, name: str, area: Area) -> float:
@@ -280,7 +275,7 @@ def _box(under: Support, space: Workspace, boxes: Mapping[int, Rectangle]) -> Re
 def empty(space: Workspace, spans: Mapping[int, Span], names: Sequence[str]) -> list[Diagnostic]:
     """A diagnostic for each object whose surface lies outside of the workspace."""
     return [
-        SURFACE_OUTSIDE(spans[which], name=names[which])
+        OUTSIDE_WORKSPACE(spans[which], name=names[which])
         for which, x, y in space.own
         if not (x[0] < x[1] and y[0] < y[1])
     ]

@@ -13,7 +13,6 @@ from scenegen.lang.formula.core import REQUIRE, Core, gated, part_of
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_statement
 from scenegen.pose import SIZE
@@ -120,10 +119,10 @@ def label_names(text: str, count: int) -> tuple[str, ...]:
 def _names(statement: ast.Statement) -> set[str]:
     """All names that the expressions of a statement mention."""
     found: set[str] = set()
-    stack: list[ast.Expr | ast.Argument] = list(traversal.expressions(statement))
+    stack: list[ast.Expr | ast.Argument] = list(ast.expressions(statement))
     while stack:
         node = stack.pop()
         if isinstance(node, ast.Name):
             found.add(node.id)
-        stack.extend(traversal.children(node))
+        stack.extend(ast.children(node))
     return found

@@ -20,6 +20,8 @@ from scenegen.errors.language import (
     EQUALITY,
     MISPLACED_VALUE,
     MORE_THAN_A_TURN,
+    NOT_A_WHOLE_NUMBER,
+    NOT_CONSTANT,
     NOT_TWO_COORDINATES,
     NUMBER_TOO_LARGE,
     UNIT_MISMATCH,
@@ -67,7 +69,6 @@ from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLa
 from scenegen.lang.formula.timed import Horizon
 from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.syntax_errors import UNITS_OF_TIME
 from scenegen.pose import TWO_PI
 from scenegen.things import Shape
@@ -94,7 +95,7 @@ def refer(lowering: Lowering, node: ast.Name, env: Mapping[str, Value], frame: C
         return RegionValue(node.id, lowering.areas[node.id], origin=origin)
     if node.id not in lowering.values:
         declared = lowering.scope.constants.get(node.id) or lowering.scope.labels[node.id]
-        (expr,) = traversal.expressions(declared.statement)
+        (expr,) = ast.expressions(declared.statement)
         value: Value = lowering.lower(expr, {}, CallFrame(declared.source))
         if isinstance(declared.statement, ast.Label):
             lowering.coerce.formula(value, f"`{node.id}`")
@@ -412,6 +413,25 @@ class Lowering:
                 return self._quantity(node, frame)
             case _:
                 return None
+
+    def constant(
+        self, value: Value, node: ast.Expr, frame: CallFrame, what: str, /, *units: Unit, **facts: Any
+    ) -> float:
+        """A number that no scene decides, in one of some units. Raises SpecError; `facts` say more of a wrong unit."""
+        number = self.coerce.number(value, what)
+        amount = self.builder.value(number.node)
+        if amount is None:
+            raise self.error(NOT_CONSTANT, node, frame, what=what)
+        if number.unit not in units:
+            raise self.error(WRONG_UNIT, node, frame, **{"what": what, "found": number.unit.words, **facts})
+        return amount
+
+    def count(self, value: Value, node: ast.Expr, frame: CallFrame, what: str) -> int:
+        """A whole number without a unit. Raises SpecError."""
+        amount = self.constant(value, node, frame, what, BARE)
+        if amount != int(amount):
+            raise self.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=amount)
+        return int(amount)
 
     def _quantity(self, node: ast.Quantity, frame: CallFrame) -> NumberValue:
         amount, unit = quantity(node.number, node.unit)

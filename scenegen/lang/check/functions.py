@@ -10,7 +10,6 @@ from scenegen.errors import Source, Span, SpecError
 from scenegen.errors.declarations import MEASURED_TOO_EARLY, STANDS_ELSEWHERE
 from scenegen.errors.language import (
     MIXED_LIST,
-    NOT_CONSTANT,
     SAME_ARGUMENT_TWICE,
     TOO_FEW_ELEMENTS,
     WRONG_NUMBER_OF_ARGUMENTS,
@@ -308,10 +307,8 @@ def horizon(lowering: Lowering, source: Source, statement: ast.Time) -> Horizon:
         word = statement.word
         if word is not None and word.id != "steps":
             raise SpecError(TIME_UNFINISHED(word.span(source), name=word.id, known=["steps"]))
-        amount, unit = _constant(lowering, statement.amount, frame, "the number of steps")
-        if unit != BARE:
-            here = statement.amount.span(source)
-            raise SpecError(WRONG_UNIT(here, what="the number of steps", found=unit.words))
+        given = lowering.evaluate(statement.amount, frame)
+        amount = lowering.constant(given, statement.amount, frame, "the number of steps", BARE)
         if not 1 <= amount <= MAX_STEPS:
             raise SpecError(HORIZON_OUT_OF_RANGE(here, steps=amount, limit=MAX_STEPS))
         if amount != round(amount):
@@ -319,10 +316,8 @@ def horizon(lowering: Lowering, source: Source, statement: ast.Time) -> Horizon:
         return Horizon(round(amount), 1.0)
     ends = []
     for end in (statement.span_.lowest, statement.span_.highest, statement.amount):
-        amount, unit = _constant(lowering, end, frame, "a time")
-        if unit not in (BARE, TIME):
-            raise SpecError(WRONG_UNIT(end.span(source), what="time", wanted="seconds", found=unit.words))
-        ends.append(amount)
+        more: dict[str, Any] = {"what": "time", "wanted": "seconds"}
+        ends.append(lowering.constant(lowering.evaluate(end, frame), end, frame, "a time", BARE, TIME, **more))
     start, stop, step = ends
     if start != 0.0:
         raise SpecError(HORIZON_OUT_OF_RANGE(statement.span_.span(source), start=start, length=max(stop, 1.0)))
@@ -349,18 +344,6 @@ def movers(source: Source, statement: ast.Moves) -> Movers:
             raise SpecError(
                 TIME_UNFINISHED(statement.which.span(source), name=other, known=["one", "all"], movers=True)
             )
-
-
-def _constant(lowering: Lowering, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
-    value = lowering.evaluate(expr, frame)
-    return _amount(lowering, lowering.coerce.number(value, what), expr, frame, what)
-
-
-def _amount(lowering: Lowering, number: NumberValue, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
-    amount = lowering.builder.value(number.node)
-    if amount is None:
-        raise lowering.error(NOT_CONSTANT, expr, frame, what=what)
-    return amount, number.unit
 
 
 def temporal(
@@ -418,14 +401,13 @@ def _window(
 
 def _moment(lowering: Lowering, number: NumberValue, expr: ast.Expr, frame: CallFrame) -> int:
     """An end of a window in steps: a bare number is one of steps, a time as many as pass in it. Raises SpecError."""
-    amount, unit = _amount(lowering, number, expr, frame, "an end of a window")
-    if unit not in (BARE, TIME):
-        raise lowering.error(WRONG_UNIT, expr, frame, what="a window", wanted="steps or seconds", found=unit.words)
+    more: dict[str, Any] = {"what": "a window", "wanted": "steps or seconds"}
+    amount, unit = lowering.constant(number, expr, frame, "an end of a window", BARE, TIME, **more), number.unit
     assert lowering.horizon is not None
     dt = lowering.horizon.dt
     steps = amount if unit == BARE else amount / dt
     if abs(steps - round(steps)) > NEARLY * max(1.0, abs(steps)):
-        more: dict[str, Any] = {"unit": "", "mended": f"{round(steps)}"}
+        more = {"unit": "", "mended": f"{round(steps)}"}
         if unit == TIME:
             more = {"unit": " s", "dt": dt, "mended": f"{round(steps) * dt:g} s"}
         raise lowering.error(NOT_WHOLE_STEPS, expr, frame, amount=amount, **more)

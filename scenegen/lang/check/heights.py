@@ -16,12 +16,9 @@ from scenegen.errors.declarations import MAY_BE_MISSING, MEASURED_TOO_EARLY, TOO
 from scenegen.errors.language import (
     INDEX_OUT_OF_RANGE,
     NO_SUCH_PART,
-    NOT_A_WHOLE_NUMBER,
     NOT_AN_ARRAY,
-    NOT_CONSTANT,
     SAME_ARGUMENT_TWICE,
     TOO_FEW_ELEMENTS,
-    WRONG_UNIT,
 )
 from scenegen.errors.template import nearest
 from scenegen.geometry import Circle, Footprint
@@ -435,7 +432,7 @@ def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, 
         name = lowering.builder.objects[base.index]
         raise lowering.error(NOT_AN_ARRAY, node, frame, name=name)
     items = lowering.coerce.items(base, "what `[` counts in")
-    which = whole_number(lowering, place, node.index, frame, "an index")
+    which = lowering.count(place, node.index, frame, "an index")
     drawn = lowering.scope.counts.get(node.base.id) if isinstance(node.base, ast.Name) else None
     if drawn is not None and drawn.least < which <= drawn.most:
         facts = {"name": drawn.name, "index": which, "least": drawn.least, "most": drawn.most}
@@ -445,18 +442,6 @@ def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, 
             INDEX_OUT_OF_RANGE, node.index, frame, index=which, count=len(items), last=len(items) or None
         )
     return items[which - 1]
-
-
-def whole_number(lowering: Lowering, number: NumberValue, node: ast.Expr, frame: CallFrame, what: str) -> int:
-    """A number that counts. Raises SpecError for one that depends on the scene, has a unit or is not whole."""
-    value = lowering.builder.value(number.node)
-    if value is None:
-        raise lowering.error(NOT_CONSTANT, node, frame, what=what)
-    if number.unit != BARE:
-        raise lowering.error(WRONG_UNIT, node, frame, what=what, found=number.unit.words)
-    if value != int(value):
-        raise lowering.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=value)
-    return int(value)
 
 
 # --------------------------------------------------------------------------------------------------------------------

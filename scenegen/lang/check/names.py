@@ -31,7 +31,6 @@ from scenegen.errors.time import TIME_MISSING
 from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.check.scope import BUILT_IN, NO_NUMBERS, STEPS, Declared, Scope, Signature
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.foreign import PRIOR, RELATIONS, TABLES, THE_TABLE, of_relation, plain
 from scenegen.lang.syntax.parse import MOST_ERRORS
 from scenegen.lang.syntax.printer import print_expr
@@ -80,7 +79,7 @@ def _statement(one: SourcedStatement, scope: Scope) -> Iterator[Diagnostic]:
     if isinstance(statement, ast.Definition):
         yield from _parameters(statement, source)
         bound = {parameter.name.id for parameter in statement.parameters}
-    for expr in traversal.expressions(statement):
+    for expr in ast.expressions(statement):
         constant = isinstance(statement, ast.Constant | ast.Workspace | ast.Time)
         # a default is written where the parameters are not yet known
         visible = bound if isinstance(statement, ast.Definition) and expr is statement.body else set()
@@ -137,13 +136,10 @@ def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnost
 
 
 def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, constant: bool) -> Iterator[Diagnostic]:
-    stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = [(root, frozenset(bound))]
-    while stack:
-        node, visible = stack.pop()
+    for node, visible in ast.walk(root, frozenset(bound), lambda node: not _is_dotted_coordinate(node)):
         match node:
             case ast.Member(base, member) if member.id in NAMES:
                 yield NO_SUCH_PART(node.span(source), axis=member.id, base=print_expr(base))
-                continue
             case ast.Name() if node.id not in visible:
                 yield from _name(node, set(visible), scope, source, constant)
             case ast.Text():
@@ -152,13 +148,10 @@ def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, c
                 yield from _call(node, scope, source)
             case ast.Quantifier():
                 yield from _variables(node, visible, source)
-                names = frozenset(variable.id for variable in node.variables)
-                stack.append((node.body, visible | names))
-                stack.append((node.domain, visible))
-                continue
-            case _:
-                pass
-        stack.extend((child, visible) for child in reversed(traversal.children(node)))
+
+
+def _is_dotted_coordinate(node: ast.Expr | ast.Argument) -> bool:
+    return isinstance(node, ast.Member) and node.member.id in NAMES
 
 
 def _variables(node: ast.Quantifier, visible: frozenset[str], source: Source) -> Iterator[Diagnostic]:
@@ -306,11 +299,7 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
     bound = frozenset[str]()
     if isinstance(declared.statement, ast.Definition):
         bound = frozenset(parameter.name.id for parameter in declared.statement.parameters)
-    stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = [
-        (expr, bound) for expr in traversal.expressions(declared.statement)
-    ]
-    while stack:
-        node, visible = stack.pop()
+    for node, visible in (pair for expr in ast.expressions(declared.statement) for pair in ast.walk(expr, bound)):
         target: Declared | None = None
         if isinstance(node, ast.Call):
             target = scope.definition(node.function.id, declared.source)
@@ -319,11 +308,6 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
         if target is not None:
             place = node.function if isinstance(node, ast.Call) else node
             yield target, place.span(declared.source)
-        if isinstance(node, ast.Quantifier):
-            stack.append((node.domain, visible))
-            stack.append((node.body, visible | {variable.id for variable in node.variables}))
-            continue
-        stack.extend((child, visible) for child in traversal.children(node))
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -346,7 +330,7 @@ def unused(draft: Draft) -> list[Diagnostic]:
                             name.span(one.source), kind="definition", name=name.id, reason="no formula calls it"
                         )
                     )
-                inside = _free_names(body)
+                inside = _mentioned(body)
                 for parameter in parameters:
                     out.extend(_hidden(parameter.name, "parameter", scope, one.source))
                     if parameter.name.id not in inside:
@@ -360,7 +344,7 @@ def unused(draft: Draft) -> list[Diagnostic]:
                     )
             case _:
                 pass
-        for expr in traversal.expressions(one.statement):
+        for expr in ast.expressions(one.statement):
             out.extend(_shadowing(expr, scope, one.source))
     if bare is not None:
         out.extend(_shadowing(bare, scope, scope.source))
@@ -382,25 +366,15 @@ def _hidden(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator
 
 
 def _shadowing(root: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]:
-    stack: list[ast.Expr | ast.Argument] = [root]
-    while stack:
-        node = stack.pop()
+    for node, _ in ast.walk(root):
         if isinstance(node, ast.Quantifier):
-            inside = _free_names(node.body)
+            inside = _mentioned(node.body)
             for variable in node.variables:
                 yield from _hidden(variable, "variable", scope, source)
                 if variable.id not in inside:
                     here, reason = variable.span(source), "every round says the same"
                     yield UNUSED_NAME(here, kind="variable", name=variable.id, reason=reason)
-        stack.extend(reversed(traversal.children(node)))
 
 
-def _free_names(root: ast.Expr) -> set[str]:
-    names: set[str] = set()
-    stack: list[ast.Expr | ast.Argument] = [root]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, ast.Name):
-            names.add(node.id)
-        stack.extend(traversal.children(node))
-    return names
+def _mentioned(root: ast.Expr) -> set[str]:
+    return {node.id for node, _ in ast.walk(root) if isinstance(node, ast.Name)}

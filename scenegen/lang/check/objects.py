@@ -23,7 +23,7 @@ from scenegen.errors.declarations import (
     WRONG_DRAWERS,
     WRONG_NUMBER_OF_PLACES,
 )
-from scenegen.errors.language import EMPTY_RANGE, NOT_CONSTANT, WRONG_UNIT
+from scenegen.errors.language import EMPTY_RANGE
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
 from scenegen.geometry.units import ANGLE, BARE
 from scenegen.geometry.workspace import Workspace
@@ -37,14 +37,12 @@ from scenegen.lang.check.families import (
     picked,
     variants,
 )
-from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import BUILT, FILES, SHAPES, bind
 from scenegen.lang.check.regions import SIGNATURES, Arguments, arguments, color, corners, number, point, size
 from scenegen.lang.check.scope import DeclaredObject, Scope
 from scenegen.lang.check.values import CallFrame, ListValue, NumberValue, Point
 from scenegen.lang.spec import Count, Pose
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.printer import print_expr, print_module
 from scenegen.pose import TWO_PI
 from scenegen.things import ASSETS, PLAIN, Shape, meant_by, shape_of
@@ -73,7 +71,7 @@ def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
     if "drawers" in given:
         value, expr = given["drawers"]
         what = "the number of drawers"
-        drawers = whole_number(lowering, lowering.coerce.number(value, what), expr, CallFrame(source), what)
+        drawers = lowering.count(value, expr, CallFrame(source), what)
         if not 1 <= drawers <= MOST:
             raise SpecError(WRONG_DRAWERS(expr.span(source), given=drawers, most=MOST))
     if "open" not in given:
@@ -82,12 +80,7 @@ def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
     here, what = expr.span(source), "the share by which a drawer is open"
     shares = []
     for item in value.items if isinstance(value, ListValue) else (value,):
-        number = lowering.coerce.number(item, what)
-        share = lowering.builder.value(number.node)
-        if share is None:
-            raise SpecError(NOT_CONSTANT(here, what=what))
-        if number.unit != BARE:
-            raise SpecError(WRONG_UNIT(here, what=what, found=number.unit.words))
+        share = lowering.constant(item, expr, CallFrame(source), what, BARE)
         if not 0.0 <= share <= 1.0:
             raise SpecError(WRONG_DRAWERS(here, given=share, share=True))
         shares.append(share)
@@ -198,8 +191,7 @@ def name_objects(
 
 def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> int:
     frame = CallFrame(source)
-    value = lowering.coerce.number(lowering.evaluate(expr, frame), "the number of elements")
-    count = whole_number(lowering, value, expr, frame, "the number of elements")
+    count = lowering.count(lowering.evaluate(expr, frame), expr, frame, "the number of elements")
     if count < 1:
         ends = (expr.left, expr.right) if isinstance(expr, ast.Binary) and expr.operator == "-" else ()
         written = [print_expr(end) for end in ends if isinstance(end, ast.Quantity)]
@@ -378,12 +370,9 @@ def _refuse_outside(x: float, y: float, here: Span, within: Workspace) -> None:
 
 def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
     """A heading in [0, 2 pi). Raises SpecError."""
-    given = lowering.coerce.number(lowering.evaluate(expr, CallFrame(source)), "a heading")
-    amount = lowering.builder.value(given.node)
-    if amount is None:
-        raise SpecError(NOT_CONSTANT(expr.span(source), what="a heading"))
-    if given.unit not in (BARE, ANGLE):
-        raise SpecError(WRONG_UNIT(expr.span(source), found=given.unit.words, what="a heading", angle=True))
+    frame = CallFrame(source)
+    given = lowering.coerce.number(lowering.evaluate(expr, frame), "a heading")
+    amount = lowering.constant(given, expr, frame, "a heading", BARE, ANGLE, angle=True)
     lowering.refuse_degrees([given, NumberValue(given.node, ANGLE, origin=Span(source, expr.start, expr.end))])
     wrapped = math.fmod(amount, TWO_PI)
     wrapped = wrapped + TWO_PI if wrapped < 0.0 else wrapped
@@ -492,7 +481,7 @@ def _centimetres(draft: Draft) -> Iterator[Diagnostic]:
             here = node.span(one.source)
             numbers = [
                 (part.start - here.start, part.end - here.start, abs(float(part.number)), part.number)
-                for root in (traversal.expressions(node) if isinstance(node, ast.Workspace) else (node,))
+                for root in (ast.expressions(node) if isinstance(node, ast.Workspace) else (node,))
                 for part in _quantities(root)
                 if not part.unit and abs(float(part.number)) >= SMALL
             ]
@@ -511,11 +500,6 @@ def _named(node: object) -> str:
 
 def _quantities(root: ast.Expr) -> Iterator[ast.Quantity]:
     """Its numbers, but factors and divisors: these are no lengths."""
-    stack: list[ast.Expr | ast.Argument] = [root]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, ast.Binary) and node.operator in "*/":
-            continue
+    for node, _ in ast.walk(root, into=lambda node: not (isinstance(node, ast.Binary) and node.operator in "*/")):
         if isinstance(node, ast.Quantity):
             yield node
-        stack.extend(traversal.children(node))

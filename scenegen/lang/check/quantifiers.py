@@ -16,7 +16,6 @@ from scenegen.errors.declarations import SPEC_TOO_LARGE
 from scenegen.errors.language import EMPTY_RANGE, TOO_FEW_ELEMENTS
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.units import BARE
-from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.template import DependsOnValue, Template
 from scenegen.lang.check.values import (
     MOST_VARIABLES,
@@ -349,8 +348,7 @@ def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame:
         value = lowering.lower(end, env, frame)
         if isinstance(value, AnyValue):
             return value
-        number = lowering.coerce.number(value, "an end of a range")
-        ends.append(whole_number(lowering, number, end, frame, "an end of a range"))
+        ends.append(lowering.count(value, end, frame, "an end of a range"))
     lowest, highest = ends
     if lowest > highest:
         written = isinstance(node.lowest, ast.Quantity) and isinstance(node.highest, ast.Quantity)

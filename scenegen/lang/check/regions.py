@@ -17,12 +17,11 @@ from scenegen.errors.declarations import (
     SIZE_OUT_OF_RANGE,
     WRONG_CORNERS,
 )
-from scenegen.errors.language import MISPLACED_VALUE, NOT_CONSTANT, WRONG_UNIT
+from scenegen.errors.language import MISPLACED_VALUE, NOT_CONSTANT
 from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.geometry.footprint import convex_hull, is_convex
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, FARTHEST, LARGEST, SMALLEST, Workspace
-from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import AREAS, SHAPES, bind
 from scenegen.lang.check.scope import Declared, Signature
 from scenegen.lang.check.values import (
@@ -68,13 +67,7 @@ SIGNATURES = {
 
 def number(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
     """A constant length. Raises SpecError."""
-    number = lowering.coerce.number(value, what)
-    amount = lowering.builder.value(number.node)
-    if amount is None:
-        raise SpecError(NOT_CONSTANT(expr.span(source), what=what))
-    if number.unit not in (BARE, LENGTH):
-        raise SpecError(WRONG_UNIT(expr.span(source), what=what, found=number.unit.words, length=True))
-    return amount
+    return lowering.constant(value, expr, CallFrame(source), what, BARE, LENGTH, length=True)
 
 
 def point(lowering: Lowering, value: Value, what: str) -> Point:
@@ -196,7 +189,7 @@ def areas(lowering: Lowering, declared: Declared) -> None:
     given: Value = lowering.evaluate(statement.count, CallFrame(source))
     frame = CallFrame(source)
     what = "the number of levels"
-    count = whole_number(lowering, lowering.coerce.number(given, what), statement.count, frame, what)
+    count = lowering.count(given, statement.count, frame, what)
     if count != len(levels):
         raise SpecError(LEVEL_COUNT(statement.span(source), name=name, count=count, levels=len(levels)))
     for which, level in enumerate(levels, 1):

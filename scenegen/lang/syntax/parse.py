@@ -18,7 +18,6 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.errors.language import CANNOT_PARSE, NESTED_TOO_DEEPLY, NO_FORMULA, NOT_UTF8, ODD_CHARACTER, SPEC_TOO_LONG
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.tokens import TEMPORAL, blank, has_time, next_opening, scan
 from scenegen.resources import grammar_file
 
@@ -528,7 +527,7 @@ def _has_content(text: str) -> bool:
 
 def _too_deep(module: ast.Module) -> Diagnostic | None:
     """No reader of the tree recurses, so depth is bounded by choice, not by Python's stack."""
-    roots = [expr for statement in module.statements for expr in traversal.expressions(statement)]
+    roots = [expr for statement in module.statements for expr in ast.expressions(statement)]
     roots = roots if module.bare is None else [module.bare]
     level: list[Any] = roots
     quantifiers = 0
@@ -536,7 +535,7 @@ def _too_deep(module: ast.Module) -> Diagnostic | None:
         if not level:
             return _too_many_quantifiers(module.source, roots) if quantifiers > MAX_QUANTIFIERS else None
         quantifiers += sum(isinstance(node, ast.Quantifier) for node in level)
-        level = [child for node in level for child in traversal.children(node)]
+        level = [child for node in level for child in ast.children(node)]
     if not level:
         return None
     return NESTED_TOO_DEEPLY(level[0].span(module.source), limit=MAX_NESTING)
@@ -550,7 +549,7 @@ def _too_many_quantifiers(source: Source, roots: list[Any]) -> Diagnostic | None
         inside = around + isinstance(node, ast.Quantifier)
         if inside > MAX_QUANTIFIERS:
             return NESTED_TOO_DEEPLY(node.span(source), limit=MAX_QUANTIFIERS, quantifiers=True)
-        stack.extend((child, inside) for child in reversed(traversal.children(node)))
+        stack.extend((child, inside) for child in reversed(ast.children(node)))
     return None
 
 

@@ -268,7 +268,7 @@ def trainings(
     there are, a model for each combination of numbers, in FOLDER/NAME/."""
     from scenegen.api.spec import load
     from scenegen.errors import ScenegenError
-    from scenegen.lang.check.families import written
+    from scenegen.lang.spec import written
     from scenegen.learn.model import family_files
 
     one: Task = (source, folder / f"{name}.safetensors", {})

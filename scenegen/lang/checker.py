@@ -41,7 +41,7 @@ def check_text(text: str, name: str = "<spec>", counts: Mapping[str, int] | None
 
 def check_file(path: Path, data: bytes, root: Path | None = None) -> CheckedSpec:
     """Check the bytes of a spec file. What it imports is read from its own folder, or from `root`. Raises SpecError."""
-    return check(read_source(str(path), data), Project(path, root))
+    return check_module(parse(read_source(str(path), data)), Project(path, root))
 
 
 def check(source: Source, project: Project | None = None) -> CheckedSpec:
@@ -174,12 +174,8 @@ def place_regions(draft: Draft) -> None:
 
 def stand_objects(draft: Draft) -> None:
     """What objects stand on, how high that is, the boxes of their centres, and what it requires."""
-    if not draft.problems:
-        with draft.problems:
-            _stand(draft)
-
-
-def _stand(draft: Draft) -> None:
+    if draft.problems:
+        return
     scope, lowering = draft.scope, draft.lowering
     lowering.shapes, lowering.space = tuple(draft.shapes), draft.space
     found: dict[int, tuple[Support, ...]] = {}
@@ -194,27 +190,30 @@ def _stand(draft: Draft) -> None:
     also = draft.variants.behind(len(scope.objects))
     found.update({place: found[like] for place, like in also.items() if like in found})
     spans.update({place: spans[like] for place, like in also.items() if like in spans})
-    if draft.problems:
+    if draft.problems or not found:
         lowering.heights = (0.0,) * len(draft.shapes)  # what formulas have to say is still looked at
         return
     names = lowering.builder.objects
-    lowering.heights = heights(len(draft.shapes), found, names, spans)
-    if not found:
+    with draft.problems:
+        lowering.heights = heights(len(draft.shapes), found, names, spans)
+    if draft.problems:
         return
     if lowering.horizon is not None:
         for thing in scope.things.values():
             one = thing.declaration
             if one is not None and one.choice:
-                raise SpecError(NO_PLACE_OVER_TIME(one.name.span(thing.source)))
+                draft.problems.append(NO_PLACE_OVER_TIME(one.name.span(thing.source)))
+                return
     chosen = lowering.choices = choices(lowering, found, list(scope.things.values()))
     lowering.supports = {which: options[0] for which, options in found.items() if which not in chosen}
     lowering.builder.objects = (*names, *(f"{names[which]}.on" for which in chosen))
     space = spread(draft.space, found, draft.fixed, [one.switch for one in chosen.values()])
     outside = empty(space, spans, names)
-    if outside:
-        raise SpecError(*outside)
-    draft.standing = standing_on(lowering, lowering.supports, spans)
-    draft.space = space
+    draft.problems.extend(outside)
+    if not outside:
+        with draft.problems:
+            draft.standing = standing_on(lowering, lowering.supports, spans)
+        draft.space = space
 
 
 # --------------------------------------------------------------------------------------------------------------------

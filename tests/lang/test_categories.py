@@ -7,7 +7,7 @@ import pytest
 
 import scenegen
 from scenegen.errors import DataError, ScenegenError
-from scenegen.lang.check.families import combinations, members_of, written
+from scenegen.lang.spec import combinations, members_of, written
 
 A, B, C = (
     'asset("red", box(0.1, 0.06, 0.2))',

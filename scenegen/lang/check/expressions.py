@@ -69,7 +69,7 @@ from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLa
 from scenegen.lang.formula.timed import Horizon
 from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.syntax_errors import UNITS_OF_TIME
+from scenegen.lang.syntax.tokens import UNITS_OF_TIME
 from scenegen.pose import TWO_PI
 from scenegen.things import Shape
 

@@ -8,15 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
-
-import numpy as np
-import numpy.typing as npt
 
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
@@ -36,9 +32,8 @@ from scenegen.lang.check.imports import Project
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.regions import SIGNATURES
 from scenegen.lang.check.scope import DeclaredObject, Scope
-from scenegen.lang.spec import CheckedSpec, Count, Support
+from scenegen.lang.spec import CheckedSpec, Count, Support, combinations, written
 from scenegen.lang.syntax import ast
-from scenegen.pose import X, row_of, rows_of
 from scenegen.things import Shape
 from scenegen.things.library import INDEX
 
@@ -53,41 +48,6 @@ if TYPE_CHECKING:
 
 
 MOST_NODES = 2_000_000  # of the formulas of all members together
-
-
-class Picked(int):
-    """The number of an asset, which knows its name."""
-
-    asset: str = ""
-
-
-def _numbers(one: Count) -> list[int]:
-    if not one.assets:
-        return list(one.numbers)
-    found = [Picked(number) for number in one.numbers]
-    for number, asset in zip(found, one.assets, strict=True):
-        number.asset = asset
-    return list(found)
-
-
-def combinations(counts: Sequence[Count]) -> Iterator[dict[str, int]]:
-    """Every combination of numbers by name, in lexicographic order."""
-    names = [one.name for one in counts]
-    for numbers in itertools.product(*map(_numbers, counts)):
-        yield dict(zip(names, numbers, strict=True))
-
-
-def written(numbers: Mapping[str, int]) -> str:
-    """Numbers of things as a spec has them, assets as objects are called: `block[3] and mug:red`."""
-    each = numbers.items()
-    return " and ".join(f"{name}:{one.asset}" if isinstance(one, Picked) else f"{name}[{one}]" for name, one in each)
-
-
-def file_stem(numbers: Mapping[str, int]) -> str:
-    """Numbers of things as part of a file's name: `block=3,mug=red`."""
-    each = numbers.items()
-    named = (f"{name}={one.asset.replace('/', '_') if isinstance(one, Picked) else one}" for name, one in each)
-    return ",".join(named)
 
 
 def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, int]], CheckedSpec]) -> CheckedSpec:
@@ -157,59 +117,6 @@ def _standing(spec: CheckedSpec, which: int) -> object:
     choice = spec.choices.get(which)
     options = None if choice is None else (tuple(map(named, choice.options)), choice.ends)
     return spec.heights[which], named(spec.supports.get(which)), options
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Where the rows of a spec's members are among those of all objects, where the spec draws how many things there are.
-
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
-
-
-def rows_among(spec: CheckedSpec, member: CheckedSpec) -> Index:
-    """The rows of a member's storage in that of all objects; switches of choices have rows as objects have."""
-    place = {name: number for number, name in enumerate(spec.core.objects)}
-    return np.array([row for name in member.core.objects for row in rows_of(place[name])], dtype=np.intp)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Members:
-    """The members of a spec in their order, with the `rows` of each. `spare` are rows of x of the objects that may be
-    missing; each that is there adds its `weight` to the number of the member."""
-
-    specs: tuple[CheckedSpec, ...]
-    rows: tuple[Index, ...]
-    spare: Index
-    weight: Index
-
-    def of(self, rows: Array) -> Iterator[tuple[int, Index]]:
-        """The members that B scenes, (3N, B) with NaN for what is not there, are of, and which scenes those are."""
-        member = self.weight @ ~np.isnan(rows[self.spare])
-        if len(member) == 1:
-            yield int(member[0]), np.zeros(1, dtype=np.intp)
-            return
-        for number in np.unique(member).tolist():
-            yield number, np.flatnonzero(member == number)
-
-
-def members_of(spec: CheckedSpec) -> Members:
-    """The members of a spec; of one that draws no numbers itself alone."""
-    specs = spec.members or (spec,)
-    place = {name: number for number, name in enumerate(spec.core.objects)}
-    spare: list[int] = []
-    weight: list[int] = []
-    for which, one in enumerate(spec.counts):
-        further = math.prod(len(other.numbers) for other in spec.counts[which + 1 :])
-        for number in range(one.least + 1, one.most + 1):
-            if one.assets:  # one of them is there: it alone says the number
-                spare.append(row_of(place[f"{one.name}:{one.assets[number - 1]}"], X))
-                weight.append(further * (number - 1))
-                continue
-            spare.append(row_of(place[f"{one.name}[{number}]"], X))
-            weight.append(further)
-    each = tuple(rows_among(spec, member) for member in specs)
-    return Members(specs, each, np.array(spare, dtype=np.intp), np.array(weight, dtype=np.intp))
 
 
 # --------------------------------------------------------------------------------------------------------------------

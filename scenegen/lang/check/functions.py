@@ -18,7 +18,7 @@ from scenegen.errors.language import (
 from scenegen.errors.time import HORIZON_OUT_OF_RANGE, NOT_WHOLE_STEPS, TIME_UNFINISHED, WINDOW_CUT, WRONG_WINDOW
 from scenegen.geometry import PRIMITIVES, Footprint
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, SPEED, TIME, TURN_RATE, Unit
-from scenegen.lang.check.heights import of_options, options_of
+from scenegen.lang.check.heights import of_options
 from scenegen.lang.check.template import FIRST
 from scenegen.lang.check.values import (
     LONGEST,
@@ -37,7 +37,7 @@ from scenegen.lang.check.values import (
     key_of,
 )
 from scenegen.lang.formula.timed import MAX_STEPS, Horizon, Movers
-from scenegen.lang.spec import Support
+from scenegen.lang.spec import Support, options_of
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.pose import NAMES, THETA

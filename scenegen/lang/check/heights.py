@@ -45,7 +45,7 @@ from scenegen.lang.check.values import (
     board_gap,
     key_of,
 )
-from scenegen.lang.spec import Support, SurfaceChoice
+from scenegen.lang.spec import Support, SurfaceChoice, options_of
 from scenegen.lang.syntax import ast
 from scenegen.pose import FLAT, PLACE, X
 from scenegen.things.surfaces import SupportSurface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
@@ -449,15 +449,6 @@ def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, 
 
 
 MOST_CASES = 512  # combinations of choices that are distinguished for one pair of objects
-
-
-def options_of(
-    which: int, supports: Mapping[int, Support], choices: Mapping[int, SurfaceChoice]
-) -> tuple[Support, ...]:
-    """What an object can stand on; nothing where it stands on the table."""
-    if which in choices:
-        return choices[which].options
-    return (supports[which],) if which in supports else ()
 
 
 def picked(lowering: Lowering, choice: SurfaceChoice, numbers: Sequence[int]) -> int:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import islice
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from scenegen.errors import Diagnostic, Source, Span, quoted
@@ -31,7 +32,6 @@ from scenegen.errors.time import TIME_MISSING
 from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.check.scope import BUILT_IN, NO_NUMBERS, STEPS, Declared, Scope, Signature
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.foreign import PRIOR, RELATIONS, TABLES, THE_TABLE, of_relation, plain
 from scenegen.lang.syntax.parse import MOST_ERRORS
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import TEMPORAL
@@ -177,17 +177,22 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
         if node.id in scope.labels:
             yield WRONG_NAME(here, name=node.id)
         elif node.id not in scope.things:
-            drawn = PRIOR if RELATIONS.get(plain(node.id)) == PRIOR else None
-            near = [*scope.constants, *scope.regions, *scope.things]
-            yield UNKNOWN_NAME(here, name=node.id, known=near, instead=drawn, constant=True)
+            near, instead = [*scope.constants, *scope.regions, *scope.things], _elsewhere().of_number(node.id)
+            yield UNKNOWN_NAME(here, name=node.id, known=near, instead=instead, constant=True)
     elif not scope.knows(node.id):
         if node.id in scope.functions():
             signature = scope.signature(node.id)
             yield WRONG_NUMBER_OF_ARGUMENTS(here, name=node.id, usage=signature.usage if signature else None)
             return
-        known = {*scope.values(), *bound}
-        instead = THE_TABLE if plain(node.id) in TABLES else None
+        known, instead = {*scope.values(), *bound}, _elsewhere().of_thing(node.id)
         yield UNKNOWN_NAME(here, name=node.id, known=known, objects=tuple(scope.things), instead=instead)
+
+
+def _elsewhere() -> ModuleType:
+    """What names mean in other languages, which correct specs have no need of."""
+    from scenegen.lang.syntax import foreign
+
+    return foreign
 
 
 def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
@@ -207,9 +212,7 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
             return
         relations = tuple(one for one in scope.definitions if not one.startswith("_"))
         known = scope.functions()
-        instead = of_relation(name, [print_expr(one.value) for one in node.arguments])
-        if any(plain(one) == plain(name) for one in known):
-            instead = None  # `left_of`: the name alone is another
+        instead = _elsewhere().of_relation(name, [print_expr(one.value) for one in node.arguments], known)
         yield UNKNOWN_RELATION(here, name=name, known=known, relations=relations, instead=instead)
         return
     problem = bind(node, signature, source)

@@ -35,7 +35,6 @@ from scenegen.lang.check.values import Area, CallFrame, ListValue, ObjectValue, 
 from scenegen.lang.formula.builder import FALSE, TRUE
 from scenegen.lang.spec import Pose, Support, SurfaceChoice
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.foreign import one_list
 from scenegen.pose import FLAT, PLACE, X
 from scenegen.things import Shape
 from scenegen.things.surfaces import SupportSurface, fits, reach_of, surfaces_of
@@ -88,6 +87,8 @@ def _choices(
     found = {}
     for value, span in parts:
         if isinstance(value, ListValue):
+            from scenegen.lang.syntax.foreign import one_list
+
             surfaces = None if span.text.isidentifier() else one_list(here.text)
             raise SpecError(WRONG_CHOICE(span, surfaces=surfaces, nested=True))
     for place in places:

@@ -7,7 +7,7 @@ general explanations are in scenegen.lang.syntax.syntax_errors.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from scenegen.errors import Diagnostic, Source, Span
 from scenegen.errors.language import (
@@ -206,9 +206,22 @@ def one_list(text: str) -> str | None:
     return None
 
 
-def of_relation(name: str, arguments: Sequence[str]) -> str | None:
-    """What to write instead of a call of a relation or function that there is not; None of unknown names."""
+def of_thing(name: str) -> str | None:
+    """What to write instead of a thing that there is not; None of unknown names."""
+    return THE_TABLE if plain(name) in TABLES else None
+
+
+def of_number(name: str) -> str | None:
+    """What to write instead of a constant that there is not; None of unknown names."""
+    return PRIOR if RELATIONS.get(plain(name)) == PRIOR else None
+
+
+def of_relation(name: str, arguments: Sequence[str], known_names: Iterable[str] = ()) -> str | None:
+    """What to write instead of a call of a relation or function that there is not; None of unknown names, and of those
+    that are nearly one of the known names: `left_of`."""
     word = plain(name)
+    if any(plain(one) == word for one in known_names):
+        return None
     if word not in RELATIONS:
         word = known(re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)) or ""  # to_the_left_of, isOn
         if word not in RELATIONS:

@@ -38,6 +38,7 @@ from scenegen.lang.syntax.tokens import (
     OVER_TIME,
     STATEMENTS,
     TEMPORAL,
+    UNITS_OF_TIME,
     bracket,
     column,
     ending,
@@ -52,9 +53,6 @@ from scenegen.things.library import has_picture
 # --------------------------------------------------------------------------------------------------------------------
 # Syntax errors about time: its words in a spec that has no `time` statement, or in the wrong place of one that has.
 
-
-# a part of help lines
-UNITS_OF_TIME = "times in s, ms or min; speeds in m/s or cm/s; turn rates in deg/s or rad/s"
 
 # what other languages call the operators
 _ELSEWHERE = {

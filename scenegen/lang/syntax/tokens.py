@@ -20,6 +20,9 @@ KEYWORDS = frozenset((*STATEMENTS, *"forall exists in at and or not implies true
 OVER_TIME = ("always", "eventually", "next", "initially", "finally")
 TEMPORAL = frozenset((*OVER_TIME, "until", "until_with"))
 
+# a part of help lines
+UNITS_OF_TIME = "times in s, ms or min; speeds in m/s or cm/s; turn rates in deg/s or rad/s"
+
 NEAR = 400  # characters before a mistake that can tell something about it
 
 _UNITS = "(?:mm|cm|m|rad|deg|turn)"

@@ -26,9 +26,8 @@ from scenegen.errors.requests import (
 )
 from scenegen.errors.time import TIME_NOT_HERE
 from scenegen.geometry import PRIMITIVES, Circle
-from scenegen.lang.check.families import members_of
 from scenegen.lang.formula.core import Apply, Atom, Coord, Core, gated, part_of
-from scenegen.lang.spec import CheckedSpec, chosen
+from scenegen.lang.spec import CheckedSpec, chosen, members_of
 from scenegen.learn.curriculum.goal import Goal, Scorer, make_goal, names, number, one_of, refused
 from scenegen.learn.curriculum.library import Sampler
 from scenegen.learn.curriculum.register import MOTION_ID

@@ -19,9 +19,8 @@ import numpy.typing as npt
 
 from scenegen.errors import quoted
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, corners, measures, standing_area
-from scenegen.lang.check.heights import options_of
 from scenegen.lang.formula.core import Apply, Const, Coord, Junction, Node
-from scenegen.lang.spec import CheckedSpec, Support
+from scenegen.lang.spec import CheckedSpec, Support, options_of
 from scenegen.pose import PLACE, THETA, TWO_PI, X, axis_of, row_of
 from scenegen.sampling.growth.graph import Clause, Graph, asked, flat, offset_of, ways_of
 from scenegen.sampling.growth.touch import Touch

@@ -15,8 +15,8 @@ from scenegen.errors import Diagnostic, RequestError, Span, quoted
 from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW, SCENES_ALIKE, TABLE_TOO_FULL
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.footprint import POINT
-from scenegen.lang.check.heights import options_of
 from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction
+from scenegen.lang.spec import options_of
 from scenegen.pose import BELOW_TURN, FLAT, THETA, along, row_of
 from scenegen.processes.ahead import BackgroundTask
 from scenegen.sampling.growth.grow import AncestorEffect, Grown, PlacementFailed, Step, explore, grow

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -173,23 +173,34 @@ def chosen(choice: SurfaceChoice, rows: Array) -> Index:
     return np.asarray(np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right"))
 
 
+def carriers_first(which: Iterable[int], options: Callable[[int], Sequence[Support]]) -> Iterator[int]:
+    """Objects, and all that they can stand on, each after what carries it; `options` is what an object can stand on."""
+    done = set[int]()
+    for start in which:
+        path = [start]
+        while path:
+            one = path[-1]
+            waiting = [
+                under.carrier for under in options(one) if under.carrier is not None and under.carrier not in done
+            ]
+            if waiting:
+                path.extend(waiting)
+                continue
+            path.pop()
+            if one not in done:
+                done.add(one)
+                yield one
+
+
 def levels(spec: CheckedSpec, rows: Array) -> Array | None:
     """(n, N): how high above the table each object's lowest point is, in metres, in scenes with the core's rows
     (3M, n), the switches of choices among them; None where heights follow from the poses."""
     if not spec.declares_heights:
         return None
     found: dict[int, Array] = {}
-    waiting = list(range(len(spec.objects)))
-    while waiting:  # what carries comes before what it carries: supports have no cycles
-        ready = [which for which in waiting if _carriers(spec, which) <= found.keys()]
-        for which in ready:
-            found[which] = _level(spec, which, rows, found)
-        waiting = [which for which in waiting if which not in found]
+    for which in carriers_first(range(len(spec.objects)), lambda one: options_of(one, spec.supports, spec.choices)):
+        found[which] = _level(spec, which, rows, found)
     return np.stack([found[which] for which in range(len(spec.objects))], axis=1)
-
-
-def _carriers(spec: CheckedSpec, which: int) -> set[int]:
-    return {one.carrier for one in options_of(which, spec.supports, spec.choices) if one.carrier is not None}
 
 
 def _level(spec: CheckedSpec, which: int, rows: Array, found: dict[int, Array]) -> Array:

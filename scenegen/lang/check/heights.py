@@ -45,7 +45,7 @@ from scenegen.lang.check.values import (
     board_gap,
     key_of,
 )
-from scenegen.lang.spec import Support, SurfaceChoice, options_of
+from scenegen.lang.spec import Support, SurfaceChoice, carriers_first, options_of
 from scenegen.lang.syntax import ast
 from scenegen.pose import FLAT, PLACE, X
 from scenegen.things.surfaces import SupportSurface, fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
@@ -471,26 +471,20 @@ def of_options(lowering: Lowering, value: ChosenValue, number: Callable[[Value],
 
 def level(lowering: Lowering, which: int) -> int:
     """How high an object's lowest point is above the table: a number of the core."""
-    assert lowering.heights is not None
-    builder = lowering.builder
+    builder, heights = lowering.builder, lowering.heights
+    assert heights is not None
+
+    def options(one: int) -> Sequence[Support]:
+        return () if heights[one] is not None else options_of(one, lowering.supports, lowering.choices)
+
     made: dict[int, int] = {}
-    stack = [which]
-    while stack:
-        one = stack[-1]
-        known = lowering.heights[one]
+    for one in carriers_first([which], options):
+        known = heights[one]
         if known is not None:
             made[one] = builder.const(known)
-        if one in made:
-            stack.pop()
             continue
-        options = options_of(one, lowering.supports, lowering.choices)
-        waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in made]
-        if waiting:
-            stack.extend(waiting)
-            continue
-        stack.pop()
         numbers = []
-        for under in options:
+        for under in options(one):
             rise = builder.const(under.height)
             numbers.append(rise if under.carrier is None else builder.apply("add", (made[under.carrier], rise)))
         made[one] = picked(lowering, lowering.choices[one], numbers) if one in lowering.choices else numbers[0]

@@ -13,7 +13,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Set as AbstractSet
+from typing import TYPE_CHECKING, Literal
 
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
@@ -21,6 +22,7 @@ from scenegen.errors.declarations import (
     NO_FLAT_TOP,
     NOT_ON_SURFACE,
     OUTSIDE_WORKSPACE,
+    STACKED_AND_APART,
     STANDS_ON_ITSELF,
     WRONG_CHOICE,
     WRONG_NUMBER_OF_PLACES,
@@ -33,7 +35,8 @@ from scenegen.lang.check.objects import not_open
 from scenegen.lang.check.scope import DeclaredObject
 from scenegen.lang.check.values import Area, CallFrame, ListValue, ObjectValue, RegionValue, SurfaceValue, Value
 from scenegen.lang.formula.builder import FALSE, TRUE
-from scenegen.lang.spec import Pose, Support, SurfaceChoice
+from scenegen.lang.formula.core import Apply, Atom, Const, Junction
+from scenegen.lang.spec import Pose, Support, SurfaceChoice, carriers_first
 from scenegen.lang.syntax import ast
 from scenegen.pose import FLAT, PLACE, X
 from scenegen.things import Shape
@@ -190,18 +193,9 @@ def heights(
     SpecError where supports form a circle."""
     refuse_circles(found, names, spans)
     known: dict[int, float | None] = {}
-    for start in range(count):
-        path = [start]
-        while path:
-            one = path[-1]
-            options = found.get(one, ())
-            waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in known]
-            if waiting:
-                path.extend(waiting)
-                continue
-            path.pop()
-            levels = {_level(known, under) for under in options} or {0.0}
-            known[one] = levels.pop() if len(levels) == 1 else None
+    for one in carriers_first(range(count), lambda one: found.get(one, ())):
+        levels = {_level(known, under) for under in found.get(one, ())} or {0.0}
+        known[one] = levels.pop() if len(levels) == 1 else None
     return tuple(known[which] for which in range(count))
 
 
@@ -238,28 +232,17 @@ def spread(
     far around it as the surface reaches, so that what carries stays uniform over its own box. Of several surfaces it is
     one box around all. `switches` are those of choices."""
     boxes: dict[int, Rectangle] = {}
-
-    def box(which: int) -> Rectangle:
-        path = [which]
-        while path:
-            one = path[-1]
-            options = found.get(one, ())
-            waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in boxes]
-            if waiting:
-                path.extend(waiting)
-                continue
-            path.pop()
-            if one in fixed:  # what it carries moves with it
-                boxes[one] = ((fixed[one][0],) * 2, (fixed[one][1],) * 2)
-            elif not options:
-                boxes[one] = (space.x, space.y)
-            else:
-                ends = [_box(under, space, boxes) for under in options]
-                x, y = ((min(end[axis][0] for end in ends), max(end[axis][1] for end in ends)) for axis in PLACE)
-                boxes[one] = x, y
-        return boxes[which]
-
-    own = tuple((which, *box(which)) for which in sorted(found) if which not in fixed)
+    standing = [which for which in sorted(found) if which not in fixed]
+    for one in carriers_first(standing, lambda one: () if one in fixed else found.get(one, ())):
+        if one in fixed:  # what it carries moves with it
+            boxes[one] = ((fixed[one][0],) * 2, (fixed[one][1],) * 2)
+        elif one not in found:
+            boxes[one] = (space.x, space.y)
+        else:
+            ends = [_box(under, space, boxes) for under in found[one]]
+            x, y = ((min(end[axis][0] for end in ends), max(end[axis][1] for end in ends)) for axis in PLACE)
+            boxes[one] = x, y
+    own = tuple((which, *boxes[which]) for which in standing)
     return dataclasses.replace(space, own=(*own, *((which, SWITCH, SWITCH) for which in switches)))
 
 
@@ -398,3 +381,89 @@ def grouped(choice: SurfaceChoice) -> Iterator[tuple[float, float, tuple[Support
 
 def _place(one: Support) -> tuple[object, ...]:
     return one.carrier, one.outline, one.walled, one.pose
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Requirements beside declared supports: what contradicts them, and what they make superfluous.
+
+
+DEPTH = 4  # of min and max in a margin that is taken apart: apart() has two
+
+
+def clashing(
+    lowering: Lowering, requirement: int, found: Mapping[int, Support], choices: Mapping[int, Sequence[Support]]
+) -> Diagnostic | None:
+    """What to say where a requirement keeps an object's footprint clear of what it stands on: of all that it can stand
+    on, where that is a choice."""
+    nodes, coordinate = lowering.builder.nodes, lowering.coerce.coordinate
+    pairs = {}
+    options = {upper: [under] for upper, under in found.items()} | dict(choices)
+    carriers = {upper: [under.carrier for under in unders] for upper, unders in options.items()}
+    for upper, all_ in carriers.items():
+        for carrier in all_:
+            if carrier is not None and None not in all_:
+                first, second = (tuple(coordinate(one, axis) for axis in PLACE) for one in (upper, carrier))
+                pairs[first, second] = pairs[second, first] = upper, carrier
+    apart: dict[int, set[int]] = {}
+    stack = [requirement]
+    while stack:
+        node = nodes[index] if (index := stack.pop()) >= 0 else None
+        if isinstance(node, Junction) and node.kind == "min":
+            stack.extend(node.args)
+        if not isinstance(node, Atom):
+            continue
+        margin = nodes[node.margin]
+        if isinstance(margin, Apply) and margin.primitive == "gap" and len(margin.args) == 6:
+            pair = pairs.get((margin.args[:2], margin.args[3:5]))
+            if pair is not None:
+                apart.setdefault(pair[0], set()).add(pair[1])
+                if apart[pair[0]] < set(carriers[pair[0]]):
+                    continue
+                one, other = (lowering.builder.objects[which] for which in pair)
+                return STACKED_AND_APART(node.spans[-1], upper=one, lower=other)
+    return None
+
+
+def relaxed(lowering: Lowering, formula: int, known: AbstractSet[int]) -> int:
+    """A requirement that is satisfied by the same scenes, without the constants in it and without the atoms `known` to
+    be required already: of what is required only the sign counts, most pairs of `noCollision` are apart by their
+    heights, and what stands in a tray is clear of its walls."""
+    builder = lowering.builder
+    margins = {atom.margin for which in known if isinstance(atom := builder.nodes[which], Atom)}
+    needed, stack = set[int](), [formula]
+    while stack:
+        if (index := stack.pop()) >= 0 and index not in needed:
+            needed.add(index)
+            node = builder.nodes[index]
+            stack.extend(node.args if isinstance(node, Junction) else ())
+    made = {TRUE: TRUE, FALSE: FALSE}
+    for index in sorted(needed):  # children first
+        node = builder.nodes[index]
+        if isinstance(node, Junction):
+            made[index] = builder.junction(node.kind, [made[part] for part in node.args], node.text)
+        elif isinstance(node, Atom):
+            made[index] = _split(lowering, node.margin, node, margins, DEPTH)
+    return made[formula]
+
+
+def _split(lowering: Lowering, margin: int, atom: Atom, known: AbstractSet[int], depth: int) -> int:
+    builder = lowering.builder
+    node = builder.nodes[margin]
+    if isinstance(node, Const):
+        return TRUE if node.value >= 0.0 else FALSE
+    if margin in known:
+        return TRUE
+    if depth and isinstance(node, Apply) and node.primitive == "pick":
+        switch, end, *sides = node.args
+        before, after = (_split(lowering, part, atom, known, depth) for part in sides)
+        early, late = (
+            builder.atom(*ends, f"{builder.text(ends[0])} <= {builder.text(ends[1])}", BARE, atom.spans)
+            for ends in ((switch, end), (end, switch))
+        )
+        either = [builder.junction("max", [late, before]), builder.junction("max", [early, after])]
+        return builder.junction("min", either)
+    if depth and isinstance(node, Apply) and node.primitive in ("min", "max"):
+        kind: Literal["min", "max"] = "min" if node.primitive == "min" else "max"
+        return builder.junction(kind, [_split(lowering, part, atom, known, depth - 1) for part in node.args])
+    text = atom.text if margin == atom.margin else f"{builder.text(margin)} >= 0"
+    return builder.atom_of(margin, builder.const(0.0), margin, text, atom.unit, atom.spans)

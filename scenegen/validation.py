@@ -24,9 +24,10 @@ class Option:
     """A field of a request as an option of commands: `Annotated[int, Option(...)]`.
 
     `help` and `metavar` are shown; `typed` is the type of what is typed where that is another than the field's, and
-    `parse` makes the field's value of it and of the labels of the spec. `check` takes the name and a value, and returns
-    the value to keep; it raises RequestError. `choices` are its values, where they are few. `unit` is "s" for a span of
-    time. `of` is what the option means something for: scenes, motions, files, sets; `panel` is the part of a help text where it stands.
+    `parse` makes the field's value of it and of the labels of the spec. `check` takes the name and a value, and
+    returns the value to keep; it raises RequestError. `choices` are its values, where they are few. `unit` is "s" for
+    a span of time. `of` is what the option means something for: scenes, motions, files, sets; `panel` is the part of
+    a help text where it stands.
     """
 
     help: str

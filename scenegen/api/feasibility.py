@@ -19,10 +19,9 @@ from scenegen.errors.declarations import (
 )
 from scenegen.errors.requests import TABLE_TOO_FULL
 from scenegen.geometry import NUMPY
-from scenegen.lang.check.families import combinations, written
 from scenegen.lang.formula.core import REQUIRE, Atom, Core, children, gated, part_of
 from scenegen.lang.formula.interpret import phi
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, combinations, written
 from scenegen.search import node_bounds, spec_bounds
 
 Array = npt.NDArray[np.float64]

@@ -25,7 +25,7 @@ from scenegen.errors.requests import (
     UNKNOWN_LABEL,
 )
 from scenegen.errors.time import NO_MOTION_MEETS, NO_MOTION_SATISFIES
-from scenegen.lang.check.families import written
+from scenegen.lang.spec import written
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.rarity import WORK, PhiDistribution, Rarity, RequirementUnmet, measure, mixed
 from scenegen.sampling.rarity_grown import measure_vast, needs_growth

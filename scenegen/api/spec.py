@@ -16,10 +16,9 @@ from scenegen.errors.language import PHI_TOO_LARGE
 from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT, WRONG_VALUE
 from scenegen.errors.time import NOT_OVER_TIME, TIME_NOT_HERE
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.check.families import combinations
 from scenegen.lang.checker import check_file, check_text
 from scenegen.lang.formula.timed import Horizon, Movers, Timed
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, combinations
 from scenegen.scenes.files import is_stream, read_bytes, read_stream
 from scenegen.validation import as_int, as_path
 

@@ -177,7 +177,7 @@ def trainings(
     """The jobs of a spec, by their names: one model, FOLDER/NAME.safetensors; or, where the spec draws how many things
     there are, a model for each combination of numbers, in FOLDER/NAME/."""
     from scenegen.api.spec import load
-    from scenegen.lang.check.families import written
+    from scenegen.lang.spec import written
     from scenegen.learn.model import family_files
 
     one: Task = (source, folder / f"{name}.safetensors", {})

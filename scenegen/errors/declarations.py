@@ -12,8 +12,19 @@ TOO_MANY_OBJECTS = Kind("too-many-objects", "more than {limit:,} objects", help=
 EMPTY_ARRAY = Kind("empty-array", "an array cannot have {count} elements", "it has one or more", "{instead}")
 UNKNOWN_ASSET = Kind(
     "unknown-asset",
-    "the library has no `{name}`",
-    help=(NEAREST, "the library has {known:list}"),
+    (
+        "{asset:?}{path} has no asset `{name}`",
+        "no asset of {path} has the category `{name}`",
+        "the library has no `{name}`",
+    ),
+    help=(
+        NEAREST,
+        "it has {some:list}[[ and {more:,} more]]",
+        "{path:?}it has {known:list}",
+        '{path:?}write category = "{name}" below the assets that have it',
+        "the library has {known:list}",
+    ),
+    formerly=("unknown-indexed-asset", "unknown-asset-category"),
 )
 STANDS_IN = Kind(
     "stands-in",
@@ -27,11 +38,16 @@ STANDS_IN = Kind(
 )
 NOT_A_SHAPE = Kind(
     "not-a-shape",
-    "this is no shape",
-    "expected what the object looks like",
-    (NEAREST, "write the name of an asset, or {usages}"),
+    ("{path:?}this is no outline", "{usages:?}this is no shape", "this is no region"),
+    ("{path:?}", "{usages:?}expected what the object looks like", "expected a shape with its place"),
+    (
+        'write {kind}("{path}", box(length, width, height))',
+        NEAREST,
+        "write the name of an asset, or {usages}",
+        "write rect(left, bottom, right, top), circle((x, y), radius) or polygon([(x, y), ...])",
+    ),
+    formerly=("not-an-outline", "not-a-region"),
 )
-NOT_AN_OUTLINE = Kind("not-an-outline", "this is no outline", help='write {kind}("{path}", box(length, width, height))')
 FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "{what} is named in double quotes", help="write {usage}")
 UNLIKELY_SHAPE = Kind(
     "unlikely-shape",
@@ -47,20 +63,16 @@ UNLIKELY_SHAPE = Kind(
     ),
     severity="note",
 )
-UNUSABLE_SHAPE_FILE = Kind("unusable-shape-file", "{path} cannot be used: {reason}")
-NO_ASSET_INDEX = Kind(
-    "no-asset-index",
-    "there is no {path}",
-    "this asset is looked up in it",
-    '`scenegen explain assets` shows how to write one; of an index in a folder write asset("folder/{name}")',
-)
-BAD_ASSET_INDEX = Kind(
-    "bad-asset-index", "{path} cannot be used: {reason}", help="`scenegen explain assets` shows what an index has"
-)
-UNKNOWN_INDEXED_ASSET = Kind(
-    "unknown-indexed-asset",
-    "{path} has no asset `{name}`",
-    help=(NEAREST, "it has {some:list}[[ and {more:,} more]]"),
+UNUSABLE_SHAPE_FILE = Kind(
+    "unusable-shape-file",
+    ("{path} cannot be used: {reason}", "there is no {path}"),
+    ("{reason:?}", "this asset is looked up in it"),
+    (
+        "{index:?}`scenegen explain assets` shows what an index has",
+        "{reason:?}",
+        '`scenegen explain assets` shows how to write one; of an index in a folder write asset("folder/{name}")',
+    ),
+    formerly=("bad-asset-index", "no-asset-index"),
 )
 ASSET_SIZE = Kind(
     "asset-size",
@@ -68,26 +80,33 @@ ASSET_SIZE = Kind(
     help=("{hint}", "`scale` in the index is how many metres a unit of its file is"),
 )
 SIZE_OUT_OF_RANGE = Kind(
-    "size-out-of-range", "{what} cannot be {size:g} m", "sizes lie between {least:g} and {most:,.0f} m"
+    "size-out-of-range",
+    (
+        "{what} cannot be {size:g} m",
+        "a region cannot be {level:g} m above the table",
+        "{what} is too far out",
+    ),
+    (
+        "sizes lie between {least:g} and {most:,.0f} m",
+        "heights lie between 0 and {most:,.0f} m",
+        "the limit is {limit:,.0f} m",
+    ),
+    formerly=("too-far-out", "level-out-of-range"),
 )
-TOO_FAR_OUT = Kind("too-far-out", "{what} is too far out", "the limit is {limit:,.0f} m")
-TOO_FEW_CORNERS = Kind("too-few-corners", "a polygon has three corners or more", "{given} given")
-NOT_CONVEX = Kind(
-    "not-convex",
-    "this polygon is not convex",
-    "or its corners are not in order",
-    "split it into convex parts, each a region of its own: inside(a, left) | inside(a, right)",
-)
-CORNERS_NOT_A_LIST = Kind(
-    "corners-not-a-list",
-    "a polygon takes one list of corners",
-    help="put the corners in a list: polygon([(0, 0), (1, 0), (0, 1)])",
-)
-NOT_A_REGION = Kind(
-    "not-a-region",
-    "this is no region",
-    "expected a shape with its place",
-    (NEAREST, "write rect(left, bottom, right, top), circle((x, y), radius) or polygon([(x, y), ...])"),
+WRONG_CORNERS = Kind(
+    "wrong-corners",
+    (
+        "{given:?}a polygon has three corners or more",
+        "{list:?}a polygon takes one list of corners",
+        "this polygon is not convex",
+    ),
+    ("{given} given", "{list:?}", "or its corners are not in order"),
+    (
+        "{given:?}",
+        "{list:?}put the corners in a list: polygon([(0, 0), (1, 0), (0, 1)])",
+        "split it into convex parts, each a region of its own: inside(a, left) | inside(a, right)",
+    ),
+    formerly=("too-few-corners", "not-convex", "corners-not-a-list"),
 )
 FLAT_RECTANGLE = Kind(
     "flat-rectangle",
@@ -97,15 +116,10 @@ FLAT_RECTANGLE = Kind(
 )
 EMPTY_INTERVAL = Kind(
     "empty-interval",
-    "this interval of {axis} is empty",
-    "the first end must be smaller",
+    ("{narrow:?}this interval of {axis} is too narrow", "this interval of {axis} is empty"),
+    ("{narrow:?}numbers of a computer are too coarse for it", "the first end must be smaller"),
     ("write {swapped}", "give it some width"),
-)
-NARROW_INTERVAL = Kind(
-    "narrow-interval",
-    "this interval of {axis} is too narrow",
-    "numbers of a computer are too coarse for it",
-    "give it some width",
+    formerly=("narrow-interval",),
 )
 WORKSPACE_OF_ITSELF = Kind("workspace-of-itself", "the workspace cannot be measured by itself")
 MEASURED_TOO_EARLY = Kind(
@@ -114,18 +128,20 @@ MEASURED_TOO_EARLY = Kind(
     "the shapes of objects are not known yet",
     ("{instead}", "write numbers and constants here"),
 )
-PLACE_OUTSIDE_WORKSPACE = Kind(
-    "place-outside-workspace",
-    "this place is outside the workspace",
-    "the workspace is {workspace}",
-    "move it, or widen the workspace",
-)
-ONE_OBJECT_MANY_PLACES = Kind("one-object-many-places", "one object stands in one place", help="write at (0.5, 0.5)")
 WRONG_NUMBER_OF_PLACES = Kind(
     "wrong-number-of-places",
-    "{count} objects stand in {count} places",
-    "{given} given",
-    "write a list of {count} points: at [(0.2, 0.5), ...]",
+    (
+        "{objects} objects stand on {surfaces} surfaces",
+        "{count} objects stand in {count} places",
+        "one object stands in one place",
+    ),
+    ("{surfaces} given", "{given} given"),
+    (
+        "{objects:?}name one surface, or one for each object",
+        "write a list of {count} points: at [(0.2, 0.5), ...]",
+        "write at (0.5, 0.5)",
+    ),
+    formerly=("one-object-many-places", "support-count"),
 )
 NO_FREE_OBJECT = Kind(
     "no-free-object",
@@ -135,25 +151,13 @@ NO_FREE_OBJECT = Kind(
 )
 
 # formulas
-NO_FORMULA = Kind(
-    "no-formula",
-    "{file} has no formula",
-    "nothing says what the scenes must satisfy",
-    "add one: task: leftOf(mug, plate)",
-)
 CONSTANT_LABEL = Kind(
     "constant-label",
-    "`{name}` is constant",
-    "its value is the same in every scene",
-    "say something about the objects, for instance: leftOf(mug, plate)",
+    ("`{name}` is constant", "what `require` demands is the same in every scene"),
+    ("{name:?}its value is the same in every scene", "no free object takes part"),
+    ("{name:?}say something about the objects, for instance: leftOf(mug, plate)", "leave it out"),
     "[[held in place by `at`: {held:list}]]",
-)
-CONSTANT_REQUIREMENT = Kind(
-    "constant-requirement",
-    "what `require` demands is the same in every scene",
-    "no free object takes part",
-    "leave it out",
-    "[[held in place by `at`: {held:list}]]",
+    formerly=("constant-requirement",),
 )
 IMPOSSIBLE_REQUIREMENT = Kind(
     "impossible-requirement", "this can never hold", "no scene meets it", ("{meant}", "remove it")
@@ -227,15 +231,14 @@ HEADING_COMPARED = Kind(
     "write angle({name}, NORTH, 20 deg), or wrap the difference: abs(wrap(theta({name}) - NORTH)) <= 20 deg",
     severity="warning",
 )
-TOO_MANY_ROUNDS = Kind(
-    "too-many-rounds",
-    "quantifiers take more than {limit:,} rounds in all",
-    help="use fewer objects, or fewer quantifiers inside each other",
-)
 SPEC_TOO_LARGE = Kind(
     "spec-too-large",
-    "{file} {reason}",
-    help="use fewer objects, or smaller definitions and quantifiers",
+    ("quantifiers take more than {limit:,} rounds in all", "{file} {reason}"),
+    help=(
+        "{limit:?}use fewer objects, or fewer quantifiers inside each other",
+        "use fewer objects, or smaller definitions and quantifiers",
+    ),
+    formerly=("too-many-rounds",),
 )
 
 # imports
@@ -244,17 +247,16 @@ SPEC_WITHOUT_FILE = Kind(
     "a spec without a file cannot read files",
     help="save it as a .spec file and load that",
 )
-CANNOT_FIND_IMPORT = Kind("cannot-find-import", "cannot find {path}")
 CANNOT_READ_IMPORT = Kind(
     "cannot-read-import",
-    "cannot read {path}: {reason}",
+    ("cannot read {path}: {reason}", "{what:?}{path} is not a file", "cannot find {path}"),
     help=(
-        "beside it are {beside:list}",
-        "the path is relative to this file",
+        "{reason:?}beside it are {beside:list}",
+        "{reason:?}the path is relative to this file",
+        "name {what}",
     ),
+    formerly=("cannot-find-import", "import-not-a-file"),
 )
-IMPORT_NOT_A_FILE = Kind("import-not-a-file", "{path} is not a file", help="name {what}")
-IMPORT_TOO_LARGE = Kind("import-too-large", "{path} is too large", "the limit is {limit:,} bytes")
 OUTSIDE_FOLDER = Kind(
     "outside-folder",
     "a spec cannot read outside its folder",
@@ -262,8 +264,6 @@ OUTSIDE_FOLDER = Kind(
     "copy it there, or name a wider folder with <root>; the folder is {folder}",
 )
 IMPORT_CYCLE = Kind("import-cycle", "{path} imports itself", "this closes a circle of imports")
-TOO_MANY_IMPORTS = Kind("too-many-imports", "more than {limit:,} files are imported")
-IMPORTS_TOO_LONG = Kind("imports-too-long", "this spec is too long with its imports; the limit is {limit:,} characters")
 NOTHING_TO_IMPORT = Kind(
     "nothing-to-import",
     "{path} has no statements to import",
@@ -272,12 +272,6 @@ NOTHING_TO_IMPORT = Kind(
 )
 
 # what objects stand on
-SUPPORT_COUNT = Kind(
-    "support-count",
-    "{objects} objects stand on {surfaces} surfaces",
-    "{surfaces} given",
-    "name one surface, or one for each object",
-)
 NO_FLAT_TOP = Kind(
     "no-flat-top", "nothing can stand on `{name}`", "it has no flat top", "name another object, or a region"
 )
@@ -287,31 +281,40 @@ STANDS_ON_ITSELF = Kind(
     help=("{circle:?}let one of them stand on something else, or on the table", "name another object"),
     note="each stands on the next: {circle}",
 )
-SURFACE_TOO_SMALL = Kind(
-    "surface-too-small",
-    "`{name}` does not fit into `{surface}`",
-    "this surface is too small for it",
-    ("write `{name} on {carrier}`: it stands on the rim", "use a larger one"),
+DOES_NOT_FIT = Kind(
+    "does-not-fit",
+    (
+        "{height:?}`{name}` is too tall for `{surface}`",
+        "{rim:?}`{name}` does not lie on `{surface}`",
+        "`{name}` does not fit into `{surface}`",
+    ),
+    (
+        "it is {height:.4g} cm high, and there are {clear:.4g} cm",
+        "{rim:?}it fits inside",
+        "this surface is too small for it",
+    ),
+    (
+        "{height:?}use another level",
+        "{rim:?}write `{name} on {carrier}`",
+        "write `{name} on {carrier}`: it stands on the rim",
+        "use a larger one",
+    ),
+    formerly=("surface-too-small", "not-on-rim", "too-tall-for-surface"),
 )
-NOT_ON_RIM = Kind("not-on-rim", "`{name}` does not lie on `{surface}`", "it fits inside", "write `{name} on {carrier}`")
-NESTED_CHOICE = Kind(
-    "nested-choice",
-    "a choice cannot stand inside a choice",
-    "its surfaces belong into the one list",
-    ("write on any of [{surfaces}]", "name all surfaces in one list: on any of [a, b, c]"),
-)
-DRAWER_COUNT = Kind("drawer-count", "a cabinet cannot have {given} drawers", "it has 1 to {most}")
-DRAWER_SHARE = Kind(
-    "drawer-share",
-    "a drawer cannot be open by {given:g}",
-    "the share of its length, from 0 to 1",
-    "write open = 0.6 for 60 %",
-)
-DRAWER_SHARES = Kind(
-    "drawer-shares",
-    ("{drawers} drawers take {drawers} shares", "a cabinet cannot have {given} drawers: it has 1 to {most}"),
-    "{given} given",
-    "give each drawer its share, the lowest first: open = [0, 0, 0.6]",
+WRONG_DRAWERS = Kind(
+    "wrong-drawers",
+    (
+        "{share:?}a drawer cannot be open by {given:g}",
+        "{drawers} drawers take {drawers} shares",
+        "{shares:?}a cabinet cannot have {given} drawers: it has 1 to {most}",
+        "a cabinet cannot have {given} drawers",
+    ),
+    ("{share:?}the share of its length, from 0 to 1", "{shares:?}{given} given", "it has 1 to {most}"),
+    (
+        "{share:?}write open = 0.6 for 60 %",
+        "{shares:?}give each drawer its share, the lowest first: open = [0, 0, 0.6]",
+    ),
+    formerly=("drawer-count", "drawer-share", "drawer-shares"),
 )
 DRAWER_NOT_OPEN = Kind(
     "drawer-not-open",
@@ -319,36 +322,47 @@ DRAWER_NOT_OPEN = Kind(
     "`{name}` needs {need:.3g} cm",
     ("{above}open it by {least:g} to 1: {mended}", "open it by {least:g} to 1: {mended}"),
 )
-TOO_TALL_FOR_SURFACE = Kind(
-    "too-tall-for-surface",
-    "`{name}` is too tall for `{surface}`",
-    "it is {height:.4g} cm high, and there are {clear:.4g} cm",
-    "use another level",
-)
 NOT_ON_SURFACE = Kind(
     "not-on-surface",
     "`{name}` is not held on `{surface}`",
     "`{surface}` is elsewhere",
     "move it, or what carries it",
 )
-SURFACE_OUTSIDE = Kind(
-    "surface-outside", "`{name}` stands outside of the workspace", help="move the region that it stands on"
+OUTSIDE_WORKSPACE = Kind(
+    "outside-workspace",
+    ("`{name}` stands outside of the workspace", "this place is outside the workspace"),
+    "the workspace is {workspace}",
+    ("{name:?}move the region that it stands on", "move it, or widen the workspace"),
+    formerly=("surface-outside", "place-outside-workspace"),
 )
 STACKED_AND_APART = Kind(
     "stacked-and-apart",
     "`{upper}` stands on `{lower}`, and this keeps their footprints apart",
     help="require noCollision() instead of noOverlap(): things may then stand on and in each other",
 )
-CHOICE_NOT_A_LIST = Kind(
-    "choice-not-a-list",
-    "`any of` takes a list of surfaces",
-    "this is {found}",
-    "write on any of [{written}, workspace], or on {written}",
+WRONG_CHOICE = Kind(
+    "wrong-choice",
+    (
+        "{found:?}`any of` takes a list of surfaces",
+        "`{surface}` is in this list twice",
+        "{nested:?}a choice cannot stand inside a choice",
+        "there is nothing to choose from",
+    ),
+    (
+        "this is {found}",
+        "{surface:?}",
+        "{nested:?}its surfaces belong into the one list",
+        "this list is empty",
+    ),
+    (
+        "write on any of [{written}, workspace], or on {written}",
+        "{surface:?}name each surface once",
+        "write on any of [{surfaces}]",
+        "{nested:?}name all surfaces in one list: on any of [a, b, c]",
+        "name the surfaces: on any of [a, b]",
+    ),
+    formerly=("choice-not-a-list", "empty-choice", "nested-choice", "surface-twice"),
 )
-EMPTY_CHOICE = Kind(
-    "empty-choice", "there is nothing to choose from", "this list is empty", "name the surfaces: on any of [a, b]"
-)
-SURFACE_TWICE = Kind("surface-twice", "`{surface}` is in this list twice", help="name each surface once")
 TOO_MANY_CASES = Kind(
     "too-many-cases",
     "there are more than {limit:,} ways in which things can stand here",
@@ -356,14 +370,17 @@ TOO_MANY_CASES = Kind(
 )
 LEVEL_COUNT = Kind(
     "level-count",
-    "the heights of `{name}` are not as many as its levels",
+    (
+        "{count:?}the heights of `{name}` are not as many as its levels",
+        "the number of levels of a region cannot be drawn",
+    ),
     "{count} named, {levels} given",
-    "write one height for each: region {name}[2] = rect(...) at 30 cm, 60 cm",
-)
-LEVEL_OUT_OF_RANGE = Kind(
-    "level-out-of-range",
-    "a region cannot be {level:g} m above the table",
-    "heights lie between 0 and {most:,.0f} m",
+    (
+        "{count:?}write one height for each: region {name}[2] = rect(...) at 30 cm, 60 cm",
+        "write {name}[{levels}]",
+        "give each level its height: region {name}[2] = ... at 30 cm, 60 cm",
+    ),
+    formerly=("count-of-levels",),
 )
 LEVELS_INTERSECT = Kind(
     "levels-intersect",
@@ -400,21 +417,11 @@ ONE_NUMBER = Kind(
     "write {name}[{least}]",
     severity="warning",
 )
-UNKNOWN_ASSET_CATEGORY = Kind(
-    "unknown-asset-category",
-    "no asset of {path} has the category `{name}`",
-    help=(NEAREST, "it has {known:list}", 'write category = "{name}" below the assets that have it'),
-)
 NOT_A_CATEGORY = Kind("not-a-category", "this does not say of which category an object is", help="write {usage}")
 NOT_OF_CATEGORY = Kind(
     "not-of-category",
     "`{name}` cannot be of a category: {what}",
     help='write {name} = asset("025_mug")',
-)
-COUNT_OF_LEVELS = Kind(
-    "count-of-levels",
-    "the number of levels of a region cannot be drawn",
-    help=("write {name}[{levels}]", "give each level its height: region {name}[2] = ... at 30 cm, 60 cm"),
 )
 DEPENDS_ON_NUMBER = Kind(
     "depends-on-number",
@@ -425,11 +432,6 @@ DEPENDS_ON_NUMBER = Kind(
         "write numbers here that do not depend on the number of things",
     ),
     note="scene files say it once, for all scenes",
-)
-NUMBERS_OVER_TIME = Kind(
-    "numbers-over-time",
-    "random numbers of things have no place in a spec over time",
-    help="write {name}[{most}]",
 )
 
 # in requests

@@ -13,15 +13,23 @@ UNKNOWN_RELATION = Kind(
 )
 UNKNOWN_NAME = Kind(
     "unknown-name",
-    "unknown name `{name}`",
-    ("{wanted} is needed here", "no object, constant or label has this name"),
-    ("{instead}", NEAREST, "the objects are {objects:quoted8}", "declare it: object {name}"),
+    ("{constant:?}unknown constant `{name}`", "unknown name `{name}`"),
+    ("{constant:?}", "{wanted} is needed here", "no object, constant or label has this name"),
+    (
+        "{instead}",
+        NEAREST,
+        "{constant:?}define it: const {name} = 1",
+        "the objects are {objects:quoted8}",
+        "declare it: object {name}",
+    ),
+    formerly=("unknown-constant",),
 )
-UNKNOWN_CONSTANT = Kind(
-    "unknown-constant", "unknown constant `{name}`", help=("{instead}", NEAREST, "define it: const {name} = 1")
+WRONG_NAME = Kind(
+    "wrong-name",
+    ("{relation:?}`{name}` is not a relation", "`{name}` is not a constant"),
+    ("{relation:?}it cannot be called", "only numbers and constants can stand here"),
+    formerly=("not-a-constant", "not-a-relation"),
 )
-NOT_A_CONSTANT = Kind("not-a-constant", "`{name}` is not a constant", "only numbers and constants can stand here")
-NOT_A_RELATION = Kind("not-a-relation", "`{name}` is not a relation", "it cannot be called")
 NOT_FINITE = Kind(
     "not-finite",
     "there is no `{name}` here",
@@ -39,7 +47,16 @@ BUILT_IN_NAME = Kind("built-in-name", "`{name}` is {what}", "it cannot {use}", "
 CIRCULAR_DEFINITION = Kind(
     "circular-definition", "`{name}` is defined by itself", "it is used here again", note="{way}"
 )
-DUPLICATE_VARIABLE = Kind("duplicate-variable", "`{name}` is named twice", help="two variables need two names")
+NAMED_TWICE = Kind(
+    "named-twice",
+    (
+        "{parameter:?}two parameters have the name `{name}`",
+        "{usage:?}`{name}` is given twice",
+        "`{name}` is named twice",
+    ),
+    help=("{parameter:?}rename one of them", "write {usage}", "two variables need two names"),
+    formerly=("duplicate-variable", "duplicate-parameter", "duplicate-argument"),
+)
 SHADOWED_VARIABLE = Kind(
     "shadowed-variable",
     "`{name}` would hide another `{name}`",
@@ -63,28 +80,31 @@ TOO_MANY_PARAMETERS = Kind(
     "`{name}` has more than {limit} parameters",
     help="give it a list of things instead",
 )
-DUPLICATE_PARAMETER = Kind("duplicate-parameter", "two parameters have the name `{name}`", help="rename one of them")
-DEFAULT_BEFORE_REQUIRED = Kind(
-    "default-before-required",
-    "`{name}` has no default, but stands after one that has",
-    help="move it before those that have one, or give it a default as well",
-)
-MISSING_ARGUMENTS = Kind("missing-arguments", "`{name}` needs its arguments", help="write {usage}")
-NO_ARGUMENTS = Kind("no-arguments", "`{name}` takes numbers, or a list of them", help="write {usage}")
-ONE_ARGUMENT = Kind(
-    "one-argument",
-    "`{name}` takes two or more arguments",
-    "1 given",
-    "write {name}(a, b), or {name}(items) with a list of numbers",
-)
 WRONG_NUMBER_OF_ARGUMENTS = Kind(
-    "wrong-number-of-arguments", "`{name}` takes {takes}, not {given}", "{label}", "write {usage}"
+    "wrong-number-of-arguments",
+    (
+        "`{name}` takes {takes}, not {given}",
+        "{one:?}`{name}` takes two or more arguments",
+        "{none:?}`{name}` takes numbers, or a list of them",
+        "`{name}` needs its arguments",
+    ),
+    ("{label}", "{one:?}1 given"),
+    ("{one:?}write {name}(a, b), or {name}(items) with a list of numbers", "write {usage}"),
+    formerly=("missing-arguments", "no-arguments", "one-argument"),
 )
-UNNAMED_AFTER_NAMED = Kind(
-    "unnamed-after-named", "an argument without a name after one with a name", help="write {name} = ..."
+WRONG_ORDER = Kind(
+    "wrong-order",
+    (
+        "{argument:?}an argument without a name after one with a name",
+        "`{name}` has no default, but stands after one that has",
+    ),
+    help=(
+        "{argument:?}write {name} = ...",
+        "move it before those that have one, or give it a default as well",
+    ),
+    formerly=("unnamed-after-named", "default-before-required"),
 )
 UNKNOWN_PARAMETER = Kind("unknown-parameter", "`{function}` has no parameter `{name}`", help=(NEAREST, "write {usage}"))
-DUPLICATE_ARGUMENT = Kind("duplicate-argument", "`{name}` is given twice", help="write {usage}")
 SAME_ARGUMENT_TWICE = Kind(
     "same-argument-twice",
     "`{name}` of a thing and itself",
@@ -101,19 +121,34 @@ WRONG_TYPE = Kind(
 )
 MIXED_LIST = Kind(
     "mixed-list",
-    "a list has either lists or other values, not both",
-    "this is a list",
-    "join lists with `+`: {mended}",
+    (
+        "`+` joins a list to another list, not to {found}",
+        "a list has either lists or other values, not both",
+    ),
+    ("{found:?}", "this is a list"),
+    ("write [{single}]", "join lists with `+`: {mended}"),
+    formerly=("added-to-a-list",),
 )
 UNIT_MISMATCH = Kind(
     "unit-mismatch",
     "{left} is {verb} {right}",
     help="lengths are in m, cm or mm; angles in rad, deg or turn[[; {times}]]",
 )
-UNIT_OF_ARGUMENT = Kind(
-    "unit-of-argument",
-    "`{name}` takes {wanted}, not {found}",
-    help="lengths are in m, cm or mm; angles in rad, deg or turn",
+WRONG_UNIT = Kind(
+    "wrong-unit",
+    (
+        "`{name}` takes {wanted}, not {found}",
+        "{what} is in {wanted}, not {found}",
+        "{length:?}{what} is measured in metres, not as {found}",
+        "{angle:?}{what} is an angle, not {found}",
+        "{what} is a plain number, not {found}",
+    ),
+    help=(
+        "{name:?}lengths are in m, cm or mm; angles in rad, deg or turn",
+        "{wanted:?}times are in s, ms or min: 0.5 s",
+        "{angle:?}write 90 deg",
+    ),
+    formerly=("unit-of-argument", "not-an-angle", "not-a-length", "not-a-plain-number", "not-a-time"),
 )
 MORE_THAN_A_TURN = Kind(
     "more-than-a-turn",
@@ -121,15 +156,13 @@ MORE_THAN_A_TURN = Kind(
     "a bare number beside an angle is in radians",
     "write {amount:g} deg, or {amount:g} rad if you mean it",
 )
-NOT_AN_ANGLE = Kind("not-an-angle", "a heading is an angle, not {found}", help="write 90 deg")
-NOT_A_LENGTH = Kind("not-a-length", "{what} is measured in metres, not as {found}")
-NOT_A_PLAIN_NUMBER = Kind("not-a-plain-number", "{what} is a plain number, not {found}")
 NOT_A_WHOLE_NUMBER = Kind("not-a-whole-number", "{what} is a whole number", "this is {value:g}")
-NOT_CONSTANT = Kind("not-constant", "{what} must be a constant", "this depends on the scene")
-CONSTANT_FROM_SCENE = Kind(
-    "constant-from-scene",
-    "a constant cannot depend on the scene",
-    help="write a definition: def {name}() = {formula}",
+NOT_CONSTANT = Kind(
+    "not-constant",
+    ("{formula:?}a constant cannot depend on the scene", "{what} must be a constant"),
+    ("{formula:?}", "this depends on the scene"),
+    "write a definition: def {name}() = {formula}",
+    formerly=("constant-from-scene",),
 )
 WRONG_OVERRIDE = Kind("wrong-override", "`{name}` must be {wanted}[[, not {found}]]", help="the prelude's is {usual}")
 NUMBER_TOO_LARGE = Kind("number-too-large", "this number is too large")
@@ -138,47 +171,50 @@ PHI_TOO_LARGE = Kind(
     "[[{file}: ]]phi of `{label}` can be larger than a computer's numbers",
     help="use smaller constants or fewer products",
 )
-DIVISION_BY_SCENE = Kind(
-    "division-by-scene",
-    "only a constant can divide",
-    "this depends on the scene",
-    "multiply both sides of the comparison by it instead",
+WRONG_DIVISOR = Kind(
+    "wrong-divisor",
+    ("{zero:?}division by zero", "only a constant can divide"),
+    ("{zero:?}", "this depends on the scene"),
+    ("{zero:?}", "multiply both sides of the comparison by it instead"),
+    formerly=("division-by-scene", "division-by-zero"),
 )
-DIVISION_BY_ZERO = Kind("division-by-zero", "division by zero")
 NOT_TWO_COORDINATES = Kind(
     "not-two-coordinates",
     "a point has two coordinates, x and y",
     "{given} given",
     "a heading stands only behind `at`",
 )
-COORDINATE_WITH_DOT = Kind("coordinate-with-dot", "a coordinate is not written with a dot", help="write {axis}({base})")
-TEXT_IN_FORMULA = Kind("text-in-formula", "a text cannot stand in a formula", help="write names without quotes")
-SHAPE_IN_FORMULA = Kind(
-    "shape-in-formula",
-    "`{name}` is the shape of {kind}",
-    "a formula cannot hold it",
-    "give {kind} that shape: {opening} name = {shape}",
+MISPLACED_VALUE = Kind(
+    "misplaced-value",
+    (
+        "`{name}` is the shape of {kind}",
+        "{text:?}a text cannot stand in a formula",
+        "{what} cannot stand here",
+        "a range cannot stand here",
+    ),
+    ("{shape:?}a formula cannot hold it", "the {parameter}"),
+    (
+        "give {kind} that shape: {opening} name = {shape}",
+        "{text:?}write names without quotes",
+        "write {usage}",
+        "a range stands in a quantifier: forall i in 1..6: ...",
+    ),
+    formerly=("text-in-formula", "shape-in-formula", "stray-range"),
 )
-MISPLACED_VALUE = Kind("misplaced-value", "{what} cannot stand here", "the {parameter}", "write {usage}")
 
 # lists, arrays, parts
-ADDED_TO_A_LIST = Kind("added-to-a-list", "`+` joins a list to another list, not to {found}", help="write [{single}]")
-EMPTY_LIST = Kind("empty-list", "this list is empty", "{needs}")
-TOO_FEW_TO_CHOOSE = Kind(
-    "too-few-to-choose",
-    "there are no {needed} to choose from {found}",
-    "`{kind}` has nothing to range over",
-)
-ONE_NEIGHBOUR = Kind(
-    "one-neighbour",
-    "neighbours come in twos or more",
-    "one variable given",
+TOO_FEW_ELEMENTS = Kind(
+    "too-few-elements",
+    (
+        "there are no {needed} to choose from {found}",
+        "{domain:?}neighbours come in twos or more",
+        "this list is empty",
+    ),
+    ("{needed:?}`{kind}` has nothing to range over", "{domain:?}one variable given", "{needs}"),
     "write {kind} p, q in {domain}: ...",
+    formerly=("empty-list", "too-few-to-choose", "one-neighbour"),
 )
 EMPTY_RANGE = Kind("empty-range", "the range {lowest}..{highest} is empty", "it counts upwards", "write {instead}")
-STRAY_RANGE = Kind(
-    "stray-range", "a range cannot stand here", help="a range stands in a quantifier: forall i in 1..6: ..."
-)
 NOT_AN_ARRAY = Kind("not-an-array", "`{name}` is one object, not an array", help="declare an array: object {name}[7]")
 INDEX_OUT_OF_RANGE = Kind(
     "index-out-of-range",
@@ -187,20 +223,30 @@ INDEX_OUT_OF_RANGE = Kind(
 )
 NO_SUCH_PART = Kind(
     "no-such-part",
-    "{what} has no `.{name}`",
-    "[[`{region}` is {what}]]",
-    (NEAREST, "it has {parts:members}", "it has {known:members}", "only regions, the workspace and lists have parts"),
-)
-PART_OF_AN_OBJECT = Kind(
-    "part-of-an-object",
-    "`{name}` has no `.{part}`",
-    ("`{inferred}` is taken for an object: nothing else has this name", "this is an object"),
     (
+        "{axis:?}a coordinate is not written with a dot",
+        "`{name}` has no `.{part}`",
+        "{what} has no `.{name}`",
+    ),
+    (
+        "{axis:?}",
+        "`{inferred}` is taken for an object: nothing else has this name",
+        "{part:?}this is an object",
+        "[[`{region}` is {what}]]",
+    ),
+    (
+        "write {axis}({base})",
         "declare it: region {inferred} = rect(0.3, 0, 0.7, 0.2)",
         "did you mean `.{meant}`? things can stand on its {surfaces:members}",
         "things can stand on its {surfaces:members}[[; for where the object ends write {edge}Edge({name})]]",
-        "only regions and the workspace have named points[[; for where the object ends write {edge}Edge({name})]]",
+        "{part:?}only regions and the workspace have named points"
+        "[[; for where the object ends write {edge}Edge({name})]]",
+        NEAREST,
+        "it has {parts:members}",
+        "it has {known:members}",
+        "only regions, the workspace and lists have parts",
     ),
+    formerly=("part-of-an-object", "coordinate-with-dot"),
 )
 
 
@@ -208,64 +254,85 @@ PART_OF_AN_OBJECT = Kind(
 # Syntax errors of specs: bytes, brackets, words in the wrong place.
 
 
-SPEC_TOO_LONG = Kind("spec-too-long", "{file} is too long: {characters:,} characters; the limit is {limit:,}")
-BINARY_FILE = Kind("binary-file", "{file} is a binary file", help="a spec is a text file in UTF-8")
+SPEC_TOO_LONG = Kind(
+    "spec-too-long",
+    (
+        "{file} is too long: {characters:,} characters; the limit is {limit:,}",
+        "{path} is too large",
+        "{files:?}more than {limit:,} files are imported",
+        "this spec is too long with its imports; the limit is {limit:,} characters",
+    ),
+    "{path:?}the limit is {limit:,} bytes",
+    formerly=("import-too-large", "too-many-imports", "imports-too-long"),
+)
 NOT_UTF8 = Kind(
-    "not-utf8", "{file} is not UTF-8: byte 0x{byte:02x} in line {line}", help="save the file as UTF-8 in your editor"
+    "not-utf8",
+    ("{file} is not UTF-8: byte 0x{byte:02x} in line {line}", "{file} is a binary file"),
+    help=("{byte:?}save the file as UTF-8 in your editor", "a spec is a text file in UTF-8"),
+    formerly=("binary-file",),
 )
-ODD_LINE_BREAK = Kind(
-    "odd-line-break",
+ODD_CHARACTER = Kind(
+    "odd-character",
     "character U+{point:04X} cannot stand in a spec",
-    "some programs take it for a line break",
-    "put a plain line break here",
+    ("{half:?}half of a character, which no file can hold", "some programs take it for a line break"),
+    ("{half:?}leave it out", "put a plain line break here"),
+    formerly=("odd-line-break", "half-character"),
 )
-HALF_CHARACTER = Kind(
-    "half-character",
-    "character U+{point:04X} cannot stand in a spec",
-    "half of a character, which no file can hold",
-    "leave it out",
-)
-EMPTY_SPEC = Kind(
-    "empty-spec", "{file} is empty", "there is no formula here", "write one, for instance: leftOf(mug, plate)"
+NO_FORMULA = Kind(
+    "no-formula",
+    ("{empty:?}{file} is empty", "{file} has no formula"),
+    ("{empty:?}there is no formula here", "nothing says what the scenes must satisfy"),
+    ("{empty:?}write one, for instance: leftOf(mug, plate)", "add one: task: leftOf(mug, plate)"),
+    formerly=("empty-spec",),
 )
 CANNOT_PARSE = Kind("cannot-parse", "cannot parse {file}: {reason}")
 NESTED_TOO_DEEPLY = Kind(
     "nested-too-deeply",
-    "this formula is nested too deeply",
-    "more than {limit:,} levels down",
-    "split it: give parts of it a name with `def`",
+    (
+        "{quantifiers:?}more than {limit} quantifiers stand inside each other",
+        "{operators:?}a spec has no more than {limit:,} operators of time",
+        "this formula is nested too deeply",
+    ),
+    ("{quantifiers:?}", "{operators:?}this is one more", "more than {limit:,} levels down"),
+    (
+        "{operators:?}give parts of the formula a name with `def`, or range over them with `forall`",
+        "split it: give parts of it a name with `def`",
+    ),
+    formerly=("too-many-quantifiers", "too-many-over-time"),
 )
-TOO_MANY_QUANTIFIERS = Kind(
-    "too-many-quantifiers",
-    "more than {limit} quantifiers stand inside each other",
-    help="split it: give parts of it a name with `def`",
-)
-UNEXPECTED = Kind("unexpected", "unexpected {found}", "expected {expected}", (NEAREST, "{instead}"))
-UNEXPECTED_END = Kind(
-    "unexpected-end",
-    ("the text ends after `{last}`", "the text ends"),
+UNEXPECTED = Kind(
+    "unexpected",
+    ("unexpected {found}", "the text ends after `{last}`", "the text ends"),
     "expected {expected}",
-    "finish the formula",
+    (NEAREST, "{instead}", "{end:?}finish the formula"),
+    formerly=("unexpected-end",),
 )
-UNCLOSED_BRACKET = Kind(
-    "unclosed-bracket",
-    "this `{opening}` is never closed",
+UNCLOSED = Kind(
+    "unclosed",
+    ("this `{opening}` is never closed", "this text is never closed"),
     "`{closing}` is missing[[ ({open_brackets} brackets are open)]]",
-    "add `{closing}` where it ends",
+    ("add `{closing}` where it ends", 'add `"` where it ends'),
+    formerly=("unclosed-bracket", "unclosed-text"),
 )
-UNCLOSED_TEXT = Kind("unclosed-text", "this text is never closed", help='add `"` where it ends')
-CLOSES_NOTHING = Kind("closes-nothing", "this `{closing}` closes nothing", help="remove it, or open it before")
 WRONG_BRACKET = Kind(
     "wrong-bracket",
-    "`{closing}` cannot close `{opening}`",
+    ("`{closing}` cannot close `{opening}`", "this `{closing}` closes nothing"),
     "expected `{wanted}`",
-    note="`{opening}` was opened in line {line}, column {column}",
+    ("{opening:?}", "remove it, or open it before"),
+    "`{opening}` was opened in line {line}, column {column}",
+    formerly=("closes-nothing",),
 )
-NOTHING_INSIDE = Kind("nothing-inside", "expected {what} before `{closing}`", "nothing stands here")
-NOTHING_ON_LEFT = Kind(
-    "nothing-on-left", "`{word}` has nothing on its left", "expected a formula or a number before it", "{instead}"
+NOTHING_BESIDE = Kind(
+    "nothing-beside",
+    (
+        "expected {what} before `{closing}`",
+        "{right:?}this `{word}` has nothing on its right",
+        "`{word}` has nothing on its left",
+    ),
+    ("{closing:?}nothing stands here", "{right:?}", "expected a formula or a number before it"),
+    ("{right:?}remove it", "{instead}"),
+    formerly=("nothing-inside", "nothing-on-left", "nothing-on-right"),
 )
-NOTHING_ON_RIGHT = Kind("nothing-on-right", "this `{word}` has nothing on its right", help="remove it")
 MISSING_OPERATOR = Kind(
     "missing-operator",
     "missing [[{comma} or ]]operator",
@@ -277,88 +344,111 @@ MISSING_OPERATOR = Kind(
         "join the two parts with `&` (and), `|` (or) or `->` (implies)[[; only {only} can be called]]",
     ),
 )
-MISSING_COLON = Kind(
-    "missing-colon", "missing `:`", "expected `:` before the formula", "write forall i in 1..6: formula"
-)
-MISSING_EQUAL = Kind(
-    "missing-equal", "expected `=` here", help="constants and definitions are written with `=`, labels with `:`"
-)
-MISSING_DEF = Kind("missing-def", "a definition opens with `def`", help="write `def {head} = ...`")
-MISSING_LABEL_COLON = Kind("missing-label-colon", "a formula is named with `:`", help="write `{name}: {formula}`")
-DEFINITION_WITHOUT_PARAMETERS = Kind(
-    "definition-without-parameters",
-    "a definition needs its parameters",
-    "expected `(`",
-    "write {head}(a, b) = ..., or {head}() = ... if it has none; for a number write const",
+MISSING_SIGN = Kind(
+    "missing-sign",
+    (
+        "{formula:?}a formula is named with `:`",
+        "{parameters:?}a definition needs its parameters",
+        "{head:?}a definition opens with `def`",
+        "{equal:?}expected `=` here",
+        "missing `:`",
+    ),
+    (
+        "{parameters:?}expected `(`",
+        "{formula:?}",
+        "{head:?}",
+        "{equal:?}",
+        "expected `:` before the formula",
+    ),
+    (
+        "write `{name}: {formula}`",
+        "{parameters:?}write {head}(a, b) = ..., or {head}() = ... if it has none; for a number write const",
+        "write `def {head} = ...`",
+        "{equal:?}constants and definitions are written with `=`, labels with `:`",
+        "write forall i in 1..6: formula",
+    ),
+    formerly=("missing-colon", "missing-equal", "missing-def", "missing-label-colon", "definition-without-parameters"),
 )
 UNNAMED_FORMULA = Kind(
     "unnamed-formula",
-    "a formula without a name",
-    "expected a statement",
-    "a formula among statements needs a name: `task: {formula}`",
-)
-STATEMENT_AFTER_FORMULA = Kind(
-    "statement-after-formula",
-    "unexpected `{word}`",
-    "an unnamed formula stands alone",
-    "give the formula before it a name: `task: ...`",
+    ("unexpected `{word}`", "a formula without a name"),
+    ("{word:?}an unnamed formula stands alone", "expected a statement"),
+    (
+        "{word:?}give the formula before it a name: `task: ...`",
+        "a formula among statements needs a name: `task: {formula}`",
+    ),
+    formerly=("statement-after-formula",),
 )
 UNFINISHED_STATEMENT = Kind(
     "unfinished-statement",
-    "a statement opens here",
-    "expected {expected} before it",
-    "finish the statement before it",
-)
-LABEL_INSIDE_FORMULA = Kind(
-    "label-inside-formula",
-    "a name with `:` opens a statement",
-    "it cannot stand inside a formula",
-    "finish the formula before it",
+    ("{named:?}a name with `:` opens a statement", "a statement opens here"),
+    ("{named:?}it cannot stand inside a formula", "expected {expected} before it"),
+    ("{named:?}finish the formula before it", "finish the statement before it"),
+    formerly=("label-inside-formula",),
 )
 KEYWORD_AS_NAME = Kind(
     "keyword-as-name",
-    "`{word}` is a keyword",
-    ("expected {expected}", "it cannot name a formula"),
-    "choose another name",
+    ("{keyword:?}unknown word `{word}`", "`{word}` is a keyword"),
+    ("{keyword:?}", "expected {expected}", "it cannot name a formula"),
+    ("keywords are lower case: `{keyword}`", "choose another name"),
+    formerly=("keyword-case",),
 )
-KEYWORD_CASE = Kind("keyword-case", "unknown word `{word}`", help="keywords are lower case: `{keyword}`")
 UNKNOWN_STATEMENT = Kind("unknown-statement", "unknown statement `{name}`", help=NEAREST)
 UNKNOWN_UNIT = Kind(
     "unknown-unit",
-    "unknown unit `{name}`",
-    help="[[write {instead}; ]]units are m, cm, mm, rad, deg and turn[[; {times}]]",
-)
-UNIT_AFTER_NAME = Kind(
-    "unit-after-name", "`{name}` cannot have a unit", help="a unit follows a written number: {name} * 1 {unit}"
+    ("{unit:?}`{name}` cannot have a unit", "unknown unit `{name}`"),
+    help=(
+        "a unit follows a written number: {name} * 1 {unit}",
+        "[[write {instead}; ]]units are m, cm, mm, rad, deg and turn[[; {times}]]",
+    ),
+    formerly=("unit-after-name",),
 )
 BARE_POINT = Kind("bare-point", "a number starts and ends with a digit", help="write {mended}")
 CANNOT_BE_SAID = Kind("cannot-be-said", "`{word}` cannot be said here", help="{instead}")
-FOREIGN_OPERATOR = Kind("foreign-operator", "`{operator}` is not an operator here", help="write {instead}")
+FOREIGN_SIGN = Kind(
+    "foreign-sign",
+    (
+        "`{character}` is {what}",
+        "{semicolon:?}statements cannot be separated with `;`",
+        "{comma:?}`,` cannot join formulas",
+        "{quotes:?}names stand without quotes",
+        "{braces:?}braces mean nothing here",
+        "{comment:?}`{operator}` opens no comment here",
+        "there is no `{word}` here",
+        "{workspace:?}`workspace` takes no `:`",
+        "{name:?}an argument is named with `=`",
+        "`{operator}` is not an operator here",
+    ),
+    help=(
+        "{character:?}{instead}",
+        "{semicolon:?}start the next statement on a new line",
+        "{comma:?}join formulas with `&` (and), `|` (or) or `->` (implies)",
+        '{quotes:?}write leftOf(mug, plate); file names stand in "double quotes"',
+        "{braces:?}group with ( ), list with [ ]",
+        "{comment:?}comments start with `#`",
+        "{word:?}write condition -> consequence",
+        "{workspace:?}write workspace [0, 1] x [0, 1]",
+        "write {name} = ...",
+        "write {instead}",
+    ),
+    formerly=(
+        *("foreign-operator", "semicolon", "comma-between-formulas", "quoted-name", "braces"),
+        *("foreign-comment", "lookalike", "no-if", "colon-after-workspace", "colon-in-argument"),
+    ),
+)
 EQUALITY = Kind(
     "equality",
-    "two numbers are never exactly equal in a random scene",
-    help=("{instead}", "allow a tolerance: abs(a - b) <= 0.01; of two things say whether they differ: a != b"),
+    (
+        "{single:?}`=` only stands in `const`, `def`, `object` and `region`",
+        "two numbers are never exactly equal in a random scene",
+    ),
+    help=(
+        "{instead}",
+        "{single:?}to compare numbers write `<=` or `>=`, with a tolerance abs(a - b) <= 1 cm",
+        "allow a tolerance: abs(a - b) <= 0.01; of two things say whether they differ: a != b",
+    ),
+    formerly=("stray-equal",),
 )
-STRAY_EQUAL = Kind(
-    "stray-equal",
-    "`=` only stands in `const`, `def`, `object` and `region`",
-    help=("{instead}", "to compare numbers write `<=` or `>=`, with a tolerance abs(a - b) <= 1 cm"),
-)
-SEMICOLON = Kind("semicolon", "statements cannot be separated with `;`", help="start the next statement on a new line")
-COMMA_BETWEEN_FORMULAS = Kind(
-    "comma-between-formulas",
-    "`,` cannot join formulas",
-    help="join formulas with `&` (and), `|` (or) or `->` (implies)",
-)
-QUOTED_NAME = Kind(
-    "quoted-name",
-    "names stand without quotes",
-    help='write leftOf(mug, plate); file names stand in "double quotes"',
-)
-BRACES = Kind("braces", "braces mean nothing here", help="group with ( ), list with [ ]")
-FOREIGN_COMMENT = Kind("foreign-comment", "`{operator}` opens no comment here", help="comments start with `#`")
-LOOKALIKE = Kind("lookalike", "`{character}` is {what}", help="{instead}")
-NO_IF = Kind("no-if", "there is no `{word}` here", help="write condition -> consequence")
 INFIX_RELATION = Kind(
     "infix-relation",
     "a relation is written in front of its arguments",
@@ -367,10 +457,6 @@ INFIX_RELATION = Kind(
 NESTED_ARRAY = Kind(
     "nested-array", "an array has one number of elements", help="declare several arrays: object block[2], cup[3]"
 )
-COLON_AFTER_WORKSPACE = Kind(
-    "colon-after-workspace", "`workspace` takes no `:`", help="write workspace [0, 1] x [0, 1]"
-)
-COLON_IN_ARGUMENT = Kind("colon-in-argument", "an argument is named with `=`", help="write {name} = ...")
 OBJECTS_WITHOUT_NAMES = Kind(
     "objects-without-names", "`object` needs names", "a statement opens here", "write object mug, plate"
 )

@@ -105,7 +105,13 @@ def fill(text: Text, facts: Mapping[str, object], spell: Spell = python_name) ->
 
 def fill_title(text: Text, facts: Mapping[str, object], spell: Spell = python_name) -> str:
     """The same for a title, which is never empty, even for a file without a name."""
-    return fill(text, facts, spell) or _fill(text if isinstance(text, str) else text[-1], facts, spell, empty=True)
+    templates = (text,) if isinstance(text, str) else text
+    for template in templates if not (said := fill(text, facts, spell)) else ():
+        try:
+            return _fill(template, facts, spell, empty=True)
+        except KeyError:
+            continue
+    return said
 
 
 def missing(fact: object) -> bool:

@@ -6,9 +6,13 @@ from scenegen.errors.diagnostic import NEAREST, Kind
 
 TIME_MISSING = Kind(
     "time-missing",
-    "`{word}` is about time, and this spec has none",
-    "every scene stands by itself",
-    "say how long a motion lasts: time 20 steps, or time [0, 10 s] every 0.5 s",
+    ("`{word}` is about time, and this spec has none", "`moves` is about steps, and this spec has none"),
+    "{word:?}every scene stands by itself",
+    (
+        "{word:?}say how long a motion lasts: time 20 steps, or time [0, 10 s] every 0.5 s",
+        "say how long a motion lasts: time 20 steps",
+    ),
+    formerly=("moves-without-time",),
 )
 TIME_IN_IMPORT = Kind(
     "time-in-import",
@@ -16,38 +20,16 @@ TIME_IN_IMPORT = Kind(
     "{path} has a `time` statement",
     "move `time ...` from there into this spec",
 )
-UNKNOWN_TIME_WORD = Kind(
-    "unknown-time-word",
-    "unknown word `{name}` after a number of steps",
-    "expected `steps`",
-    (NEAREST, "write time 20 steps, or time [0, 10 s] every 0.5 s"),
-)
-UNKNOWN_MOVERS = Kind(
-    "unknown-movers",
-    "unknown word `{name}`",
-    "expected `one` or `all`",
-    (NEAREST, "write moves one: in each step one object moves; or moves all"),
-)
-MOVES_WITHOUT_TIME = Kind(
-    "moves-without-time",
-    "`moves` is about steps, and this spec has none",
-    help="say how long a motion lasts: time 20 steps",
-)
-NOT_A_TIME = Kind(
-    "not-a-time",
-    "{what} is in {wanted}, not {found}",
-    help="times are in s, ms or min: 0.5 s",
-)
 HORIZON_OUT_OF_RANGE = Kind(
     "horizon-out-of-range",
-    ("a motion cannot have {steps:,.15g} steps", "a step cannot last {length:g} s"),
-    ("it has 1 to {limit:,}", "each moment is later than the one before"),
-    help="write every {such:g} s",
-)
-NOT_FROM_ZERO = Kind(
-    "not-from-zero",
-    "time begins at 0, not at {start:g} s",
-    help="write time [0, {length:g} s] every ...",
+    (
+        "a motion cannot have {steps:,.15g} steps",
+        "time begins at 0, not at {start:g} s",
+        "a step cannot last {length:g} s",
+    ),
+    ("it has 1 to {limit:,}", "{start:?}", "each moment is later than the one before"),
+    ("write every {such:g} s", "{start:?}write time [0, {length:g} s] every ..."),
+    formerly=("not-from-zero",),
 )
 NOT_WHOLE_STEPS = Kind(
     "not-whole-steps",
@@ -55,23 +37,27 @@ NOT_WHOLE_STEPS = Kind(
     "[[a step is {dt:g} s]]",
     "write {mended}",
 )
-EMPTY_WINDOW = Kind(
-    "empty-window",
-    "this window is empty",
-    "it ends before it begins",
-    "write {swapped}",
-)
-WINDOW_IN_THE_PAST = Kind(
-    "window-in-the-past",
-    "this window begins before now",
-    "`{operator}` looks at this moment and later ones",
-    "let it begin at 0",
-)
-WINDOW_BEYOND = Kind(
-    "window-beyond",
-    "this window begins after the last moment",
-    "it begins {lowest:,} steps from now, and a motion has {steps:,}",
-    "let it begin earlier, or let time last longer",
+WRONG_WINDOW = Kind(
+    "wrong-window",
+    (
+        "{swapped:?}this window is empty",
+        "{lowest:?}this window begins after the last moment",
+        "{none:?}`{operator}` takes no window",
+        "this window begins before now",
+    ),
+    (
+        "{swapped:?}it ends before it begins",
+        "it begins {lowest:,} steps from now, and a motion has {steps:,}",
+        "{none:?}",
+        "`{operator}` looks at this moment and later ones",
+    ),
+    (
+        "write {swapped}",
+        "{lowest:?}let it begin earlier, or let time last longer",
+        "{none:?}write {operator} f, or eventually[2, 5] f",
+        "let it begin at 0",
+    ),
+    formerly=("empty-window", "window-in-the-past", "window-beyond", "no-window-here"),
 )
 WINDOW_CUT = Kind(
     "window-cut",
@@ -80,22 +66,21 @@ WINDOW_CUT = Kind(
     "leave out the window, or let time last longer",
     severity="warning",
 )
-NO_WINDOW_HERE = Kind(
-    "no-window-here",
-    "`{operator}` takes no window",
-    help="write {operator} f, or eventually[2, 5] f",
-)
 LOOKS_BEYOND = Kind(
     "looks-beyond",
     "{name} looks beyond the last moment: phi is {sign}infinity in every motion",
     "of no moment the least is infinity, and the largest minus infinity",
     "let what is around end earlier, such as always[0, {most}] for what `next` looks at",
 )
-CHOICE_OVER_TIME = Kind(
-    "choice-over-time",
-    "`on any of` has no place in a spec over time",
-    "what an object stands on stays the same in a motion",
-    "name one surface",
+NO_PLACE_OVER_TIME = Kind(
+    "no-place-over-time",
+    (
+        "{most:?}random numbers of things have no place in a spec over time",
+        "`on any of` has no place in a spec over time",
+    ),
+    ("{most:?}", "what an object stands on stays the same in a motion"),
+    ("write {name}[{most}]", "name one surface"),
+    formerly=("choice-over-time", "numbers-over-time"),
 )
 TIME_NOT_HERE = Kind(
     "time-not-here",
@@ -119,40 +104,43 @@ MOTION_HAS_ENDED = Kind(
 )
 TIME_UNFINISHED = Kind(
     "time-unfinished",
-    "this `time` statement is not finished",
-    "expected `steps` after a number, or `every` and a time after an interval",
-    "write time 20 steps, or time [0, 10 s] every 0.5 s",
-)
-TOO_MANY_OVER_TIME = Kind(
-    "too-many-over-time",
-    "a spec has no more than {limit:,} operators of time",
-    "this is one more",
-    "give parts of the formula a name with `def`, or range over them with `forall`",
+    (
+        "{movers:?}unknown word `{name}`",
+        "unknown word `{name}` after a number of steps",
+        "this `time` statement is not finished",
+    ),
+    (
+        "{movers:?}expected `one` or `all`",
+        "{name:?}expected `steps`",
+        "expected `steps` after a number, or `every` and a time after an interval",
+    ),
+    (
+        NEAREST,
+        "{movers:?}write moves one: in each step one object moves; or moves all",
+        "write time 20 steps, or time [0, 10 s] every 0.5 s",
+    ),
+    formerly=("unknown-time-word", "unknown-movers"),
 )
 NOT_A_TRAJECTORY = Kind(
     "not-a-trajectory",
     "{file} is not a trajectory: {reason}",
     help="a trajectory is a table (.csv, .jsonl, .parquet) with the columns t, mug.x, mug.y, mug.theta",
 )
-TRAJECTORY_ORDER = Kind(
-    "trajectory-order",
-    "{file}: time goes from {before:g} s to {time:g} s in row {row}",
-    help="sort the rows by time, and keep one for each",
-)
 TRAJECTORY_TIMES = Kind(
     "trajectory-times",
-    "{file}: row {row} is at {found:g} s, and this moment of the spec is at {wanted:g} s",
-    help="with <resample> poses between rows are interpolated",
-)
-TRAJECTORY_ENDS = Kind(
-    "trajectory-ends",
-    "{file} has the time from {first:g} s to {last:g} s, and motions of the spec go from 0 s to {end:g} s",
-    help="record all of it, or let `time` end earlier",
-)
-TRAJECTORY_TOO_LONG = Kind(
-    "trajectory-too-long",
-    "{file} has {rows:,} rows, and motions of the spec have {moments:,} moments",
-    help="let `time` last longer; with <resample> rows beyond its end are not looked at",
+    (
+        "{file}: time goes from {before:g} s to {time:g} s in row {row}",
+        "{file}: row {row} is at {found:g} s, and this moment of the spec is at {wanted:g} s",
+        "{file} has the time from {first:g} s to {last:g} s, and motions of the spec go from 0 s to {end:g} s",
+        "{file} has {rows:,} rows, and motions of the spec have {moments:,} moments",
+    ),
+    help=(
+        "{before:?}sort the rows by time, and keep one for each",
+        "{found:?}with <resample> poses between rows are interpolated",
+        "{first:?}record all of it, or let `time` end earlier",
+        "let `time` last longer; with <resample> rows beyond its end are not looked at",
+    ),
+    formerly=("trajectory-order", "trajectory-ends", "trajectory-too-long"),
 )
 TRAJECTORY_START = Kind(
     "trajectory-start",

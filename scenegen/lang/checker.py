@@ -7,25 +7,25 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
-from scenegen.errors.declarations import CONSTANT_LABEL, CONSTANT_REQUIREMENT, NO_FREE_OBJECT, SPEC_TOO_LARGE
-from scenegen.errors.language import CONSTANT_FROM_SCENE, WRONG_OVERRIDE
-from scenegen.errors.time import CHOICE_OVER_TIME, LOOKS_BEYOND, MOVES_WITHOUT_TIME
+from scenegen.errors.declarations import CONSTANT_LABEL, IMPOSSIBLE_REQUIREMENT, NO_FREE_OBJECT, SPEC_TOO_LARGE
+from scenegen.errors.language import NO_FORMULA, NOT_CONSTANT, WRONG_OVERRIDE
+from scenegen.errors.time import LOOKS_BEYOND, NO_PLACE_OVER_TIME, TIME_MISSING
 from scenegen.geometry.units import ANGLE, BARE, LENGTH
 from scenegen.lang.check.draft import Draft, Look
 from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.families import always_the_same, family, is_category, refuse_surfaces
-from scenegen.lang.check.formulas import lower_labels, lower_requirement
-from scenegen.lang.check.functions import horizon, movers
+from scenegen.lang.check.functions import horizon, meant, movers
 from scenegen.lang.check.imports import Project, inline
 from scenegen.lang.check.names import resolve, unused
 from scenegen.lang.check.objects import canonical, categories, name_objects, pose, shape, unlikely
 from scenegen.lang.check.regions import areas, level_clash, workspace
-from scenegen.lang.check.scope import Declared, collect, prelude
-from scenegen.lang.check.supports import choices, empty, heights, spread, standing_on, supports
+from scenegen.lang.check.scope import LABEL, Declared, collect, prelude
+from scenegen.lang.check.supports import choices, clashing, empty, heights, relaxed, spread, standing_on, supports
 from scenegen.lang.check.values import AnyValue, CallFrame, NumberValue, Value, whole
-from scenegen.lang.formula.builder import TRUE, CoreBuilder, FormulaTooLarge
-from scenegen.lang.formula.core import Coord, children
+from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLarge
+from scenegen.lang.formula.core import Coord, Junction, Node, Temporal, children
 from scenegen.lang.formula.headings import headings_compared
+from scenegen.lang.formula.interpret import phi
 from scenegen.lang.formula.timed import MOST_VALUES, endless, split
 from scenegen.lang.spec import CheckedSpec, Region, Support
 from scenegen.lang.syntax import ast
@@ -41,7 +41,7 @@ def check_text(text: str, name: str = "<spec>", counts: Mapping[str, int] | None
 
 def check_file(path: Path, data: bytes, root: Path | None = None) -> CheckedSpec:
     """Check the bytes of a spec file. What it imports is read from its own folder, or from `root`. Raises SpecError."""
-    return check(read_source(str(path), data), Project(path, root))
+    return check_module(parse(read_source(str(path), data)), Project(path, root))
 
 
 def check(source: Source, project: Project | None = None) -> CheckedSpec:
@@ -132,7 +132,7 @@ def read_time(draft: Draft) -> None:
             elif isinstance(one.statement, ast.Moves):
                 draft.moves = movers(one.source, one.statement)
                 if not draft.scope.timed:
-                    raise SpecError(MOVES_WITHOUT_TIME(one.statement.span(one.source)))
+                    raise SpecError(TIME_MISSING(one.statement.span(one.source)))
     if lowering.horizon is not None:
         builder = lowering.builder
         builder.moving = len(builder.objects)
@@ -174,12 +174,8 @@ def place_regions(draft: Draft) -> None:
 
 def stand_objects(draft: Draft) -> None:
     """What objects stand on, how high that is, the boxes of their centres, and what it requires."""
-    if not draft.problems:
-        with draft.problems:
-            _stand(draft)
-
-
-def _stand(draft: Draft) -> None:
+    if draft.problems:
+        return
     scope, lowering = draft.scope, draft.lowering
     lowering.shapes, lowering.space = tuple(draft.shapes), draft.space
     found: dict[int, tuple[Support, ...]] = {}
@@ -194,27 +190,30 @@ def _stand(draft: Draft) -> None:
     also = draft.variants.behind(len(scope.objects))
     found.update({place: found[like] for place, like in also.items() if like in found})
     spans.update({place: spans[like] for place, like in also.items() if like in spans})
-    if draft.problems:
+    if draft.problems or not found:
         lowering.heights = (0.0,) * len(draft.shapes)  # what formulas have to say is still looked at
         return
     names = lowering.builder.objects
-    lowering.heights = heights(len(draft.shapes), found, names, spans)
-    if not found:
+    with draft.problems:
+        lowering.heights = heights(len(draft.shapes), found, names, spans)
+    if draft.problems:
         return
     if lowering.horizon is not None:
         for thing in scope.things.values():
             one = thing.declaration
             if one is not None and one.choice:
-                raise SpecError(CHOICE_OVER_TIME(one.name.span(thing.source)))
+                draft.problems.append(NO_PLACE_OVER_TIME(one.name.span(thing.source)))
+                return
     chosen = lowering.choices = choices(lowering, found, list(scope.things.values()))
     lowering.supports = {which: options[0] for which, options in found.items() if which not in chosen}
     lowering.builder.objects = (*names, *(f"{names[which]}.on" for which in chosen))
     space = spread(draft.space, found, draft.fixed, [one.switch for one in chosen.values()])
     outside = empty(space, spans, names)
-    if outside:
-        raise SpecError(*outside)
-    draft.standing = standing_on(lowering, lowering.supports, spans)
-    draft.space = space
+    draft.problems.extend(outside)
+    if not outside:
+        with draft.problems:
+            draft.standing = standing_on(lowering, lowering.supports, spans)
+        draft.space = space
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -231,7 +230,7 @@ def check_constants(draft: Draft) -> None:
                 value = lowering.evaluate(expr, CallFrame(declared.source))
                 if isinstance(value, NumberValue) and lowering.builder.value(value.node) is None:
                     here, formula = expr.span(declared.source), print_expr(expr)
-                    raise SpecError(CONSTANT_FROM_SCENE(here, name=declared.name.id, formula=formula))
+                    raise SpecError(NOT_CONSTANT(here, name=declared.name.id, formula=formula))
                 draft.problems.extend(_bad_override(declared, value, lowering))
 
 
@@ -267,10 +266,98 @@ def lower_formulas(draft: Draft) -> None:
     if draft.fixed and sum(place < len(scope.objects) for place in draft.fixed) == len(scope.objects):
         last = list(scope.things.values())[-1]
         draft.problems.append(NO_FREE_OBJECT(last.name.span(last.source)))
-    draft.labels = lower_labels(draft)
-    draft.requirement = lower_requirement(draft)
+    draft.labels = _labels(draft)
+    draft.requirement = _requirement(draft)
     if draft.look is not None and not draft.problems:
         draft.look(draft.lowering)
+
+
+def _labels(draft: Draft) -> dict[str, int]:
+    """The formula of each label; mistakes in one do not hide those in another."""
+    problems, formulas = draft.problems, draft.formulas()
+    if not formulas and not problems:
+        end = len(draft.source.text.rstrip())
+        problems.append(NO_FORMULA(Span(draft.source, end, end), file=draft.source.name))
+    labels: dict[str, int] = {}
+    for name, source, formula in formulas:
+        if problems.full:
+            break
+        with problems:
+            value = draft.lowering.evaluate(formula, CallFrame(source))
+            labels[name] = draft.lowering.coerce.formula(value, f"`{name}`")
+    for name, source, formula in formulas:
+        if labels.get(name, 0) < 0 and not problems:
+            problems.append(CONSTANT_LABEL(formula.span(source), name=name))
+    return labels
+
+
+def _requirement(draft: Draft) -> int:
+    """The conjunction of all `require` statements, after what supports require."""
+    lowering = draft.lowering
+    parts = [*draft.standing]
+    declared = lowering.supports or lowering.choices
+    options = {which: choice.options for which, choice in lowering.choices.items()}
+    for one in draft.placed:
+        if isinstance(one.statement, ast.Require) and not draft.problems.full:
+            with draft.problems:
+                value = lowering.evaluate(one.statement.formula, CallFrame(one.source))
+                part = lowering.coerce.formula(value, "what `require` demands")
+                here = one.statement.formula.span(one.source)
+                if _never(part, lowering.builder):
+                    raise SpecError(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)))
+                part, *later = _by_time(part, lowering.builder)
+                parts.extend(later)
+                problem = clashing(lowering, part, lowering.supports, options)
+                if problem is not None:
+                    raise SpecError(problem)
+                part = relaxed(lowering, part, frozenset(draft.standing)) if declared else part
+                if part == FALSE:  # where heights and places are constants
+                    raise SpecError(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)))
+                parts.append(part)
+    return lowering.builder.junction("min", parts, "require" if len(parts) > 1 else "")
+
+
+def _by_time(formula: int, builder: CoreBuilder) -> list[int]:
+    """What a requirement demands of single moments; in a spec over time also what it demands of several of them, and of
+    steps, at all moments but the first: before that there is no step."""
+    if not builder.moving or formula < 0:
+        return [formula]
+    still: list[int] = []
+    steps: list[int] = []
+    later: list[int] = []
+    stack = [formula]
+    while stack:
+        node = builder.nodes[index := stack.pop()]
+        if isinstance(node, Junction) and node.kind == "min":
+            stack.extend(reversed(node.args))
+        elif _takes(index, builder, lambda one: isinstance(one, Coord) and one.object >= builder.moving):
+            steps.append(index)
+        else:
+            (later if _takes(index, builder, lambda one: isinstance(one, Temporal)) else still).append(index)
+    if not steps and not later:
+        return [formula]
+    made = builder.junction("min", still)
+    return [made, *later, builder.moment("steps", builder.junction("min", steps))]
+
+
+def _takes(formula: int, builder: CoreBuilder, what: Callable[[Node], bool]) -> bool:
+    """Whether a node of some kind takes part in a formula."""
+    stack, seen = [formula], set[int]()
+    while stack:
+        index = stack.pop()
+        if index >= 0 and index not in seen:
+            seen.add(index)
+            if what(builder.nodes[index]):
+                return True
+            stack.extend(children(builder.nodes[index]))
+    return False
+
+
+def _never(formula: int, builder: CoreBuilder) -> bool:
+    """Whether a formula that no coordinate takes part in does not hold."""
+    if formula < 0 or _takes(formula, builder, lambda one: isinstance(one, Coord | Temporal)):
+        return formula == FALSE
+    return bool(phi(builder.finish({LABEL: formula}), [])[LABEL] < 0.0)
 
 
 def check_uncalled(draft: Draft) -> None:
@@ -304,7 +391,7 @@ def make_core(draft: Draft) -> None:
         if not depends[index]:
             draft.problems.append(CONSTANT_LABEL(draft.formula(name), name=name, held=held))
     if core.requirement is not None and not depends[core.requirement]:
-        draft.problems.append(CONSTANT_REQUIREMENT(draft.first_requirement(), held=held))
+        draft.problems.append(CONSTANT_LABEL(draft.first_requirement(), held=held))
 
 
 def split_time(draft: Draft) -> None:

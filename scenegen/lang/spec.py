@@ -1,9 +1,11 @@
-"""A spec that passed the checker."""
+"""A spec that passed the checker; and its members, where it draws how many things there are."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,11 +16,12 @@ from scenegen.geometry import Footprint
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.timed import Timed
-from scenegen.pose import X, row_of, span_of
+from scenegen.pose import X, row_of, rows_of, span_of
 from scenegen.things import Shape, shape_of
 
 Pose = tuple[float, float, float]
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,9 +159,37 @@ class CheckedSpec:
 # How high the objects of drawn scenes stand, where a spec declares it.
 
 
-def chosen(choice: SurfaceChoice, rows: Array) -> npt.NDArray[np.intp]:
+def options_of(
+    which: int, supports: Mapping[int, Support], choices: Mapping[int, SurfaceChoice]
+) -> tuple[Support, ...]:
+    """What an object can stand on; nothing where it stands on the table."""
+    if which in choices:
+        return choices[which].options
+    return (supports[which],) if which in supports else ()
+
+
+def chosen(choice: SurfaceChoice, rows: Array) -> Index:
     """(n,): which option each scene has, counted from 0; `rows` are those of the core, (3M, n)."""
     return np.asarray(np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right"))
+
+
+def carriers_first(which: Iterable[int], options: Callable[[int], Sequence[Support]]) -> Iterator[int]:
+    """Objects, and all that they can stand on, each after what carries it; `options` is what an object can stand on."""
+    done = set[int]()
+    for start in which:
+        path = [start]
+        while path:
+            one = path[-1]
+            waiting = [
+                under.carrier for under in options(one) if under.carrier is not None and under.carrier not in done
+            ]
+            if waiting:
+                path.extend(waiting)
+                continue
+            path.pop()
+            if one not in done:
+                done.add(one)
+                yield one
 
 
 def levels(spec: CheckedSpec, rows: Array) -> Array | None:
@@ -167,20 +198,9 @@ def levels(spec: CheckedSpec, rows: Array) -> Array | None:
     if not spec.declares_heights:
         return None
     found: dict[int, Array] = {}
-    waiting = list(range(len(spec.objects)))
-    while waiting:  # what carries comes before what it carries: supports have no cycles
-        ready = [which for which in waiting if _carriers(spec, which) <= found.keys()]
-        for which in ready:
-            found[which] = _level(spec, which, rows, found)
-        waiting = [which for which in waiting if which not in found]
+    for which in carriers_first(range(len(spec.objects)), lambda one: options_of(one, spec.supports, spec.choices)):
+        found[which] = _level(spec, which, rows, found)
     return np.stack([found[which] for which in range(len(spec.objects))], axis=1)
-
-
-def _carriers(spec: CheckedSpec, which: int) -> set[int]:
-    if which in spec.choices:
-        return {one.carrier for one in spec.choices[which].options if one.carrier is not None}
-    under = spec.supports.get(which)
-    return set() if under is None or under.carrier is None else {under.carrier}
 
 
 def _level(spec: CheckedSpec, which: int, rows: Array, found: dict[int, Array]) -> Array:
@@ -188,8 +208,91 @@ def _level(spec: CheckedSpec, which: int, rows: Array, found: dict[int, Array]) 
     known = spec.heights[which]
     if known is not None:
         return np.full(count, known)
-    choice = spec.choices.get(which)
-    options = (spec.supports[which],) if choice is None else choice.options
+    options, choice = options_of(which, spec.supports, spec.choices), spec.choices.get(which)
     each = np.stack([one.height + (np.zeros(count) if one.carrier is None else found[one.carrier]) for one in options])
     picked = np.zeros(count, dtype=np.intp) if choice is None else chosen(choice, rows)
     return np.asarray(each[picked, np.arange(count)])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The members of a spec that draws numbers of things, and where their rows are among those of all objects.
+
+
+class Picked(int):
+    """The number of an asset, which knows its name."""
+
+    asset: str = ""
+
+
+def _numbers(one: Count) -> list[int]:
+    if not one.assets:
+        return list(one.numbers)
+    found = [Picked(number) for number in one.numbers]
+    for number, asset in zip(found, one.assets, strict=True):
+        number.asset = asset
+    return list(found)
+
+
+def combinations(counts: Sequence[Count]) -> Iterator[dict[str, int]]:
+    """Every combination of numbers by name, in lexicographic order."""
+    names = [one.name for one in counts]
+    for numbers in itertools.product(*map(_numbers, counts)):
+        yield dict(zip(names, numbers, strict=True))
+
+
+def written(numbers: Mapping[str, int]) -> str:
+    """Numbers of things as a spec has them, assets as objects are called: `block[3] and mug:red`."""
+    each = numbers.items()
+    return " and ".join(f"{name}:{one.asset}" if isinstance(one, Picked) else f"{name}[{one}]" for name, one in each)
+
+
+def file_stem(numbers: Mapping[str, int]) -> str:
+    """Numbers of things as part of a file's name: `block=3,mug=red`."""
+    each = numbers.items()
+    named = (f"{name}={one.asset.replace('/', '_') if isinstance(one, Picked) else one}" for name, one in each)
+    return ",".join(named)
+
+
+def rows_among(spec: CheckedSpec, member: CheckedSpec) -> Index:
+    """The rows of a member's storage in that of all objects; switches of choices have rows as objects have."""
+    place = {name: number for number, name in enumerate(spec.core.objects)}
+    return np.array([row for name in member.core.objects for row in rows_of(place[name])], dtype=np.intp)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Members:
+    """The members of a spec in their order, with the `rows` of each. `spare` are rows of x of the objects that may be
+    missing; each that is there adds its `weight` to the number of the member."""
+
+    specs: tuple[CheckedSpec, ...]
+    rows: tuple[Index, ...]
+    spare: Index
+    weight: Index
+
+    def of(self, rows: Array) -> Iterator[tuple[int, Index]]:
+        """The members that B scenes, (3N, B) with NaN for what is not there, are of, and which scenes those are."""
+        member = self.weight @ ~np.isnan(rows[self.spare])
+        if len(member) == 1:
+            yield int(member[0]), np.zeros(1, dtype=np.intp)
+            return
+        for number in np.unique(member).tolist():
+            yield number, np.flatnonzero(member == number)
+
+
+def members_of(spec: CheckedSpec) -> Members:
+    """The members of a spec; of one that draws no numbers itself alone."""
+    specs = spec.members or (spec,)
+    place = {name: number for number, name in enumerate(spec.core.objects)}
+    spare: list[int] = []
+    weight: list[int] = []
+    for which, one in enumerate(spec.counts):
+        further = math.prod(len(other.numbers) for other in spec.counts[which + 1 :])
+        for number in range(one.least + 1, one.most + 1):
+            if one.assets:  # one of them is there: it alone says the number
+                spare.append(row_of(place[f"{one.name}:{one.assets[number - 1]}"], X))
+                weight.append(further * (number - 1))
+                continue
+            spare.append(row_of(place[f"{one.name}[{number}]"], X))
+            weight.append(further)
+    each = tuple(rows_among(spec, member) for member in specs)
+    return Members(specs, each, np.array(spare, dtype=np.intp), np.array(weight, dtype=np.intp))

@@ -24,11 +24,10 @@ from scenegen.errors.learning import (
 )
 from scenegen.geometry import NUMPY
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.check.families import file_stem, members_of, written
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.formula.interpret import phi as score
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, file_stem, members_of, written
 from scenegen.needs import need
 from scenegen.sampling.request import Range
 from scenegen.scenes.files import ensure_folder, write_whole

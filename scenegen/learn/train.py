@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.learning import FOLDER_OF_MODELS
-from scenegen.lang.check.families import written
+from scenegen.lang.spec import written
 from scenegen.learn.model import Model
 from scenegen.needs import need
 from scenegen.validation import as_path, as_seconds

@@ -27,9 +27,8 @@ from scenegen.errors.requests import (
     TOO_FEW_MEET_REQUIREMENT,
     TOO_IMPROBABLE,
 )
-from scenegen.lang.check.families import Picked, combinations, rows_among, written
 from scenegen.lang.formula.core import gated
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, Picked, combinations, rows_among, written
 from scenegen.pose import X, along, row_count
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem

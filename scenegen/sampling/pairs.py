@@ -17,8 +17,7 @@ import numpy.typing as npt
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
 from scenegen.errors.time import CANNOT_MOVE_SO_MANY, TOO_FEW_PAIRS
-from scenegen.lang.check.families import combinations, rows_among, written
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, combinations, rows_among, written
 from scenegen.pose import PLACE, along, row_count, row_of, rows_of
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.families import NOT_FOUND, WITHOUT, assets_of, seed_of

@@ -19,9 +19,8 @@ import numpy.typing as npt
 
 from scenegen.geometry import PRIMITIVES
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, corners, measures
-from scenegen.lang.check.heights import options_of
 from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction
-from scenegen.lang.spec import CheckedSpec, Support
+from scenegen.lang.spec import CheckedSpec, Support, options_of
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of
 from scenegen.search.contract import Ends
 from scenegen.search.effort import PYTHON, Effort

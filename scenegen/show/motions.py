@@ -14,10 +14,9 @@ from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.time import NO_SUCH_MOTION, WHICH_MOTION
 from scenegen.geometry import NUMPY
-from scenegen.lang.check.families import combinations
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import phi as evaluate
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, combinations
 from scenegen.needs import need
 from scenegen.pose import as_rows
 from scenegen.scenes.files import check_writable, whole_files, write_whole

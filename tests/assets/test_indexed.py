@@ -100,10 +100,10 @@ def refused(folder, asset, code, words):
 
 
 def test_names_folders_and_files_that_are_not_there(folder):
-    refused(folder, '"025_mug"', "no-asset-index", "there is no assets.toml")
-    refused(folder, '"sets/025_mug"', "no-asset-index", "sets/assets.toml")
-    refused(folder, '"set/025_mag"', "unknown-indexed-asset", "did you mean `025_mug`?")
-    refused(folder, '"set/"', "unknown-indexed-asset", "it has 025_mug, box")
+    refused(folder, '"025_mug"', "unusable-shape-file", "there is no assets.toml")
+    refused(folder, '"sets/025_mug"', "unusable-shape-file", "sets/assets.toml")
+    refused(folder, '"set/025_mag"', "unknown-asset", "did you mean `025_mug`?")
+    refused(folder, '"set/"', "unknown-asset", "it has 025_mug, box")
     refused(folder, "mug", "file-without-quotes", 'asset("025_mug")')
     refused(folder, '"../set/025_mug"', "outside-folder", "")
     (folder / "set" / "mug" / "a.obj").unlink()
@@ -132,9 +132,9 @@ def test_an_index_that_cannot_be_used_says_where(folder):
         ("a = " + "[" * 100_000, "it is not TOML"),
     ):
         (folder / "assets.toml").write_text(text)
-        refused(folder, '"mug"', "bad-asset-index", words)
+        refused(folder, '"mug"', "unusable-shape-file", words)
     (folder / "assets.toml").write_bytes(b"\xff\xfe")
-    refused(folder, '"mug"', "bad-asset-index", "UTF-8")
+    refused(folder, '"mug"', "unusable-shape-file", "UTF-8")
     with pytest.raises(IndexFileError):
         read_index(b" " * 16_000_001)
 

@@ -172,7 +172,7 @@ def test_a_motion_of_another_spec(scenegen, here):
     (here / "longer.spec").write_text(PASS.replace("3 steps", "4 steps"))
     (here / "other.spec").write_text(PASS.replace("mug", "cup"))
     assert scenegen("sample", "pass.spec", "-n", "1", "--out", "motions.jsonl").status == 0
-    for spec, said in (("longer", "error[trajectory-ends]"), ("other", "error[table-column]")):
+    for spec, said in (("longer", "error[trajectory-times]"), ("other", "error[table-column]")):
         outcome = scenegen("eval", f"{spec}.spec", "motions.jsonl")
         assert outcome.status == 1 and outcome.err.startswith(said), outcome.err
 

@@ -62,7 +62,7 @@ def test_the_text_keeps_them(scenes):
         ("box(1 cm, 1 cm, 1 cm, color = red)", "file-without-quotes"),
         ("box(1 cm, 1 cm, 1 cm, 3)", "file-without-quotes"),
         ('box(1 cm, 1 cm, 1 cm, colour = "red")', "unknown-parameter"),
-        ('mesh("x.obj", box(1 cm, 1 cm, 1 cm, color = "red"))', "not-an-outline"),
+        ('mesh("x.obj", box(1 cm, 1 cm, 1 cm, color = "red"))', "not-a-shape"),
     ],
 )
 def test_what_is_no_colour(shape, code):

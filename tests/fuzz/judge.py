@@ -19,7 +19,7 @@ import numpy as np
 from scenegen.api.outline import Outline
 from scenegen.api.spec import Spec
 from scenegen.errors import Diagnostic, SpecError, render, to_json
-from scenegen.errors.declarations import SPEC_TOO_LARGE, TOO_MANY_ROUNDS
+from scenegen.errors.declarations import SPEC_TOO_LARGE
 from scenegen.geometry import NUMPY
 from scenegen.lang.checker import check_file, check_text
 from scenegen.lang.formula.core import Atom, Core, Junction, gated
@@ -131,7 +131,7 @@ def _judge(case: Case, path: Path, rng: random.Random, names: frozenset[str]) ->
         if not problems:
             raise Fault("refused without a diagnostic") from None
     seconds = time.process_time() - began
-    limited = any(one.kind in (TOO_MANY_ROUNDS, SPEC_TOO_LARGE) for one in problems)
+    limited = any(one.kind == SPEC_TOO_LARGE for one in problems)
     if seconds > SLOW * (AT_LIMITS if limited else 1.0) * max(
         1.0, (0 if spec is None else len(spec.core.nodes)) / LARGE
     ):

@@ -17,11 +17,10 @@ from scenegen.api.feasibility import doubts
 from scenegen.errors import RequestError, SpecError
 from scenegen.errors.requests import BEYOND_BOUNDS, NO_SUCH_SCENE, TABLE_TOO_FULL
 from scenegen.geometry import NUMPY
-from scenegen.lang.check.families import combinations
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.formula.interpret import phi
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, combinations
 from scenegen.sampling.growth.failure import too_full
 from scenegen.sampling.growth.graph import make_graph
 from scenegen.sampling.parts import independent_parts

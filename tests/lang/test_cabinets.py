@@ -42,15 +42,15 @@ def test_how_many_drawers_and_how_far_each_is_open(written, open):
 @pytest.mark.parametrize(
     ("written", "code"),
     [
-        ("cabinet(drawers = 0)", "drawer-count"),
-        ("cabinet(drawers = 7)", "drawer-count"),
-        ("cabinet(open = 60)", "drawer-share"),
-        ("cabinet(open = [0, -0.1])", "drawer-share"),
-        ("cabinet(drawers = 3, open = [0, 0.5])", "drawer-shares"),
-        ("cabinet(open = [])", "drawer-shares"),
-        ("cabinet(open = 6 cm)", "not-a-plain-number"),
+        ("cabinet(drawers = 0)", "wrong-drawers"),
+        ("cabinet(drawers = 7)", "wrong-drawers"),
+        ("cabinet(open = 60)", "wrong-drawers"),
+        ("cabinet(open = [0, -0.1])", "wrong-drawers"),
+        ("cabinet(drawers = 3, open = [0, 0.5])", "wrong-drawers"),
+        ("cabinet(open = [])", "wrong-drawers"),
+        ("cabinet(open = 6 cm)", "wrong-unit"),
         ("cabinet(drawers = 2.5)", "not-a-whole-number"),
-        ('mesh("a.obj", cabinet())', "not-an-outline"),
+        ('mesh("a.obj", cabinet())', "not-a-shape"),
     ],
 )
 def test_what_a_cabinet_cannot_be(written, code):
@@ -80,7 +80,7 @@ def test_a_drawer_that_is_not_open_enough_says_which_range_is(shape, what, facts
 
 
 def test_what_fits_into_no_drawer_is_said_to_be_too_large():
-    assert problem(spec("cabinet(open = [0, 0.5, 0])", "tray")).code == "surface-too-small"
+    assert problem(spec("cabinet(open = [0, 0.5, 0])", "tray")).code == "does-not-fit"
     assert problem("object c = cabinet(), mug on c.drawer[4]\ntask: leftOf(mug, c)").code == "index-out-of-range"
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import scenegen
 from scenegen.errors import DataError, ScenegenError
-from scenegen.lang.check.families import combinations, members_of, written
+from scenegen.lang.spec import combinations, members_of, written
 
 A, B, C = (
     'asset("red", box(0.1, 0.06, 0.2))',
@@ -177,8 +177,8 @@ def test_categories_come_from_the_index_and_large_ones_in_part(tmp_path):
     assert len({*some} - {*assets('category("mug", most = 5, seed = 1)')}) <= 1
     for text, code, words in (
         ('category("mug")', "too-many-counts", "most = 4"),
-        ('category("mugs")', "unknown-asset-category", "did you mean `mug`?"),
-        ('category("sub/mug")', "no-asset-index", "sub/assets.toml"),
+        ('category("mugs")', "unknown-asset", "did you mean `mug`?"),
+        ('category("sub/mug")', "unusable-shape-file", "sub/assets.toml"),
     ):
         with pytest.raises(ScenegenError) as caught:
             assets(text)

@@ -174,7 +174,7 @@ def test_things_are_told_apart_by_name(text, plain):
         ("object a, b\ntask: a != 3 cm & leftOf(a, b)", "wrong-type"),
         ("object a, b\ntask: 3 cm != 4 deg & leftOf(a, b)", "unit-mismatch"),
         ("object a, b\ntask: a != b", "constant-label"),
-        ("!= b", "nothing-on-left"),
+        ("!= b", "nothing-beside"),
         ("object a, b\ntask: others(a, b).count >= 1 & leftOf(a, b)", "wrong-type"),
     ],
 )

@@ -24,7 +24,6 @@ from scenegen.lang.formula.builder import TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.core import Atom, Core
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import KEYWORDS as RESERVED
 from scenegen.lang.syntax.tokens import Token
@@ -73,7 +72,7 @@ def path_to(module: ast.Module, offset: int) -> tuple[ast.Statement | None, list
     if module.bare is not None:
         return None, _descend([module.bare], offset)
     statement = next((one for one in module.statements if one.start <= offset < one.end), None)
-    return statement, [] if statement is None else _descend(traversal.expressions(statement), offset)
+    return statement, [] if statement is None else _descend(ast.expressions(statement), offset)
 
 
 def _descend(level: Sequence[ast.Expr | ast.Argument], offset: int) -> list[ast.Expr]:
@@ -82,7 +81,7 @@ def _descend(level: Sequence[ast.Expr | ast.Argument], offset: int) -> list[ast.
         node = inside[-1]
         if not isinstance(node, ast.Argument):
             path.append(node)
-        level = traversal.children(node)
+        level = ast.children(node)
     return path
 
 
@@ -120,7 +119,7 @@ def _roots(module: ast.Module, statement: ast.Statement | None) -> list[tuple[So
     if isinstance(statement, ast.Definition):
         formulas = [one.formula for one in module.statements if isinstance(one, ast.Label | ast.Require)]
         return [(module.source, formula) for formula in formulas]
-    return [] if statement is None else [(module.source, expr) for expr in traversal.expressions(statement)]
+    return [] if statement is None else [(module.source, expr) for expr in ast.expressions(statement)]
 
 
 def _outcomes(

@@ -17,16 +17,17 @@ from typing import Any, TypeGuard
 from scenegen.errors import Diagnostic, Kind, Span, SpecError
 from scenegen.errors.declarations import NO_OBJECTS, WORKSPACE_OF_ITSELF
 from scenegen.errors.language import (
-    DIVISION_BY_SCENE,
-    DIVISION_BY_ZERO,
     EQUALITY,
+    MISPLACED_VALUE,
     MORE_THAN_A_TURN,
-    NOT_A_CONSTANT,
+    NOT_A_WHOLE_NUMBER,
+    NOT_CONSTANT,
     NOT_TWO_COORDINATES,
     NUMBER_TOO_LARGE,
-    STRAY_RANGE,
     UNIT_MISMATCH,
-    UNIT_OF_ARGUMENT,
+    WRONG_DIVISOR,
+    WRONG_NAME,
+    WRONG_UNIT,
 )
 from scenegen.geometry import PRIMITIVES, Footprint, UnitMismatch
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, Unit, agree, quantity
@@ -68,8 +69,7 @@ from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLa
 from scenegen.lang.formula.timed import Horizon
 from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
-from scenegen.lang.syntax.syntax_errors import UNITS_OF_TIME
+from scenegen.lang.syntax.tokens import UNITS_OF_TIME
 from scenegen.pose import TWO_PI
 from scenegen.things import Shape
 
@@ -95,7 +95,7 @@ def refer(lowering: Lowering, node: ast.Name, env: Mapping[str, Value], frame: C
         return RegionValue(node.id, lowering.areas[node.id], origin=origin)
     if node.id not in lowering.values:
         declared = lowering.scope.constants.get(node.id) or lowering.scope.labels[node.id]
-        (expr,) = traversal.expressions(declared.statement)
+        (expr,) = ast.expressions(declared.statement)
         value: Value = lowering.lower(expr, {}, CallFrame(declared.source))
         if isinstance(declared.statement, ast.Label):
             lowering.coerce.formula(value, f"`{node.id}`")
@@ -118,7 +118,7 @@ def objects(lowering: Lowering, node: ast.Name, frame: CallFrame, origin: Span) 
     if not lowering.scope.things:
         raise lowering.error(NO_OBJECTS, node, frame)
     if not lowering.scope.objects:
-        raise lowering.error(NOT_A_CONSTANT, node, frame, name=node.id)
+        raise lowering.error(WRONG_NAME, node, frame, name=node.id)
     if node.id in lowering.scope.objects:
         return ObjectValue(lowering.scope.objects[node.id], origin=origin)
     places = range(len(lowering.scope.objects)) if node.id == "objects" else lowering.scope.arrays[node.id]
@@ -397,7 +397,7 @@ class Lowering:
             case ast.Temporal() | ast.Until():
                 return temporal(self, node, env, frame)
             case ast.Range():
-                raise self.error(STRAY_RANGE, node, frame)
+                raise self.error(MISPLACED_VALUE, node, frame)
         raise AssertionError(f"the resolver let {type(node).__name__} pass")
 
     def at_once(self, node: ast.Expr, env: Environment, frame: CallFrame) -> Value | None:
@@ -413,6 +413,25 @@ class Lowering:
                 return self._quantity(node, frame)
             case _:
                 return None
+
+    def constant(
+        self, value: Value, node: ast.Expr, frame: CallFrame, what: str, /, *units: Unit, **facts: Any
+    ) -> float:
+        """A number that no scene decides, in one of some units. Raises SpecError; `facts` say more of a wrong unit."""
+        number = self.coerce.number(value, what)
+        amount = self.builder.value(number.node)
+        if amount is None:
+            raise self.error(NOT_CONSTANT, node, frame, what=what)
+        if number.unit not in units:
+            raise self.error(WRONG_UNIT, node, frame, **{"what": what, "found": number.unit.words, **facts})
+        return amount
+
+    def count(self, value: Value, node: ast.Expr, frame: CallFrame, what: str) -> int:
+        """A whole number without a unit. Raises SpecError."""
+        amount = self.constant(value, node, frame, what, BARE)
+        if amount != int(amount):
+            raise self.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=amount)
+        return int(amount)
 
     def _quantity(self, node: ast.Quantity, frame: CallFrame) -> NumberValue:
         amount, unit = quantity(node.number, node.unit)
@@ -450,9 +469,9 @@ class Lowering:
         if name == "div":
             divisor = self.builder.divisor(numbers[1].node)
             if divisor is None:
-                raise self.error(DIVISION_BY_SCENE, parts[1], frame)
+                raise self.error(WRONG_DIVISOR, parts[1], frame)
             if divisor == 0.0:
-                raise self.error(DIVISION_BY_ZERO, parts[1], frame)
+                raise self.error(WRONG_DIVISOR, parts[1], frame, zero=True)
         units = [number.unit for number in numbers]
         return self.apply(name, units, [number.node for number in numbers], (), node, frame)
 
@@ -471,7 +490,7 @@ class Lowering:
         except UnitMismatch as mismatch:
             if len(units) == 1 or PRIMITIVES[name].spatial:
                 left, right = mismatch.left.words, mismatch.right.words
-                raise self.error(UNIT_OF_ARGUMENT, node, frame, name=name, wanted=right, found=left) from None
+                raise self.error(WRONG_UNIT, node, frame, name=name, wanted=right, found=left) from None
             raise self._mismatch(mismatch, "combined with", node, frame) from None
         except OverflowError:
             raise self.error(NUMBER_TOO_LARGE, node, frame) from None

@@ -8,40 +8,32 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
     ASSET_SIZE,
-    BAD_ASSET_INDEX,
     DEPENDS_ON_NUMBER,
     FILE_WITHOUT_QUOTES,
-    NO_ASSET_INDEX,
     NOT_A_CATEGORY,
     NOT_OF_CATEGORY,
-    NUMBERS_OVER_TIME,
     ONE_NUMBER,
     SPEC_TOO_LARGE,
     TOO_MANY_COUNTS,
-    UNKNOWN_ASSET_CATEGORY,
-    UNKNOWN_INDEXED_ASSET,
+    UNKNOWN_ASSET,
     UNUSABLE_SHAPE_FILE,
 )
+from scenegen.errors.time import NO_PLACE_OVER_TIME
 from scenegen.lang.check.imports import Project
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.regions import SIGNATURES
 from scenegen.lang.check.scope import DeclaredObject, Scope
-from scenegen.lang.spec import CheckedSpec, Count, Support
+from scenegen.lang.spec import CheckedSpec, Count, Support, combinations, written
 from scenegen.lang.syntax import ast
-from scenegen.pose import X, row_of, rows_of
 from scenegen.things import Shape
 from scenegen.things.library import INDEX
 
@@ -58,41 +50,6 @@ if TYPE_CHECKING:
 MOST_NODES = 2_000_000  # of the formulas of all members together
 
 
-class Picked(int):
-    """The number of an asset, which knows its name."""
-
-    asset: str = ""
-
-
-def _numbers(one: Count) -> list[int]:
-    if not one.assets:
-        return list(one.numbers)
-    found = [Picked(number) for number in one.numbers]
-    for number, asset in zip(found, one.assets, strict=True):
-        number.asset = asset
-    return list(found)
-
-
-def combinations(counts: Sequence[Count]) -> Iterator[dict[str, int]]:
-    """Every combination of numbers by name, in lexicographic order."""
-    names = [one.name for one in counts]
-    for numbers in itertools.product(*map(_numbers, counts)):
-        yield dict(zip(names, numbers, strict=True))
-
-
-def written(numbers: Mapping[str, int]) -> str:
-    """Numbers of things as a spec has them, assets as objects are called: `block[3] and mug:red`."""
-    each = numbers.items()
-    return " and ".join(f"{name}:{one.asset}" if isinstance(one, Picked) else f"{name}[{one}]" for name, one in each)
-
-
-def file_stem(numbers: Mapping[str, int]) -> str:
-    """Numbers of things as part of a file's name: `block=3,mug=red`."""
-    each = numbers.items()
-    named = (f"{name}={one.asset.replace('/', '_') if isinstance(one, Picked) else one}" for name, one in each)
-    return ",".join(named)
-
-
 def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, int]], CheckedSpec]) -> CheckedSpec:
     """The spec with its members; `last` was checked with the most there can be. Raises SpecError for what is wrong in a
     member, and for what is not the same in all though scene files say it once."""
@@ -100,7 +57,7 @@ def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, in
         first = last.counts[0]
         if first.assets:
             raise SpecError(NOT_OF_CATEGORY(name=first.name, what="the spec is one of motions"))
-        raise SpecError(NUMBERS_OVER_TIME(name=first.name, most=first.most))
+        raise SpecError(NO_PLACE_OVER_TIME(name=first.name, most=first.most))
     members: list[CheckedSpec] = []
     nodes = 0
     for numbers in combinations(last.counts):
@@ -163,59 +120,6 @@ def _standing(spec: CheckedSpec, which: int) -> object:
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# Where the rows of a spec's members are among those of all objects, where the spec draws how many things there are.
-
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
-
-
-def rows_among(spec: CheckedSpec, member: CheckedSpec) -> Index:
-    """The rows of a member's storage in that of all objects; switches of choices have rows as objects have."""
-    place = {name: number for number, name in enumerate(spec.core.objects)}
-    return np.array([row for name in member.core.objects for row in rows_of(place[name])], dtype=np.intp)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Members:
-    """The members of a spec in their order, with the `rows` of each. `spare` are rows of x of the objects that may be
-    missing; each that is there adds its `weight` to the number of the member."""
-
-    specs: tuple[CheckedSpec, ...]
-    rows: tuple[Index, ...]
-    spare: Index
-    weight: Index
-
-    def of(self, rows: Array) -> Iterator[tuple[int, Index]]:
-        """The members that B scenes, (3N, B) with NaN for what is not there, are of, and which scenes those are."""
-        member = self.weight @ ~np.isnan(rows[self.spare])
-        if len(member) == 1:
-            yield int(member[0]), np.zeros(1, dtype=np.intp)
-            return
-        for number in np.unique(member).tolist():
-            yield number, np.flatnonzero(member == number)
-
-
-def members_of(spec: CheckedSpec) -> Members:
-    """The members of a spec; of one that draws no numbers itself alone."""
-    specs = spec.members or (spec,)
-    place = {name: number for number, name in enumerate(spec.core.objects)}
-    spare: list[int] = []
-    weight: list[int] = []
-    for which, one in enumerate(spec.counts):
-        further = math.prod(len(other.numbers) for other in spec.counts[which + 1 :])
-        for number in range(one.least + 1, one.most + 1):
-            if one.assets:  # one of them is there: it alone says the number
-                spare.append(row_of(place[f"{one.name}:{one.assets[number - 1]}"], X))
-                weight.append(further * (number - 1))
-                continue
-            spare.append(row_of(place[f"{one.name}[{number}]"], X))
-            weight.append(further)
-    each = tuple(rows_among(spec, member) for member in specs)
-    return Members(specs, each, np.array(spare, dtype=np.intp), np.array(weight, dtype=np.intp))
-
-
-# --------------------------------------------------------------------------------------------------------------------
 # `asset("ycb/025_mug")`: an entry of the index of a folder of assets, beside the spec or below it.
 
 
@@ -236,11 +140,11 @@ def entries_of(path: str, here: Span, project: Project) -> Mapping[str, AssetEnt
     file = project.find(where, here)
     with contextlib.suppress(OSError):  # of a folder that is closed to us, which reading names
         if not file.exists():
-            raise SpecError(NO_ASSET_INDEX(here, path=where, name=name))
+            raise SpecError(UNUSABLE_SHAPE_FILE(here, path=where, name=name))
     try:
         return read_index(project.read(where, here, "an index of assets"))
     except IndexFileError as error:
-        raise SpecError(BAD_ASSET_INDEX(here, path=where, reason=str(error))) from None
+        raise SpecError(UNUSABLE_SHAPE_FILE(here, path=where, reason=str(error), index=True)) from None
 
 
 def indexed(path: str, here: Span, project: Project) -> Shape:
@@ -261,7 +165,9 @@ def _read(path: str, here: Span, project: Project) -> Shape:
     entry = entries.get(name)
     if entry is None:
         some, more = list(entries)[:SHOWN], max(0, len(entries) - SHOWN)
-        raise SpecError(UNKNOWN_INDEXED_ASSET(here, path=where, name=name, known=entries, some=some, more=more or None))
+        raise SpecError(
+            UNKNOWN_ASSET(here, path=where, name=name, known=entries, some=some, more=more or None, asset=True)
+        )
     file = str(PurePosixPath(where).parent / entry.file.replace("\\", "/"))
 
     def beside(other: str) -> bytes:
@@ -404,7 +310,7 @@ def _named(path: str, here: Span, project: Project) -> list[str]:
     where, name = index_of(path)
     known = categories(entries_of(path, here, project))
     if name not in known:
-        raise SpecError(UNKNOWN_ASSET_CATEGORY(here, path=where, name=name, known=tuple(known)))
+        raise SpecError(UNKNOWN_ASSET(here, path=where, name=name, known=tuple(known)))
     return known[name]
 
 

@@ -9,29 +9,16 @@ from typing import TYPE_CHECKING, Any, Literal
 from scenegen.errors import Source, Span, SpecError
 from scenegen.errors.declarations import MEASURED_TOO_EARLY, STANDS_ELSEWHERE
 from scenegen.errors.language import (
-    ADDED_TO_A_LIST,
-    EMPTY_LIST,
-    NOT_A_PLAIN_NUMBER,
-    NOT_CONSTANT,
-    ONE_ARGUMENT,
+    MIXED_LIST,
     SAME_ARGUMENT_TWICE,
-    UNIT_OF_ARGUMENT,
+    TOO_FEW_ELEMENTS,
+    WRONG_NUMBER_OF_ARGUMENTS,
+    WRONG_UNIT,
 )
-from scenegen.errors.time import (
-    EMPTY_WINDOW,
-    HORIZON_OUT_OF_RANGE,
-    NOT_A_TIME,
-    NOT_FROM_ZERO,
-    NOT_WHOLE_STEPS,
-    UNKNOWN_MOVERS,
-    UNKNOWN_TIME_WORD,
-    WINDOW_BEYOND,
-    WINDOW_CUT,
-    WINDOW_IN_THE_PAST,
-)
+from scenegen.errors.time import HORIZON_OUT_OF_RANGE, NOT_WHOLE_STEPS, TIME_UNFINISHED, WINDOW_CUT, WRONG_WINDOW
 from scenegen.geometry import PRIMITIVES, Footprint
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, SPEED, TIME, TURN_RATE, Unit
-from scenegen.lang.check.heights import of_options, options_of
+from scenegen.lang.check.heights import of_options
 from scenegen.lang.check.template import FIRST
 from scenegen.lang.check.values import (
     LONGEST,
@@ -50,7 +37,7 @@ from scenegen.lang.check.values import (
     key_of,
 )
 from scenegen.lang.formula.timed import MAX_STEPS, Horizon, Movers
-from scenegen.lang.spec import Support
+from scenegen.lang.spec import Support, options_of
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.pose import NAMES, THETA
@@ -83,7 +70,7 @@ def joined(lowering: Lowering, values: list[Value], node: ast.Binary, frame: Cal
         if not isinstance(value, ListValue | AnyValue):
             written = value.origin.text
             single = isinstance(value, ObjectValue | PointValue) and len(written) <= LONGEST
-            raise lowering.error(ADDED_TO_A_LIST, part, frame, found=value.kind, single=written if single else None)
+            raise lowering.error(MIXED_LIST, part, frame, found=value.kind, single=written if single else None)
     if any(isinstance(value, AnyValue) for value in values):
         return AnyValue(origin=origin)
     key = ("+", *map(key_of, values))
@@ -148,10 +135,10 @@ def _of_options(
 def _spread(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> list[Value]:
     """The arguments of min, max, sum and mean: two or more numbers, or a list of them."""
     if len(values) == 1 and isinstance(values[0], NumberValue):
-        raise lowering.error(ONE_ARGUMENT, node, frame, name=name)
+        raise lowering.error(WRONG_NUMBER_OF_ARGUMENTS, node, frame, name=name, one=True)
     spread = [item for value in values for item in (value.items if isinstance(value, ListValue) else (value,))]
     if not spread:
-        raise lowering.error(EMPTY_LIST, node, frame, needs=f"`{name}` needs numbers")
+        raise lowering.error(TOO_FEW_ELEMENTS, node, frame, needs=f"`{name}` needs numbers")
     return spread
 
 
@@ -195,7 +182,7 @@ def step_function(
     if given is not None:
         number_ = lowering.coerce.number(given, f"the limit of `{name}`")
         if number_.unit not in (BARE, LENGTH):
-            raise lowering.error(UNIT_OF_ARGUMENT, node, frame, name=name, wanted="a length", found=number_.unit.words)
+            raise lowering.error(WRONG_UNIT, node, frame, name=name, wanted="a length", found=number_.unit.words)
         limit = number_.node
     words = f"{name}{shown}"
     if name == "moved":
@@ -316,11 +303,9 @@ def horizon(lowering: Lowering, source: Source, statement: ast.Time) -> Horizon:
     if statement.span_ is None:
         word = statement.word
         if word is not None and word.id != "steps":
-            raise SpecError(UNKNOWN_TIME_WORD(word.span(source), name=word.id, known=["steps"]))
-        amount, unit = _constant(lowering, statement.amount, frame, "the number of steps")
-        if unit != BARE:
-            here = statement.amount.span(source)
-            raise SpecError(NOT_A_PLAIN_NUMBER(here, what="the number of steps", found=unit.words))
+            raise SpecError(TIME_UNFINISHED(word.span(source), name=word.id, known=["steps"]))
+        given = lowering.evaluate(statement.amount, frame)
+        amount = lowering.constant(given, statement.amount, frame, "the number of steps", BARE)
         if not 1 <= amount <= MAX_STEPS:
             raise SpecError(HORIZON_OUT_OF_RANGE(here, steps=amount, limit=MAX_STEPS))
         if amount != round(amount):
@@ -328,13 +313,11 @@ def horizon(lowering: Lowering, source: Source, statement: ast.Time) -> Horizon:
         return Horizon(round(amount), 1.0)
     ends = []
     for end in (statement.span_.lowest, statement.span_.highest, statement.amount):
-        amount, unit = _constant(lowering, end, frame, "a time")
-        if unit not in (BARE, TIME):
-            raise SpecError(NOT_A_TIME(end.span(source), what="time", wanted="seconds", found=unit.words))
-        ends.append(amount)
+        more: dict[str, Any] = {"what": "time", "wanted": "seconds"}
+        ends.append(lowering.constant(lowering.evaluate(end, frame), end, frame, "a time", BARE, TIME, **more))
     start, stop, step = ends
     if start != 0.0:
-        raise SpecError(NOT_FROM_ZERO(statement.span_.span(source), start=start, length=max(stop, 1.0)))
+        raise SpecError(HORIZON_OUT_OF_RANGE(statement.span_.span(source), start=start, length=max(stop, 1.0)))
     if step <= 0.0:
         such = stop / 20.0 if stop > 0.0 else 0.5
         raise SpecError(HORIZON_OUT_OF_RANGE(statement.amount.span(source), length=step, such=such))
@@ -355,19 +338,9 @@ def movers(source: Source, statement: ast.Moves) -> Movers:
         case "all":
             return "all"
         case other:
-            raise SpecError(UNKNOWN_MOVERS(statement.which.span(source), name=other, known=["one", "all"]))
-
-
-def _constant(lowering: Lowering, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
-    value = lowering.evaluate(expr, frame)
-    return _amount(lowering, lowering.coerce.number(value, what), expr, frame, what)
-
-
-def _amount(lowering: Lowering, number: NumberValue, expr: ast.Expr, frame: CallFrame, what: str) -> tuple[float, Any]:
-    amount = lowering.builder.value(number.node)
-    if amount is None:
-        raise lowering.error(NOT_CONSTANT, expr, frame, what=what)
-    return amount, number.unit
+            raise SpecError(
+                TIME_UNFINISHED(statement.which.span(source), name=other, known=["one", "all"], movers=True)
+            )
 
 
 def temporal(
@@ -411,11 +384,11 @@ def _window(
     lowest, highest = ends
     if lowest > highest:
         low, high = print_expr(node.window.highest), print_expr(node.window.lowest)
-        raise lowering.error(EMPTY_WINDOW, node.window, frame, swapped=f"[{low}, {high}]")
+        raise lowering.error(WRONG_WINDOW, node.window, frame, swapped=f"[{low}, {high}]")
     if lowest < 0:
-        raise lowering.error(WINDOW_IN_THE_PAST, node.window, frame, operator=node.operator)
+        raise lowering.error(WRONG_WINDOW, node.window, frame, operator=node.operator)
     if lowest > steps:
-        raise lowering.error(WINDOW_BEYOND, node.window, frame, lowest=lowest, steps=steps)
+        raise lowering.error(WRONG_WINDOW, node.window, frame, lowest=lowest, steps=steps)
     if highest > steps:
         (problem,) = lowering.error(WINDOW_CUT, node.window, frame, highest=highest, steps=steps).diagnostics
         if problem not in lowering.noticed:
@@ -425,14 +398,13 @@ def _window(
 
 def _moment(lowering: Lowering, number: NumberValue, expr: ast.Expr, frame: CallFrame) -> int:
     """An end of a window in steps: a bare number is one of steps, a time as many as pass in it. Raises SpecError."""
-    amount, unit = _amount(lowering, number, expr, frame, "an end of a window")
-    if unit not in (BARE, TIME):
-        raise lowering.error(NOT_A_TIME, expr, frame, what="a window", wanted="steps or seconds", found=unit.words)
+    more: dict[str, Any] = {"what": "a window", "wanted": "steps or seconds"}
+    amount, unit = lowering.constant(number, expr, frame, "an end of a window", BARE, TIME, **more), number.unit
     assert lowering.horizon is not None
     dt = lowering.horizon.dt
     steps = amount if unit == BARE else amount / dt
     if abs(steps - round(steps)) > NEARLY * max(1.0, abs(steps)):
-        more: dict[str, Any] = {"unit": "", "mended": f"{round(steps)}"}
+        more = {"unit": "", "mended": f"{round(steps)}"}
         if unit == TIME:
             more = {"unit": " s", "dt": dt, "mended": f"{round(steps) * dt:g} s"}
         raise lowering.error(NOT_WHOLE_STEPS, expr, frame, amount=amount, **more)

@@ -14,15 +14,11 @@ from typing import TYPE_CHECKING
 from scenegen.errors import Span
 from scenegen.errors.declarations import MAY_BE_MISSING, MEASURED_TOO_EARLY, TOO_MANY_CASES
 from scenegen.errors.language import (
-    EMPTY_LIST,
     INDEX_OUT_OF_RANGE,
     NO_SUCH_PART,
-    NOT_A_PLAIN_NUMBER,
-    NOT_A_WHOLE_NUMBER,
     NOT_AN_ARRAY,
-    NOT_CONSTANT,
-    PART_OF_AN_OBJECT,
     SAME_ARGUMENT_TWICE,
+    TOO_FEW_ELEMENTS,
 )
 from scenegen.errors.template import nearest
 from scenegen.geometry import Circle, Footprint
@@ -49,7 +45,7 @@ from scenegen.lang.check.values import (
     board_gap,
     key_of,
 )
-from scenegen.lang.spec import Support, SurfaceChoice
+from scenegen.lang.spec import Support, SurfaceChoice, carriers_first, options_of
 from scenegen.lang.syntax import ast
 from scenegen.pose import FLAT, PLACE, X
 from scenegen.things.furniture import SupportSurface
@@ -369,7 +365,7 @@ def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: 
             if name == "count":
                 return NumberValue(lowering.builder.const(float(len(items))), BARE, origin=origin)
             if not items:
-                raise lowering.error(EMPTY_LIST, node.base, frame, needs=f"it has no `.{name}`")
+                raise lowering.error(TOO_FEW_ELEMENTS, node.base, frame, needs=f"it has no `.{name}`")
             return items[0 if name == "first" else -1]
         case ListValue():
             raise lowering.error(NO_SUCH_PART, node, frame, what="a list", name=name, known=LIST_MEMBERS)
@@ -386,11 +382,11 @@ def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: 
                 if found is not None:
                     return found
             if lowering.scope.inferred:
-                raise lowering.error(PART_OF_AN_OBJECT, node, frame, name=written, part=name, inferred=written)
+                raise lowering.error(NO_SUCH_PART, node, frame, name=written, part=name, inferred=written)
             known = [one.surface.name for one in surface_values(lowering, index, base)] if lowering.shapes else []
             edge = name if name in SIDES[:4] else None
             facts = {"meant": nearest(name, {one.partition("[")[0] for one in known}), "surfaces": known}
-            raise lowering.error(PART_OF_AN_OBJECT, node, frame, name=written, part=name, edge=edge, **facts)
+            raise lowering.error(NO_SUCH_PART, node, frame, name=written, part=name, edge=edge, **facts)
         case _:
             raise lowering.error(NO_SUCH_PART, node, frame, what=base.kind, name=name)
 
@@ -437,7 +433,7 @@ def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, 
         name = lowering.builder.objects[base.index]
         raise lowering.error(NOT_AN_ARRAY, node, frame, name=name)
     items = lowering.coerce.items(base, "what `[` counts in")
-    which = whole_number(lowering, place, node.index, frame, "an index")
+    which = lowering.count(place, node.index, frame, "an index")
     drawn = lowering.scope.counts.get(node.base.id) if isinstance(node.base, ast.Name) else None
     if drawn is not None and drawn.least < which <= drawn.most:
         facts = {"name": drawn.name, "index": which, "least": drawn.least, "most": drawn.most}
@@ -449,32 +445,11 @@ def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, 
     return items[which - 1]
 
 
-def whole_number(lowering: Lowering, number: NumberValue, node: ast.Expr, frame: CallFrame, what: str) -> int:
-    """A number that counts. Raises SpecError for one that depends on the scene, has a unit or is not whole."""
-    value = lowering.builder.value(number.node)
-    if value is None:
-        raise lowering.error(NOT_CONSTANT, node, frame, what=what)
-    if number.unit != BARE:
-        raise lowering.error(NOT_A_PLAIN_NUMBER, node, frame, what=what, found=number.unit.words)
-    if value != int(value):
-        raise lowering.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=value)
-    return int(value)
-
-
 # --------------------------------------------------------------------------------------------------------------------
 # Numbers of what a choice picks.
 
 
 MOST_CASES = 512  # combinations of choices that are distinguished for one pair of objects
-
-
-def options_of(
-    which: int, supports: Mapping[int, Support], choices: Mapping[int, SurfaceChoice]
-) -> tuple[Support, ...]:
-    """What an object can stand on; nothing where it stands on the table."""
-    if which in choices:
-        return choices[which].options
-    return (supports[which],) if which in supports else ()
 
 
 def picked(lowering: Lowering, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
@@ -497,26 +472,20 @@ def of_options(lowering: Lowering, value: ChosenValue, number: Callable[[Value],
 
 def level(lowering: Lowering, which: int) -> int:
     """How high an object's lowest point is above the table: a number of the core."""
-    assert lowering.heights is not None
-    builder = lowering.builder
+    builder, heights = lowering.builder, lowering.heights
+    assert heights is not None
+
+    def options(one: int) -> Sequence[Support]:
+        return () if heights[one] is not None else options_of(one, lowering.supports, lowering.choices)
+
     made: dict[int, int] = {}
-    stack = [which]
-    while stack:
-        one = stack[-1]
-        known = lowering.heights[one]
+    for one in carriers_first([which], options):
+        known = heights[one]
         if known is not None:
             made[one] = builder.const(known)
-        if one in made:
-            stack.pop()
             continue
-        options = options_of(one, lowering.supports, lowering.choices)
-        waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in made]
-        if waiting:
-            stack.extend(waiting)
-            continue
-        stack.pop()
         numbers = []
-        for under in options:
+        for under in options(one):
             rise = builder.const(under.height)
             numbers.append(rise if under.carrier is None else builder.apply("add", (made[under.carrier], rise)))
         made[one] = picked(lowering, lowering.choices[one], numbers) if one in lowering.choices else numbers[0]

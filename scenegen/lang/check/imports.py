@@ -16,17 +16,13 @@ from pathlib import Path
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.errors.declarations import (
-    CANNOT_FIND_IMPORT,
     CANNOT_READ_IMPORT,
     IMPORT_CYCLE,
-    IMPORT_NOT_A_FILE,
-    IMPORT_TOO_LARGE,
-    IMPORTS_TOO_LONG,
     NOTHING_TO_IMPORT,
     OUTSIDE_FOLDER,
     SPEC_WITHOUT_FILE,
-    TOO_MANY_IMPORTS,
 )
+from scenegen.errors.language import SPEC_TOO_LONG
 from scenegen.errors.time import TIME_IN_IMPORT
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import MAX_CHARACTERS, parse, read_source
@@ -64,10 +60,10 @@ class Project:
             root = self._root(base.resolve().parent)
             wanted = (base.resolve().parent / path.replace("\\", "/")).resolve()  # as folders are separated elsewhere
         except (OSError, RuntimeError, ValueError):
-            raise SpecError(CANNOT_FIND_IMPORT(here, path=path)) from None
+            raise SpecError(CANNOT_READ_IMPORT(here, path=path)) from None
         with contextlib.suppress(OSError):  # a name that no file can have
             if wanted.is_symlink():  # links in a circle, which `resolve` leaves as they are from Python 3.13 on
-                raise SpecError(CANNOT_FIND_IMPORT(here, path=path))
+                raise SpecError(CANNOT_READ_IMPORT(here, path=path))
         if not wanted.is_relative_to(root):
             raise SpecError(OUTSIDE_FOLDER(here, path=wanted, folder=root))
         return wanted
@@ -78,14 +74,14 @@ class Project:
         try:
             info = wanted.stat()
             if not stat.S_ISREG(info.st_mode):
-                raise SpecError(IMPORT_NOT_A_FILE(here, path=path, what=what))
+                raise SpecError(CANNOT_READ_IMPORT(here, path=path, what=what))
             with wanted.open("rb") as file:
                 data = file.read(MAX_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise SpecError(CANNOT_READ_IMPORT(here, path=path, reason=reason, beside=_beside(wanted))) from None
         if len(data) > MAX_BYTES:
-            raise SpecError(IMPORT_TOO_LARGE(here, path=path, limit=MAX_BYTES))
+            raise SpecError(SPEC_TOO_LONG(here, path=path, limit=MAX_BYTES))
         return data
 
     def read_beside(self, path: str, other: str, here: Span) -> bytes:
@@ -137,7 +133,7 @@ def inline(module: ast.Module, project: Project) -> tuple[list[SourcedStatement]
             if path in seen:
                 continue
             if len(seen) >= MAX_FILES:
-                problems.append(TOO_MANY_IMPORTS(here, limit=MAX_FILES))
+                problems.append(SPEC_TOO_LONG(here, limit=MAX_FILES, files=True))
                 break
             imported = _imported(statement.path.value, path, here, project, timed)
         except SpecError as error:
@@ -145,7 +141,7 @@ def inline(module: ast.Module, project: Project) -> tuple[list[SourcedStatement]
             continue
         characters += len(imported.source.text)
         if characters > MAX_CHARACTERS:
-            problems.append(IMPORTS_TOO_LONG(here, limit=MAX_CHARACTERS))
+            problems.append(SPEC_TOO_LONG(here, limit=MAX_CHARACTERS))
             break
         seen.add(path)
         open_files.append(path)

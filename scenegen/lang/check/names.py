@@ -6,41 +6,32 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import islice
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from scenegen.errors import Diagnostic, Source, Span, quoted
 from scenegen.errors.language import (
     BUILT_IN_NAME,
     CIRCULAR_DEFINITION,
-    COORDINATE_WITH_DOT,
-    DEFAULT_BEFORE_REQUIRED,
-    DUPLICATE_ARGUMENT,
-    DUPLICATE_PARAMETER,
-    DUPLICATE_VARIABLE,
     HIDDEN_NAME,
-    MISSING_ARGUMENTS,
-    NO_ARGUMENTS,
-    NOT_A_CONSTANT,
-    NOT_A_RELATION,
+    MISPLACED_VALUE,
+    NAMED_TWICE,
+    NO_SUCH_PART,
     NOT_FINITE,
     SHADOWED_VARIABLE,
-    SHAPE_IN_FORMULA,
-    TEXT_IN_FORMULA,
     TOO_MANY_PARAMETERS,
-    UNKNOWN_CONSTANT,
     UNKNOWN_NAME,
     UNKNOWN_PARAMETER,
     UNKNOWN_RELATION,
-    UNNAMED_AFTER_NAMED,
     UNUSED_NAME,
+    WRONG_NAME,
     WRONG_NUMBER_OF_ARGUMENTS,
+    WRONG_ORDER,
 )
 from scenegen.errors.time import TIME_MISSING
 from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.check.scope import BUILT_IN, NO_NUMBERS, STEPS, Declared, Scope, Signature
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
-from scenegen.lang.syntax.foreign import PRIOR, RELATIONS, TABLES, THE_TABLE, of_relation, plain
 from scenegen.lang.syntax.parse import MOST_ERRORS
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import TEMPORAL
@@ -88,7 +79,7 @@ def _statement(one: SourcedStatement, scope: Scope) -> Iterator[Diagnostic]:
     if isinstance(statement, ast.Definition):
         yield from _parameters(statement, source)
         bound = {parameter.name.id for parameter in statement.parameters}
-    for expr in traversal.expressions(statement):
+    for expr in ast.expressions(statement):
         constant = isinstance(statement, ast.Constant | ast.Workspace | ast.Time)
         # a default is written where the parameters are not yet known
         visible = bound if isinstance(statement, ast.Definition) and expr is statement.body else set()
@@ -137,36 +128,30 @@ def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnost
     for parameter in definition.parameters:
         here = parameter.name.span(source)
         if parameter.name.id in seen:
-            yield DUPLICATE_PARAMETER(here, name=parameter.name.id)
+            yield NAMED_TWICE(here, name=parameter.name.id, parameter=True)
         if defaults and parameter.default is None:
-            yield DEFAULT_BEFORE_REQUIRED(here, name=parameter.name.id)
+            yield WRONG_ORDER(here, name=parameter.name.id)
         seen.add(parameter.name.id)
         defaults = defaults or parameter.default is not None
 
 
 def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, constant: bool) -> Iterator[Diagnostic]:
-    stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = [(root, frozenset(bound))]
-    while stack:
-        node, visible = stack.pop()
+    for node, visible in ast.walk(root, frozenset(bound), lambda node: not _is_dotted_coordinate(node)):
         match node:
             case ast.Member(base, member) if member.id in NAMES:
-                yield COORDINATE_WITH_DOT(node.span(source), axis=member.id, base=print_expr(base))
-                continue
+                yield NO_SUCH_PART(node.span(source), axis=member.id, base=print_expr(base))
             case ast.Name() if node.id not in visible:
                 yield from _name(node, set(visible), scope, source, constant)
             case ast.Text():
-                yield TEXT_IN_FORMULA(node.span(source))
+                yield MISPLACED_VALUE(node.span(source), text=True)
             case ast.Call():
                 yield from _call(node, scope, source)
             case ast.Quantifier():
                 yield from _variables(node, visible, source)
-                names = frozenset(variable.id for variable in node.variables)
-                stack.append((node.body, visible | names))
-                stack.append((node.domain, visible))
-                continue
-            case _:
-                pass
-        stack.extend((child, visible) for child in reversed(traversal.children(node)))
+
+
+def _is_dotted_coordinate(node: ast.Expr | ast.Argument) -> bool:
+    return isinstance(node, ast.Member) and node.member.id in NAMES
 
 
 def _variables(node: ast.Quantifier, visible: frozenset[str], source: Source) -> Iterator[Diagnostic]:
@@ -174,7 +159,7 @@ def _variables(node: ast.Quantifier, visible: frozenset[str], source: Source) ->
     for variable in node.variables:
         here = variable.span(source)
         if variable.id in seen:
-            yield DUPLICATE_VARIABLE(here, name=variable.id)
+            yield NAMED_TWICE(here, name=variable.id)
         elif variable.id in BUILT_IN:
             yield BUILT_IN_NAME(here, name=variable.id, what="built in", use="be a variable")
         elif variable.id in visible:
@@ -190,19 +175,24 @@ def _name(node: ast.Name, bound: set[str], scope: Scope, source: Source, constan
         yield NOT_FINITE(here, name=node.id)
     elif constant:
         if node.id in scope.labels:
-            yield NOT_A_CONSTANT(here, name=node.id)
+            yield WRONG_NAME(here, name=node.id)
         elif node.id not in scope.things:
-            drawn = PRIOR if RELATIONS.get(plain(node.id)) == PRIOR else None
-            near = [*scope.constants, *scope.regions, *scope.things]
-            yield UNKNOWN_CONSTANT(here, name=node.id, known=near, instead=drawn)
+            near, instead = [*scope.constants, *scope.regions, *scope.things], _elsewhere().of_number(node.id)
+            yield UNKNOWN_NAME(here, name=node.id, known=near, instead=instead, constant=True)
     elif not scope.knows(node.id):
         if node.id in scope.functions():
             signature = scope.signature(node.id)
-            yield MISSING_ARGUMENTS(here, name=node.id, usage=signature.usage if signature else None)
+            yield WRONG_NUMBER_OF_ARGUMENTS(here, name=node.id, usage=signature.usage if signature else None)
             return
-        known = {*scope.values(), *bound}
-        instead = THE_TABLE if plain(node.id) in TABLES else None
+        known, instead = {*scope.values(), *bound}, _elsewhere().of_thing(node.id)
         yield UNKNOWN_NAME(here, name=node.id, known=known, objects=tuple(scope.things), instead=instead)
+
+
+def _elsewhere() -> ModuleType:
+    """What names mean in other languages, which correct specs have no need of."""
+    from scenegen.lang.syntax import foreign
+
+    return foreign
 
 
 def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
@@ -211,20 +201,18 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
     here = node.function.span(source)
     if signature is None:
         if scope.knows(name):
-            yield NOT_A_RELATION(here, name=name)
+            yield WRONG_NAME(here, name=name, relation=True)
             return
         if name in STEPS or name in TEMPORAL:
             yield TIME_MISSING(here, word=name)
             return
         if name in SHAPES or name in AREAS:
             kind, opening = ("an object", "object") if name in SHAPES else ("a region", "region")
-            yield SHAPE_IN_FORMULA(here, name=name, kind=kind, opening=opening, shape=print_expr(node))
+            yield MISPLACED_VALUE(here, name=name, kind=kind, opening=opening, shape=print_expr(node))
             return
         relations = tuple(one for one in scope.definitions if not one.startswith("_"))
         known = scope.functions()
-        instead = of_relation(name, [print_expr(one.value) for one in node.arguments])
-        if any(plain(one) == plain(name) for one in known):
-            instead = None  # `left_of`: the name alone is another
+        instead = _elsewhere().of_relation(name, [print_expr(one.value) for one in node.arguments], known)
         yield UNKNOWN_RELATION(here, name=name, known=known, relations=relations, instead=instead)
         return
     problem = bind(node, signature, source)
@@ -238,7 +226,7 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
     count = len(node.arguments)
     if signature.variadic:
         if count < 1:
-            return NO_ARGUMENTS(node.span(source), name=signature.name, usage=signature.usage)
+            return WRONG_NUMBER_OF_ARGUMENTS(node.span(source), name=signature.name, usage=signature.usage, none=True)
         return {str(number): argument.value for number, argument in enumerate(node.arguments)}
     if count > len(signature.parameters):
         extra = node.arguments[len(signature.parameters)]
@@ -254,7 +242,7 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
         if argument.name is None:
             name = signature.parameters[position]
             if known is not None:
-                return UNNAMED_AFTER_NAMED(argument.span(source), name=name)
+                return WRONG_ORDER(argument.span(source), name=name, argument=True)
         else:
             name = argument.name.id
             known = frozenset(signature.parameters) if known is None else known
@@ -265,7 +253,7 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
                     here, function=signature.name, name=name, known=parameters, usage=signature.usage
                 )
             if name in given:
-                return DUPLICATE_ARGUMENT(argument.span(source), name=name, usage=signature.usage)
+                return NAMED_TWICE(argument.span(source), name=name, usage=signature.usage)
         given[name] = argument.value
     missing = [name for name in signature.parameters[: signature.needed] if name not in given]
     if missing:
@@ -314,11 +302,7 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
     bound = frozenset[str]()
     if isinstance(declared.statement, ast.Definition):
         bound = frozenset(parameter.name.id for parameter in declared.statement.parameters)
-    stack: list[tuple[ast.Expr | ast.Argument, frozenset[str]]] = [
-        (expr, bound) for expr in traversal.expressions(declared.statement)
-    ]
-    while stack:
-        node, visible = stack.pop()
+    for node, visible in (pair for expr in ast.expressions(declared.statement) for pair in ast.walk(expr, bound)):
         target: Declared | None = None
         if isinstance(node, ast.Call):
             target = scope.definition(node.function.id, declared.source)
@@ -327,11 +311,6 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
         if target is not None:
             place = node.function if isinstance(node, ast.Call) else node
             yield target, place.span(declared.source)
-        if isinstance(node, ast.Quantifier):
-            stack.append((node.domain, visible))
-            stack.append((node.body, visible | {variable.id for variable in node.variables}))
-            continue
-        stack.extend((child, visible) for child in traversal.children(node))
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -354,7 +333,7 @@ def unused(draft: Draft) -> list[Diagnostic]:
                             name.span(one.source), kind="definition", name=name.id, reason="no formula calls it"
                         )
                     )
-                inside = _free_names(body)
+                inside = _mentioned(body)
                 for parameter in parameters:
                     out.extend(_hidden(parameter.name, "parameter", scope, one.source))
                     if parameter.name.id not in inside:
@@ -368,7 +347,7 @@ def unused(draft: Draft) -> list[Diagnostic]:
                     )
             case _:
                 pass
-        for expr in traversal.expressions(one.statement):
+        for expr in ast.expressions(one.statement):
             out.extend(_shadowing(expr, scope, one.source))
     if bare is not None:
         out.extend(_shadowing(bare, scope, scope.source))
@@ -390,25 +369,15 @@ def _hidden(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator
 
 
 def _shadowing(root: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]:
-    stack: list[ast.Expr | ast.Argument] = [root]
-    while stack:
-        node = stack.pop()
+    for node, _ in ast.walk(root):
         if isinstance(node, ast.Quantifier):
-            inside = _free_names(node.body)
+            inside = _mentioned(node.body)
             for variable in node.variables:
                 yield from _hidden(variable, "variable", scope, source)
                 if variable.id not in inside:
                     here, reason = variable.span(source), "every round says the same"
                     yield UNUSED_NAME(here, kind="variable", name=variable.id, reason=reason)
-        stack.extend(reversed(traversal.children(node)))
 
 
-def _free_names(root: ast.Expr) -> set[str]:
-    names: set[str] = set()
-    stack: list[ast.Expr | ast.Argument] = [root]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, ast.Name):
-            names.add(node.id)
-        stack.extend(traversal.children(node))
-    return names
+def _mentioned(root: ast.Expr) -> set[str]:
+    return {node.id for node, _ in ast.walk(root) if isinstance(node, ast.Name)}

@@ -9,25 +9,21 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.errors.declarations import (
-    DRAWER_COUNT,
     DRAWER_NOT_OPEN,
-    DRAWER_SHARE,
-    DRAWER_SHARES,
     EMPTY_ARRAY,
     FILE_WITHOUT_QUOTES,
     NOT_A_SHAPE,
-    NOT_AN_OUTLINE,
-    ONE_OBJECT_MANY_PLACES,
-    PLACE_OUTSIDE_WORKSPACE,
+    OUTSIDE_WORKSPACE,
     STANDS_IN,
     TOO_MANY_COUNTS,
     TOO_MANY_OBJECTS,
     UNKNOWN_ASSET,
     UNLIKELY_SHAPE,
     UNUSABLE_SHAPE_FILE,
+    WRONG_DRAWERS,
     WRONG_NUMBER_OF_PLACES,
 )
-from scenegen.errors.language import EMPTY_RANGE, NOT_A_PLAIN_NUMBER, NOT_AN_ANGLE, NOT_CONSTANT
+from scenegen.errors.language import EMPTY_RANGE
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
 from scenegen.geometry.units import ANGLE, BARE
 from scenegen.geometry.workspace import Workspace
@@ -41,14 +37,12 @@ from scenegen.lang.check.families import (
     picked,
     variants,
 )
-from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import BUILT, FILES, SHAPES, bind
 from scenegen.lang.check.regions import SIGNATURES, Arguments, arguments, color, corners, number, point, size
 from scenegen.lang.check.scope import DeclaredObject, Scope
 from scenegen.lang.check.values import CallFrame, ListValue, NumberValue, Point
 from scenegen.lang.spec import Count, Pose
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.printer import print_expr, print_module
 from scenegen.pose import TWO_PI
 from scenegen.things import ASSETS, PLAIN, Shape, meant_by, shape_of
@@ -76,28 +70,23 @@ def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
     if "drawers" in given:
         value, expr = given["drawers"]
         what = "the number of drawers"
-        drawers = whole_number(lowering, lowering.coerce.number(value, what), expr, CallFrame(source), what)
+        drawers = lowering.count(value, expr, CallFrame(source), what)
         if not 1 <= drawers <= MOST:
-            raise SpecError(DRAWER_COUNT(expr.span(source), given=drawers, most=MOST))
+            raise SpecError(WRONG_DRAWERS(expr.span(source), given=drawers, most=MOST))
     if "open" not in given:
         return cabinet_shape((0.0,) * (drawers or DRAWERS))
     value, expr = given["open"]
     here, what = expr.span(source), "the share by which a drawer is open"
     shares = []
     for item in value.items if isinstance(value, ListValue) else (value,):
-        number = lowering.coerce.number(item, what)
-        share = lowering.builder.value(number.node)
-        if share is None:
-            raise SpecError(NOT_CONSTANT(here, what=what))
-        if number.unit != BARE:
-            raise SpecError(NOT_A_PLAIN_NUMBER(here, what=what, found=number.unit.words))
+        share = lowering.constant(item, expr, CallFrame(source), what, BARE)
         if not 0.0 <= share <= 1.0:
-            raise SpecError(DRAWER_SHARE(here, given=share))
+            raise SpecError(WRONG_DRAWERS(here, given=share, share=True))
         shares.append(share)
     if not isinstance(value, ListValue):
         return cabinet_shape((*(0.0,) * ((drawers or DRAWERS) - 1), *shares))
     if len(shares) != (drawers or len(shares)) or not 1 <= len(shares) <= MOST:
-        raise SpecError(DRAWER_SHARES(here, given=len(shares), drawers=drawers or None, most=MOST))
+        raise SpecError(WRONG_DRAWERS(here, given=len(shares), drawers=drawers or None, most=MOST, shares=True))
     return cabinet_shape(tuple(shares))
 
 
@@ -201,8 +190,7 @@ def name_objects(
 
 def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> int:
     frame = CallFrame(source)
-    value = lowering.coerce.number(lowering.evaluate(expr, frame), "the number of elements")
-    count = whole_number(lowering, value, expr, frame, "the number of elements")
+    count = lowering.count(lowering.evaluate(expr, frame), expr, frame, "the number of elements")
     if count < 1:
         ends = (expr.left, expr.right) if isinstance(expr, ast.Binary) and expr.operator == "-" else ()
         written = [print_expr(end) for end in ends if isinstance(end, ast.Quantity)]
@@ -291,7 +279,7 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
     if "shape" in given:
         stated: Shape = _shape(lowering, given["shape"], source, project)
         if stated.path or stated.color or stated.asset not in PLAIN:
-            raise SpecError(NOT_AN_OUTLINE(given["shape"].span(source), kind=kind, path=path.value))
+            raise SpecError(NOT_A_SHAPE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
     if kind == "asset":
         found = indexed(path.value, here, project)
@@ -349,7 +337,7 @@ def pose(lowering: Lowering, thing: DeclaredObject, within: Workspace) -> tuple[
     if thing.is_array:
         _count_places(len(parts), count, here)
     elif isinstance(one.pose, ast.List):
-        raise SpecError(ONE_OBJECT_MANY_PLACES(here))
+        raise SpecError(WRONG_NUMBER_OF_PLACES(here))
     return tuple(_pose(lowering, part, thing.source, within) for part in parts)
 
 
@@ -377,17 +365,14 @@ def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace)
 def _refuse_outside(x: float, y: float, here: Span, within: Workspace) -> None:
     if not (within.x[0] <= x <= within.x[1] and within.y[0] <= y <= within.y[1]):
         box = f"[{within.x[0]:g}, {within.x[1]:g}] x [{within.y[0]:g}, {within.y[1]:g}]"
-        raise SpecError(PLACE_OUTSIDE_WORKSPACE(here, workspace=box))
+        raise SpecError(OUTSIDE_WORKSPACE(here, workspace=box))
 
 
 def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
     """A heading in [0, 2 pi). Raises SpecError."""
-    given = lowering.coerce.number(lowering.evaluate(expr, CallFrame(source)), "a heading")
-    amount = lowering.builder.value(given.node)
-    if amount is None:
-        raise SpecError(NOT_CONSTANT(expr.span(source), what="a heading"))
-    if given.unit not in (BARE, ANGLE):
-        raise SpecError(NOT_AN_ANGLE(expr.span(source), found=given.unit.words))
+    frame = CallFrame(source)
+    given = lowering.coerce.number(lowering.evaluate(expr, frame), "a heading")
+    amount = lowering.constant(given, expr, frame, "a heading", BARE, ANGLE, angle=True)
     lowering.refuse_degrees([given, NumberValue(given.node, ANGLE, origin=Span(source, expr.start, expr.end))])
     wrapped = math.fmod(amount, TWO_PI)
     wrapped = wrapped + TWO_PI if wrapped < 0.0 else wrapped
@@ -496,7 +481,7 @@ def _centimetres(draft: Draft) -> Iterator[Diagnostic]:
             here = node.span(one.source)
             numbers = [
                 (part.start - here.start, part.end - here.start, abs(float(part.number)), part.number)
-                for root in (traversal.expressions(node) if isinstance(node, ast.Workspace) else (node,))
+                for root in (ast.expressions(node) if isinstance(node, ast.Workspace) else (node,))
                 for part in _quantities(root)
                 if not part.unit and abs(float(part.number)) >= SMALL
             ]
@@ -515,11 +500,6 @@ def _named(node: object) -> str:
 
 def _quantities(root: ast.Expr) -> Iterator[ast.Quantity]:
     """Its numbers, but factors and divisors: these are no lengths."""
-    stack: list[ast.Expr | ast.Argument] = [root]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, ast.Binary) and node.operator in "*/":
-            continue
+    for node, _ in ast.walk(root, into=lambda node: not (isinstance(node, ast.Binary) and node.operator in "*/")):
         if isinstance(node, ast.Quantity):
             yield node
-        stack.extend(traversal.children(node))

@@ -12,11 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import SpecError
-from scenegen.errors.declarations import TOO_MANY_ROUNDS
-from scenegen.errors.language import EMPTY_LIST, EMPTY_RANGE, ONE_NEIGHBOUR, TOO_FEW_TO_CHOOSE
+from scenegen.errors.declarations import SPEC_TOO_LARGE
+from scenegen.errors.language import EMPTY_RANGE, TOO_FEW_ELEMENTS
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.units import BARE
-from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.template import DependsOnValue, Template
 from scenegen.lang.check.values import (
     MOST_VARIABLES,
@@ -331,7 +330,7 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
 
 def too_many(lowering: Lowering, node: ast.Expr, frame: CallFrame) -> SpecError:
     """Nested quantifiers make a spec larger than its text shows."""
-    return lowering.error(TOO_MANY_ROUNDS, node, frame, limit=MAX_STEPS)
+    return lowering.error(SPEC_TOO_LARGE, node, frame, limit=MAX_STEPS)
 
 
 def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame: CallFrame) -> range | AnyValue:
@@ -340,8 +339,7 @@ def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame:
         value = lowering.lower(end, env, frame)
         if isinstance(value, AnyValue):
             return value
-        number = lowering.coerce.number(value, "an end of a range")
-        ends.append(whole_number(lowering, number, end, frame, "an end of a range"))
+        ends.append(lowering.count(value, end, frame, "an end of a range"))
     lowest, highest = ends
     if lowest > highest:
         written = isinstance(node.lowest, ast.Quantity) and isinstance(node.highest, ast.Quantity)
@@ -366,15 +364,15 @@ def _choices(
     elif isinstance(domain, NeighboursValue):
         items = domain.items
         if many == 1:
-            raise lowering.error(ONE_NEIGHBOUR, node, frame, kind=node.kind, domain=print_expr(node.domain))
+            raise lowering.error(TOO_FEW_ELEMENTS, node, frame, kind=node.kind, domain=print_expr(node.domain))
     else:
         items = lowering.coerce.items(domain, f"what `{node.kind}` ranges over")
     if len(items) < many and not _may_be_empty(lowering, frame):
         needs = f"`{node.kind}` has nothing to range over"
         if not items:
-            raise lowering.error(EMPTY_LIST, node.domain, frame, needs=needs)
+            raise lowering.error(TOO_FEW_ELEMENTS, node.domain, frame, needs=needs)
         found = f"{len(items)} element{'s' * (len(items) != 1)}"
-        raise lowering.error(TOO_FEW_TO_CHOOSE, node.domain, frame, needed=many, found=found, kind=node.kind)
+        raise lowering.error(TOO_FEW_ELEMENTS, node.domain, frame, needed=many, found=found, kind=node.kind)
     if isinstance(domain, NeighboursValue):
         count = max(0, len(items) - many + 1)
         return count, (tuple(items[at : at + many]) for at in range(count))

@@ -8,27 +8,20 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Source, SpecError
 from scenegen.errors.declarations import (
-    CORNERS_NOT_A_LIST,
-    COUNT_OF_LEVELS,
     EMPTY_INTERVAL,
     FILE_WITHOUT_QUOTES,
     FLAT_RECTANGLE,
     LEVEL_COUNT,
-    LEVEL_OUT_OF_RANGE,
     LEVELS_INTERSECT,
-    NARROW_INTERVAL,
-    NOT_A_REGION,
-    NOT_CONVEX,
+    NOT_A_SHAPE,
     SIZE_OUT_OF_RANGE,
-    TOO_FAR_OUT,
-    TOO_FEW_CORNERS,
+    WRONG_CORNERS,
 )
-from scenegen.errors.language import MISPLACED_VALUE, NOT_A_LENGTH, NOT_CONSTANT
+from scenegen.errors.language import MISPLACED_VALUE, NOT_CONSTANT
 from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.geometry.footprint import convex_hull, is_convex
 from scenegen.geometry.units import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, FARTHEST, LARGEST, SMALLEST, Workspace
-from scenegen.lang.check.heights import whole_number
 from scenegen.lang.check.names import AREAS, SHAPES, bind
 from scenegen.lang.check.scope import Declared, Signature
 from scenegen.lang.check.values import (
@@ -74,13 +67,7 @@ SIGNATURES = {
 
 def number(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
     """A constant length. Raises SpecError."""
-    number = lowering.coerce.number(value, what)
-    amount = lowering.builder.value(number.node)
-    if amount is None:
-        raise SpecError(NOT_CONSTANT(expr.span(source), what=what))
-    if number.unit not in (BARE, LENGTH):
-        raise SpecError(NOT_A_LENGTH(expr.span(source), what=what, found=number.unit.words))
-    return amount
+    return lowering.constant(value, expr, CallFrame(source), what, BARE, LENGTH, length=True)
 
 
 def point(lowering: Lowering, value: Value, what: str) -> Point:
@@ -91,7 +78,7 @@ def point(lowering: Lowering, value: Value, what: str) -> Point:
     if x is None or y is None:
         raise SpecError(NOT_CONSTANT(value.origin, what=what))
     if max(abs(x), abs(y)) > FARTHEST:
-        raise SpecError(TOO_FAR_OUT(value.origin, what=what, limit=FARTHEST))
+        raise SpecError(SIZE_OUT_OF_RANGE(value.origin, what=what, limit=FARTHEST))
     return x, y
 
 
@@ -146,9 +133,9 @@ def corners(lowering: Lowering, value: Value, expr: ast.Expr, source: Source) ->
     corners = [point(lowering, item, "a corner") for item in value.items]
     here = expr.span(source)
     if len(corners) < 3:
-        raise SpecError(TOO_FEW_CORNERS(here, given=len(corners)))
+        raise SpecError(WRONG_CORNERS(here, given=len(corners)))
     if not is_convex(corners):
-        raise SpecError(NOT_CONVEX(here))
+        raise SpecError(WRONG_CORNERS(here))
     return convex_hull(corners).vertices
 
 
@@ -169,9 +156,9 @@ def _interval(lowering: Lowering, source: Source, interval: ast.Interval, axis: 
     lowest, highest = ends
     here = interval.span(source)
     if max(abs(lowest), abs(highest)) > FARTHEST:
-        raise SpecError(TOO_FAR_OUT(here, what=f"this interval of {axis}", limit=FARTHEST))
+        raise SpecError(SIZE_OUT_OF_RANGE(here, what=f"this interval of {axis}", limit=FARTHEST))
     if 0.0 < highest - lowest < NARROWEST * max(1.0, abs(lowest), abs(highest)):
-        raise SpecError(NARROW_INTERVAL(here, axis=axis))
+        raise SpecError(EMPTY_INTERVAL(here, axis=axis, narrow=True))
     if not lowest < highest:
         swapped = f"[{highest:g}, {lowest:g}]" if lowest > highest else None
         raise SpecError(EMPTY_INTERVAL(here, axis=axis, swapped=swapped))
@@ -190,7 +177,7 @@ def areas(lowering: Lowering, declared: Declared) -> None:
         value: Value = lowering.evaluate(expr, CallFrame(source))
         level = number(lowering, value, expr, source, "the height of a region")
         if not 0.0 <= level <= LARGEST:
-            raise SpecError(LEVEL_OUT_OF_RANGE(expr.span(source), level=level, most=LARGEST))
+            raise SpecError(SIZE_OUT_OF_RANGE(expr.span(source), level=level, most=LARGEST))
         levels.append(level)
     if statement.count is None:
         if len(levels) > 1:
@@ -198,11 +185,11 @@ def areas(lowering: Lowering, declared: Declared) -> None:
         lowering.areas[name] = replace(flat, z=levels[0]) if levels else flat
         return
     if isinstance(statement.count, ast.Range):
-        raise SpecError(COUNT_OF_LEVELS(statement.count.span(source), name=name, levels=len(levels) or None))
+        raise SpecError(LEVEL_COUNT(statement.count.span(source), name=name, levels=len(levels) or None))
     given: Value = lowering.evaluate(statement.count, CallFrame(source))
     frame = CallFrame(source)
     what = "the number of levels"
-    count = whole_number(lowering, lowering.coerce.number(given, what), statement.count, frame, what)
+    count = lowering.count(given, statement.count, frame, what)
     if count != len(levels):
         raise SpecError(LEVEL_COUNT(statement.span(source), name=name, count=count, levels=len(levels)))
     for which, level in enumerate(levels, 1):
@@ -234,10 +221,10 @@ def _area(lowering: Lowering, declared: Declared) -> Area:
     call = statement.shape
     if not isinstance(call, ast.Call) or call.function.id not in AREAS:
         written = call.function.id if isinstance(call, ast.Call) else ""
-        raise SpecError(NOT_A_REGION(call.span(source), name=written, known=AREAS))
+        raise SpecError(NOT_A_SHAPE(call.span(source), name=written, known=AREAS))
     kind = call.function.id
     if kind == "polygon" and (len(call.arguments) != 1 or isinstance(call.arguments[0].value, ast.Point)):
-        raise SpecError(CORNERS_NOT_A_LIST(call.span(source)))
+        raise SpecError(WRONG_CORNERS(call.span(source), list=True))
     given: Arguments = arguments(lowering, call, source)
     if kind == "circle":
         center = point(lowering, given["center"][0], "the centre of a circle")
@@ -258,5 +245,5 @@ def _area(lowering: Lowering, declared: Declared) -> Area:
         mended = f"rect({low_x:g}, {low_y:g}, {high_x:g}, {high_y:g})" if low_x < high_x and low_y < high_y else None
         raise SpecError(FLAT_RECTANGLE(call.span(source), side=side, mended=mended))
     if max(abs(left), abs(bottom), abs(right), abs(top)) > FARTHEST:
-        raise SpecError(TOO_FAR_OUT(call.span(source), what="this region", limit=FARTHEST))
+        raise SpecError(SIZE_OUT_OF_RANGE(call.span(source), what="this region", limit=FARTHEST))
     return rectangle(left, bottom, right, top)

@@ -16,7 +16,6 @@ from scenegen.geometry import PRIMITIVES
 from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.spec import Count
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.pose import NAMES
@@ -326,20 +325,14 @@ def _infer_objects(source: Source, placed: Sequence[SourcedStatement], bare: ast
         if isinstance(one.statement, ast.Definition):
             bound = frozenset(parameter.name.id for parameter in one.statement.parameters)
         if isinstance(one.statement, ast.Definition | ast.Label | ast.Require):
-            roots.extend((one.source, expr, bound) for expr in traversal.expressions(one.statement))
+            roots.extend((one.source, expr, bound) for expr in ast.expressions(one.statement))
     if bare is not None:
         roots.append((source, bare, frozenset()))
     known = {*scope.constants, *scope.labels, *scope.regions, *BUILT_IN}
-    stack: list[tuple[Source, ast.Expr | ast.Argument, frozenset[str]]] = list(reversed(roots))
-    while stack:
-        where, node, bound = stack.pop()
-        if isinstance(node, ast.Name) and node.id not in known and node.id not in bound:
-            scope.things.setdefault(node.id, DeclaredObject(where, node))
-        if isinstance(node, ast.Quantifier):
-            stack.append((where, node.body, bound | {variable.id for variable in node.variables}))
-            stack.append((where, node.domain, bound))
-            continue
-        stack.extend((where, child, bound) for child in reversed(traversal.children(node)))
+    for where, root, bound in roots:
+        for node, visible in ast.walk(root, bound):
+            if isinstance(node, ast.Name) and node.id not in known and node.id not in visible:
+                scope.things.setdefault(node.id, DeclaredObject(where, node))
 
 
 # --------------------------------------------------------------------------------------------------------------------

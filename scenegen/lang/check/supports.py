@@ -13,22 +13,19 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Set as AbstractSet
+from typing import TYPE_CHECKING, Literal
 
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
-    CHOICE_NOT_A_LIST,
-    EMPTY_CHOICE,
-    NESTED_CHOICE,
+    DOES_NOT_FIT,
     NO_FLAT_TOP,
-    NOT_ON_RIM,
     NOT_ON_SURFACE,
+    OUTSIDE_WORKSPACE,
+    STACKED_AND_APART,
     STANDS_ON_ITSELF,
-    SUPPORT_COUNT,
-    SURFACE_OUTSIDE,
-    SURFACE_TOO_SMALL,
-    SURFACE_TWICE,
-    TOO_TALL_FOR_SURFACE,
+    WRONG_CHOICE,
+    WRONG_NUMBER_OF_PLACES,
 )
 from scenegen.geometry import MATH, PRIMITIVES
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon, clipped, standing_area
@@ -38,9 +35,9 @@ from scenegen.lang.check.objects import not_open
 from scenegen.lang.check.scope import DeclaredObject
 from scenegen.lang.check.values import Area, CallFrame, ListValue, ObjectValue, RegionValue, SurfaceValue, Value
 from scenegen.lang.formula.builder import FALSE, TRUE
-from scenegen.lang.spec import Pose, Support, SurfaceChoice
+from scenegen.lang.formula.core import Apply, Atom, Const, Junction
+from scenegen.lang.spec import Pose, Support, SurfaceChoice, carriers_first
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.foreign import one_list
 from scenegen.pose import FLAT, PLACE, X
 from scenegen.things import Shape
 from scenegen.things.furniture import SupportSurface
@@ -73,7 +70,7 @@ def supports(lowering: Lowering, thing: DeclaredObject, places: Sequence[int]) -
         value = lowering.evaluate(one.support, frame)
         values = list(value.items) if isinstance(value, ListValue) and thing.is_array else [value] * len(places)
     if len(values) != len(places):
-        raise SpecError(SUPPORT_COUNT(here, objects=len(places), surfaces=len(values)))
+        raise SpecError(WRONG_NUMBER_OF_PLACES(here, objects=len(places), surfaces=len(values)))
     return {place: (_support(lowering, place, value, here),) for place, value in zip(places, values, strict=True)}
 
 
@@ -87,27 +84,29 @@ def _choices(
     else:
         value = lowering.evaluate(written, frame)
         if not isinstance(value, ListValue):
-            raise SpecError(CHOICE_NOT_A_LIST(here, found=value.kind, written=here.text))
+            raise SpecError(WRONG_CHOICE(here, found=value.kind, written=here.text))
         parts = [(item, here) for item in value.items]
     if not parts:
-        raise SpecError(EMPTY_CHOICE(here))
+        raise SpecError(WRONG_CHOICE(here))
     found = {}
     for value, span in parts:
         if isinstance(value, ListValue):
+            from scenegen.lang.syntax.foreign import one_list
+
             surfaces = None if span.text.isidentifier() else one_list(here.text)
-            raise SpecError(NESTED_CHOICE(span, surfaces=surfaces))
+            raise SpecError(WRONG_CHOICE(span, surfaces=surfaces, nested=True))
     for place in places:
         options: list[Support] = []
         for value, span in parts:
             option = _support(lowering, place, value, span)
             if any(option.name == other.name for other in options):
-                raise SpecError(SURFACE_TWICE(span, surface=option.name))
+                raise SpecError(WRONG_CHOICE(span, surface=option.name))
             whole = cut_off(option, lowering.space)
             if whole is None:
-                raise SpecError(SURFACE_OUTSIDE(span, name=lowering.builder.objects[place]))
+                raise SpecError(OUTSIDE_WORKSPACE(span, name=lowering.builder.objects[place]))
             if not area_of(lowering.shapes[place].footprint, whole) > 0.0:
                 name = lowering.builder.objects[place]
-                raise SpecError(SURFACE_TOO_SMALL(span, name=name, surface=option.name))
+                raise SpecError(DOES_NOT_FIT(span, name=name, surface=option.name))
             options.append(whole)
         found[place] = tuple(options)
     return found
@@ -146,9 +145,9 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
             named = {one.name: one for one in surfaces_of(lowering.shapes[carrier], shape)}
             below = lowering.builder.objects[carrier]
             if surface.name not in named and carrier != upper:
-                raise SpecError(SURFACE_TOO_SMALL(here, name=name, surface=f"{below}.{surface.name}", carrier=below))
+                raise SpecError(DOES_NOT_FIT(here, name=name, surface=f"{below}.{surface.name}", carrier=below))
             if surface.name == "rim" and _holds(surfaces_of(lowering.shapes[carrier], shape)[0], shape):
-                raise SpecError(NOT_ON_RIM(here, name=name, surface=f"{below}.rim", carrier=below))
+                raise SpecError(DOES_NOT_FIT(here, name=name, surface=f"{below}.rim", carrier=below, rim=True))
             surface = named.get(surface.name, surface)
         case _:
             wanted = "an object, a surface or a region"
@@ -159,7 +158,7 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
     if not _holds(surface, shape):
         on_rim = isinstance(value, ObjectValue) and found[-1].name == "rim"
         rim = f"{lowering.builder.objects[carrier]}.rim" if on_rim else None
-        problem = SURFACE_TOO_SMALL(here, name=name, surface=label, carrier=rim)
+        problem = DOES_NOT_FIT(here, name=name, surface=label, carrier=rim)
         raise SpecError(not_open(lowering, upper, carrier, surface, here) or problem)
     _refuse_tall(name, shape.height, label, surface.clear, here)
     return Support(label, carrier, surface.outline, surface.height, surface.walled, far=surface.far)
@@ -172,7 +171,7 @@ def _holds(surface: SupportSurface, shape: Shape) -> bool:
 def _refuse_tall(name: str, height: float, surface: str, clear: float, here: Span) -> None:
     if height > clear + ROUNDING:
         sizes = {"height": 100.0 * height, "clear": 100.0 * clear}
-        raise SpecError(TOO_TALL_FOR_SURFACE(here, name=name, surface=surface, **sizes))
+        raise SpecError(DOES_NOT_FIT(here, name=name, surface=surface, **sizes))
 
 
 def _free_over(lowering: Lowering, name: str, area: Area) -> float:
@@ -195,18 +194,9 @@ def heights(
     SpecError where supports form a circle."""
     refuse_circles(found, names, spans)
     known: dict[int, float | None] = {}
-    for start in range(count):
-        path = [start]
-        while path:
-            one = path[-1]
-            options = found.get(one, ())
-            waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in known]
-            if waiting:
-                path.extend(waiting)
-                continue
-            path.pop()
-            levels = {_level(known, under) for under in options} or {0.0}
-            known[one] = levels.pop() if len(levels) == 1 else None
+    for one in carriers_first(range(count), lambda one: found.get(one, ())):
+        levels = {_level(known, under) for under in found.get(one, ())} or {0.0}
+        known[one] = levels.pop() if len(levels) == 1 else None
     return tuple(known[which] for which in range(count))
 
 
@@ -243,28 +233,17 @@ def spread(
     far around it as the surface reaches, so that what carries stays uniform over its own box. Of several surfaces it is
     one box around all. `switches` are those of choices."""
     boxes: dict[int, Rectangle] = {}
-
-    def box(which: int) -> Rectangle:
-        path = [which]
-        while path:
-            one = path[-1]
-            options = found.get(one, ())
-            waiting = [under.carrier for under in options if under.carrier is not None and under.carrier not in boxes]
-            if waiting:
-                path.extend(waiting)
-                continue
-            path.pop()
-            if one in fixed:  # what it carries moves with it
-                boxes[one] = ((fixed[one][0],) * 2, (fixed[one][1],) * 2)
-            elif not options:
-                boxes[one] = (space.x, space.y)
-            else:
-                ends = [_box(under, space, boxes) for under in options]
-                x, y = ((min(end[axis][0] for end in ends), max(end[axis][1] for end in ends)) for axis in PLACE)
-                boxes[one] = x, y
-        return boxes[which]
-
-    own = tuple((which, *box(which)) for which in sorted(found) if which not in fixed)
+    standing = [which for which in sorted(found) if which not in fixed]
+    for one in carriers_first(standing, lambda one: () if one in fixed else found.get(one, ())):
+        if one in fixed:  # what it carries moves with it
+            boxes[one] = ((fixed[one][0],) * 2, (fixed[one][1],) * 2)
+        elif one not in found:
+            boxes[one] = (space.x, space.y)
+        else:
+            ends = [_box(under, space, boxes) for under in found[one]]
+            x, y = ((min(end[axis][0] for end in ends), max(end[axis][1] for end in ends)) for axis in PLACE)
+            boxes[one] = x, y
+    own = tuple((which, *boxes[which]) for which in standing)
     return dataclasses.replace(space, own=(*own, *((which, SWITCH, SWITCH) for which in switches)))
 
 
@@ -281,7 +260,7 @@ def _box(under: Support, space: Workspace, boxes: Mapping[int, Rectangle]) -> Re
 def empty(space: Workspace, spans: Mapping[int, Span], names: Sequence[str]) -> list[Diagnostic]:
     """A diagnostic for each object whose surface lies outside of the workspace."""
     return [
-        SURFACE_OUTSIDE(spans[which], name=names[which])
+        OUTSIDE_WORKSPACE(spans[which], name=names[which])
         for which, x, y in space.own
         if not (x[0] < x[1] and y[0] < y[1])
     ]
@@ -403,3 +382,89 @@ def grouped(choice: SurfaceChoice) -> Iterator[tuple[float, float, tuple[Support
 
 def _place(one: Support) -> tuple[object, ...]:
     return one.carrier, one.outline, one.walled, one.pose
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Requirements beside declared supports: what contradicts them, and what they make superfluous.
+
+
+DEPTH = 4  # of min and max in a margin that is taken apart: apart() has two
+
+
+def clashing(
+    lowering: Lowering, requirement: int, found: Mapping[int, Support], choices: Mapping[int, Sequence[Support]]
+) -> Diagnostic | None:
+    """What to say where a requirement keeps an object's footprint clear of what it stands on: of all that it can stand
+    on, where that is a choice."""
+    nodes, coordinate = lowering.builder.nodes, lowering.coerce.coordinate
+    pairs = {}
+    options = {upper: [under] for upper, under in found.items()} | dict(choices)
+    carriers = {upper: [under.carrier for under in unders] for upper, unders in options.items()}
+    for upper, all_ in carriers.items():
+        for carrier in all_:
+            if carrier is not None and None not in all_:
+                first, second = (tuple(coordinate(one, axis) for axis in PLACE) for one in (upper, carrier))
+                pairs[first, second] = pairs[second, first] = upper, carrier
+    apart: dict[int, set[int]] = {}
+    stack = [requirement]
+    while stack:
+        node = nodes[index] if (index := stack.pop()) >= 0 else None
+        if isinstance(node, Junction) and node.kind == "min":
+            stack.extend(node.args)
+        if not isinstance(node, Atom):
+            continue
+        margin = nodes[node.margin]
+        if isinstance(margin, Apply) and margin.primitive == "gap" and len(margin.args) == 6:
+            pair = pairs.get((margin.args[:2], margin.args[3:5]))
+            if pair is not None:
+                apart.setdefault(pair[0], set()).add(pair[1])
+                if apart[pair[0]] < set(carriers[pair[0]]):
+                    continue
+                one, other = (lowering.builder.objects[which] for which in pair)
+                return STACKED_AND_APART(node.spans[-1], upper=one, lower=other)
+    return None
+
+
+def relaxed(lowering: Lowering, formula: int, known: AbstractSet[int]) -> int:
+    """A requirement that is satisfied by the same scenes, without the constants in it and without the atoms `known` to
+    be required already: of what is required only the sign counts, most pairs of `noCollision` are apart by their
+    heights, and what stands in a tray is clear of its walls."""
+    builder = lowering.builder
+    margins = {atom.margin for which in known if isinstance(atom := builder.nodes[which], Atom)}
+    needed, stack = set[int](), [formula]
+    while stack:
+        if (index := stack.pop()) >= 0 and index not in needed:
+            needed.add(index)
+            node = builder.nodes[index]
+            stack.extend(node.args if isinstance(node, Junction) else ())
+    made = {TRUE: TRUE, FALSE: FALSE}
+    for index in sorted(needed):  # children first
+        node = builder.nodes[index]
+        if isinstance(node, Junction):
+            made[index] = builder.junction(node.kind, [made[part] for part in node.args], node.text)
+        elif isinstance(node, Atom):
+            made[index] = _split(lowering, node.margin, node, margins, DEPTH)
+    return made[formula]
+
+
+def _split(lowering: Lowering, margin: int, atom: Atom, known: AbstractSet[int], depth: int) -> int:
+    builder = lowering.builder
+    node = builder.nodes[margin]
+    if isinstance(node, Const):
+        return TRUE if node.value >= 0.0 else FALSE
+    if margin in known:
+        return TRUE
+    if depth and isinstance(node, Apply) and node.primitive == "pick":
+        switch, end, *sides = node.args
+        before, after = (_split(lowering, part, atom, known, depth) for part in sides)
+        early, late = (
+            builder.atom(*ends, f"{builder.text(ends[0])} <= {builder.text(ends[1])}", BARE, atom.spans)
+            for ends in ((switch, end), (end, switch))
+        )
+        either = [builder.junction("max", [late, before]), builder.junction("max", [early, after])]
+        return builder.junction("min", either)
+    if depth and isinstance(node, Apply) and node.primitive in ("min", "max"):
+        kind: Literal["min", "max"] = "min" if node.primitive == "min" else "max"
+        return builder.junction(kind, [_split(lowering, part, atom, known, depth - 1) for part in node.args])
+    text = atom.text if margin == atom.margin else f"{builder.text(margin)} >= 0"
+    return builder.atom_of(margin, builder.const(0.0), margin, text, atom.unit, atom.spans)

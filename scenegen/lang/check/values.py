@@ -9,7 +9,7 @@ from typing import ClassVar, overload
 
 from scenegen.errors import Source, Span, SpecError
 from scenegen.errors.declarations import MEASURED_TOO_EARLY
-from scenegen.errors.language import MISSING_ARGUMENTS, MIXED_LIST, NOT_FINITE, UNKNOWN_NAME, WRONG_TYPE
+from scenegen.errors.language import MIXED_LIST, NOT_FINITE, UNKNOWN_NAME, WRONG_NUMBER_OF_ARGUMENTS, WRONG_TYPE
 from scenegen.geometry import MATH, PRIMITIVES
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon
 from scenegen.geometry.units import BARE, LENGTH, Unit
@@ -351,7 +351,7 @@ class Coercion:
         # Nobody declared it: nothing else has this name, so it was taken for an object.
         signature = self.scope.signature(name)
         if signature is not None:
-            return SpecError(MISSING_ARGUMENTS(value.origin, name=name, usage=signature.usage))
+            return SpecError(WRONG_NUMBER_OF_ARGUMENTS(value.origin, name=name, usage=signature.usage))
         if name.lower() in NO_NUMBERS and wanted == "a number":
             return SpecError(NOT_FINITE(value.origin, name=name))
         known = self.scope.constants if wanted == "a number" else {**self.scope.labels, **self.scope.definitions}

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -332,6 +333,24 @@ def children(node: Expr | Argument) -> tuple[Expr | Argument, ...]:
             return (node.left, *_ends(node.window), node.right)
         case _:
             return ()
+
+
+def walk(
+    root: Expr | Argument, visible: frozenset[str] = frozenset(), into: Callable[[Expr | Argument], bool] | None = None
+) -> Iterator[tuple[Expr | Argument, frozenset[str]]]:
+    """An expression and all below it, in the order of the text, each with the variables that it can name: `visible` and
+    those of the quantifiers around. What is below a node is left out where `into` says so."""
+    stack = [(root, visible)]
+    while stack:
+        node, visible = stack.pop()
+        yield node, visible
+        if into is not None and not into(node):
+            continue
+        if isinstance(node, Quantifier):
+            stack.append((node.body, visible.union(variable.id for variable in node.variables)))
+            stack.append((node.domain, visible))
+        else:
+            stack.extend((child, visible) for child in reversed(children(node)))
 
 
 def _ends(window: Interval | None) -> tuple[Expr, ...]:

@@ -7,27 +7,18 @@ general explanations are in scenegen.lang.syntax.syntax_errors.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from scenegen.errors import Diagnostic, Source, Span
 from scenegen.errors.language import (
     CANNOT_BE_SAID,
-    COLON_AFTER_WORKSPACE,
-    COLON_IN_ARGUMENT,
-    COMMA_BETWEEN_FORMULAS,
-    FOREIGN_OPERATOR,
+    FOREIGN_SIGN,
     INFIX_RELATION,
-    LOOKALIKE,
-    MISSING_DEF,
-    MISSING_EQUAL,
-    MISSING_LABEL_COLON,
+    MISSING_SIGN,
     NESTED_ARRAY,
-    NO_IF,
-    NOTHING_ON_LEFT,
-    NOTHING_ON_RIGHT,
+    NOTHING_BESIDE,
     OBJECTS_WITHOUT_NAMES,
     UNEXPECTED,
-    UNIT_AFTER_NAME,
     UNKNOWN_RELATION,
     UNKNOWN_UNIT,
 )
@@ -215,9 +206,22 @@ def one_list(text: str) -> str | None:
     return None
 
 
-def of_relation(name: str, arguments: Sequence[str]) -> str | None:
-    """What to write instead of a call of a relation or function that there is not; None of unknown names."""
+def of_thing(name: str) -> str | None:
+    """What to write instead of a thing that there is not; None of unknown names."""
+    return THE_TABLE if plain(name) in TABLES else None
+
+
+def of_number(name: str) -> str | None:
+    """What to write instead of a constant that there is not; None of unknown names."""
+    return PRIOR if RELATIONS.get(plain(name)) == PRIOR else None
+
+
+def of_relation(name: str, arguments: Sequence[str], known_names: Iterable[str] = ()) -> str | None:
+    """What to write instead of a call of a relation or function that there is not; None of unknown names, and of those
+    that are nearly one of the known names: `left_of`."""
     word = plain(name)
+    if any(plain(one) == word for one in known_names):
+        return None
     if word not in RELATIONS:
         word = known(re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)) or ""  # to_the_left_of, isOn
         if word not in RELATIONS:
@@ -289,17 +293,17 @@ def explain_foreign_syntax(source: Source, start: int, end: int, depth: int, acc
     line = text[text.rfind("\n", 0, start) + 1 : start]
     if text[start] in _LOOKALIKES:
         what, instead = _LOOKALIKES[text[start]]
-        return LOOKALIKE(Span(source, start, start + 1), character=text[start], what=what, instead=instead)
+        return FOREIGN_SIGN(Span(source, start, start + 1), character=text[start], what=what, instead=instead)
     if text[max(0, start - 2) : start + 1] == "<->":
-        return FOREIGN_OPERATOR(Span(source, start - 2, start + 1), operator="<->", instead="(a -> b) & (b -> a)")
+        return FOREIGN_SIGN(Span(source, start - 2, start + 1), operator="<->", instead="(a -> b) & (b -> a)")
     if word == "," and not depth and accepts & {"_AND", "$END"}:
-        return COMMA_BETWEEN_FORMULAS(here)
+        return FOREIGN_SIGN(here, comma=True)
     if word == "|" and "NAME" in accepts and re.match(r"[^|\n]*\|", text[end:]):
-        return NOTHING_ON_LEFT(here, word="|", instead="for an absolute value write abs(...)")
+        return NOTHING_BESIDE(here, word="|", instead="for an absolute value write abs(...)")
     if word == "=" and text[end : end + 1] not in ("=", "<", ">"):
         head = re.fullmatch(r"\s*((\w+)\s*\([\w\s,]*\))\s*", line)
         if head is not None and head[2] not in PRIMITIVES and head[2] not in NAMES:
-            return MISSING_DEF(here, head=head[1])
+            return MISSING_SIGN(here, head=head[1])
     if word == "[" and ending(r"\bobject\s[^\n:=]*\]\s*$", text[:start]):
         return NESTED_ARRAY(here)
     if word == ":":
@@ -347,7 +351,7 @@ def _not_here(source: Source, here: Span, line: str, accepts: set[str]) -> Diagn
         return UNEXPECTED(here, found=f"`{word}`", expected="no unit", instead=instead)
     if word in ("iff", "xor", "XOR") and "_AND" in accepts:
         instead = "(a -> b) & (b -> a)" if word == "iff" else "(a | b) & !(a & b)"
-        return FOREIGN_OPERATOR(here, operator=word, instead=instead)
+        return FOREIGN_SIGN(here, operator=word, instead=instead)
     if word == "in" and ending(r"\b(count|number|sum|len)\s*\(\s*\w+\s*$", line):
         return CANNOT_BE_SAID(here, word="count", instead=COUNTING)
     if word == "in" and before is not None and before[1] == ")":
@@ -375,16 +379,16 @@ def _colon(source: Source, here: Span, line: str, depth: int, accepts: set[str])
     if depth and (problem := _range(source, here)) is not None:
         return problem
     if name == "workspace":
-        return COLON_AFTER_WORKSPACE(here)
+        return FOREIGN_SIGN(here, workspace=True)
     if depth and ending(r"[(,]\s*\w+\s*$", line):
-        return COLON_IN_ARGUMENT(here, name=name)
+        return FOREIGN_SIGN(here, name=name)
     if ending(r"\bobject\s+\w+\s*$", source.text[: here.start]):
         return OBJECTS_WITHOUT_NAMES(here)
     comma = source.text[: here.start].rstrip().removesuffix(name).rstrip()
     if comma.endswith(",") and not depth and "\n" in source.text[len(comma) : here.start]:
-        return NOTHING_ON_RIGHT(Span(source, len(comma) - 1, len(comma)), word=",")
+        return NOTHING_BESIDE(Span(source, len(comma) - 1, len(comma)), word=",", right=True)
     if "EQUAL" in accepts:
-        return MISSING_EQUAL(here)
+        return MISSING_SIGN(here, equal=True)
     return None
 
 
@@ -424,11 +428,11 @@ def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | Non
         instead = f"write {unlike}" if same[1] else f"write !({unlike})"
         return INFIX_RELATION(here, name="is", first=previous, second=same[2], instead=instead)
     if previous == "if":
-        return NO_IF(Span(source, here.start - len(before[0]), here.end), word="if")
+        return FOREIGN_SIGN(Span(source, here.start - len(before[0]), here.end), word="if")
     if word == "then":
-        return NO_IF(here, word="then")
+        return FOREIGN_SIGN(here, word="then")
     if word in UNITS and previous not in ("object", "const", "region"):
-        return UNIT_AFTER_NAME(here, name=previous, unit=word)
+        return UNKNOWN_UNIT(here, name=previous, unit=word)
     if after is not None and after[1] not in ("and", "or", "implies", "in", "at") and not depth:
         phrase = re.match(r"[A-Za-z_]\w*([ \t]+[A-Za-z_]\w*)*", text[here.start :])
         words = [previous, *(phrase[0].split() if phrase else ())]
@@ -441,5 +445,5 @@ def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | Non
             told = f"write on any of [{first}, {second}]"
         return INFIX_RELATION(here, name=name, first=first, second=second, instead=told)
     if re.fullmatch(r"\s*", line[: before.start()]) and re.match(r"\s*\(", text[here.end :]) and not depth:
-        return MISSING_LABEL_COLON(here, name=previous, formula=f"{word}(...)")
+        return MISSING_SIGN(here, name=previous, formula=f"{word}(...)")
     return None

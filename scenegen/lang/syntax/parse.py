@@ -16,20 +16,8 @@ from lark import Lark, Token
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
-from scenegen.errors.language import (
-    BINARY_FILE,
-    CANNOT_PARSE,
-    EMPTY_SPEC,
-    HALF_CHARACTER,
-    NESTED_TOO_DEEPLY,
-    NOT_UTF8,
-    ODD_LINE_BREAK,
-    SPEC_TOO_LONG,
-    TOO_MANY_QUANTIFIERS,
-)
-from scenegen.errors.time import TOO_MANY_OVER_TIME
+from scenegen.errors.language import CANNOT_PARSE, NESTED_TOO_DEEPLY, NO_FORMULA, NOT_UTF8, ODD_CHARACTER, SPEC_TOO_LONG
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.tokens import TEMPORAL, blank, has_time, next_opening, scan
 from scenegen.resources import grammar_file
 
@@ -449,18 +437,18 @@ def _unreadable(source: Source) -> Diagnostic | None:
     if len(text) > MAX_CHARACTERS:
         return SPEC_TOO_LONG(file=source.name, characters=len(text), limit=MAX_CHARACTERS)
     if "\0" in text:
-        return BINARY_FILE(file=source.name)
+        return NOT_UTF8(file=source.name)
     odd = _ODD_BREAKS.search(text)
     if odd is not None:
         # Some editors show a new line here, the comment rule of the grammar does not see one: better to ask.
         here = Span(source, odd.start(), odd.end())
-        return ODD_LINE_BREAK(here, point=ord(odd[0]))
+        return ODD_CHARACTER(here, point=ord(odd[0]))
     half = _SURROGATES.search(text)
     if half is not None:
         here = Span(source, half.start(), half.end())
-        return HALF_CHARACTER(here, point=ord(half[0]))
+        return ODD_CHARACTER(here, point=ord(half[0]), half=True)
     if not _has_content(text):
-        return EMPTY_SPEC(Span(source, len(text), len(text)), file=source.name)
+        return NO_FORMULA(Span(source, len(text), len(text)), file=source.name, empty=True)
     return None
 
 
@@ -539,7 +527,7 @@ def _has_content(text: str) -> bool:
 
 def _too_deep(module: ast.Module) -> Diagnostic | None:
     """No reader of the tree recurses, so depth is bounded by choice, not by Python's stack."""
-    roots = [expr for statement in module.statements for expr in traversal.expressions(statement)]
+    roots = [expr for statement in module.statements for expr in ast.expressions(statement)]
     roots = roots if module.bare is None else [module.bare]
     level: list[Any] = roots
     quantifiers = 0
@@ -547,7 +535,7 @@ def _too_deep(module: ast.Module) -> Diagnostic | None:
         if not level:
             return _too_many_quantifiers(module.source, roots) if quantifiers > MAX_QUANTIFIERS else None
         quantifiers += sum(isinstance(node, ast.Quantifier) for node in level)
-        level = [child for node in level for child in traversal.children(node)]
+        level = [child for node in level for child in ast.children(node)]
     if not level:
         return None
     return NESTED_TOO_DEEPLY(level[0].span(module.source), limit=MAX_NESTING)
@@ -560,8 +548,8 @@ def _too_many_quantifiers(source: Source, roots: list[Any]) -> Diagnostic | None
         node, around = stack.pop()
         inside = around + isinstance(node, ast.Quantifier)
         if inside > MAX_QUANTIFIERS:
-            return TOO_MANY_QUANTIFIERS(node.span(source), limit=MAX_QUANTIFIERS)
-        stack.extend((child, inside) for child in reversed(traversal.children(node)))
+            return NESTED_TOO_DEEPLY(node.span(source), limit=MAX_QUANTIFIERS, quantifiers=True)
+        stack.extend((child, inside) for child in reversed(ast.children(node)))
     return None
 
 
@@ -571,7 +559,11 @@ def _too_many_over_time(source: Source) -> Diagnostic | None:
         return None
     words = (token for token in scan(source.text, timed=True) if token.kind == "name" and token.text in TEMPORAL)
     beyond = next(islice(words, MAX_OVER_TIME, None), None)
-    return None if beyond is None else TOO_MANY_OVER_TIME(Span(source, beyond.start, beyond.end), limit=MAX_OVER_TIME)
+    return (
+        None
+        if beyond is None
+        else NESTED_TOO_DEEPLY(Span(source, beyond.start, beyond.end), limit=MAX_OVER_TIME, operators=True)
+    )
 
 
 def plain_breaks(text: str) -> str:
@@ -582,7 +574,7 @@ def plain_breaks(text: str) -> str:
 def read_source(name: str, data: bytes) -> Source:
     """A spec file's bytes as text. Raises SpecError for binary data and for what is not UTF-8."""
     if b"\0" in data[:8192] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise SpecError(BINARY_FILE(file=name))
+        raise SpecError(NOT_UTF8(file=name))
     try:
         return Source(name, plain_breaks(data.decode("utf-8-sig")))
     except UnicodeDecodeError as error:

@@ -12,35 +12,24 @@ from collections.abc import Sequence
 from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
 from scenegen.errors import Diagnostic, Source, Span, nearest
-from scenegen.errors.declarations import NESTED_CHOICE
+from scenegen.errors.declarations import WRONG_CHOICE
 from scenegen.errors.language import (
     BARE_POINT,
-    BRACES,
     CANNOT_BE_SAID,
-    DEFINITION_WITHOUT_PARAMETERS,
     EQUALITY,
-    FOREIGN_COMMENT,
-    FOREIGN_OPERATOR,
+    FOREIGN_SIGN,
     KEYWORD_AS_NAME,
-    KEYWORD_CASE,
-    LABEL_INSIDE_FORMULA,
-    MISSING_COLON,
-    MISSING_LABEL_COLON,
     MISSING_OPERATOR,
-    NOTHING_ON_LEFT,
-    QUOTED_NAME,
-    SEMICOLON,
-    STATEMENT_AFTER_FORMULA,
-    STRAY_EQUAL,
-    UNCLOSED_TEXT,
+    MISSING_SIGN,
+    NOTHING_BESIDE,
+    UNCLOSED,
     UNEXPECTED,
-    UNEXPECTED_END,
     UNFINISHED_STATEMENT,
     UNKNOWN_STATEMENT,
     UNKNOWN_UNIT,
     UNNAMED_FORMULA,
 )
-from scenegen.errors.time import HORIZON_OUT_OF_RANGE, MOVES_WITHOUT_TIME, NO_WINDOW_HERE, TIME_MISSING, TIME_UNFINISHED
+from scenegen.errors.time import HORIZON_OUT_OF_RANGE, TIME_MISSING, TIME_UNFINISHED, WRONG_WINDOW
 from scenegen.lang.formula.timed import MAX_STEPS
 from scenegen.lang.syntax.foreign import PRIOR, RELATIONS, UNITS, explain_foreign_syntax, one_list, plain
 from scenegen.lang.syntax.tokens import (
@@ -49,6 +38,7 @@ from scenegen.lang.syntax.tokens import (
     OVER_TIME,
     STATEMENTS,
     TEMPORAL,
+    UNITS_OF_TIME,
     bracket,
     column,
     ending,
@@ -63,9 +53,6 @@ from scenegen.things.library import has_picture
 # --------------------------------------------------------------------------------------------------------------------
 # Syntax errors about time: its words in a spec that has no `time` statement, or in the wrong place of one that has.
 
-
-# a part of help lines
-UNITS_OF_TIME = "times in s, ms or min; speeds in m/s or cm/s; turn rates in deg/s or rad/s"
 
 # what other languages call the operators
 _ELSEWHERE = {
@@ -104,7 +91,7 @@ def _without(source: Source, start: int, end: int) -> Diagnostic | None:
         return HORIZON_OUT_OF_RANGE(Span(source, found.start(1), end), steps=steps, limit=MAX_STEPS)
     found = ending(r"\bmoves\s+$", before)
     if found is not None and word.isidentifier():
-        return MOVES_WITHOUT_TIME(Span(source, found.start(), end))
+        return TIME_MISSING(Span(source, found.start(), end))
     found = ending(rf"\b({'|'.join(OVER_TIME)})\s+$", before)
     if found is not None and _OPERAND.match(word):
         return TIME_MISSING(Span(source, found.start(1), found.end(1)), word=found[1])
@@ -130,31 +117,31 @@ def _in_time(source: Source, start: int, end: int, accepts: set[str]) -> Diagnos
         return TIME_UNFINISHED(Span(source, start, end))
     found = ending(r"\b(next|initially|finally)\s*\[[^][]*\]\s*$", before)
     if found is not None:
-        return NO_WINDOW_HERE(Span(source, found.start(), found.end()), operator=found[1])
+        return WRONG_WINDOW(Span(source, found.start(), found.end()), operator=found[1], none=True)
     match = re.compile(rf"({'|'.join(sorted(TEMPORAL, reverse=True))})(?!\w)").match(text, start)
     if match is not None and "NAME" in accepts and "OVER_TIME" not in accepts:
         return KEYWORD_AS_NAME(Span(source, start, match.end()), word=match[1], expected=expected(accepts))
     return None
 
 
-# operators of other languages -> what to write here
-_FOREIGN = {  # what to write instead
-    "&&": (FOREIGN_OPERATOR, "`&` (or `and`)"),
-    "||": (FOREIGN_OPERATOR, "`|` (or `or`)"),
-    "==": (EQUALITY, ""),
-    "=>": (FOREIGN_OPERATOR, "`->` for `implies`, or `>=` for `at least`"),
-    "=<": (FOREIGN_OPERATOR, "`<=`"),
-    "=": (STRAY_EQUAL, ""),
-    "**": (FOREIGN_OPERATOR, "a product: a * a"),
-    "^": (FOREIGN_OPERATOR, "`&` for `and`; for a power write a product: a * a"),
-    "~": (FOREIGN_OPERATOR, "`!` (or `not`)"),
-    ";": (SEMICOLON, ""),
-    "%": (FOREIGN_OPERATOR, "wrap(a) to bring an angle to one turn"),
-    "'": (QUOTED_NAME, ""),
-    "{": (BRACES, ""),
-    "}": (BRACES, ""),
-    "//": (FOREIGN_COMMENT, ""),
-    "/*": (FOREIGN_COMMENT, ""),
+# operators of other languages -> which mistake it is, and what to write instead
+_FOREIGN = {
+    "&&": ("", "`&` (or `and`)"),
+    "||": ("", "`|` (or `or`)"),
+    "=>": ("", "`->` for `implies`, or `>=` for `at least`"),
+    "=<": ("", "`<=`"),
+    "**": ("", "a product: a * a"),
+    "^": ("", "`&` for `and`; for a power write a product: a * a"),
+    "~": ("", "`!` (or `not`)"),
+    ";": ("semicolon", ""),
+    "%": ("", "wrap(a) to bring an angle to one turn"),
+    "'": ("quotes", ""),
+    "{": ("braces", ""),
+    "}": ("braces", ""),
+    "//": ("comment", ""),
+    "/*": ("comment", ""),
+    "==": ("equality", ""),
+    "=": ("equality", ""),
 }
 NO_COMMA = "leave out the `,`: any of [...] by area"
 BY_AREA = "write `any of [...] by area`; without `by area` all are equally likely"
@@ -209,20 +196,20 @@ def _character_help(text: str, accepts: set[str]) -> str:
 def _foreign(source: Source, start: int) -> Diagnostic | None:
     text = source.text
     if text[start] == '"' and '"' not in source.line(start)[source.position(start)[1] :]:
-        return UNCLOSED_TEXT(Span(source, start, start + 1))
+        return UNCLOSED(Span(source, start, start + 1))
     line = text[text.rfind("\n", 0, start) + 1 : start].strip()
     if text[start] == "=" and re.fullmatch(r"def\s+\w+", line):
-        return DEFINITION_WITHOUT_PARAMETERS(Span(source, start, start + 1), head=line)
+        return MISSING_SIGN(Span(source, start, start + 1), head=line, parameters=True)
     if text[start] == "=" and line.removesuffix(":").rstrip().isidentifier() and line.endswith(":"):
-        return FOREIGN_OPERATOR(Span(source, text.rfind(":", 0, start), start + 1), operator=":=", instead="`:`")
+        return FOREIGN_SIGN(Span(source, text.rfind(":", 0, start), start + 1), operator=":=", instead="`:`")
     if text[start] == "%" and (share := ending(r"(\d+(?:\.\d+)?)\s*$", text[:start])) is not None:
         instead = f"the share as a number, {float(share[1]) / 100:g}, times a length"
-        return FOREIGN_OPERATOR(Span(source, start, start + 1), operator="%", instead=instead)
+        return FOREIGN_SIGN(Span(source, start, start + 1), operator="%", instead=instead)
     if text[start] == "=" and text[start + 1 : start + 2] != "=" and line.isidentifier():
-        return MISSING_LABEL_COLON(Span(source, start, start + 1), name=line, formula="...")
+        return MISSING_SIGN(Span(source, start, start + 1), name=line, formula="...")
     if text[start : start + 2] == "!=" or text[start - 1 : start + 1] == "!=":
         start -= text[start] == "="
-        return NOTHING_ON_LEFT(Span(source, start, start + 2), word="!=")
+        return NOTHING_BESIDE(Span(source, start, start + 2), word="!=")
     # `&&` is noticed at its second character: look one back as well.
     for at, length in ((start - 1, 2), (start, 2), (start, 1)):
         found = text[at : at + length] if at >= 0 else ""
@@ -231,14 +218,14 @@ def _foreign(source: Source, start: int) -> Diagnostic | None:
             and found in _FOREIGN
             and not (length == 2 and at < start and found not in ("&&", "||", "==", "**", "//"))
         ):
-            kind, instead = _FOREIGN[found]
+            which, instead = _FOREIGN[found]
             here = Span(source, at, at + length)
             operand = re.search(r"(\w+|[)\]])$", line)
             if found == "~" and operand is not None and operand[1] not in KEYWORDS:
                 return CANNOT_BE_SAID(here, word="~", instead=PRIOR)  # a name and its distribution
-            if found in ("=", "=="):
+            if which == "equality":
                 return _equal(here, line)
-            return kind(here, operator=found, instead=instead)
+            return FOREIGN_SIGN(here, operator=found, instead=instead, **({which: True} if which else {}))
     return None
 
 
@@ -259,7 +246,7 @@ def _equal(here: Span, line: str) -> Diagnostic:
             small = "0.1" if a.startswith(("theta", "bearing")) else "1 cm"
             unit = after[3] if after[3] in UNITS else ""
             instead = f"allow a tolerance: abs({a} - {f'{b} {unit}'.strip()}) <= {small}"
-    return (EQUALITY if here.text == "==" else STRAY_EQUAL)(here, operator=here.text, instead=instead)
+    return EQUALITY(here, single=here.text == "=" or None, instead=instead)
 
 
 def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
@@ -276,11 +263,11 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
         if number is not None:
             instead = f"write const {word} = {number[1].strip()}"
             return UNEXPECTED(here, found=f"`{word}`", expected=expected(accepts), instead=instead)
-        return MISSING_LABEL_COLON(here, name=word, formula="...")
+        return MISSING_SIGN(here, name=word, formula="...")
     if word.lower() in KEYWORDS and word != word.lower():
-        return KEYWORD_CASE(here, word=word, keyword=word.lower())
+        return KEYWORD_AS_NAME(here, word=word, keyword=word.lower())
     if "COLON" in accepts:
-        return MISSING_COLON(here)
+        return MISSING_SIGN(here)
     if previous == "workspace":
         instead = "write workspace [0, 1] x [0, 1]"
         return UNEXPECTED(here, found=shown(word), expected="an interval such as [0, 1]", instead=instead)
@@ -301,7 +288,7 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
     if previous[:1].isdigit() and word.isidentifier() and word not in KEYWORDS and "\n" not in between:
         return UNKNOWN_UNIT(here, name=word, times=UNITS_OF_TIME if has_time(text) else None)
     if stack and previous == "any" and word == "of":
-        return NESTED_CHOICE(here, surfaces=one_list(text[stack[-1] :]))
+        return WRONG_CHOICE(here, surfaces=one_list(text[stack[-1] :]), nested=True)
     if stack and "COMMA" in accepts:
         return MISSING_OPERATOR(here, before=shown(word), comma="`,`")
     names = previous.isidentifier() and previous not in KEYWORDS and word.isidentifier() and "\n" not in between
@@ -336,7 +323,7 @@ def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:
         if rest.startswith("("):
             return UNNAMED_FORMULA(here, formula=f"{word}(...)")
         if re.match(r"[A-Za-z_]\w*\s*\(", rest):
-            return MISSING_LABEL_COLON(here, name=word, formula="...")
+            return MISSING_SIGN(here, name=word, formula="...")
         wanted = "`,` or a statement" if "COMMA" in accepts else expected(accepts)
         instead = "separate names in a list with `,`"
         first = re.search(r"\b(?:object|region|,)\s*([A-Za-z_]\w*)[ \t]*$", before)
@@ -351,7 +338,7 @@ def _keyword(source: Source, start: int, end: int, accepts: set[str]) -> Diagnos
         start -= 1
     word = source.text[start:end]
     if word in (*BINARY, "and", "or", "implies") and "NAME" in accepts:
-        return NOTHING_ON_LEFT(Span(source, start, end), word=word)
+        return NOTHING_BESIDE(Span(source, start, end), word=word)
     if word == ":" and "COLON" not in accepts:
         return _colon(source, start)
     word = next((key for key in KEYWORDS if re.match(rf"{key}(?!\w)", source.text[start:])), "")
@@ -372,7 +359,7 @@ def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagn
         return unclosed(source, stack)
     if "$END" not in accepts or "LABEL" in accepts or ending(r"\bworkspace\s*$", text[:start]):
         return None
-    return STATEMENT_AFTER_FORMULA(Span(source, start, end), word=word)
+    return UNNAMED_FORMULA(Span(source, start, end), word=word)
 
 
 def _unfinished(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
@@ -399,7 +386,7 @@ def _colon(source: Source, start: int) -> Diagnostic:
     if found is not None and found[0] in KEYWORDS:
         return KEYWORD_AS_NAME(Span(source, found.start(), found.end()), word=found[0])
     opens = found.start() if found is not None else start
-    return LABEL_INSIDE_FORMULA(Span(source, opens, start + 1))
+    return UNFINISHED_STATEMENT(Span(source, opens, start + 1), named=True)
 
 
 def _number(source: Source, start: int, accepts: set[str]) -> Diagnostic | None:
@@ -431,7 +418,7 @@ def _at_end(source: Source, accepts: set[str]) -> Diagnostic:
     if ending(r"\d\.$", text[:stop]):
         return _dot(source, stop)
     word = ending(r"(?:[A-Za-z_]\w*|->|<=|>=|!=|[^\w\s])$", _without_comments(text).rstrip())
-    return UNEXPECTED_END(Span(source, stop, stop), last=word[0] if word else None, expected=expected(accepts))
+    return UNEXPECTED(Span(source, stop, stop), last=word[0] if word else None, expected=expected(accepts), end=True)
 
 
 def _without_comments(text: str) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from scenegen.errors import Diagnostic, Source, Span
-from scenegen.errors.language import CLOSES_NOTHING, NOTHING_INSIDE, UNCLOSED_BRACKET, WRONG_BRACKET
+from scenegen.errors.language import NOTHING_BESIDE, UNCLOSED, WRONG_BRACKET
 
 STATEMENTS = ("workspace", "object", "region", "const", "def", "require", "import")
 KEYWORDS = frozenset((*STATEMENTS, *"forall exists in at and or not implies true false".split()))
@@ -19,6 +19,9 @@ KEYWORDS = frozenset((*STATEMENTS, *"forall exists in at and or not implies true
 # the words of time, which are keywords in a spec that has a `time` statement and names in any other
 OVER_TIME = ("always", "eventually", "next", "initially", "finally")
 TEMPORAL = frozenset((*OVER_TIME, "until", "until_with"))
+
+# a part of help lines
+UNITS_OF_TIME = "times in s, ms or min; speeds in m/s or cm/s; turn rates in deg/s or rad/s"
 
 NEAR = 400  # characters before a mistake that can tell something about it
 
@@ -169,7 +172,7 @@ def bracket(source: Source, start: int) -> Diagnostic | None:
     stack, _ = open_brackets(text, start)
     closing = text[start]
     if not stack:
-        return CLOSES_NOTHING(Span(source, start, start + 1), closing=closing)
+        return WRONG_BRACKET(Span(source, start, start + 1), closing=closing)
     if text[stack[-1]] != _CLOSING[closing]:
         opened = text[stack[-1]]
         line, column = source.position(stack[-1])
@@ -181,7 +184,7 @@ def bracket(source: Source, start: int) -> Diagnostic | None:
     if before.endswith((",", "(", "[", "!", "-", *BINARY)):
         last = before[-2:] if before[-2:] in ("->", "<=", ">=", "!=") else before[-1]
         where = "an argument" if last == "," else "something inside" if last in "([" else f"something after `{last}`"
-        return NOTHING_INSIDE(Span(source, start, start + 1), what=where, closing=closing)
+        return NOTHING_BESIDE(Span(source, start, start + 1), what=where, closing=closing)
     return None
 
 
@@ -190,7 +193,7 @@ def unclosed(source: Source, stack: list[int]) -> Diagnostic:
     opened = source.text[stack[-1]]
     closing = _CLOSED[opened]
     more = len(stack) if len(stack) > 1 else None
-    return UNCLOSED_BRACKET(Span(source, stack[-1], stack[-1] + 1), opening=opened, closing=closing, open_brackets=more)
+    return UNCLOSED(Span(source, stack[-1], stack[-1] + 1), opening=opened, closing=closing, open_brackets=more)
 
 
 # --------------------------------------------------------------------------------------------------------------------

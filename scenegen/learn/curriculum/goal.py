@@ -18,10 +18,9 @@ from scenegen.api.spec import Spec, load, parse
 from scenegen.errors import Diagnostic, ScenegenError, quoted
 from scenegen.errors.requests import MISSING_ARGUMENT, UNKNOWN_CHOICE, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.geometry import MATH, NUMPY
-from scenegen.lang.check.families import members_of
 from scenegen.lang.formula.core import Core, Junction, gated
 from scenegen.lang.formula.interpret import phi
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, members_of
 
 # --------------------------------------------------------------------------------------------------------------------
 # Bad requests as gymnasium's own errors, in one sentence. Their `diagnostic` has the code and the facts.

@@ -37,8 +37,7 @@ from scenegen.errors.learning import (
     SOURCE_OF_ANOTHER_SPEC,
 )
 from scenegen.errors.requests import NO_SCENES, OUT_OF_TIME, WRONG_VALUE
-from scenegen.lang.check.families import rows_among
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, rows_among
 from scenegen.learn.curriculum.goal import Goal, Scorer, refused
 from scenegen.learn.curriculum.request import PhiRanges, everything
 from scenegen.learn.curriculum.tasks import PhiBox

@@ -29,8 +29,7 @@ from scenegen.errors.requests import (
     UNKNOWN_LABEL,
     WRONG_VALUE,
 )
-from scenegen.lang.check.families import rows_among
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, rows_among
 from scenegen.learn.curriculum.goal import Goal, as_gymnasium, refused
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_count, row_of

@@ -16,9 +16,8 @@ from scenegen.errors import quoted
 from scenegen.errors.learning import ACTION_OUT_OF_RANGE, NOTHING_TO_MOVE, UNKNOWN_ACTION, WRONG_ACTION
 from scenegen.errors.requests import HELD_BY_SPEC, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.geometry import PRIMITIVES, Circle
-from scenegen.lang.check.families import members_of
 from scenegen.lang.formula.core import Apply, Atom, Coord, Core, gated, part_of
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.spec import CheckedSpec, members_of
 from scenegen.learn.curriculum.goal import names, number, one_of, refused
 from scenegen.pose import FLAT, LENGTHS, NAMES, PLACE, SIZE, THETA, TWO_PI, X, axis_of, owner, row_of
 

@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from scenegen.geometry import Circle, Footprint, Polygon
 from scenegen.geometry.footprint import measures
-from scenegen.lang.check.heights import options_of
-from scenegen.lang.spec import CheckedSpec, SurfaceChoice
+from scenegen.lang.spec import CheckedSpec, SurfaceChoice, options_of
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, row_of
 from scenegen.sampling.growth.insertion import attempt
 from scenegen.sampling.growth.machine import Machine, MoveTally, Particles

@@ -13,13 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import DataError, Diagnostic
-from scenegen.errors.time import (
-    NOT_A_TRAJECTORY,
-    TRAJECTORY_ENDS,
-    TRAJECTORY_ORDER,
-    TRAJECTORY_TIMES,
-    TRAJECTORY_TOO_LONG,
-)
+from scenegen.errors.time import NOT_A_TRAJECTORY, TRAJECTORY_TIMES
 from scenegen.geometry.workspace import Workspace
 from scenegen.pose import NAMES, THETA, TWO_PI
 from scenegen.scenes.formats.plain import ENDINGS, Table, doubts, read_table
@@ -85,13 +79,13 @@ def motion(
     if len(backwards):
         row = int(backwards[0]) + 1
         where = table.start + row + 1
-        raise DataError(TRAJECTORY_ORDER(file=table.file, row=where, time=at[row], before=at[row - 1]))
+        raise DataError(TRAJECTORY_TIMES(file=table.file, row=where, time=at[row], before=at[row - 1]))
     rounding = 2.0 * float(np.spacing(np.abs(at).max()))
     start = float(at[0]) if at[0] > NEARLY * times[min(1, len(times) - 1)] else 0.0
     at = at - start
     if resample:
         if at[-1] < times[-1] - NEARLY * max(1.0, times[-1]) - rounding:
-            raise DataError(TRAJECTORY_ENDS(file=table.file, first=at[0], last=at[-1], end=times[-1]))
+            raise DataError(TRAJECTORY_TIMES(file=table.file, first=at[0], last=at[-1], end=times[-1]))
     else:
         _check_times(table, at, times, rounding)
     poses = np.empty((len(times), len(objects), len(NAMES)))
@@ -121,6 +115,6 @@ def _check_times(table: Table, at: Array, times: Array, rounding: float) -> None
         row = int(wrong[0])
         raise DataError(TRAJECTORY_TIMES(file=file, row=table.start + row + 1, found=at[row], wanted=times[row]))
     if len(at) < len(times):
-        raise DataError(TRAJECTORY_ENDS(file=file, first=at[0], last=at[-1], end=times[-1]))
+        raise DataError(TRAJECTORY_TIMES(file=file, first=at[0], last=at[-1], end=times[-1]))
     if len(at) > len(times):
-        raise DataError(TRAJECTORY_TOO_LONG(file=file, rows=len(at), moments=len(times)))
+        raise DataError(TRAJECTORY_TIMES(file=file, rows=len(at), moments=len(times)))

@@ -20,7 +20,7 @@ from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.program import NOT_OPENED
 from scenegen.errors.requests import NO_SCENES
 from scenegen.errors.time import DAMAGED_MOTIONS
-from scenegen.lang.check.families import combinations, written
+from scenegen.lang.spec import combinations, written
 from scenegen.lang.syntax.parse import read_source
 from scenegen.learn.model import is_family, load_model
 from scenegen.needs import INSTALL, found

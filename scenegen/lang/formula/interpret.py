@@ -7,7 +7,7 @@ without torch.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import reduce
+from functools import partial, reduce
 from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scenegen.geometry import MATH, NUMPY, PRIMITIVES, Namespace
 from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node
-from scenegen.lang.formula.nearest import SEVERAL, GapMinima, find_groups, minimum
+from scenegen.lang.formula.nearest import SEVERAL, GapMinima, NearestPairs, find_groups, minimum, with_others
 from scenegen.pose import THETA, along
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -118,10 +118,16 @@ class PrunedNumbers(Numbers):
     def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
         if index in self.groups.skipped:
             return None
-        group = self.groups.by_node.get(index)
-        if group is None:
+        pairs = self.groups.by_node.get(index)
+        if pairs is None:
             return super().junction(index, node, args)
-        return minimum(group, self.rows, self.namespace.turn, self.values)
+        return with_others(pairs, self.least(pairs), self.values.__getitem__, np.minimum)
+
+    def least(self, pairs: NearestPairs) -> Any:
+        """The least of the gaps."""
+        least = minimum(pairs, self.values.__getitem__, partial(PRIMITIVES["gap"].evaluate, NUMPY))
+        assert least is not None
+        return least
 
 
 def evaluate(

@@ -163,7 +163,7 @@ class _Costs:
             if index not in found:
                 found.add(index)
                 group = self.groups.get(index)
-                waiting += children(self.core.nodes[index]) if group is None else group.rest
+                waiting += children(self.core.nodes[index]) if group is None else group.others
         return found
 
     def of(self, tops: Sequence[int], known: set[int]) -> float:

@@ -29,7 +29,7 @@ def find(core):
 def both(rows, pairs=10):
     """The least clearance as found, and as that of all pairs."""
     core = check_text(TABLE).core
-    (closest,) = [one for one in find(core).by_node.values() if len(one.less) == pairs]
+    (closest,) = [one for one in find(core).by_node.values() if len(one.atoms) == pairs]
     with np.errstate(invalid="ignore", over="ignore"):
         values = evaluate(core, list(rows), NUMPY)
         given = {arg: np.asarray(values[arg], rows.dtype) for arg in closest.places}

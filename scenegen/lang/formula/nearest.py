@@ -24,7 +24,6 @@ from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction
 
 Array = npt.NDArray[Any]
 Index = npt.NDArray[np.intp]
-Shapes = tuple[Footprint, ...]
 Gap = Callable[..., Any]
 """gap(*shapes, *six arrays of one length): x, y and heading of both."""
 
@@ -33,19 +32,26 @@ SEVERAL = 2  # scenes from which on gaps are left out
 BLOCK, FEWEST_SCENES = 1 << 16, 64  # distances computed at a time, which stay in cache; and scenes, at least
 
 
+@dataclass(frozen=True, slots=True)
+class Alike:
+    """The pairs of two shapes from whose gaps the same is taken off, and the inner and outer radii of both shapes
+    together, with that."""
+
+    shapes: tuple[Footprint, ...]
+    less: float
+    inner: float
+    outer: float
+    pairs: slice
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class NearestPairs:
-    """The P gaps of one minimum: the nodes of x, y and heading of both places, `args` (6, P), what is taken off each
-    gap, `less` (P,), and the inner and outer radii of both together, with that, (P,). `alike` are the pairs of each two
-    shapes, `atoms` (P,) their atoms, `others` the other arguments of the minimum, `within` the nodes that need no
-    values of their own."""
+    """The P gaps of one minimum: the nodes of x, y and heading of both places, `args` (6, P), and the `atoms` (P,).
+    `others` are the other arguments of the minimum, `within` the nodes that need no values of their own."""
 
     args: Index
-    less: Array
-    inner: Array
-    outer: Array
-    alike: tuple[tuple[Shapes, Index], ...]
     atoms: Index
+    alike: tuple[Alike, ...]
     others: tuple[int, ...]
     within: frozenset[int]
 
@@ -88,7 +94,7 @@ def find_groups(
         if len(found) < fewest:
             continue
         pairs = _make_pairs(tuple(arg for arg in node.args if arg not in found), found)
-        if len(found) >= dozen * len(pairs.alike):
+        if len(found) >= dozen * len({one.shapes for one in pairs.alike}):
             minima[index] = pairs
             skipped |= pairs.within
     return GapMinima(minima, frozenset(skipped))
@@ -119,22 +125,22 @@ def _gap_below(core: Core, index: int, uses: Sequence[int], fixed: bool) -> _Fou
 
 
 def _make_pairs(others: tuple[int, ...], found: Mapping[int, _Found]) -> NearestPairs:
-    gaps = [gap for _, gap, _ in found.values()]
-    less = np.array([constant for _, _, constant in found.values()])
-    by_identity: dict[tuple[int, ...], list[int]] = {}  # hashing shapes for each pair takes longer than all else
-    for pair, gap in enumerate(gaps):
-        by_identity.setdefault(tuple(map(id, gap.shapes)), []).append(pair)
-    by_shapes: dict[Shapes, list[int]] = {}
-    inner, outer = less.copy(), less.copy()
-    for pairs in by_identity.values():
-        shapes = gaps[pairs[0]].shapes
-        by_shapes.setdefault(shapes, []).extend(pairs)
-        inner[pairs] += sum(measures(shape).inner for shape in shapes)
-        outer[pairs] += sum(measures(shape).outer for shape in shapes)
-    alike = tuple((shapes, np.array(pairs)) for shapes, pairs in by_shapes.items())
-    args = np.array([gap.args for gap in gaps], dtype=np.intp).T
+    by_identity: dict[tuple[float, ...], list[int]] = {}  # hashing shapes for each pair takes longer than all else
+    for atom, (_, gap, less) in found.items():
+        by_identity.setdefault((less, *map(id, gap.shapes)), []).append(atom)
+    groups: dict[tuple[tuple[Footprint, ...], float], list[int]] = {}
+    for atoms in by_identity.values():
+        _, gap, less = found[atoms[0]]
+        groups.setdefault((gap.shapes, less), []).extend(atoms)
+    alike, end = [], 0
+    for (shapes, less), atoms in groups.items():
+        begin, end = end, end + len(atoms)
+        inner, outer = sum(measures(one).inner for one in shapes), sum(measures(one).outer for one in shapes)
+        alike.append(Alike(shapes, less, less + inner, less + outer, slice(begin, end)))
+    order = [atom for atoms in groups.values() for atom in atoms]
+    args = np.array([found[atom][1].args for atom in order], dtype=np.intp).T
     within = frozenset(found).union(*(nodes for nodes, _, _ in found.values()))
-    return NearestPairs(args, less, inner, outer, alike, np.array(list(found), dtype=np.intp), others, within)
+    return NearestPairs(args, np.array(order, dtype=np.intp), tuple(alike), others, within)
 
 
 def minimum(
@@ -158,59 +164,57 @@ def minimum(
     table = np.empty((len(nodes), count), next(one.dtype for one in given if one.ndim))
     for row, one in zip(table, given, strict=True):
         row[:] = one
-    near = np.empty((len(pairs.less), count), dtype=bool)
+    near = np.empty((len(pairs.atoms), count), dtype=bool)
     step = max(FEWEST_SCENES, BLOCK // len(near))
     for start in range(0, count, step):
-        near[:, start : start + step] = _can_decide(pairs, table[:, start : start + step], at, below)
+        _can_decide(pairs, table[:, start : start + step], at, below, near[:, start : start + step])
     near |= ~np.isfinite(table.sum(axis=0))
     if share < 1.0 and np.count_nonzero(near) > share * near.size:
         return None
     least = np.full(count, np.inf, table.dtype)
-    flat, less = table.reshape(-1), pairs.less.astype(table.dtype)
-    for shapes, alike in pairs.alike:
-        some = near[alike] if len(pairs.alike) > 1 else near
+    flat = table.reshape(-1)
+    for alike in pairs.alike:
+        some = near[alike.pairs]
         found, many = np.flatnonzero(some), np.count_nonzero(some, axis=1)
-        first = np.arange(len(alike)) * count
-        numbers = [flat.take(found + (row[alike] * count - first).repeat(many)) for row in at]
-        value = gap(*shapes, *numbers) - less[alike].repeat(many)
+        first = np.arange(len(some)) * count
+        numbers = [flat.take(found + (row * count - first).repeat(many)) for row in at[:, alike.pairs]]
+        value = gap(*alike.shapes, *numbers) - least.dtype.type(alike.less)
         scene = found - first.repeat(many)
-        if which is None:
-            np.minimum.at(least, scene, value)
-            continue
-        before = least.copy()
+        before = None if which is None else least.copy()
         np.minimum.at(least, scene, value)
-        new = np.flatnonzero((value == least[scene]) & (value < before[scene]))[::-1]  # the first is written last
-        which[scene[new]] = pairs.atoms[alike].repeat(many)[new]
+        if which is not None and before is not None:
+            new = np.flatnonzero((value == least[scene]) & (value < before[scene]))[::-1]  # the first is written last
+            which[scene[new]] = pairs.atoms[alike.pairs].repeat(many)[new]
     return least
 
 
-def _can_decide(pairs: NearestPairs, table: Array, at: Index, below: float) -> npt.NDArray[np.bool_]:
-    """Which pairs may have the least gap, (P, b), or a number that is none."""
-    distance, spare = table[at[3]], table[at[4]]
-    distance -= table[at[0]]
+def _can_decide(pairs: NearestPairs, table: Array, at: Index, below: float, near: npt.NDArray[np.bool_]) -> None:
+    """Writes which pairs may have the least gap, or a number that is none, into `near` (P, b)."""
+    square, spare = table[at[3]], table[at[4]]
+    square -= table[at[0]]
     spare -= table[at[1]]
-    distance *= distance
+    square *= square
     spare *= spare
-    distance += spare
-    np.sqrt(distance, out=distance)
-    inner, outer = (ends.astype(distance.dtype)[:, None] for ends in (pairs.inner, pairs.outer))
-    distance -= inner
-    highest = np.minimum(distance.min(axis=0), below)  # no gap is more than the least of these
-    distance -= outer - inner
+    square += spare
+    highest: Any = below  # no gap is more than the least of these
+    for alike in pairs.alike:
+        highest = np.minimum(highest, np.sqrt(square[alike.pairs].min(axis=0)) - alike.inner)
     # Rounding: all steps, those of gaps included, together are off by far less than this.
-    room = 64.0 * float(np.finfo(distance.dtype).eps)
-    highest += room * (np.abs(highest) + float(np.abs(inner).max() + np.abs(outer).max()))
-    can: npt.NDArray[np.bool_] = ~(distance > highest)
-    return can
+    room = 64.0 * float(np.finfo(square.dtype).eps)
+    size = max(abs(alike.inner) for alike in pairs.alike) + max(abs(alike.outer) for alike in pairs.alike)
+    for alike in pairs.alike:
+        limit = (highest + alike.outer) * (1.0 + room) + room * size
+        np.greater(square[alike.pairs], limit * np.abs(limit), out=near[alike.pairs])
+    np.logical_not(near, out=near)
 
 
 def every(pairs: NearestPairs, values: Callable[[int], Any], gap: Gap) -> list[Any]:
     """All the gaps, in the order of `atoms`, less what is taken off."""
-    found: list[Any] = [None] * len(pairs.less)
-    for shapes, alike in pairs.alike:
-        for pair in alike.tolist():
-            value, less = gap(*shapes, *(values(int(node)) for node in pairs.args[:, pair])), float(pairs.less[pair])
-            found[pair] = value - less if less else value
+    found = []
+    for alike in pairs.alike:
+        for args in pairs.args[:, alike.pairs].T.tolist():
+            value = gap(*alike.shapes, *map(values, args))
+            found.append(value - alike.less if alike.less else value)
     return found
 
 

@@ -321,7 +321,7 @@ class Robustness:
         self._minima = minima_of(self._scored)
         self._dead_nearest = self._minima.last_uses(self._scored)
         self._bare = bare_rows(self._scored)
-        pairs = max((len(one.less) for one in self._minima.by_node.values()), default=0)
+        pairs = max((len(one.atoms) for one in self._minima.by_node.values()), default=0)
         self._most = max(256, LIVE // (pairs + max(most_alive(self._dead), most_alive(self._dead_nearest))))
         self._chunk = min(CHUNK, self._most)
 

@@ -169,7 +169,7 @@ class _Costs:
     def of(self, tops: Sequence[int], known: set[int]) -> float:
         """Of nodes and of what they need, but for what is known."""
         wanted = self.needs(tops) - known
-        bounds = sum(BOUND * len(self.groups[index].less) + GAPS for index in wanted if index in self.groups)
+        bounds = sum(BOUND * len(self.groups[index].atoms) + GAPS for index in wanted if index in self.groups)
         return bounds + per_scene(self.core.nodes[index] for index in wanted if index not in self.groups)[0]
 
 

@@ -128,16 +128,17 @@ class MotionTable(gymnasium.Env[Seen, Any]):
             state = "no episode has begun" if self._watch is None else "the episode is over"
             raise refused(NO_EPISODE(state=state, remedy="call reset()"), error.ResetNeeded)
         watch, before = self._watch, self._rows[-1]
-        rows, mark = self.moves.after(before, self.moves.checked(action, 1)), watch.mark()
+        rows = self.moves.after(before, self.moves.checked(action, 1))
         blocked = violated = False
         if not self._possible(watch, rows):
             blocked = not np.array_equal(rows, before)
-            watch.back(mark)
+            watch.back(before)
             rows = before
             violated = not self._possible(watch, rows)
         self._rows.append(rows)
         low, high = self._ends()
-        self._over = violated or watch.seen == self.rules.timed.horizon.moments or (low >= high and self._can_wait())
+        ended = watch.seen[0] == self.rules.timed.horizon.moments
+        self._over = bool(violated or ended or (low >= high and self._can_wait()))
         if self.rules.final:
             reward = low if self._over else 0.0
         else:
@@ -159,8 +160,8 @@ class MotionTable(gymnasium.Env[Seen, Any]):
 
     def _possible(self, watch: BatchMonitor, rows: Array) -> bool:
         """Whether the requirement can still hold with these poses (3N, 1) as the next moment."""
-        _, required = watch.add(rows.reshape(1, len(self.scenes.objects), -1))
-        return required is None or bool(required[HIGH, 0] >= 0.0)
+        watch.add(rows)
+        return bool(watch.possible[0])
 
     def _can_wait(self) -> bool:
         """Whether the requirement holds if the objects stay where they are until the end."""
@@ -177,7 +178,7 @@ class MotionTable(gymnasium.Env[Seen, Any]):
     def _seen(self) -> Seen:
         watch = self._watch
         assert watch is not None
-        found: Seen = self.rules.seen(self._rows[-1], np.array([watch.seen]), watch.bounds(self.rules.nodes))[0]
+        found: Seen = self.rules.seen(self._rows[-1], watch.seen, watch.bounds(self.rules.nodes))[0]
         return found
 
     def _info(self, blocked: bool, violated: bool) -> dict[str, Any]:
@@ -192,6 +193,6 @@ class MotionTable(gymnasium.Env[Seen, Any]):
             "blocked": blocked,
             "violated": violated,
             "start": dict(self._drawn),
-            "moment": self._watch.seen - 1,
+            "moment": int(self._watch.seen[0]) - 1,
             "task": {name: ends.copy() for name, ends in zip(labels, self._task, strict=True)},
         }

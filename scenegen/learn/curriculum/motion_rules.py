@@ -28,8 +28,8 @@ from scenegen.learn.curriculum.register import ID
 from scenegen.learn.curriculum.request import PhiRanges, check_options, read_ranges
 from scenegen.learn.curriculum.rules import ActionMoves, ObservationEncoder, load_spec, make_views
 from scenegen.learn.curriculum.tasks import PhiBox
-from scenegen.pose import LENGTHS, NAMES, PLACE, THETA, TWO_PI, along, axis_of, owner, row_of
-from scenegen.sampling.motions.monitor import HIGH, BatchMonitor
+from scenegen.pose import LENGTHS, NAMES, PLACE, THETA, TWO_PI, along, as_rows, axis_of, owner, row_of
+from scenegen.sampling.motions.monitor import BatchMonitor
 from scenegen.sampling.motions.problem import MotionProblem
 from scenegen.sampling.motions.scores import TraceScores, make_problem
 from scenegen.sampling.request import Range, SampleRequest
@@ -328,8 +328,9 @@ class MotionRules:
             if axis in LENGTHS or low[thing, axis] == high[thing, axis]:
                 reason = f"`{self.problem.names[thing]}` is outside of its limits"
                 raise refused(NOT_A_FIRST_SCENE(reason=reason))
-        _, required = BatchMonitor(self.timed, *self.scenes.declared.box(), True, 1).add(poses[None])
-        if required is not None and not required[HIGH, 0] >= 0.0:
+        watch = BatchMonitor(self.timed, *self.scenes.declared.box(), True, 1)
+        watch.add(as_rows(poses[None]))
+        if not watch.possible[0]:
             raise refused(NOT_A_FIRST_SCENE(reason="it violates what the spec requires"))
         return poses
 

@@ -18,7 +18,7 @@ from scenegen.learn.curriculum.motion_env import MotionTable
 from scenegen.learn.curriculum.motion_rules import MotionStream
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.learn.curriculum.vector import Array, BatchedTableEnv, Mask, Observations, StepOutcome, masked
-from scenegen.sampling.motions.monitor import HIGH, LOW, Watches
+from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
 
 
 class MotionVector(BatchedTableEnv):
@@ -51,7 +51,7 @@ class MotionVector(BatchedTableEnv):
         self.observation_space = batch_space(one.observation_space, num_envs)
         timed, (low, high) = self.rules.timed, self.scenes.declared.box()
         self._streams: list[MotionStream | None] = [None] * num_envs
-        self._watches = Watches(timed, low, high, num_envs)
+        self._watches = BatchMonitor(timed, low, high, True, num_envs)
         self._rows = np.zeros((timed.horizon.moments, len(low), num_envs))  # from the last moment seen on the same
         self._paid = np.zeros(num_envs)
         self._drawn = np.zeros((num_envs, len(timed.labels)))
@@ -86,15 +86,15 @@ class MotionVector(BatchedTableEnv):
         who = np.flatnonzero(~again)
         watches, before = self._watches, self._rows[-1][:, who]
         rows = self.moves.after(before, actions[who])
-        watches.add(who, rows)
+        watches.add(rows, who)
         blocked, violated = np.zeros_like(again), np.zeros_like(again)
         bad = ~watches.possible[who]
         if bad.any():
             stay = who[bad]
             blocked[stay] = (rows[:, bad] != before[:, bad]).any(axis=0)
             rows[:, bad] = before[:, bad]
-            watches.back(stay, before[:, bad])
-            watches.add(stay, before[:, bad])
+            watches.back(before[:, bad], stay)
+            watches.add(before[:, bad], stay)
             violated[stay] = ~watches.possible[stay]
         for k, moment in enumerate((watches.seen[who] - 1).tolist()):
             self._rows[moment:, :, who[k]] = rows[:, k]
@@ -138,7 +138,7 @@ class MotionVector(BatchedTableEnv):
             self._rows[..., k], self._drawn[k], self._tasks[k] = row, phi, task
         self._paid[who] = 0.0
         self._watches.begin(who)
-        self._watches.add(who, self._rows[0][:, who])
+        self._watches.add(self._rows[0][:, who], who)
         return np.zeros_like(chosen)
 
     def _seen(self) -> Observations:

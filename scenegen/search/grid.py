@@ -126,7 +126,7 @@ class _Tape:
     """What boxes are contracted by, and what makes one whole."""
 
     what: Coupled
-    batches: BatchedTape | None
+    batches: BatchedTape
     effort: Effort
 
     def contract(self, lo: Array, hi: Array, rounds: int = ROUNDS) -> npt.NDArray[np.bool_]:

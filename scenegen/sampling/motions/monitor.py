@@ -21,6 +21,7 @@ from scenegen.pose import TWO_PI, is_angle, owner
 from scenegen.sampling.motions.bounds import step_bounds
 from scenegen.search import label_bounds
 from scenegen.search.effort import Effort
+from scenegen.search.tape import BatchedTape, make_batches
 
 # --------------------------------------------------------------------------------------------------------------------
 # Where objects can be some steps from now, and bounds of the state's formulas there.
@@ -37,12 +38,14 @@ class MotionLimits:
     lowest: Array
     highest: Array
     _steps: Array = field(init=False)  # (3N,): how far a step goes
+    _batches: BatchedTape = field(init=False)
 
     def __post_init__(self) -> None:
         away, turn = step_bounds(self.timed)
         rows = range(len(self.lowest))
         steps = np.array([turn[owner(row)] if is_angle(row) else away[owner(row)] for row in rows])
         object.__setattr__(self, "_steps", steps)
+        object.__setattr__(self, "_batches", make_batches(self.timed.state.nodes))
 
     def boxes(self, now: Array, steps: Array) -> tuple[Array, Array]:
         """Where coordinates `now` (3N, ...) can be after so many steps (...), which broadcast: within the limits and
@@ -70,7 +73,7 @@ class MotionLimits:
             low = np.concatenate([low, low if before_low is None else before_low])
             high = np.concatenate([high, high if before_high is None else before_high])
         with np.errstate(over="ignore", invalid="ignore"):
-            return label_bounds(self.timed.state, low, high, Effort())
+            return label_bounds(self.timed.state, low, high, Effort(), self._batches)
 
 
 LOW, HIGH = 0, 1

@@ -108,7 +108,7 @@ class Batch:
 
 
 def _junction(kind: str, result: Interval, low: Array, high: Array) -> tuple[Array, Array]:
-    """What is left of the parts, (n, m, K) or (n, K) each, of junctions (m, K); see backward.minimum."""
+    """What is left of the parts, (n, m, K) or (n, K) each, of junctions (m, K); see interval.back_minimum."""
     shape = low.shape
     if kind == "min":
         can = low <= result.hi

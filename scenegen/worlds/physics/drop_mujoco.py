@@ -6,7 +6,7 @@ import math
 
 import mujoco
 
-from scenegen.geometry.attitude import Floats, standing
+from scenegen.geometry.workspace import Floats, standing
 from scenegen.worlds.physics.bodies import NEAR, TABLE, Contact, gathered
 
 

@@ -21,7 +21,7 @@ from scenegen.api.scenes import evaluate as score
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.geometry.attitude import Floats, standing, turn_between, upright
+from scenegen.geometry.workspace import Floats, standing, turn_between, upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need

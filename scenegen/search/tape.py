@@ -271,26 +271,6 @@ class Tape:
                 stack.extend(children(self.nodes[index]))
         return frozenset(found)
 
-    def restrict(self, wanted: Sequence[int]) -> tuple[tuple[Node, ...], dict[int, int]]:
-        """The nodes that the wanted ones are computed from, renumbered, and the new number of each old one."""
-        keep: set[int] = set()
-        stack = list(wanted)
-        while stack:
-            index = stack.pop()
-            if index not in keep:
-                keep.add(index)
-                stack.extend(children(self.nodes[index]))
-        number = {old: new for new, old in enumerate(sorted(keep))}
-        nodes = []
-        for old in number:
-            node = self.nodes[old]
-            if isinstance(node, Apply):
-                node = Apply(node.primitive, tuple(number[arg] for arg in node.args), node.shapes)
-            elif isinstance(node, Junction):
-                node = Junction(node.kind, tuple(number[arg] for arg in node.args), node.text)
-            nodes.append(node)
-        return tuple(nodes), number
-
 
 @dataclass(slots=True)
 class _TapeBuilder:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scenegen.errors import quoted
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, corners, measures, standing_area
 from scenegen.lang.check.choices import options_of
-from scenegen.lang.formula.core import Apply, Const, Coord, Junction, Node
+from scenegen.lang.formula.core import Apply, Const, Coord, Junction, Node, restricted
 from scenegen.lang.spec import CheckedSpec, Support
 from scenegen.pose import PLACE, THETA, TWO_PI, X, axis_of, row_of
 from scenegen.sampling.growth.graph import Clause, Graph, asked, flat, offset_of, ways_of
@@ -207,7 +207,7 @@ def make_room(
     if not wanted:
         return FreePoses(touch, (), (), (), (), {}, ((-1, ()),), scale)
     dims = [tape.rows[row] for row in rows]
-    nodes, number = tape.restrict([*wanted, *dims])
+    nodes, number = restricted(tape.nodes, [*wanted, *dims])
     mine = {number[node] for node in dims}
     others = [(place, node.row) for place, node in enumerate(nodes) if isinstance(node, Coord) and place not in mine]
     return FreePoses(

@@ -76,17 +76,17 @@ class Monitor:
         (B, N, 3), metres and radians. Raises RequestError for poses of another form, for an object that the spec holds
         elsewhere, and beyond the last moment."""
         horizon = self._timed.horizon
-        if self._watch is not None and self._watch.seen >= horizon.moments:
+        if self._watch is not None and self._watch.seen[0] >= horizon.moments:
             raise RequestError(MOTION_HAS_ENDED(moments=horizon.moments, end=horizon.seconds))
         array = self.read(poses)
         if self._watch is None:
             self._batch = array.shape[:-2]
             count = self._batch[0] if self._batch else 1
             self._watch = BatchMonitor(self._timed, *self._spec.declared.box(), self._reach, count)
-        phi, required = self._watch.add(array.reshape(-1, *array.shape[-2:]))
-        moment = self._watch.seen - 1
-        low, high = ({name: self._out(value[end]) for name, value in phi.items()} for end in (LOW, HIGH))
-        both = None if required is None else (self._out(required[LOW]), self._out(required[HIGH]))
+        self._watch.add(as_rows(array.reshape(-1, *array.shape[-2:])))
+        moment, required = int(self._watch.seen[0]) - 1, self._watch.required
+        low, high = ({name: self._out(value[end]) for name, value in self._watch.phi.items()} for end in (LOW, HIGH))
+        both = None if self._timed.requirement is None else (self._out(required[LOW]), self._out(required[HIGH]))
         return Outlook(moment, moment * horizon.dt, low, high, both)
 
     def read(self, poses: Mapping[str, tuple[float, ...]] | npt.ArrayLike) -> Array:
@@ -129,7 +129,7 @@ class Monitor:
             raise RequestError(WRONG_VALUE(argument="poses", value="not finite everywhere", wanted="finite numbers"))
         found = held_elsewhere(self._spec.declared, as_rows(array.reshape(-1, count, SIZE)))
         if found is not None:
-            moment = 0 if self._watch is None else self._watch.seen
+            moment = 0 if self._watch is None else self._watch.seen[0]
             place = f"at moment {moment}" + (f" of motion {found[1]}" if batch else "")
             raise RequestError(HELD_ELSEWHERE(**held(self._spec.declared, found[0]), place=place))
 

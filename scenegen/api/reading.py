@@ -25,7 +25,7 @@ from scenegen.errors.files import (
     TABLE_UNUSED,
 )
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
-from scenegen.geometry.attitude import upright
+from scenegen.geometry.workspace import upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import NAMES, X, Y, as_rows

@@ -15,11 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.geometry import backward, clearance
+from scenegen.geometry import clearance
 from scenegen.geometry import interval as iv
-from scenegen.geometry.backward import Intervals, quiet
 from scenegen.geometry.footprint import Circle, Footprint, Measures, half_width, measures
-from scenegen.geometry.interval import Array, Interval
+from scenegen.geometry.interval import Array, Interval, Intervals, quiet
 from scenegen.geometry.namespace import NUMPY
 
 ERROR = 2.0**-46  # 128 roundings: more than in a value and its bound together, relative to all lengths involved
@@ -185,7 +184,7 @@ def _at_corners(
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# Backward rules of gap and room (see scenegen.geometry.backward): they narrow positions; headings stay as they are.
+# Backward rules of gap and room (see scenegen.geometry.interval): they narrow positions; headings stay as they are.
 #
 # They invert bounds that hold in one direction, along x or y, or for the discs around and inside the footprints.
 
@@ -231,18 +230,18 @@ def _axes(like: Array) -> Array:
 
 def _slack(a: Footprint, b: Footprint, result: Interval, pose: tuple[Interval, ...]) -> Array:
     ax, ay, at, bx, by, bt = pose
-    return rounding(measures(a), measures(b), ax, ay, at, bx, by, bt) + ERROR * backward.size(result)
+    return rounding(measures(a), measures(b), ax, ay, at, bx, by, bt) + ERROR * iv.size(result)
 
 
 def _translate(far: Interval, limit: Array, pose: tuple[Interval, ...], *, from_b: bool) -> Intervals:
     """Positions whose distance lies within `far` and whose difference along +x, +y, -x, -y stays below `limit`."""
     ax, ay, at, bx, by, bt = pose
-    ax, ay, bx, by = backward.dist(far, ax, ay, bx, by)
+    ax, ay, bx, by = iv.back_dist(far, ax, ay, bx, by)
     dx, dy = Interval(-limit[2], limit[0]), Interval(-limit[3], limit[1])
     if from_b:
-        ax, bx = backward.sub(dx, ax, bx)
-        ay, by = backward.sub(dy, ay, by)
+        ax, bx = iv.back_sub(dx, ax, bx)
+        ay, by = iv.back_sub(dy, ay, by)
     else:
-        bx, ax = backward.sub(dx, bx, ax)
-        by, ay = backward.sub(dy, by, ay)
+        bx, ax = iv.back_sub(dx, bx, ax)
+        by, ay = iv.back_sub(dy, by, ay)
     return ax, ay, at, bx, by, bt

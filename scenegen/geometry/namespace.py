@@ -167,11 +167,6 @@ class Turning:
         """From now on, the angle's sine and cosine are cached."""
         self._angles[id(angle)] = angle
 
-    def know(self, angle: Any, turn: tuple[Any, Any]) -> None:
-        """From now on, these are the angle's cosine and sine."""
-        self.keep(angle)
-        self._known["turn", id(angle)] = turn
-
     def drop(self, angle: Any) -> None:
         """Drops the angle with its sine and cosine."""
         if self._angles.pop(id(angle), None) is not None:

@@ -11,11 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from scenegen.geometry import backward as back
 from scenegen.geometry import clearance, clearance_bounds
 from scenegen.geometry import interval as iv
-from scenegen.geometry.backward import Rule
-from scenegen.geometry.interval import Interval
+from scenegen.geometry.interval import Interval, Rule
 from scenegen.geometry.namespace import Namespace
 from scenegen.geometry.units import ANGLE, BARE, LENGTH, Unit, agree, over, times
 from scenegen.pose import FLAT, PLACE, TWO_PI
@@ -40,7 +38,7 @@ class Primitive:
     UnitMismatch; `doc` is a sentence for editors. `operator` is set for those written infix; specs cannot call those
     that are `hidden`. `names` are what its parameters are called: a, b, c where none are given.
     backward(*shapes, wanted, *intervals) narrows the intervals of the arguments to what the wanted interval of the
-    result leaves, see scenegen.geometry.backward; None: the arguments stay as they are.
+    result leaves, see scenegen.geometry.interval; None: the arguments stay as they are.
 
     What else readers ask, and what is lost where a trait is left out:
     `of_angle`: its number is an angle: a bare one is in radians, and a turn more makes no difference (a wrong warning);
@@ -155,59 +153,59 @@ PRIMITIVES: dict[str, Primitive] = {
     for primitive in (
         Primitive(
             "add", _TWO, lambda ns, a, b: a + b, iv.add, agree, "a + b",
-            operator="+", backward=back.add, exact=True, slopes=_each,
+            operator="+", backward=iv.back_add, exact=True, slopes=_each,
         ),
         Primitive(
             "sub", _TWO, lambda ns, a, b: a - b, iv.sub, agree, "a - b",
-            operator="-", backward=back.sub, exact=True, vanishes=True, slopes=lambda values: (1.0, -1.0),
+            operator="-", backward=iv.back_sub, exact=True, vanishes=True, slopes=lambda values: (1.0, -1.0),
         ),
         Primitive(
             "mul", _TWO, lambda ns, a, b: a * b, iv.mul, times, "a * b",
-            operator="*", backward=back.mul, exact=True, slopes=_product,
+            operator="*", backward=iv.back_mul, exact=True, slopes=_product,
         ),
         Primitive(
             "div", _TWO, lambda ns, a, b: a / b, iv.div, over, "a / constant",
-            operator="/", backward=back.div, exact=True, slopes=_quotient,
+            operator="/", backward=iv.back_div, exact=True, slopes=_quotient,
         ),
         Primitive(
             "neg", _ONE, lambda ns, a: -a, iv.neg, _same, "-a",
-            operator="-", backward=back.neg, exact=True, slopes=lambda values: (-1.0,),
+            operator="-", backward=iv.back_neg, exact=True, slopes=lambda values: (-1.0,),
         ),
         Primitive(
             "dist", _PLACES, _dist, lambda ax, ay, bx, by: iv.hypot(iv.sub(ax, bx), iv.sub(ay, by)),
             lambda a, b: LENGTH, "Euclidean distance between two centres or points, in metres",
-            backward=back.dist, relative=True, smooth=True, vanishes=True, drawn="centres",
+            backward=iv.back_dist, relative=True, smooth=True, vanishes=True, drawn="centres",
         ),
         Primitive(
             "wrap", _ONE, _wrap, iv.wrap, _angle_in(ANGLE), "an angle brought to (-pi, pi]",
-            backward=back.wrap, of_angle=True, drawn="turn",
+            backward=iv.back_wrap, of_angle=True, drawn="turn",
         ),
         Primitive(
             "abs", _ONE, lambda ns, a: ns.absolute(a), iv.absolute, _same, "absolute value",
-            backward=back.absolute, exact=True,
+            backward=iv.back_absolute, exact=True,
         ),
         Primitive(
             "min", _ONE, _fold("minimum"), iv.minimum, agree, "the smallest argument",
-            variadic=True, backward=back.minimum, exact=True, monotone=True,
+            variadic=True, backward=iv.back_minimum, exact=True, monotone=True,
         ),
         Primitive(
             "max", _ONE, _fold("maximum"), iv.maximum, agree, "the largest argument",
-            variadic=True, backward=back.maximum, exact=True, monotone=True,
+            variadic=True, backward=iv.back_maximum, exact=True, monotone=True,
         ),
         Primitive(
             "sum", _ONE, _total, iv.total, agree, "the sum of all arguments",
-            variadic=True, backward=back.total, slopes=_each,
+            variadic=True, backward=iv.back_total, slopes=_each,
         ),
         Primitive(
             "mean", _ONE, lambda ns, *numbers: _total(ns, *numbers) / len(numbers), iv.mean, agree,
             "the mean of all arguments",
-            variadic=True, backward=back.mean, slopes=lambda values: [1.0 / len(values)] * len(values),
+            variadic=True, backward=iv.back_mean, slopes=lambda values: [1.0 / len(values)] * len(values),
         ),
         Primitive(
             "pick", (*_TWO, *_TWO), lambda ns, switch, end, before, after: ns.where(switch < end, before, after),
             iv.pick, lambda switch, end, before, after: agree(before, after),
             "one number where the switch of a choice is below an end, another elsewhere",
-            hidden=True, backward=back.pick,
+            hidden=True, backward=iv.back_pick,
         ),
         Primitive("sin", _ONE, lambda ns, a: ns.sin(a), iv.sin, _angle_in(BARE), "sine of an angle", of_angle=True),
         Primitive("cos", _ONE, lambda ns, a: ns.cos(a), iv.cos, _angle_in(BARE), "cosine of an angle", of_angle=True),

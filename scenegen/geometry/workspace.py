@@ -1,4 +1,4 @@
-"""The part of the table on which objects are placed."""
+"""The part of the table on which objects are placed, and poses there: headings, and attitudes of what may be tilted."""
 
 from __future__ import annotations
 
@@ -96,3 +96,37 @@ LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects and regions
 FARTHEST = 1e6  # metres from the origin; rounding is then still far below a micrometre
 BOARD = 0.01  # metres: how thick a region at a height is, where the table leaves room for that
 WIDEST = 2.0 * FARTHEST  # metres: what has its corners no further out
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Attitudes as quaternions (qw, qx, qy, qz): how far one is turned against another, and which heading is nearest.
+
+
+Floats = npt.NDArray[np.float64]
+
+
+def standing(places: Floats) -> Floats:
+    """(..., 7): place and quaternion of objects that stand upright at (..., 4): x, y, theta, z."""
+    poses = np.zeros((*places.shape[:-1], 7))
+    poses[..., :3] = places[..., [0, 1, 3]]
+    poses[..., 3], poses[..., 6] = np.cos(places[..., 2] / 2.0), np.sin(places[..., 2] / 2.0)
+    return poses
+
+
+def turn_between(one: Floats, other: Floats) -> Floats:
+    """(...,): the angle of the one rotation that leads from attitudes (..., 4) to others, in degrees, 0 to 180."""
+    aw, av, bw, bv = one[..., :1], one[..., 1:], other[..., :1], other[..., 1:]
+    # From sine and cosine of half the angle: the arc cosine alone would lose small angles.
+    cos = np.abs((one * other).sum(axis=-1))
+    sin = np.linalg.norm(aw * bv - bw * av - np.cross(av, bv), axis=-1)
+    return np.asarray(np.degrees(2.0 * np.arctan2(sin, cos)))
+
+
+def upright(poses: Floats) -> Floats:
+    """(..., 3): x, y and theta of poses (..., 7); theta is the heading of the upright attitude that is nearest.
+
+    It is the turn about the vertical that remains when the tilt, a turn about a horizontal axis, is taken away. For
+    what lies on its head there is none, and theta is 0.
+    """
+    theta = 2.0 * np.arctan2(poses[..., 6], poses[..., 3])
+    return np.concatenate([poses[..., :2], np.remainder(theta, 2.0 * np.pi)[..., None]], axis=-1)

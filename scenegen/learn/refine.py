@@ -105,7 +105,7 @@ def refine(
         residual = torch.where(off, target[:, active] - value, torch.zeros_like(value))[:, moving]
         active = active[moving]
         damping = SOFT_DAMPING if step < SOFT_STEPS else HARD_DAMPING
-        moved = part.detach()[:, moving] + scale * _newton(jacobian, residual, damping)
+        moved = part.detach()[:, moving] + scale * newton(jacobian, residual, damping)
         rows[:, active] = clamp_to(workspace, moved, held)
     return rows
 
@@ -120,16 +120,22 @@ def _jacobian(phi: Tensor, rows: Tensor) -> Tensor:
     return torch.stack(sweeps)
 
 
-def _newton(jacobian: Tensor, residual: Tensor, damping: float) -> Tensor:
-    """The shortest step (3N, B) that closes the residual (L, B) to first order, with bounded coordinates.
+def newton(
+    jacobian: Tensor, residual: Tensor, damping: float, longest: float = LONGEST, least: float = 1e-12
+) -> Tensor:
+    """The shortest step (3N, B) that closes the residual (L, B) to first order; no coordinate goes further than
+    `longest`. What labels should not move has zeros in the jacobian (L, 3N, B) and the residual.
 
     Positions count in widths and heights of the workspace: a table of 20 m is refined like one of 1 m.
     """
     gram = torch.einsum("ldb,mdb->blm", jacobian, jacobian)
     # Labels with equal or vanishing gradients make the matrix singular; damping makes the step merely shorter.
-    scale = gram.diagonal(dim1=1, dim2=2).amax(dim=1).clamp_min(1e-12)
+    scale = gram.diagonal(dim1=1, dim2=2).amax(dim=1).clamp_min(least)
     gram = gram + (damping * scale)[:, None, None] * torch.eye(gram.shape[1], dtype=gram.dtype)
     weights = torch.linalg.solve(gram, residual.T[:, :, None])[:, :, 0]
-    step = torch.einsum("ldb,bl->db", jacobian, weights)
-    longest = step.abs().amax(dim=0).clamp_min(1e-300)
-    return step * (LONGEST / longest).clamp_max(1.0)
+    return bounded(torch.einsum("ldb,bl->db", jacobian, weights), longest)
+
+
+def bounded(step: Tensor, longest: float) -> Tensor:
+    """Steps (3N, B), shortened to those of which no coordinate goes further than `longest`."""
+    return step * (longest / step.abs().amax(dim=0).clamp_min(1e-300)).clamp_max(1.0)

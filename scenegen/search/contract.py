@@ -14,15 +14,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.geometry import PRIMITIVES, Interval
-from scenegen.geometry import interval as iv
-from scenegen.geometry.backward import maximum as back_maximum
-from scenegen.geometry.backward import minimum as back_minimum
-from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node
-from scenegen.lang.formula.interpret import Algebra, fold
+from scenegen.geometry import Interval
+from scenegen.lang.formula.core import Apply, Coord, Core, Junction, Node
 from scenegen.lang.spec import CheckedSpec
-from scenegen.search.effort import Effort, bounding
-from scenegen.search.tape import BatchedTape, Contracted, Tape, make_batches
+from scenegen.search.effort import Effort
+from scenegen.search.tape import BatchedTape, Contracted, Tape, make_batches, one_by_one
 
 # --------------------------------------------------------------------------------------------------------------------
 # What is wanted of a formula, pushed down to its parts, and split into alternatives that exclude one another.
@@ -156,26 +152,21 @@ def contract(
     """Narrow the intervals of T nodes over K boxes, (T, K) each, in place; returns which may hold a solution, (K,).
 
     No solution is lost: a scene that lies in a box and whose nodes lie in the intervals given lies in those left. With
-    `batches`, those of `nodes`, many nodes are revised at a time: faster on large tapes, and narrower or wider by a
+    `batches`, those of `nodes`, many nodes may be revised at a time: faster on large tapes, and narrower or wider by a
     little, for nodes of one batch do not see what the others have narrowed. Raises what `effort` raises.
     """
     effort = Effort() if effort is None else effort
+    batches = one_by_one(nodes) if batches is None else batches
     alive = np.ones(lo.shape[1], dtype=bool)
     leaves = [index for index, node in enumerate(nodes) if _is_leaf(nodes, node)]
     with np.errstate(all="ignore"):
         before = hi[leaves] - lo[leaves]
         for _ in range(rounds):
-            if batches is None:
-                fold(nodes, _Forward(lo, hi, effort))
-            else:
-                batches.meet_up(lo, hi, effort)
+            batches.meet_up(lo, hi, effort)
             alive &= (lo <= hi).all(axis=0)
             if not alive.any():
                 break
-            if batches is None:
-                _down(nodes, lo, hi, effort)
-            else:
-                batches.meet_down(lo, hi, effort)
+            batches.meet_down(lo, hi, effort)
             alive &= (lo <= hi).all(axis=0)
             after = hi[leaves] - lo[leaves]
             if not alive.any() or not (after < (1.0 - LEAST) * before)[:, alive].any():
@@ -221,61 +212,9 @@ def forward(
     out_lo, out_hi = lo.copy(), hi.copy()
     known = np.zeros(len(nodes), dtype=bool)
     known[list(given)] = True
-    if batches is not None:
-        with np.errstate(all="ignore"):
-            batches.bounds(out_lo, out_hi, effort, known)
-        return out_lo, out_hi
     with np.errstate(all="ignore"):
-        fold(nodes, _Forward(out_lo, out_hi, effort, known))
+        (one_by_one(nodes) if batches is None else batches).bounds(out_lo, out_hi, effort, known)
     return out_lo, out_hi
-
-
-class _Forward(Algebra[Interval]):
-    """Nodes as the rows of lo and hi, (T, K), which are met with, or where not `known` (T,) replaced by, the bounds of
-    their children, in place. Without `known`, all are met."""
-
-    def __init__(self, lo: Array, hi: Array, effort: Effort, known: npt.NDArray[np.bool_] | None = None) -> None:
-        self._lo, self._hi, self._effort, self._known = lo, hi, effort, known
-
-    def constant(self, index: int, node: Const) -> Interval:
-        return self._put(index, iv.point(node.value))
-
-    def coordinate(self, index: int, node: Coord) -> Interval:
-        return Interval(self._lo[index], self._hi[index])
-
-    def apply(self, index: int, node: Apply, args: list[Interval]) -> Interval:
-        self._effort.spend(bounding(node, self._lo.shape[1]))
-        return self._put(index, PRIMITIVES[node.primitive].interval(*node.shapes, *args))
-
-    def junction(self, index: int, node: Junction, args: list[Interval]) -> Interval:
-        self._effort.spend(bounding(node, self._lo.shape[1]))
-        # All rows at a time: conjunctions have hundreds of parts.
-        columns = self._lo[list(node.args)], self._hi[list(node.args)]
-        if node.kind == "min":
-            return self._put(index, Interval(columns[0].min(axis=0), columns[1].min(axis=0)))
-        return self._put(index, Interval(columns[0].max(axis=0), columns[1].max(axis=0)))
-
-    def _put(self, index: int, value: Interval) -> Interval:
-        mine = Interval(self._lo[index], self._hi[index])
-        if self._known is None:
-            np.fmax(mine.lo, value.lo, out=mine.lo)
-            np.fmin(mine.hi, value.hi, out=mine.hi)
-        elif self._known[index]:  # in this order, which tells where one is 0.0 and the other -0.0
-            np.fmax(value.lo, mine.lo, out=mine.lo)
-            np.fmin(value.hi, mine.hi, out=mine.hi)
-        else:
-            mine.lo[...], mine.hi[...] = value
-        return mine
-
-
-def _down(nodes: Sequence[Node], lo: Array, hi: Array, effort: Effort) -> None:
-    """Meet every child's interval with what its parents leave, from the last node on: not a fold, for it goes from
-    parents to children."""
-    for index in range(len(nodes) - 1, -1, -1):
-        node = nodes[index]
-        if isinstance(node, Apply | Junction):
-            effort.spend(bounding(node, lo.shape[1]))
-            _revise(node, Interval(lo[index], hi[index]), lo, hi)
 
 
 def _is_leaf(nodes: Sequence[Node], node: Node) -> bool:
@@ -285,83 +224,37 @@ def _is_leaf(nodes: Sequence[Node], node: Node) -> bool:
     return isinstance(node, Coord)
 
 
-def _revise(node: Apply | Junction, result: Interval, lo: Array, hi: Array) -> None:
-    parts = tuple(Interval(lo[arg], hi[arg]) for arg in node.args)
-    if isinstance(node, Junction):
-        narrower = (back_minimum if node.kind == "min" else back_maximum)(result, *parts)
-    else:
-        rule = PRIMITIVES[node.primitive].backward
-        if rule is None:
-            return
-        narrower = rule(*node.shapes, result, *parts)
-    for arg, part in zip(node.args, narrower, strict=True):
-        np.fmax(lo[arg], part.lo, out=lo[arg])
-        np.fmin(hi[arg], part.hi, out=hi[arg])
-
-
 # --------------------------------------------------------------------------------------------------------------------
 # Interval bounds of phi over boxes of poses.
 
 
-def node_bounds(core: Core, lowest: Array, highest: Array, effort: Effort | None = None) -> list[Interval]:
+def node_bounds(
+    core: Core, lowest: Array, highest: Array, effort: Effort | None = None, batches: BatchedTape | None = None
+) -> list[Interval]:
     """Bounds of every node over boxes of poses.
 
     `lowest` and `highest` are (3N,) for one box or (3N, K) for K of them, in metres and radians. Each node gets arrays
     of shape () or (K,). The value of a node at any scene in a box lies within, rounding in float64 included; the bounds
-    are exact where no coordinate occurs twice, and may be wide where one does. Raises what `effort` raises.
+    are exact where no coordinate occurs twice, and may be wide where one does. `batches`: the core's, if they are at
+    hand. Raises what `effort` raises.
     """
-    effort = Effort() if effort is None else effort
+    batches = make_batches(core.nodes) if batches is None else batches
     lowest, highest = np.asarray(lowest, dtype=np.float64), np.asarray(highest, dtype=np.float64)
-    batches = make_batches(core.nodes)
-    if batches is not None:
-        return _in_batches(core, batches, lowest, highest, effort)
-    return fold(core.nodes, _Bounds(lowest, highest, effort))
-
-
-class _Bounds(Algebra[Interval]):
-    """Nodes as intervals over the boxes lowest..highest."""
-
-    def __init__(self, lowest: Array, highest: Array, effort: Effort) -> None:
-        self._lowest, self._highest, self._effort = lowest, highest, effort
-        self._boxes = math.prod(lowest.shape[1:])
-
-    def constant(self, index: int, node: Const) -> Interval:
-        return iv.point(node.value)
-
-    def coordinate(self, index: int, node: Coord) -> Interval:
-        return Interval(self._lowest[node.row], self._highest[node.row])
-
-    def apply(self, index: int, node: Apply, args: list[Interval]) -> Interval:
-        self._effort.spend(bounding(node, self._boxes))
-        return PRIMITIVES[node.primitive].interval(*node.shapes, *args)
-
-    def atom(self, index: int, node: Atom, margin: Interval) -> Interval:
-        self._effort.spend(bounding(node, self._boxes))
-        return margin
-
-    def junction(self, index: int, node: Junction, args: list[Interval]) -> Interval:
-        self._effort.spend(bounding(node, self._boxes))
-        return (iv.minimum if node.kind == "min" else iv.maximum)(*args)
-
-
-def _in_batches(core: Core, batches: BatchedTape, lowest: Array, highest: Array, effort: Effort) -> list[Interval]:
-    """The same numbers, those of many nodes at a time."""
-    shape = np.shape(lowest)[1:]
-    columns = lowest.reshape(len(lowest), -1).shape[1]
-    lo, hi = (np.empty((len(core.nodes), columns)) for _ in range(2))
-    rows = [node.row for node in core.nodes if isinstance(node, Coord)]
-    lo[batches.coords] = lowest.reshape(-1, columns)[rows]
-    hi[batches.coords] = highest.reshape(-1, columns)[rows]
-    batches.bounds(lo, hi, effort)
+    shape, rows = lowest.shape[1:], [node.row for node in core.nodes if isinstance(node, Coord)]
+    lowest, highest = (ends.reshape(len(ends), -1) for ends in (lowest, highest))
+    lo, hi = (np.empty((len(core.nodes), lowest.shape[1])) for _ in range(2))
+    lo[batches.coords], hi[batches.coords] = lowest[rows], highest[rows]
+    batches.bounds(lo, hi, Effort() if effort is None else effort)
     return [Interval(low.reshape(shape), high.reshape(shape)) for low, high in zip(lo, hi, strict=True)]
 
 
-def label_bounds(core: Core, lowest: Array, highest: Array, effort: Effort | None = None) -> tuple[Array, Array]:
+def label_bounds(
+    core: Core, lowest: Array, highest: Array, effort: Effort | None = None, batches: BatchedTape | None = None
+) -> tuple[Array, Array]:
     """Lowest and highest phi of each label over boxes of poses: two arrays of shape (L,) or (L, K)."""
-    values = node_bounds(core, lowest, highest, effort)
-    shape = np.shape(lowest)[1:]
+    values = node_bounds(core, lowest, highest, effort, batches)
     ends = [values[index] for index in core.labels.values()]
-    return _stack([end.lo for end in ends], shape), _stack([end.hi for end in ends], shape)
+    return np.stack([end.lo for end in ends]), np.stack([end.hi for end in ends])
 
 
 def spec_bounds(spec: CheckedSpec) -> dict[str, tuple[float, float]]:
@@ -370,7 +263,3 @@ def spec_bounds(spec: CheckedSpec) -> dict[str, tuple[float, float]]:
     with np.errstate(over="ignore", invalid="ignore"):  # infinite bounds are an answer, not an accident
         lo, hi = label_bounds(core, *spec.box())
     return {name: (float(low), float(high)) for name, low, high in zip(core.labels, lo, hi, strict=True)}
-
-
-def _stack(ends: Sequence[Array], shape: tuple[int, ...]) -> Array:
-    return np.stack([np.broadcast_to(end, shape) for end in ends])

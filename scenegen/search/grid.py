@@ -3,8 +3,7 @@
 The boxes are over `dims`, coordinates or differences of coordinates. They are contracted, bisected along the edge whose
 halves contract best, and dropped where nothing is left, until the boxes' volume stops shrinking.
 
-A search asks for the same grid many times: of objects that other demands do not concern, and with more boxes than
-before. `Grids` keeps what was made.
+A search asks for the same grid many times, of objects that other demands do not concern. `Grids` keeps what was made.
 """
 
 from __future__ import annotations
@@ -126,7 +125,7 @@ class _Tape:
     """What boxes are contracted by, and what makes one whole."""
 
     what: Coupled
-    batches: BatchedTape | None
+    batches: BatchedTape
     effort: Effort
 
     def contract(self, lo: Array, hi: Array, rounds: int = ROUNDS) -> npt.NDArray[np.bool_]:
@@ -160,13 +159,11 @@ class _GridBoxes:
 
 @dataclass(frozen=True, slots=True)
 class BuiltGrid:
-    """A grid, its work, and the budgets for which it is the same. With a larger one, it goes on from the boxes of
-    `last`, which took the work beside them; None where they are not kept."""
+    """A grid, its work, and the budgets for which it is the same."""
 
     grid: Grid
     work: float
     budgets: range
-    last: tuple[_GridBoxes, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,26 +180,20 @@ class Grids:
         if known is not None and budget in known.budgets and effort.allows(known.work):
             effort.spend(known.work)
             return known.grid
-        made = make_grid(what, budget, effort, known)
+        made = make_grid(what, budget, effort)
         self._kept[key] = made
         if len(self._kept) > KEPT:
             del self._kept[next(iter(self._kept))]
         return made.grid
 
 
-def make_grid(what: Coupled, budget: int, effort: Effort, smaller: BuiltGrid | None = None) -> BuiltGrid:
-    """A cover by at most `budget` boxes. An empty grid proves that there is no solution. `smaller` may be one of the
-    same: it is continued, which gives the same grid and counts as the same work as one from the start. Raises what
-    `effort` raises."""
+def make_grid(what: Coupled, budget: int, effort: Effort) -> BuiltGrid:
+    """A cover by at most `budget` boxes. An empty grid proves that there is no solution. Raises what `effort`
+    raises."""
     used = effort.used
     tape = _Tape(what, make_batches(what.nodes), effort)
-    begun = None if smaller is None or smaller.budgets.start >= budget else smaller.last
-    if begun is not None and effort.allows(begun[1]):
-        boxes, work = begun
-        effort.spend(work)
-    else:
-        begun, boxes = None, _first(tape)
-    last: tuple[_GridBoxes, float] | None = None
+    boxes = _first(tape)
+    full = False  # whether a larger budget would have made another grid
     while boxes.open_.any() and boxes.count < budget:
         largest = boxes.volume[boxes.open_].max()
         chosen = np.flatnonzero(boxes.open_ & (boxes.volume >= SHARE * largest))
@@ -211,8 +202,7 @@ def make_grid(what: Coupled, budget: int, effort: Effort, smaller: BuiltGrid | N
         most = LARGEST // (2 * len(what.dims) * len(what.nodes))
         room = max(1, min(budget - boxes.count, most))
         if len(chosen) > room:
-            if room < most and last is None:
-                last = boxes, effort.used - used
+            full |= room < most
             chosen = np.sort(chosen[np.argsort(-boxes.volume[chosen], kind="stable")[:room]])
         before = float(boxes.volume.sum())
         boxes = _cut(tape, boxes, chosen)
@@ -221,15 +211,12 @@ def make_grid(what: Coupled, budget: int, effort: Effort, smaller: BuiltGrid | N
         if len(chosen) >= 32 and boxes.volume.sum() > least * before:
             break
     else:
-        if boxes.open_.any() and last is None:
-            last = boxes, effort.used - used
+        full |= bool(boxes.open_.any())
     total = max(float(boxes.volume.sum()), TINY if boxes.count else 0.0)
     alias = make_alias(boxes.volume if total > TINY else np.ones(max(boxes.count, 1)))
     where = list(what.dims)
     grid = Grid(what.names, boxes.lo[where], boxes.hi[where], total, alias)
-    budgets = range(budget, sys.maxsize if last is None else budget + 1)
-    # A search asks for two budgets: the boxes of the second would be kept for nothing.
-    return BuiltGrid(grid, effort.used - used, budgets, last if begun is None else None)
+    return BuiltGrid(grid, effort.used - used, range(budget, budget + 1 if full else sys.maxsize))
 
 
 def _first(tape: _Tape) -> _GridBoxes:

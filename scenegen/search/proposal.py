@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.lang.formula.core import Coord, Junction
+from scenegen.lang.formula.core import Coord, Junction, restricted
 from scenegen.pose import PLACE, row_of
 from scenegen.search.effort import PYTHON, Effort
 from scenegen.search.grid import (
@@ -361,11 +361,11 @@ def _grid(
     # rows that are sums along the forest keep within the workspace, so they are part of what is contracted
     hanging = [tape.rows[row] for row in forest.up if {forest.up[row][1]} & inside]
     wanted = [*names, *(one.node for one in demands), *hanging]
-    nodes, number = tape.restrict(wanted)
+    nodes, number = restricted(tape.nodes, wanted)
     loops = [loop for loop in tape.loops if tape.support(loop) <= number.keys()]
     if loops:
-        nodes, number = tape.restrict([*wanted, *loops])
-    old = sorted(number, key=lambda index: number[index])
+        nodes, number = restricted(tape.nodes, [*wanted, *loops])
+    old = list(number)
     what = Coupled(
         nodes,
         tuple(names),

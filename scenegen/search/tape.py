@@ -8,7 +8,7 @@ Atoms are their margins; coordinates of objects that are held in place are const
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,11 +21,12 @@ from scenegen.lang.formula.interpret import Algebra, fold
 from scenegen.search.effort import PYTHON, Effort, bounding
 
 # --------------------------------------------------------------------------------------------------------------------
-# Nodes of a tape in batches: all that have one primitive and the same footprints, and only refer to earlier batches.
+# A tape as intervals go over it, up from the coordinates and down from what is wanted: the nodes in batches, each of
+# which only refers to earlier ones.
 #
 # On small arrays a call of numpy costs far more than the arithmetic. Forty boxes that do not overlap are 780 gaps of
-# one kind: as one batch, their rule is called once, with the nodes as a further axis before that of the boxes. That
-# is why large tapes are not walked with `lang.fold`, which takes one node after another.
+# one kind: as one batch, their rule is called once, with the nodes as a further axis before that of the boxes. In
+# small tapes each node is a batch.
 
 
 Array = npt.NDArray[np.float64]
@@ -39,23 +40,29 @@ ELEMENTS = 1 << 13  # nodes times boxes of one call: what a rule computes on the
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Nodes of one kind at one depth, of which any may be computed before any other: their places `at` (m,) and those
-    of their arguments, `args` (n, m)."""
+    """Nodes of one primitive and the same footprints, of which any may be computed before any other: their places `at`
+    (m,) and those of their arguments, `args` (n, m); or one node, and its arguments (n,)."""
 
     kind: Node
-    at: Index
+    at: Index | int
     args: Index
 
-    def pieces(self, boxes: int, effort: Effort) -> Iterator[Batch]:
+    def pieces(self, boxes: int, effort: Effort) -> Iterable[Batch]:
         """The batch in pieces that are worth a call each, for so many boxes; their work is counted."""
+        if isinstance(self.at, int):
+            effort.spend(bounding(self.kind, boxes))
+            return (self,)
+        return self._pieces(self.at, boxes, effort)
+
+    def _pieces(self, places: Index, boxes: int, effort: Effort) -> Iterator[Batch]:
         size = max(1, ELEMENTS // max(1, boxes * max(1, len(self.args) // 8)))
-        for begin in range(0, len(self.at), size):
-            at = self.at[begin : begin + size]
+        for begin in range(0, len(places), size):
+            at = places[begin : begin + size]
             effort.spend(bounding(self.kind, len(at) * boxes))
-            yield self if size >= len(self.at) else Batch(self.kind, at, self.args[:, begin : begin + size])
+            yield self if size >= len(places) else Batch(self.kind, at, self.args[:, begin : begin + size])
 
     def value(self, lo: Array, hi: Array) -> Interval:
-        """The bounds of the nodes, (m, K), from the intervals of all, (T, K)."""
+        """The bounds of the nodes, (m, K) or (K,), from the intervals of all, (T, K)."""
         match self.kind:
             case Apply(primitive, _, shapes):
                 return PRIMITIVES[primitive].interval(*shapes, *self._parts(lo, hi))
@@ -77,15 +84,19 @@ class Batch:
                 narrower = rule(*self.kind.shapes, result, *parts)
                 # most rules leave some arguments, such as headings, as they are
                 kept = [k for k, (new, old) in enumerate(zip(narrower, parts, strict=True)) if new is not old]
-                if kept:
+                if isinstance(self.at, int):
+                    for k in kept:
+                        np.fmax(parts[k].lo, narrower[k].lo, out=parts[k].lo)
+                        np.fmin(parts[k].hi, narrower[k].hi, out=parts[k].hi)
+                elif kept:
                     low, high = (np.stack([narrower[k][end] for k in kept]) for end in (0, 1))
                     Batch(self.kind, self.at, self.args[kept])._narrow(low, high, lo, hi)
 
     def _parts(self, lo: Array, hi: Array) -> tuple[Interval, ...]:
-        return tuple(Interval(lo[arg], hi[arg]) for arg in self.args)
+        return tuple([Interval(lo[arg], hi[arg]) for arg in self.args])
 
     def _narrow(self, low: Array, high: Array, lo: Array, hi: Array) -> None:
-        """Meet the intervals of the arguments with low and high, (n, m, K) each; several may be of one place."""
+        """Meet the intervals of the arguments with low and high, (n, m, K) or (n, K); several may be of one place."""
         flat = self.args.ravel()
         order = np.argsort(flat, kind="stable")
         place = flat[order]
@@ -97,7 +108,7 @@ class Batch:
 
 
 def _junction(kind: str, result: Interval, low: Array, high: Array) -> tuple[Array, Array]:
-    """What is left of the parts, (n, m, K) each, of junctions (m, K); see backward.minimum."""
+    """What is left of the parts, (n, m, K) or (n, K) each, of junctions (m, K); see interval.back_minimum."""
     shape = low.shape
     if kind == "min":
         can = low <= result.hi
@@ -123,7 +134,7 @@ class BatchedTape:
             for piece in batch.pieces(lo.shape[1], effort):
                 low, high = piece.value(lo, hi)
                 if known is not None and known[piece.at].any():
-                    met = known[piece.at][:, None]
+                    met = known[piece.at, None]
                     low = np.where(met, np.fmax(low, lo[piece.at]), low)
                     high = np.where(met, np.fmin(high, hi[piece.at]), high)
                 lo[piece.at], hi[piece.at] = low, high
@@ -145,21 +156,22 @@ class BatchedTape:
                 piece.revise(lo, hi)
 
 
-def make_batches(nodes: Sequence[Node], fewest: int = FEWEST, worth: float = WORTH) -> BatchedTape | None:
-    """The batches of a tape; None for fewer nodes than `fewest`, or fewer than `worth` in a batch on average."""
+def one_by_one(nodes: Sequence[Node]) -> BatchedTape:
+    """A tape in which each node is a batch."""
+    leaves = [isinstance(node, Const | Coord) for node in nodes]
+    alone = tuple([Batch(nodes[at], at, _index(children(nodes[at]))) for at, leaf in enumerate(leaves) if not leaf])
+    return _batched(nodes, alone)
+
+
+def make_batches(nodes: Sequence[Node], fewest: int = FEWEST, worth: float = WORTH) -> BatchedTape:
+    """The batches of a tape: one by one for fewer nodes than `fewest`, or fewer than `worth` in a batch on average."""
     if len(nodes) < fewest:
-        return None
+        return one_by_one(nodes)
     depth = [0] * len(nodes)
     members: dict[tuple[int, Hashable], list[int]] = {}
-    constants: list[int] = []
-    coords: list[int] = []
     for index, node in enumerate(nodes):
         match node:
-            case Const():
-                constants.append(index)
-                continue
-            case Coord():
-                coords.append(index)
+            case Const() | Coord():
                 continue
             case Apply(primitive, args, shapes):
                 key: Hashable = (primitive, len(args), shapes)
@@ -170,12 +182,18 @@ def make_batches(nodes: Sequence[Node], fewest: int = FEWEST, worth: float = WOR
         depth[index] = 1 + max(depth[arg] for arg in children(node))
         members.setdefault((depth[index], key), []).append(index)
     if len(members) * worth > len(nodes):
-        return None
+        return one_by_one(nodes)
     batches = tuple(
         Batch(nodes[found[0]], _index(found), np.array([children(nodes[one]) for one in found], dtype=np.intp).T)
         for (_, _), found in sorted(members.items(), key=lambda item: (item[0][0], item[1][0]))
     )
+    return _batched(nodes, batches)
+
+
+def _batched(nodes: Sequence[Node], batches: tuple[Batch, ...]) -> BatchedTape:
+    constants = [index for index, node in enumerate(nodes) if isinstance(node, Const)]
     values = np.array([node.value for node in nodes if isinstance(node, Const)], dtype=np.float64)
+    coords = [index for index, node in enumerate(nodes) if isinstance(node, Coord)]
     return BatchedTape(_index(constants), values, _index(coords), batches)
 
 
@@ -225,8 +243,8 @@ class Tape:
     """`where[i]` is the tape's node with the value of core node i. `rows` maps a storage row to its node;
     `differences` maps a node to the two rows (a, b) of which it is a - b. `affine` maps nodes that depend on one
     coordinate or one difference alone, and linearly, to that node. `loops` are nodes that are 0 in every scene: of
-    three objects, two differences add up to the third. `batches` are those of a large tape; `contracted` are boxes that
-    `contract_box` keeps."""
+    three objects, two differences add up to the third. `batches` are the nodes as intervals go over them; `contracted`
+    are boxes that `contract_box` keeps."""
 
     nodes: tuple[Node, ...]
     where: tuple[int, ...]
@@ -234,7 +252,7 @@ class Tape:
     differences: dict[int, tuple[int, int]]
     affine: dict[int, int]
     loops: tuple[int, ...]
-    batches: BatchedTape | None = None
+    batches: BatchedTape
     contracted: dict[Hashable, Contracted] = field(default_factory=dict, compare=False, repr=False)
 
     def support(self, node: int) -> frozenset[int]:
@@ -252,26 +270,6 @@ class Tape:
             else:
                 stack.extend(children(self.nodes[index]))
         return frozenset(found)
-
-    def restrict(self, wanted: Sequence[int]) -> tuple[tuple[Node, ...], dict[int, int]]:
-        """The nodes that the wanted ones are computed from, renumbered, and the new number of each old one."""
-        keep: set[int] = set()
-        stack = list(wanted)
-        while stack:
-            index = stack.pop()
-            if index not in keep:
-                keep.add(index)
-                stack.extend(children(self.nodes[index]))
-        number = {old: new for new, old in enumerate(sorted(keep))}
-        nodes = []
-        for old in number:
-            node = self.nodes[old]
-            if isinstance(node, Apply):
-                node = Apply(node.primitive, tuple(number[arg] for arg in node.args), node.shapes)
-            elif isinstance(node, Junction):
-                node = Junction(node.kind, tuple(number[arg] for arg in node.args), node.text)
-            nodes.append(node)
-        return tuple(nodes), number
 
 
 @dataclass(slots=True)

@@ -6,7 +6,7 @@ import pytest
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import evaluate
-from scenegen.lang.formula.nearest import find, last_uses_of, least
+from scenegen.lang.formula.nearest import every, find_groups, minimum
 
 TABLE = """object a, b = box(0.1, 0.06, 0.05), c = box(0.3, 0.01, 0.05), d = cylinder(0.04, 0.1)
 object e = box(0.1, 0.06, 0.05)
@@ -15,19 +15,26 @@ task: forall p in [a, b, c, d, e]: clearOf(p, tray)
 safe: noOverlap() & leftOf(a, b)"""
 
 
+SHARE = 0.5
+
+
 def gap(*given):
     return PRIMITIVES["gap"].evaluate(NUMPY, *given)
+
+
+def find(core):
+    return find_groups(core, core.labels.values(), 3, 1, fixed=True)
 
 
 def both(rows, pairs=10):
     """The least clearance as found, and as that of all pairs."""
     core = check_text(TABLE).core
-    (closest,) = [one for one in find(core).values() if one.count == pairs]
+    (closest,) = [one for one in find(core).by_node.values() if len(one.atoms) == pairs]
     with np.errstate(invalid="ignore", over="ignore"):
         values = evaluate(core, list(rows), NUMPY)
-        given = {arg: np.asarray(values[arg], rows.dtype) for arg in closest.needs}
-        every = [gap(*key, *(given[arg] for arg in pair)) for key, group in closest.groups for pair in group]
-        return least(closest, given, gap), np.min(every, axis=0)
+        given = {arg: np.asarray(values[arg], rows.dtype) for arg in closest.places}
+        found = minimum(closest, given.__getitem__, gap, share=SHARE)
+        return found, np.min(every(closest, given.__getitem__, gap), axis=0)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -49,9 +56,9 @@ def test_it_says_which_is_the_least():
     rows = np.random.default_rng(7).uniform(0.0, 1.0, (15, 2000))
     core = check_text(TABLE).core
     values = evaluate(core, list(rows), NUMPY)
-    for closest in find(core).values():
-        which = np.zeros(2000, np.int32)
-        found = least(closest, {arg: np.asarray(values[arg]) for arg in closest.needs}, gap, which)
+    for closest in find(core).by_node.values():
+        which = np.full(2000, closest.atoms[0], np.int32)
+        found = minimum(closest, values.__getitem__, gap, which=which)
         assert set(which) <= set(closest.atoms) and len(set(which)) > 3
         assert np.array_equal(
             np.stack([np.broadcast_to(value, 2000) for value in values])[which, np.arange(2000)], found
@@ -73,7 +80,7 @@ def test_where_most_may_decide_it_says_so():
 
 def test_few_clearances_are_computed():
     core = check_text("object a[20] = box(0.05, 0.03, 0.05)\ntask: noOverlap()").core
-    ((_, closest),) = find(core).items()
+    ((_, closest),) = find(core).by_node.items()
     rows, computed = np.random.default_rng(5).uniform(0.0, 1.0, (60, 500)), 0
 
     def counted(*given):
@@ -81,26 +88,24 @@ def test_few_clearances_are_computed():
         computed += len(given[-1])
         return gap(*given)
 
-    needed = {arg: rows[core.nodes[arg].row] for arg in closest.needs}
-    least(closest, needed, counted)
+    minimum(closest, lambda arg: rows[core.nodes[arg].row], counted)
     assert 500 <= computed < 190 * 500 // 20
 
 
 def test_what_is_wanted_elsewhere_is_left_alone():
     boxes = "object a, b, c, d = box(0.1, 0.1, 0.1)\n"
-    assert find(check_text(boxes + "task: clearOf(a, b) & clearOf(b, c)").core) == {}  # too few
-    assert (
-        find(check_text(boxes + "one: clearOf(a, b)\ntask: clearOf(a, b) & clearOf(b, c) & clearOf(a, c)").core) == {}
-    )
-    assert find(check_text(boxes + "task: clearOf(a, b) | clearOf(b, c) | clearOf(a, c)").core) == {}
+    assert find(check_text(boxes + "task: clearOf(a, b) & clearOf(b, c)").core).by_node == {}  # too few
+    twice = check_text(boxes + "one: clearOf(a, b)\ntask: clearOf(a, b) & clearOf(b, c) & clearOf(a, c)").core
+    assert find(twice).by_node == {}
+    assert find(check_text(boxes + "task: clearOf(a, b) | clearOf(b, c) | clearOf(a, c)").core).by_node == {}
     cans = "object a[3] = cylinder(0.1, 0.1)\ntask: noOverlap()"
-    assert find(check_text(cans).core) == {}
+    assert find(check_text(cans).core).by_node == {}
 
 
 def test_poses_stay_until_the_conjunction_is_done():
     core = check_text(TABLE).core
     found = find(core)
-    freed = {child: node for node, some in enumerate(last_uses_of(core, found)) for child in some}
-    assert len(found) == 2
-    for index, closest in found.items():
-        assert all(freed[arg] >= index for arg in closest.needs) and not closest.nodes & freed.keys()
+    freed = {child: node for node, some in enumerate(found.last_uses(core)) for child in some}
+    assert len(found.by_node) == 2
+    for index, closest in found.by_node.items():
+        assert all(freed[arg] >= index for arg in closest.places) and not closest.within & freed.keys()

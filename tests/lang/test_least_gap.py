@@ -9,7 +9,7 @@ from scenegen import parse
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import gated
 from scenegen.lang.formula.interpret import evaluate
-from scenegen.lang.formula.nearest import BATCH, find_groups
+from scenegen.lang.formula.nearest import find_groups
 
 SPECS = {
     "boxes": "object a[9] = box(9 cm, 4 cm, 5 cm)\nrequire noOverlap()\ntask: closeTo(a[1], a[2])",
@@ -34,7 +34,7 @@ def both(spec, rows):
     return [(all_of_them[node], few[node]) for node in core.labels.values()]
 
 
-@pytest.mark.parametrize("count", [2, 300, BATCH + 5])
+@pytest.mark.parametrize("count", [2, 300, 2048 + 5])
 @pytest.mark.parametrize("width", [0.05, 0.3, 3.0])
 @pytest.mark.parametrize("name", SPECS)
 def test_the_same_to_the_bit(name, width, count):
@@ -43,7 +43,7 @@ def test_the_same_to_the_bit(name, width, count):
         assert one.tobytes() == other.tobytes()
 
 
-@pytest.mark.parametrize("count", [20, BATCH])
+@pytest.mark.parametrize("count", [20, 2048])
 def test_places_that_are_none_give_none(count):
     spec = parse(SPECS["boxes"])
     rows = scenes(spec, count, 0.3)

@@ -11,7 +11,8 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.learn.evaluation.fidelity import kolmogorov_smirnov
 from scenegen.learn.models.codec import Codec
-from scenegen.learn.models.correction import Correction, McmcMoves, newton
+from scenegen.learn.models.correction import Correction, McmcMoves
+from scenegen.learn.models.correction import _newton as newton
 from scenegen.learn.robustness import Robustness
 
 TEXT = """object a = cylinder(0.05, 0.1), b = cylinder(0.05, 0.1), c = cylinder(0.05, 0.1) at (0.5, 0.5)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import scenegen
 from scenegen.errors import RequestError
-from scenegen.geometry.attitude import standing, turn_between, upright
+from scenegen.geometry.workspace import standing, turn_between, upright
 from scenegen.worlds.export import mjcf, sdf
 from scenegen.worlds.export.world import world_of
 from scenegen.worlds.physics.bodies import TABLE, Contact, board_of, gathered, piece_files, whole_of

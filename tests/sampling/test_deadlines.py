@@ -22,11 +22,11 @@ from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, make_frame
 from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, plan_splitting
-from scenegen.search import contract, label_bounds
+from scenegen.search import label_bounds
 from scenegen.search.clash import clash
 from scenegen.search.effort import Effort, StoppedError, TooMuchError
 from scenegen.search.prune import find, prune
-from scenegen.search.tape import make_tape
+from scenegen.search.tape import Batch, make_tape
 
 BINS = """object item[6] = cylinder(0.03, 0.05)
 region left = rect(0.0, 0.0, 0.25, 0.25)
@@ -242,9 +242,9 @@ def clock(monkeypatch):
             self.rules += 1
             return plain(*args)
 
-    clock, plain = Clock(), contract._revise
+    clock, plain = Clock(), Batch.revise
     monkeypatch.setattr("time.monotonic", clock.now)
-    monkeypatch.setattr(contract, "_revise", clock.revise)
+    monkeypatch.setattr(Batch, "revise", lambda *args: clock.revise(*args))
     return clock
 
 
@@ -254,7 +254,7 @@ def test_growth_looks_at_the_clock_from_the_first_step_on(clock):
     problem = make_problem(check_text(CROWD), SampleRequest({"task": Range(0.0)}, n=1))
     looks = []
     for most in (1.0, 60.0):  # the machine alone, and the first objects
-        clock.looks = clock.largest = 0
+        clock.looks = clock.largest = clock.rules = 0
         nodes = most * len(problem.core.nodes)
         assert isinstance(grow_islands(problem, 2, 8, (0,), nodes, deadline=0.5), NoRoom)
         assert 0 < clock.largest <= 2

@@ -141,7 +141,7 @@ def gated(core: Core) -> Core:
 
 def needed(core: Core) -> set[int]:
     """The nodes that phi of any label depends on."""
-    return _needed(core.nodes, core.labels.values())
+    return below(core.nodes, core.labels.values())
 
 
 def read_rows(core: Core) -> set[int]:
@@ -150,19 +150,26 @@ def read_rows(core: Core) -> set[int]:
     return {node.row for node in nodes if isinstance(node, Coord)}
 
 
-def _needed(nodes: Sequence[Node], roots: Iterable[int]) -> set[int]:
-    found = set(roots)
-    for index in range(len(nodes) - 1, -1, -1):
-        if index in found:
-            found.update(children(nodes[index]))
+def below(nodes: Sequence[Node], wanted: Iterable[int]) -> set[int]:
+    """The nodes that the wanted ones are computed from, themselves included."""
+    found, waiting = set[int](), list(wanted)
+    while waiting:
+        index = waiting.pop()
+        if index not in found:
+            found.add(index)
+            waiting.extend(children(nodes[index]))
     return found
+
+
+def restricted(nodes: Sequence[Node], wanted: Iterable[int]) -> tuple[tuple[Node, ...], dict[int, int]]:
+    """The nodes that the wanted ones are computed from as a tape of their own, and the new number of each, in order."""
+    place = {old: new for new, old in enumerate(sorted(below(nodes, wanted)))}
+    return tuple([moved(nodes[old], place) for old in place]), place
 
 
 def part_of(core: Core, labels: Sequence[str]) -> Core:
     """The core of some of its labels: what they do not need is left out, the order of the rest is kept."""
-    wanted = {name: core.labels[name] for name in labels}
-    place = {old: new for new, old in enumerate(sorted(_needed(core.nodes, wanted.values())))}
-    nodes = tuple(moved(core.nodes[old], place) for old in place)
+    nodes, place = restricted(core.nodes, [core.labels[name] for name in labels])
     return Core(nodes, {name: place[core.labels[name]] for name in labels}, core.objects)
 
 

@@ -7,7 +7,7 @@ without torch.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import reduce
+from functools import partial, reduce
 from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scenegen.geometry import MATH, NUMPY, PRIMITIVES, Namespace
 from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node
-from scenegen.lang.formula.nearest import SEVERAL, GapMinima, find_groups, minimum
+from scenegen.lang.formula.nearest import SEVERAL, GapMinima, NearestPairs, find_groups, minimum, with_others
 from scenegen.pose import THETA, along
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -118,10 +118,16 @@ class PrunedNumbers(Numbers):
     def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
         if index in self.groups.skipped:
             return None
-        group = self.groups.by_node.get(index)
-        if group is None:
+        pairs = self.groups.by_node.get(index)
+        if pairs is None:
             return super().junction(index, node, args)
-        return minimum(group, self.rows, self.namespace.turn, self.values)
+        return with_others(pairs, self.least(pairs), self.values.__getitem__, np.minimum)
+
+    def least(self, pairs: NearestPairs) -> Any:
+        """The least of the gaps."""
+        least = minimum(pairs, self.values.__getitem__, partial(PRIMITIVES["gap"].evaluate, NUMPY))
+        assert least is not None
+        return least
 
 
 def evaluate(
@@ -151,27 +157,41 @@ def phi(core: Core, rows: Sequence[Any], namespace: Namespace = MATH) -> dict[st
     return {name: values[index] for name, index in core.labels.items()}
 
 
+# --------------------------------------------------------------------------------------------------------------------
+# Which atom decides phi: the one whose margin is the label's phi. It alone would have to change for phi to change.
+#
+# An atom whose margin is the same in every scene decides nothing: where it is phi, the atom counts that decides without
+# it. There is such an atom only where not all are the same. Of several that tie, the first decides: readers of the spec
+# look there first, too.
+
+
+Index = npt.NDArray[np.intp]
+Floats = npt.NDArray[np.float64]
+
+
 def deciding_atom(core: Core, label: str, values: Sequence[float]) -> int:
-    """The node of the atom whose margin is the label's phi, given the value of every node for one scene.
-
-    An atom whose margin is the same in every scene decides nothing: where it is phi, the atom is the one that decides
-    without it. There is such an atom only where all are the same.
-    """
-    found = _decider(core, core.labels[label], values)
-    if not is_constant(core, found):
-        return found
-    rest = without_constants(core, core.labels[label], values)
-    return _decider(core, core.labels[label], rest) if core.labels[label] in rest else found
+    """The node of the atom that decides a label's phi, given the value of every node for one scene."""
+    (atom,) = _deciding(core, core.labels[label], np.array(values, dtype=np.float64)[:, None])
+    return atom
 
 
-def _decider(core: Core, index: int, values: Sequence[float] | Mapping[int, float]) -> int:
-    while True:
-        node = core.nodes[index]
-        if not isinstance(node, Junction):
-            return index
-        args = [arg for arg in node.args if arg in values] if isinstance(values, Mapping) else node.args
-        # The first that decides: readers of the spec look there first, too.
-        index = next(arg for arg in args if values[arg] == values[index])
+def deciding_atoms(core: Core, rows: Floats, label: str) -> dict[int, int]:
+    """How often each atom decides phi of a label over B scenes stored as (3N, B): atom's node -> count, most first."""
+    values = [np.broadcast_to(value, rows.shape[1]) for value in evaluate(core, list(rows), NUMPY)]
+    counts = {atom: len(scenes) for atom, scenes in _deciding(core, core.labels[label], values).items()}
+    return dict(sorted(counts.items(), key=lambda item: -item[1]))
+
+
+def _deciding(core: Core, root: int, values: Sequence[Floats] | Floats) -> dict[int, Index]:
+    """For each atom that decides the formula `root`, in which scenes; of values (B,) of every node."""
+    found = _deciders(core, root, dict(enumerate(values)), np.arange(len(values[root])))
+    constant = [atom for atom in found if is_constant(core, atom)]
+    rest = _without_constants(core, root, values) if constant else {}
+    if root in rest:
+        scenes = np.concatenate([found.pop(atom) for atom in constant])
+        for atom, more in _deciders(core, root, rest, scenes).items():
+            found[atom] = np.concatenate([found.get(atom, np.empty(0, dtype=np.intp)), more])
+    return found
 
 
 def is_constant(core: Core, atom: int) -> bool:
@@ -180,10 +200,10 @@ def is_constant(core: Core, atom: int) -> bool:
     return isinstance(node, Atom) and isinstance(core.nodes[node.margin], Const)
 
 
-def without_constants(core: Core, root: int, values: Sequence[Any]) -> dict[int, Any]:
-    """The values of the formulas up to `root`, floats or arrays, as they are without the atoms that are the same in
-    every scene. A formula of nothing else has none."""
-    found: dict[int, Any] = {}
+def _without_constants(core: Core, root: int, values: Sequence[Floats] | Floats) -> dict[int, Floats]:
+    """The values of the formulas up to `root` as they are without the atoms that are the same in every scene. A formula
+    of nothing else has none."""
+    found: dict[int, Floats] = {}
     for index, node in enumerate(core.nodes[: root + 1]):
         if isinstance(node, Junction):
             parts = [found[arg] for arg in node.args if arg in found]
@@ -194,33 +214,7 @@ def without_constants(core: Core, root: int, values: Sequence[Any]) -> dict[int,
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Which atom decides phi, for many scenes at once.
-
-
-Index = npt.NDArray[np.intp]
-
-
-def deciding_atoms(core: Core, rows: npt.NDArray[np.float64], label: str) -> dict[int, int]:
-    """How often each atom decides phi of a label over B scenes stored as (3N, B): atom's node -> count, most first.
-
-    An atom decides where its margin is the label's phi: it alone would have to change for phi to change. Where that
-    margin is the same in every scene, the atom that decides without it counts, as `deciding_atom` has it.
-    """
-    root = core.labels[label]
-    values = [np.broadcast_to(value, rows.shape[1]) for value in evaluate(core, list(rows), NUMPY)]
-    found = _deciders(core, root, dict(enumerate(values)), np.arange(rows.shape[1]))
-    constant = [atom for atom in found if is_constant(core, atom)]
-    rest = without_constants(core, root, values) if constant else {}
-    if root in rest:
-        scenes = np.concatenate([found.pop(atom) for atom in constant])
-        for atom, more in _deciders(core, root, rest, scenes).items():
-            found[atom] = np.concatenate([found.get(atom, np.empty(0, dtype=np.intp)), more])
-    counts = {atom: len(scenes) for atom, scenes in found.items()}
-    return dict(sorted(counts.items(), key=lambda item: -item[1]))
-
-
-def _deciders(core: Core, root: int, values: Mapping[int, npt.NDArray[np.float64]], scenes: Index) -> dict[int, Index]:
+def _deciders(core: Core, root: int, values: Mapping[int, Floats], scenes: Index) -> dict[int, Index]:
     """For each atom those of the scenes in which it decides the formula `root`."""
     waiting = {root: scenes}
     found: dict[int, Index] = {}

@@ -1,14 +1,15 @@
 """The least of many gaps, of which only those are computed that can be the least.
 
 `noOverlap()` of N objects is the minimum of N (N - 1) / 2 gaps. The gap of two footprints lies between the distance of
-their poses less both outer radii and that distance less both inner radii: discs about the poses, around the footprints
-and within them. What lies farther off than the nearest upper bound is not the least. The value is the same to the bit.
+their centres less both outer radii and that distance less both inner radii: discs round the centres, around the
+footprints and within them. So in any scene only pairs whose distance is near the least can decide. Distances cost a
+tenth of gaps: they are computed for all pairs and scenes, gaps for what is left. The least is the same number, bit for
+bit. Numbers are arrays of numpy; what computes a gap is given, so that tensors go the same way.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -17,55 +18,67 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.geometry import NUMPY, PRIMITIVES, Footprint
+from scenegen.geometry import Footprint
 from scenegen.geometry.footprint import Circle, measures
-from scenegen.geometry.namespace import Turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, children, last_uses
 
-Floats = npt.NDArray[np.float64]
+Array = npt.NDArray[Any]
+Index = npt.NDArray[np.intp]
+Gap = Callable[..., Any]
+"""gap(*shapes, *six arrays of one length): x, y and heading of both."""
 
-FEWEST_GAPS = (
-    30  # gaps of a minimum, and a dozen for each pair of shapes; fewer are computed as they are, without detours
-)
-DOZEN = 12
+FEWEST_GAPS, DOZEN = 30, 12  # gaps of a minimum, and for each pair of shapes; fewer are computed without detours
 SEVERAL = 2  # scenes from which on gaps are left out
-BATCH = 2048  # scenes; for fewer, calls cost more than numbers
-BLOCK = 2048  # scenes at a time, so that distances stay in cache
-SLACK = 1e-9  # metres, for rounding
+BLOCK, FEWEST_SCENES = 1 << 16, 64  # distances computed at a time, which stay in cache; and scenes, at least
 
 
 @dataclass(frozen=True, slots=True)
 class Alike:
-    """Gaps of footprints of the same shapes: which of the group's pairs, (P,)."""
+    """The pairs of two shapes from whose gaps the same is taken off, and the inner and outer radii of both shapes
+    together, with that."""
 
     shapes: tuple[Footprint, ...]
-    pairs: npt.NDArray[np.intp]
+    less: float
+    inner: float
+    outer: float
+    pairs: slice
 
 
-@dataclass(frozen=True, slots=True)
-class GapMinimum:
-    """The gaps of one minimum: rows of the coordinates of both objects (2, 3, P), what is taken off each gap (P,), and
-    the inner and outer radii of both together, with that, (P,). `rest` are the other arguments of the minimum."""
+@dataclass(frozen=True, slots=True, eq=False)
+class NearestPairs:
+    """The P gaps of one minimum: the nodes of x, y and heading of both places, `args` (6, P), and the `atoms` (P,).
+    `others` are the other arguments of the minimum, `within` the nodes that need no values of their own."""
 
-    rows: npt.NDArray[np.intp]
-    less: Floats
-    inner: Floats
-    outer: Floats
+    args: Index
+    atoms: Index
     alike: tuple[Alike, ...]
-    rest: tuple[int, ...]
+    others: tuple[int, ...]
+    within: frozenset[int]
+
+    @property
+    def places(self) -> list[int]:
+        """The nodes whose values the gaps are computed from."""
+        return [int(node) for node in np.unique(self.args)]
 
 
 @dataclass(frozen=True, slots=True)
 class GapMinima:
     """The minima of a tape that are worth it, by node, and the nodes whose values nobody needs."""
 
-    by_node: Mapping[int, GapMinimum]
+    by_node: Mapping[int, NearestPairs]
     skipped: frozenset[int]
 
+    def last_uses(self, core: Core) -> list[list[int]]:
+        """last_uses(core), where gaps are computed with their minimum."""
+        instead: dict[int, Sequence[int]] = dict.fromkeys(self.skipped, ())
+        return last_uses(core, instead | {index: (*one.others, *one.places) for index, one in self.by_node.items()})
 
-def find_groups(core: Core, needed: Collection[int], fewest: int = FEWEST_GAPS, dozen: int = DOZEN) -> GapMinima:
-    """The groups of a tape where the values of the nodes `needed` will be read, and no others. Minima of fewer gaps
-    than `fewest`, or than `dozen` for each pair of shapes, are none."""
+
+def find_groups(
+    core: Core, needed: Collection[int], fewest: int = FEWEST_GAPS, dozen: int = DOZEN, *, fixed: bool = False
+) -> GapMinima:
+    """The minima of a tape where the values of the nodes `needed` will be read, and no others. Those of fewer gaps than
+    `fewest`, or than `dozen` for each pair of shapes, are none; gaps to what is `fixed` count where that is set."""
     uses = [0] * len(core.nodes)
     for index in needed:
         uses[index] += 1
@@ -73,24 +86,24 @@ def find_groups(core: Core, needed: Collection[int], fewest: int = FEWEST_GAPS, 
         if uses[index]:
             for child in children(core.nodes[index]):
                 uses[child] += 1
-    groups, skipped = {}, {index for index, count in enumerate(uses) if not count}
+    minima, skipped = {}, {index for index, count in enumerate(uses) if not count}
     for index, node in enumerate(core.nodes):
         if not (uses[index] and isinstance(node, Junction) and node.kind == "min" and len(node.args) >= fewest):
             continue
-        found = {arg: mine for arg in node.args if (mine := _gap_below(core, arg, uses)) is not None}
+        found = {arg: one for arg in node.args if (one := _gap_below(core, arg, uses, fixed)) is not None}
         if len(found) < fewest:
             continue
-        group = _make_group(core, tuple(arg for arg in node.args if arg not in found), found)
-        if len(found) >= dozen * len(group.alike):
-            groups[index] = group
-            skipped.update(found, *(nodes for nodes, _, _ in found.values()))
-    return GapMinima(groups, frozenset(skipped))
+        pairs = _make_pairs(tuple(arg for arg in node.args if arg not in found), found)
+        if len(found) >= dozen * len({one.shapes for one in pairs.alike}):
+            minima[index] = pairs
+            skipped |= pairs.within
+    return GapMinima(minima, frozenset(skipped))
 
 
 _Found = tuple[tuple[int, ...], Apply, float]
 
 
-def _gap_below(core: Core, index: int, uses: Sequence[int]) -> _Found | None:
+def _gap_below(core: Core, index: int, uses: Sequence[int], fixed: bool) -> _Found | None:
     """Of an atom `gap(...)` or `gap(...) - constant` of two objects that nothing else needs: the nodes below it, the
     gap, and the constant."""
     atom = core.nodes[index]
@@ -107,298 +120,104 @@ def _gap_below(core: Core, index: int, uses: Sequence[int]) -> _Found | None:
         return None
     if all(isinstance(shape, Circle) for shape in node.shapes):
         return None  # as cheap as its bounds
-    return (below, node, less) if all(isinstance(core.nodes[arg], Coord) for arg in node.args) else None
+    moving = [isinstance(core.nodes[arg], Coord) for arg in node.args]
+    return (below, node, less) if (any(moving) if fixed else all(moving)) else None
 
 
-def _make_group(core: Core, rest: tuple[int, ...], found: Mapping[int, _Found]) -> GapMinimum:
-    gaps = [gap for _, gap, _ in found.values()]
-    rows = np.array([[_row(core, arg) for arg in gap.args] for gap in gaps]).T.reshape(2, 3, len(gaps))
-    less = np.array([constant for _, _, constant in found.values()])
-    by_identity: dict[tuple[int, ...], list[int]] = {}  # hashing shapes for each pair takes longer than all else
-    for pair, gap in enumerate(gaps):
-        by_identity.setdefault(tuple(map(id, gap.shapes)), []).append(pair)
-    by_shapes: dict[tuple[Footprint, ...], list[int]] = {}
-    inner, outer = less.copy(), less + SLACK
-    for pairs in by_identity.values():
-        shapes = gaps[pairs[0]].shapes
-        by_shapes.setdefault(shapes, []).extend(pairs)
-        inner[pairs] += sum(measures(shape).inner for shape in shapes)
-        outer[pairs] += sum(measures(shape).outer for shape in shapes)
-    alike = tuple(Alike(shapes, np.array(pairs)) for shapes, pairs in by_shapes.items())
-    return GapMinimum(rows, less, inner, outer, alike, rest)
-
-
-def _row(core: Core, arg: int) -> int:
-    node = core.nodes[arg]
-    assert isinstance(node, Coord)
-    return node.row
-
-
-def least_gap(group: GapMinimum, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]]) -> Floats:
-    """The least of a group's gaps, (B,). `rows` holds 3N coordinates, (B,) each; `turn` gives cosine and sine. All
-    are computed of a scene with a number that is infinite or NaN."""
-    used = np.unique(group.rows[:, :2])
-    place = np.empty(used[-1] + 1, dtype=np.intp)
-    place[used] = np.arange(len(used))
-    at = place[group.rows[:, :2]]
-    count = len(rows[used[0]])
-    near = np.empty((len(group.inner), count), dtype=bool)
-    for start in range(0, count, BLOCK):
-        part = slice(start, start + BLOCK)
-        _look(group, at, np.stack([rows[row][part] for row in used]), near[:, part])
-    near |= ~np.isfinite(reduce(np.add, [rows[row] for row in np.unique(group.rows)]))
-    out = np.full(count, math.inf)
-    compute = _compute if count >= BATCH else _compute_few
-    for alike in group.alike:
-        compute(group, alike, rows, turn, near[alike.pairs], out)
-    return out
-
-
-def _look(group: GapMinimum, at: npt.NDArray[np.intp], places: Floats, near: npt.NDArray[np.bool_]) -> None:
-    """Which pairs (P, b) can be the least, where `places` (R, b) are x and y, at the rows `at` (2, 2, P)."""
-    across = places[at[1, 0]]
-    across -= places[at[0, 0]]
-    across *= across
-    distance = places[at[1, 1]]
-    distance -= places[at[0, 1]]
-    distance *= distance
-    distance += across
-    np.sqrt(distance, out=distance)
-    bound = np.subtract(distance, group.inner[:, None], out=across).min(axis=0)
-    distance -= group.outer[:, None]
-    np.less_equal(distance, bound, out=near)
-
-
-def _compute(
-    group: GapMinimum,
-    alike: Alike,
-    rows: Sequence[Any],
-    turn: Callable[[Any], tuple[Any, Any]],
-    near: npt.NDArray[np.bool_],
-    out: Floats,
-) -> None:
-    """Lower `out` (B,) to the gaps of pairs alike where they are `near`, (P, B)."""
-    scenes = [np.flatnonzero(one) for one in near]
-    poses = [
-        np.concatenate(
-            [rows[row].take(scene) for row, scene in zip(group.rows[side, axis, alike.pairs], scenes, strict=True)]
-        )
-        for side in (0, 1)
-        for axis in (0, 1, 2)
-    ]
-    namespace = Turning(NUMPY, ())
-    for side, heading in enumerate((poses[2], poses[5])):
-        turns = [turn(rows[row]) for row in group.rows[side, 2, alike.pairs]]
-        cosine, sine = (
-            np.concatenate([one[which].take(scene) for one, scene in zip(turns, scenes, strict=True)])
-            for which in (0, 1)
-        )
-        namespace.know(heading, (cosine, sine))
-    gaps = PRIMITIVES["gap"].evaluate(namespace, *alike.shapes, *poses)
-    end = 0
-    for pair, scene in zip(alike.pairs, scenes, strict=True):
-        begin, end = end, end + len(scene)
-        value, less = gaps[begin:end], group.less[pair]
-        out[scene] = np.minimum(out[scene], value - less if less else value)
-
-
-def _compute_few(
-    group: GapMinimum,
-    alike: Alike,
-    rows: Sequence[Any],
-    turn: Callable[[Any], tuple[Any, Any]],
-    near: npt.NDArray[np.bool_],
-    out: Floats,
-) -> None:
-    """The same in few scenes: fewer calls, more numbers."""
-    pair, scene = np.nonzero(near)
-    used, at = np.unique(group.rows[:, :, alike.pairs], return_inverse=True)
-    at = at.reshape(2, 3, -1)[:, :, pair]
-    poses = np.stack([rows[row] for row in used])[at, scene]
-    turns = {row: turn(rows[row]) for row in np.unique(group.rows[:, 2, alike.pairs])}
-    namespace = Turning(NUMPY, ())
-    table = np.zeros((2, len(used), len(out)))
-    for place, row in enumerate(used):
-        if row in turns:
-            table[:, place] = turns[row]
-    headings = [poses[side, 2] for side in (0, 1)]
-    for side, heading in enumerate(headings):
-        cosine, sine = table[:, at[side, 2], scene]
-        namespace.know(heading, (cosine, sine))
-    values = PRIMITIVES["gap"].evaluate(
-        namespace, *alike.shapes, *poses[0, :2], headings[0], *poses[1, :2], headings[1]
-    )
-    less = group.less[alike.pairs][pair]
-    np.minimum.at(out, scene, np.where(less == 0.0, values, values - less))
+def _make_pairs(others: tuple[int, ...], found: Mapping[int, _Found]) -> NearestPairs:
+    by_identity: dict[tuple[float, ...], list[int]] = {}  # hashing shapes for each pair takes longer than all else
+    for atom, (_, gap, less) in found.items():
+        by_identity.setdefault((less, *map(id, gap.shapes)), []).append(atom)
+    groups: dict[tuple[tuple[Footprint, ...], float], list[int]] = {}
+    for atoms in by_identity.values():
+        _, gap, less = found[atoms[0]]
+        groups.setdefault((gap.shapes, less), []).extend(atoms)
+    alike, end = [], 0
+    for (shapes, less), atoms in groups.items():
+        begin, end = end, end + len(atoms)
+        inner, outer = sum(measures(one).inner for one in shapes), sum(measures(one).outer for one in shapes)
+        alike.append(Alike(shapes, less, less + inner, less + outer, slice(begin, end)))
+    order = [atom for atoms in groups.values() for atom in atoms]
+    args = np.array([found[atom][1].args for atom in order], dtype=np.intp).T
+    within = frozenset(found).union(*(nodes for nodes, _, _ in found.values()))
+    return NearestPairs(args, np.array(order, dtype=np.intp), tuple(alike), others, within)
 
 
 def minimum(
-    group: GapMinimum, rows: Sequence[Any], turn: Callable[[Any], tuple[Any, Any]], values: Sequence[Any]
-) -> Any:
-    """The value of the group's node, given those of the nodes before it."""
-    return reduce(np.minimum, [values[arg] for arg in group.rest], least_gap(group, rows, turn))
+    pairs: NearestPairs,
+    values: Callable[[int], Any],
+    gap: Gap,
+    *,
+    below: float = math.inf,
+    share: float = 1.0,
+    which: npt.NDArray[np.int32] | None = None,
+) -> Array | None:
+    """(B,) the least of the gaps in each scene. `values` gives numbers or arrays (B,) of one dtype for the nodes
+    `places`. Gaps of which none is less than `below` may be left out: then something that is not less, infinity at
+    most. None where more than a `share` of all would be computed. A scene with a number that is infinite or NaN has the
+    value that all its gaps give. The atom of one that is the least is written into `which` (B,), where that is
+    given."""
+    nodes, at = np.unique(pairs.args, return_inverse=True)
+    at = at.reshape(pairs.args.shape)
+    given = [np.asarray(values(int(node))) for node in nodes]
+    count = max(one.size for one in given)
+    table = np.empty((len(nodes), count), next(one.dtype for one in given if one.ndim))
+    for row, one in zip(table, given, strict=True):
+        row[:] = one
+    near = np.empty((len(pairs.atoms), count), dtype=bool)
+    step = max(FEWEST_SCENES, BLOCK // len(near))
+    for start in range(0, count, step):
+        _can_decide(pairs, table[:, start : start + step], at, below, near[:, start : start + step])
+    near |= ~np.isfinite(table.sum(axis=0))
+    if share < 1.0 and np.count_nonzero(near) > share * near.size:
+        return None
+    least = np.full(count, np.inf, table.dtype)
+    flat = table.reshape(-1)
+    for alike in pairs.alike:
+        some = near[alike.pairs]
+        found, many = np.flatnonzero(some), np.count_nonzero(some, axis=1)
+        first = np.arange(len(some)) * count
+        numbers = [flat.take(found + (row * count - first).repeat(many)) for row in at[:, alike.pairs]]
+        value = gap(*alike.shapes, *numbers) - least.dtype.type(alike.less)
+        scene = found - first.repeat(many)
+        before = None if which is None else least.copy()
+        np.minimum.at(least, scene, value)
+        if which is not None and before is not None:
+            new = np.flatnonzero((value == least[scene]) & (value < before[scene]))[::-1]  # the first is written last
+            which[scene[new]] = pairs.atoms[alike.pairs].repeat(many)[new]
+    return least
 
 
-def negative(group: GapMinimum, rows: Floats) -> Floats:
-    """The least of a group's gaps where it is negative, else infinity, of coordinates (3N, B). Gaps of objects that
-    stand farther apart than their outer radii are not computed."""
-    count = rows.shape[1]
-    pairs, scenes = [], []
-    near = (group.outer * np.abs(group.outer))[:, None]
-    for start in range(0, count, BLOCK):
-        places = rows[:, start : start + BLOCK]
-        square, other = (places[group.rows[1, axis]] - places[group.rows[0, axis]] for axis in (0, 1))
-        square *= square
-        other *= other
-        square += other
-        pair, scene = np.nonzero(~(square > near))  # so that NaN is looked at
-        pairs.append(pair)
-        scenes.append(scene + start)
-    pair, scene = np.concatenate(pairs), np.concatenate(scenes)
-    out = np.full(count, math.inf)
-    for alike in group.alike:
-        some = slice(None) if len(group.alike) == 1 else np.isin(pair, alike.pairs)
-        which, where = pair[some], scene[some]
-        poses = [rows[group.rows[side, axis, which], where] for side in (0, 1) for axis in (0, 1, 2)]
-        gaps = PRIMITIVES["gap"].evaluate(NUMPY, *alike.shapes, *poses)
-        np.minimum.at(out, where, gaps - group.less[which])
-    return np.where(out < 0.0, out, math.inf)
+def _can_decide(pairs: NearestPairs, table: Array, at: Index, below: float, near: npt.NDArray[np.bool_]) -> None:
+    """Writes which pairs may have the least gap, or a number that is none, into `near` (P, b)."""
+    square, spare = table[at[3]], table[at[4]]
+    square -= table[at[0]]
+    spare -= table[at[1]]
+    square *= square
+    spare *= spare
+    square += spare
+    highest: Any = below  # no gap is more than the least of these
+    for alike in pairs.alike:
+        highest = np.minimum(highest, np.sqrt(square[alike.pairs].min(axis=0)) - alike.inner)
+    # Rounding: all steps, those of gaps included, together are off by far less than this.
+    room = 64.0 * float(np.finfo(square.dtype).eps)
+    size = max(abs(alike.inner) for alike in pairs.alike) + max(abs(alike.outer) for alike in pairs.alike)
+    for alike in pairs.alike:
+        limit = (highest + alike.outer) * (1.0 + room) + room * size
+        np.greater(square[alike.pairs], limit * np.abs(limit), out=near[alike.pairs])
+    np.logical_not(near, out=near)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The least of many clearances, without computing most of them.
-#
-# `noOverlap()` takes the least clearance of all pairs. A clearance lies between the distance of the two centres less
-# both outer radii and that distance less both inner radii; so in any scene, only pairs whose distance is near the
-# least can decide. Distances cost a tenth of clearances: they are computed for all pairs and scenes, clearances for
-# what is left. The least is the same number, bit for bit.
-
-
-Array = npt.NDArray[Any]
-Shapes = tuple[Footprint, ...]
-FEWEST_PAIRS = 3  # pairs; the distances of fewer cost more than they save
-
-
-@dataclass(frozen=True, slots=True)
-class ConjunctionTerms:
-    """What a conjunction takes the least of: clearances, grouped by the footprints (pairs of nodes (x, y, theta, x, y,
-    theta) for each two shapes), and the arguments `others`. `atoms` are the nodes of the clearances' atoms, one pair
-    after another; `nodes` are the nodes that need no values of their own."""
-
-    groups: tuple[tuple[Shapes, tuple[tuple[int, ...], ...]], ...]
-    others: tuple[int, ...]
-    atoms: tuple[int, ...]
-    nodes: frozenset[int]
-
-    @property
-    def needs(self) -> set[int]:
-        """The nodes whose values the clearances are computed from."""
-        return {arg for _, pairs in self.groups for pair in pairs for arg in pair}
-
-    @property
-    def instead(self) -> tuple[int, ...]:
-        """What the conjunction is computed from, its own arguments being left out."""
-        return (*self.others, *sorted(self.needs))
-
-    @property
-    def count(self) -> int:
-        return sum(len(pairs) for _, pairs in self.groups)
-
-
-def find(core: Core) -> dict[int, ConjunctionTerms]:
-    """The conjunctions of enough clearances, by node. Clearances that are wanted elsewhere, too, are no part of them,
-    nor are those of two circles, which cost no more than a distance."""
-    uses = Counter(child for node in core.nodes for child in children(node))
-    kept = {*core.labels.values(), core.requirement}
-    found = {}
-    for index, node in enumerate(core.nodes):
-        if not isinstance(node, Junction) or node.kind != "min":
-            continue
-        groups: dict[Shapes, dict[int, tuple[int, ...]]] = {}
-        inner: set[int] = set()
-        for arg in node.args:
-            atom = core.nodes[arg]
-            margin = core.nodes[atom.margin] if isinstance(atom, Atom) else None
-            if isinstance(atom, Atom) and isinstance(margin, Apply) and margin.primitive == "gap":
-                alone = uses[arg] == uses[atom.margin] == 1 and not kept & {arg, atom.margin}
-                moves = any(isinstance(core.nodes[one], Coord) for one in margin.args)
-                if alone and moves and not all(isinstance(shape, Circle) for shape in margin.shapes):
-                    groups.setdefault(margin.shapes, {})[arg] = margin.args
-                    inner |= {arg, atom.margin}
-        if len(inner) >= 2 * FEWEST_PAIRS:
-            others = tuple(arg for arg in node.args if arg not in inner)
-            pairs = tuple((key, tuple(of.values())) for key, of in groups.items())
-            atoms = tuple(atom for of in groups.values() for atom in of)
-            found[index] = ConjunctionTerms(pairs, others, atoms, frozenset(inner))
+def every(pairs: NearestPairs, values: Callable[[int], Any], gap: Gap) -> list[Any]:
+    """All the gaps, in the order of `atoms`, less what is taken off."""
+    found = []
+    for alike in pairs.alike:
+        for args in pairs.args[:, alike.pairs].T.tolist():
+            value = gap(*alike.shapes, *map(values, args))
+            found.append(value - alike.less if alike.less else value)
     return found
 
 
-def last_uses_of(core: Core, found: dict[int, ConjunctionTerms]) -> list[list[int]]:
-    """last_uses(core), where the clearances in `found` are computed with their conjunctions."""
-    instead: dict[int, tuple[int, ...]] = {node: () for closest in found.values() for node in closest.nodes}
-    return last_uses(core, instead | {index: closest.instead for index, closest in found.items()})
-
-
-def least(
-    closest: ConjunctionTerms, values: Mapping[int, Any], gap: Callable[..., Array], which: Array | None = None
-) -> Array | None:
-    """(B,) the least of the clearances in each scene. `values` are those of the nodes `needs`, arrays (B,) or () of one
-    dtype; gap(*shapes, *six arrays of any one length) computes clearances. None where most pairs may decide, so that
-    computing all of them is cheaper. The atom of the least one is written into `which` (B,), where that is given."""
-    dtype = next(value.dtype for value in values.values())
-    count = max(value.size for value in values.values())
-    squares = np.empty((closest.count, count), dtype)
-    spare = np.empty(count, dtype)
-    pairs = [(shapes, pair) for shapes, group in closest.groups for pair in group]
-    for square, (_, (ax, ay, _, bx, by, _)) in zip(squares, pairs, strict=True):
-        np.subtract(values[bx], values[ax], out=square)
-        np.subtract(values[by], values[ay], out=spare)
-        np.multiply(square, square, out=square)
-        np.multiply(spare, spare, out=spare)
-        np.add(square, spare, out=square)
-    where = _deciding(closest, squares)
-    if sum(len(scenes) for scenes in where) > squares.size // 2:
-        return None
-    result = np.full(count, np.inf, dtype)
-    first = 0
-    for shapes, group in closest.groups:
-        scenes, atoms = where[first : first + len(group)], closest.atoms[first : first + len(group)]
-        first += len(group)
-        columns = zip(*(_taken(values, pair, some) for pair, some in zip(group, scenes, strict=True)), strict=True)
-        found = gap(*shapes, *map(np.concatenate, columns))
-        start = 0
-        for atom, some in zip(atoms, scenes, strict=True):
-            new, old = found[start : start + len(some)], result[some]
-            result[some] = np.minimum(old, new)
-            if which is not None:
-                which[some[new < old]] = atom
-            start += len(some)
-    return result
-
-
-def _taken(values: Mapping[int, Any], pair: tuple[int, ...], scenes: Array) -> list[Array]:
-    return [values[arg].take(scenes) if values[arg].ndim else np.broadcast_to(values[arg], len(scenes)) for arg in pair]
-
-
-def _deciding(closest: ConjunctionTerms, squares: Array) -> list[Array]:
-    """For every pair, the scenes in which it may have the least clearance, given the squares of the distances."""
-    radii = []
-    for (a, b), _ in closest.groups:
-        of_a, of_b = measures(a), measures(b)
-        radii.append((of_a.inner + of_b.inner, of_a.outer + of_b.outer))
-    rows, first = [], 0
-    for _, group in closest.groups:
-        rows.append(squares[first : first + len(group)])
-        first += len(group)
-    highest: Any = np.inf  # no clearance is more than the least of these
-    for square, (inside, _) in zip(rows, radii, strict=True):
-        highest = np.minimum(highest, np.sqrt(square.min(axis=0)) - inside)
-    # Rounding: all steps, those of clearances included, together are off by far less than this.
-    room = 64.0 * float(np.finfo(squares.dtype).eps)
-    size = sum(max(abs(radius) for radius in column) for column in zip(*radii, strict=True))
-    where: list[Array] = []
-    for square, (_, outside) in zip(rows, radii, strict=True):
-        limit = (highest + outside) * (1.0 + room) + room * size
-        limit *= limit
-        where += [np.flatnonzero(~(row > limit)) for row in square]  # NaN may decide
-    return where
+def with_others(pairs: NearestPairs, least: Any, values: Callable[[int], Any], step: Callable[[Any, Any], Any]) -> Any:
+    """The value of the minimum's node, given that of its gaps and those of the nodes before it."""
+    return reduce(step, map(values, pairs.others), least)

@@ -39,7 +39,7 @@ from scenegen.learn.curriculum.request import PhiRanges, StartRequest, check_opt
 from scenegen.learn.curriculum.spaces import ActionMoves, ObservationEncoder, make_views
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.pose import LENGTHS, NAMES, PLACE, THETA, TWO_PI, along, axis_of, owner, row_of
-from scenegen.sampling.motions.monitor import HIGH, LOW, Watches
+from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
 from scenegen.sampling.motions.problem import MotionProblem
 from scenegen.sampling.motions.scores import TraceScores, make_problem
 from scenegen.sampling.request import SampleRequest
@@ -273,8 +273,8 @@ class MotionStarts:
                 reason = f"`{self._problem.names[thing]}` is outside of its limits"
                 raise refused(NOT_A_FIRST_SCENE(reason=reason))
         assert self.spec.over_time is not None
-        watch = Watches(self.spec.over_time, *self.spec.declared.box(), 1)
-        watch.add(np.array([0]), poses.reshape(-1, 1))
+        watch = BatchMonitor(self.spec.over_time, *self.spec.declared.box(), True, 1)
+        watch.add(poses.reshape(-1, 1))
         if not watch.possible[0]:
             raise refused(NOT_A_FIRST_SCENE(reason="it violates what the spec requires"))
         return poses
@@ -378,7 +378,7 @@ class MotionEpisodes(Episodes):
         self.names = self.labels = self.scenes.labels
         super().__init__(tables)
         timed, (low, high) = rules.timed, self.scenes.declared.box()
-        self._watches = Watches(timed, low, high, tables)
+        self._watches = BatchMonitor(timed, low, high, True, tables)
         self._poses = np.zeros((timed.horizon.moments, len(low), tables))  # from the last moment seen on the same
         self._paid = np.zeros(tables)
         self.phi = np.zeros((len(self.names), tables))
@@ -411,21 +411,21 @@ class MotionEpisodes(Episodes):
             self._poses[..., table], self.phi[:, table], self._paid[table] = row, phi, 0.0
         who = np.array(list(starts), dtype=np.intp)
         self._watches.begin(who)
-        self._watches.add(who, self._poses[0][:, who])
+        self._watches.add(self._poses[0][:, who], who)
 
     def act(self, actions: npt.NDArray[Any], over: Mask) -> StepOutcome:
         who = np.flatnonzero(~over)
         watches, before = self._watches, self._poses[-1][:, who]
         rows = self.moves.after(before, actions[who])
-        watches.add(who, rows)
+        watches.add(rows, who)
         blocked, violated = np.zeros_like(over), np.zeros_like(over)
         bad = ~watches.possible[who]
         if bad.any():
             stay = who[bad]
             blocked[stay] = (rows[:, bad] != before[:, bad]).any(axis=0)
             rows[:, bad] = before[:, bad]
-            watches.back(stay, before[:, bad])
-            watches.add(stay, before[:, bad])
+            watches.back(before[:, bad], stay)
+            watches.add(before[:, bad], stay)
             violated[stay] = ~watches.possible[stay]
         for k, moment in enumerate((watches.seen[who] - 1).tolist()):
             self._poses[moment:, :, who[k]] = rows[:, k]

@@ -23,6 +23,7 @@ from torch import Tensor
 from scenegen.lang.formula.core import REQUIRE, Apply, gated, part_of
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.layout import depends_on
+from scenegen.learn.refine import bounded, newton
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import Slopes
 from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owner, row_of
@@ -309,7 +310,7 @@ class Correction:
                 some.index_select(-1, on) for some in (active, here, target, tolerance, atoms, gap[kept], far[kept])
             )
             slopes = [phi.gradient(here, atoms[heads[place]], far[k]) for k, place in enumerate(kept)]
-            shift = newton(torch.stack(slopes) * self._scale, gap, far)
+            shift = _newton(torch.stack(slopes) * self._scale, gap, far)
             moved = here + self._scale * shift
             here = torch.minimum(torch.maximum(moved, self._low), self._high)
             turned = torch.remainder(moved[TURNS], TWO_PI)
@@ -330,18 +331,10 @@ def _on_cpu(generator: torch.Generator) -> torch.Generator:
     return torch.Generator().manual_seed(int(seed))
 
 
-def newton(jacobian: Tensor, gap: Tensor, far: Tensor) -> Tensor:
+def _newton(jacobian: Tensor, gap: Tensor, far: Tensor) -> Tensor:
     """The shortest steps (3N, B) that close the gaps (K, B) to first order where they are `far`, given the slopes
-    (K, 3N, B); no coordinate further than LONGEST."""
-    if len(gap) == 1:
-        square = jacobian[0].square().sum(0).clamp_min(1e-12)
-        step = jacobian[0] * (gap[0] * far[0] / square)
-    else:
-        jacobian = jacobian * far[:, None]
-        gap = gap * far
-        gram = torch.einsum("kdb,ldb->bkl", jacobian, jacobian)
-        least = 1e-4 * gram.diagonal(dim1=1, dim2=2).amax(1).clamp_min(1e-8)
-        gram = gram + torch.diag_embed((~far).T.to(gram) + least[:, None])
-        weights = torch.linalg.solve(gram, gap.T[:, :, None])[:, :, 0]
-        step = torch.einsum("kdb,bk->db", jacobian, weights)
-    return step * (LONGEST / step.abs().amax(0).clamp_min(1e-12)).clamp_max(1.0)
+    (K, 3N, B)."""
+    if len(gap) > 1:
+        return newton(jacobian * far[:, None], gap * far, 1e-4, LONGEST, 1e-8)
+    square = jacobian[0].square().sum(0).clamp_min(1e-12)
+    return bounded(jacobian[0] * (gap[0] * far[0] / square), LONGEST)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import Any, cast
 
@@ -21,7 +22,7 @@ from scenegen.geometry.namespace import Turning
 from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction, last_uses, part_of
 from scenegen.lang.formula.headings import bare_rows
 from scenegen.lang.formula.interpret import Numbers, fold
-from scenegen.lang.formula.nearest import ConjunctionTerms, find, last_uses_of, least
+from scenegen.lang.formula.nearest import GapMinima, NearestPairs, every, find_groups, minimum, with_others
 from scenegen.pose import AXES, NAMES, SIZE, THETA, TWO_PI, axis_of, owner, row_count, row_of
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -135,23 +136,27 @@ class _Junction(torch.autograd.Function):
         return tangent
 
 
+FEWEST_PAIRS = 3  # the distances of fewer cost more than they save
+NO_MINIMA = GapMinima(MappingProxyType({}), frozenset())
+
+
 def run(
     core: Core,
     dead: list[list[int]],
     coordinate: Callable[[int], Any],
     constant: Callable[[float], Any],
     beta: float | None = None,
-    closest: Mapping[int, ConjunctionTerms] = MappingProxyType({}),
+    minima: GapMinima = NO_MINIMA,
 ) -> list[Any]:
     """phi of every label: tensors (B,), or () where no coordinate decides.
 
-    `dead` is last_uses(core) or, with `closest`, last_uses_of(core, closest): each intermediate is freed after its last
-    use. coordinate(row) is the row (B,) of the storage, constant(value) a tensor () of its dtype: torch.minimum and its
-    kin take no floats. Each heading goes through `turn` once. Of the clearances in `closest`, only those that may
+    `dead` is last_uses(core) or, with `minima`, minima.last_uses(core): each intermediate is freed after its last use.
+    coordinate(row) is the row (B,) of the storage, constant(value) a tensor () of its dtype: torch.minimum and its
+    kin take no floats. Each heading goes through `turn` once. Of the gaps in `minima`, only those that may
     decide are computed, which takes plain tensors on the CPU without gradients.
     """
     values: list[Any] = []
-    algebra = _Tensors(coordinate, constant, beta, closest, values)
+    algebra = _Tensors(coordinate, constant, beta, minima, values)
     fold(core.nodes, algebra, dead=dead, free=algebra.drop, values=values)
     return [values[node] for node in core.labels.values()]
 
@@ -164,15 +169,14 @@ class _Tensors(Numbers):
         coordinate: Callable[[int], Any],
         constant: Callable[[float], Any],
         beta: float | None,
-        closest: Mapping[int, ConjunctionTerms],
+        minima: GapMinima,
         values: list[Any],
     ) -> None:
         self._turning = Turning(TORCH)
         super().__init__(cast(Namespace, self._turning), ())
         self._coordinate, self._constant, self._beta = coordinate, constant, beta
-        self._closest, self._values = closest, values
+        self._minima, self._values = minima, values
         self.drop = self._turning.drop
-        self._left_out = {node for some in closest.values() for node in some.nodes}
 
     def constant(self, index: int, node: Const) -> Any:
         return self._constant(node.value)
@@ -184,38 +188,41 @@ class _Tensors(Numbers):
         return value
 
     def apply(self, index: int, node: Apply, args: list[Any]) -> Any:
-        if index in self._left_out:
+        if index in self._minima.skipped:
             return None
         return PRIMITIVES[node.primitive].evaluate(self.namespace, *node.shapes, *args)
 
     def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
-        if index in self._closest:
-            return _least(self._closest[index], self._values, self.namespace)
-        return _junction(node.kind, args, self._beta)
+        pairs = self._minima.by_node.get(index)
+        if pairs is None:
+            return _junction(node.kind, args, self._beta)
+        values = self._values.__getitem__
+        least = nearest(pairs, values)
+        if least is None:
+            least = functools.reduce(torch.minimum, every(pairs, values, partial(GAP, self.namespace)))
+        return with_others(pairs, least, values, torch.minimum)
 
 
-def _least(closest: ConjunctionTerms, values: list[Any], namespace: Namespace) -> Tensor:
-    """The conjunction of clearances and whatever else is in it."""
-    needed = {arg: values[arg].detach().numpy() for arg in closest.needs}
-    gap = PRIMITIVES["gap"].evaluate
+GAP = PRIMITIVES["gap"].evaluate
+SHARE = 0.5  # of the gaps of a minimum: where more may decide, computing all, with each heading turned once, is cheaper
+
+
+def nearest(pairs: NearestPairs, values: Callable[[int], Tensor], which: Tensor | None = None) -> Tensor | None:
+    """(B,) the least of gaps; None where it is better to compute all. The atom of one that is it is written into
+    `which`, (B,) int32, where that is given. Without gradients, on the CPU."""
 
     def of_arrays(a: Footprint, b: Footprint, *numbers: Any) -> Any:
-        return gap(TORCH, a, b, *map(torch.from_numpy, numbers)).numpy()
+        return GAP(TORCH, a, b, *map(torch.from_numpy, numbers)).numpy()
 
-    found = least(closest, needed, of_arrays)
-    value: Tensor
-    if found is None:
-        every = (
-            gap(namespace, *shapes, *(values[arg] for arg in pair))
-            for shapes, pairs in closest.groups
-            for pair in pairs
-        )
-        value = functools.reduce(torch.minimum, every)
-    else:
-        value = torch.from_numpy(found)
-    for arg in closest.others:
-        value = torch.minimum(value, values[arg])
-    return value
+    atoms = None if which is None else which.numpy()
+    found = minimum(pairs, lambda node: values(node).detach().numpy(), of_arrays, share=SHARE, which=atoms)
+    return None if found is None else torch.from_numpy(found)
+
+
+def minima_of(core: Core) -> GapMinima:
+    """The minima of gaps, to regions, too, of which tensors leave out what cannot decide."""
+    needed = [*core.labels.values(), *(() if core.requirement is None else (core.requirement,))]
+    return find_groups(core, needed, FEWEST_PAIRS, 1, fixed=True)
 
 
 def most_alive(dead: list[list[int]]) -> int:
@@ -311,11 +318,11 @@ class Robustness:
         self.objects = core.objects
         self._scored = part_of(core, self.labels)  # requirements are no part of phi
         self._dead = last_uses(self._scored)
-        self._closest = find(self._scored)
-        self._dead_closest = last_uses_of(self._scored, self._closest)
+        self._minima = minima_of(self._scored)
+        self._dead_nearest = self._minima.last_uses(self._scored)
         self._bare = bare_rows(self._scored)
-        pairs = max((closest.count for closest in self._closest.values()), default=0)
-        self._most = max(256, LIVE // (pairs + max(most_alive(self._dead), most_alive(self._dead_closest))))
+        pairs = max((len(one.atoms) for one in self._minima.by_node.values()), default=0)
+        self._most = max(256, LIVE // (pairs + max(most_alive(self._dead), most_alive(self._dead_nearest))))
         self._chunk = min(CHUNK, self._most)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -398,8 +405,8 @@ class Robustness:
         """phi of every label, each (B,); `plainly`, without gradients of any kind, on the CPU."""
         batch = rows.shape[1]
         coordinate = coordinates(rows.__getitem__, self._bare)
-        if plainly and self._closest:
-            values = run(self._scored, self._dead_closest, coordinate, rows.new_tensor, closest=self._closest)
+        if plainly and self._minima.by_node:
+            values = run(self._scored, self._dead_nearest, coordinate, rows.new_tensor, minima=self._minima)
         else:
             values = run(self._scored, self._dead, coordinate, rows.new_tensor, beta)
         return [value.expand(batch) for value in values]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, cast
+from functools import partial
+from typing import cast
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -17,8 +16,8 @@ from scenegen.geometry.namespace import Turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, last_uses, part_of
 from scenegen.lang.formula.headings import bare_rows
 from scenegen.lang.formula.interpret import Algebra, fold
-from scenegen.lang.formula.nearest import ConjunctionTerms, find, last_uses_of, least
-from scenegen.learn.robustness.compile import TORCH, coordinates, run
+from scenegen.lang.formula.nearest import GapMinima, every
+from scenegen.learn.robustness.compile import GAP, NO_MINIMA, TORCH, coordinates, minima_of, nearest, run
 from scenegen.pose import SIZE, THETA
 
 _CHUNK = 32_768
@@ -42,13 +41,13 @@ def decided(
     dead: list[list[int]],
     coordinate: Callable[[int], Tensor],
     rows: Tensor,
-    closest: Mapping[int, ConjunctionTerms] = MappingProxyType({}),
+    minima: GapMinima = NO_MINIMA,
 ) -> tuple[Tensor, Tensor]:
     """phi (L, B) of storage (3N, B), and the node of the atom that decides it, (L, B) int32. coordinate(row) is a row
-    of the storage. Of the clearances in `closest`, only those that may decide are computed, on the CPU; `dead` is as
+    of the storage. Of the gaps in `minima`, only those that may decide are computed, on the CPU; `dead` is as
     in scenegen.learn.robustness.compile. Which of several atoms decides is then open."""
     values: list[_Value] = []
-    algebra = _ActiveAtoms(coordinate, rows, closest, values)
+    algebra = _ActiveAtoms(coordinate, rows, minima, values)
     fold(core.nodes, algebra, dead=dead, free=algebra.free, values=values)
     found = [values[node] for node in core.labels.values()]
     phi, atoms = ([value.expand(rows.shape[1]) for value in each] for each in zip(*found, strict=True))
@@ -66,12 +65,11 @@ class _ActiveAtoms(Algebra[_Value]):
         self,
         coordinate: Callable[[int], Tensor],
         rows: Tensor,
-        closest: Mapping[int, ConjunctionTerms],
+        minima: GapMinima,
         values: list[_Value],
     ) -> None:
-        self._coordinate, self._rows, self._closest, self._values = coordinate, rows, closest, values
+        self._coordinate, self._rows, self._minima, self._values = coordinate, rows, minima, values
         self._turning = Turning(TORCH)  # each heading is turned once
-        self._left_out = {node for some in closest.values() for node in some.nodes}
         self._none = torch.tensor(-1, dtype=torch.int32, device=rows.device)
 
     def free(self, value: _Value) -> None:
@@ -87,7 +85,7 @@ class _ActiveAtoms(Algebra[_Value]):
         return value, self._none
 
     def apply(self, index: int, node: Apply, args: list[_Value]) -> _Value:
-        if index in self._left_out:
+        if index in self._minima.skipped:
             return self._none, self._none
         numbers = [number for number, _ in args]
         return PRIMITIVES[node.primitive].evaluate(cast(Namespace, self._turning), *node.shapes, *numbers), self._none
@@ -96,31 +94,22 @@ class _ActiveAtoms(Algebra[_Value]):
         return margin[0], torch.tensor(index, dtype=torch.int32, device=self._rows.device)
 
     def junction(self, index: int, node: Junction, args: list[_Value]) -> _Value:
-        if index in self._closest:
-            closest = self._closest[index]
-            args = [*self._least(closest), *(self._values[arg] for arg in closest.others)]
+        pairs = self._minima.by_node.get(index)
+        if pairs is not None:
+
+            def number(place: int) -> Tensor:
+                return self._values[place][0]
+
+            which = torch.full((self._rows.shape[1],), int(pairs.atoms[0]), dtype=torch.int32)
+            least = nearest(pairs, number, which)
+            gaps = [least] if least is not None else every(pairs, number, partial(GAP, self._turning))
+            atoms = [which] if least is not None else torch.from_numpy(pairs.atoms).to(torch.int32)
+            args = [*zip(gaps, atoms, strict=True), *(self._values[arg] for arg in pairs.others)]
         (value, winner), *others = args
         for other, its in others:
             better = other < value if node.kind == "min" else other > value
             value, winner = torch.where(better, other, value), torch.where(better, its, winner)
         return value, winner
-
-    def _least(self, closest: ConjunctionTerms) -> list[_Value]:
-        """The least clearance with its atom, or all of them."""
-        of, gap = self._values, PRIMITIVES["gap"].evaluate
-
-        def of_arrays(a: Footprint, b: Footprint, *numbers: Any) -> Any:
-            return gap(TORCH, a, b, *map(torch.from_numpy, numbers)).numpy()
-
-        which = np.full(self._rows.shape[1], closest.atoms[0], np.int32)
-        found = least(closest, {arg: of[arg][0].numpy() for arg in closest.needs}, of_arrays, which)
-        if found is not None:
-            return [(torch.from_numpy(found), torch.from_numpy(which))]
-        pairs = [(shapes, pair) for shapes, group in closest.groups for pair in group]
-        return [
-            (gap(self._turning, *shapes, *(of[arg][0] for arg in pair)), self._none.new_tensor(atom))
-            for (shapes, pair), atom in zip(pairs, closest.atoms, strict=True)
-        ]
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -137,15 +126,15 @@ class Slopes:
 
     def __init__(self, core: Core) -> None:
         self._core = part_of(core, tuple(core.labels))
-        self._closest = find(self._core)
-        self._dead = last_uses_of(self._core, self._closest)
+        self._minima = minima_of(self._core)
+        self._dead = self._minima.last_uses(self._core)
         self._bare = bare_rows(self._core)
         self._forms: dict[tuple[Node, ...], _Form] = {}
         self._pieces: dict[int, _MarginForm] = {}
 
     def __call__(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """(3N, B) storage -> phi (L, B), and the node of the atom that decides it, (L, B) int32."""
-        return decided(self._core, self._dead, coordinates(rows.__getitem__, self._bare), rows, self._closest)
+        return decided(self._core, self._dead, coordinates(rows.__getitem__, self._bare), rows, self._minima)
 
     def gradient(self, rows: Tensor, atoms: Tensor, where: Tensor) -> Tensor:
         """The gradients (3N, B) of the margins of atoms (B,), as a call names them, in scenes (3N, B), as far as they

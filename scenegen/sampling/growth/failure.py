@@ -15,9 +15,8 @@ from scenegen.errors import Diagnostic, RequestError, Span, quoted
 from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW, TABLE_TOO_FULL
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, corners, measures, standing_area
-from scenegen.lang.spec import options_of
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction
-from scenegen.lang.spec import CheckedSpec, Support
+from scenegen.lang.spec import CheckedSpec, Support, options_of
 from scenegen.pose import FLAT, PLACE, X, row_of
 from scenegen.sampling.growth.graph import Graph, offset_of, ways_of
 from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine

@@ -24,7 +24,19 @@ import numpy.typing as npt
 
 from scenegen.geometry import PRIMITIVES, Footprint
 from scenegen.geometry.footprint import POINT, Circle
-from scenegen.lang.formula.core import REQUIRE, Apply, Atom, Const, Coord, Core, Junction, Node, children, moved
+from scenegen.lang.formula.core import (
+    REQUIRE,
+    Apply,
+    Atom,
+    Const,
+    Coord,
+    Core,
+    Junction,
+    Node,
+    children,
+    moved,
+    restricted,
+)
 from scenegen.pose import FLAT, PLACE, X, owner, row_of, rows_of
 from scenegen.sampling.problem import Problem
 from scenegen.search.contract import EVERYTHING, ROUNDS, Ends, both, contract, push_down, start
@@ -400,8 +412,9 @@ class _Builder:
         shape = (len(problem.lowest), len(ways))
         box = [np.broadcast_to(ends[:, None], shape) for ends in (problem.lowest, problem.highest)]
         lo, hi = start(problem.tape, wanted, *box)
-        nodes, number = problem.tape.restrict([problem.tape.where[node] for ends in wanted for node in ends])
-        old = sorted(number, key=lambda index: number[index])
+        tape = problem.tape
+        nodes, number = restricted(tape.nodes, [tape.where[node] for ends in wanted for node in ends])
+        old = list(number)
         alive = contract(nodes, lo[old], hi[old], self._rounds, effort=self._effort)
         return [way for way, possible in zip(ways, alive, strict=True) if possible]
 
@@ -413,8 +426,8 @@ class _Builder:
         highest = np.repeat(problem.highest[:, None], count, axis=1)
         wanted = [{one.node: (float(one.low[cell]), float(one.high[cell])) for one in clauses} for cell in range(count)]
         lo, hi = start(tape, wanted, lowest, highest)
-        nodes, number = tape.restrict([*(tape.where[one.node] for one in clauses), *tape.rows.values()])
-        old = sorted(number, key=lambda index: number[index])
+        nodes, number = restricted(tape.nodes, [*(tape.where[one.node] for one in clauses), *tape.rows.values()])
+        old = list(number)
         lo, hi = lo[old], hi[old]
         alive = contract(nodes, lo, hi, self._rounds, effort=self._effort)
         for row, node in tape.rows.items():

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from scenegen.geometry import NUMPY, PRIMITIVES, Footprint
 from scenegen.geometry.footprint import Box, Circle, Polygon, corners, edges, measures
-from scenegen.lang.formula.core import Coord, Core, Node, children, moved
+from scenegen.lang.formula.core import Coord, Core, Node, restricted
 from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.pose import FLAT, along
 from scenegen.sampling.growth.graph import Clause, Graph, Pair
@@ -127,15 +127,7 @@ class Values:
 
 def make_values(core: Core, wanted: Sequence[int]) -> Values:
     """The evaluator of some nodes of a core."""
-    needed: set[int] = set()
-    waiting = list(wanted)
-    while waiting:
-        index = waiting.pop()
-        if index not in needed:
-            needed.add(index)
-            waiting.extend(children(core.nodes[index]))
-    place = {old: new for new, old in enumerate(sorted(needed))}
-    steps = tuple(moved(core.nodes[old], place) for old in place)
+    steps, place = restricted(core.nodes, wanted)
     rows = tuple(sorted({node.row for node in steps if isinstance(node, Coord)}))
     return Values(steps, tuple(place[node] for node in wanted), rows)
 

@@ -17,10 +17,11 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.headings import bare_rows
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.formula.timed import Numpy, Timed, over_time
-from scenegen.pose import TWO_PI, as_rows, is_angle, owner
+from scenegen.pose import TWO_PI, is_angle, owner
 from scenegen.sampling.motions.bounds import step_bounds
 from scenegen.search import label_bounds
 from scenegen.search.effort import Effort
+from scenegen.search.tape import BatchedTape, make_batches
 
 # --------------------------------------------------------------------------------------------------------------------
 # Where objects can be some steps from now, and bounds of the state's formulas there.
@@ -37,12 +38,14 @@ class MotionLimits:
     lowest: Array
     highest: Array
     _steps: Array = field(init=False)  # (3N,): how far a step goes
+    _batches: BatchedTape = field(init=False)
 
     def __post_init__(self) -> None:
         away, turn = step_bounds(self.timed)
         rows = range(len(self.lowest))
         steps = np.array([turn[owner(row)] if is_angle(row) else away[owner(row)] for row in rows])
         object.__setattr__(self, "_steps", steps)
+        object.__setattr__(self, "_batches", make_batches(self.timed.state.nodes))
 
     def boxes(self, now: Array, steps: Array) -> tuple[Array, Array]:
         """Where coordinates `now` (3N, ...) can be after so many steps (...), which broadcast: within the limits and
@@ -70,20 +73,13 @@ class MotionLimits:
             low = np.concatenate([low, low if before_low is None else before_low])
             high = np.concatenate([high, high if before_high is None else before_high])
         with np.errstate(over="ignore", invalid="ignore"):
-            return label_bounds(self.timed.state, low, high, Effort())
+            return label_bounds(self.timed.state, low, high, Effort(), self._batches)
 
 
 LOW, HIGH = 0, 1
+EVERY = slice(None)
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MonitorSnapshot:
-    """What a BatchMonitor knew after so many moments."""
-
-    seen: int
-    signals: Array
-    before: Array
-    values: list[Array]
+Places = npt.NDArray[np.intp]
 
 
 def state_values(timed: Timed, state: Array) -> Array:
@@ -99,97 +95,17 @@ def state_values(timed: Timed, state: Array) -> Array:
 
 @dataclass(slots=True)
 class BatchMonitor:
-    """B motions side by side, moment by moment. `lowest` and `highest` (3N,) are the limits of poses; with `reach`
-    later poses are also within the steps that the requirement allows."""
+    """B motions side by side, each at a moment of its own. `lowest` and `highest` (3N,) are the limits of poses; with
+    `reach` later poses are also within the steps that the requirement allows."""
 
     timed: Timed
     lowest: Array
     highest: Array
     reach: bool
     count: int
-    seen: int = 0
-    _signals: Array = field(init=False)  # (S, 2, B, T + 1)
-    _before: Array = field(init=False)  # (3N, B)
-    _reach: MotionLimits = field(init=False)
-    _values: list[Array] = field(init=False)  # of every node over time, (2, B, T + 1)
-
-    def __post_init__(self) -> None:
-        timed, moments = self.timed, self.timed.horizon.moments
-        self._reach = MotionLimits(timed, self.lowest, self.highest)
-        far = np.stack(self._reach.bounds(self.lowest[:, None], self.highest[:, None]), axis=1)  # (S, 2, 1)
-        self._signals = np.broadcast_to(far[..., None], (len(far), 2, self.count, moments)).copy()
-
-    def add(self, poses: Array) -> tuple[dict[str, Array], Array | None]:
-        """The next moment, (B, N, 3). By label the least and the largest phi that the motions can still have, (2, B),
-        and of the least margin of the requirement; None where nothing is required."""
-        rows = as_rows(poses)
-        before = self._before if self.seen else rows
-        state = np.concatenate([rows, before]) if self.timed.steps else rows
-        self._signals[..., self.seen] = state_values(self.timed, state)[:, None]
-        self._before, self.seen = rows.copy(), self.seen + 1
-        self._look_ahead()
-        return self._outlook()
-
-    def bounds(self, nodes: Sequence[int]) -> Array:
-        """The least and the largest value that nodes of the spec can still have at moment 0, (K, 2, B)."""
-        return np.stack([self._values[node][..., 0] for node in nodes])
-
-    def mark(self) -> MonitorSnapshot:
-        """Where the monitor stands, for `back`."""
-        return MonitorSnapshot(self.seen, self._signals.copy(), self._before.copy(), list(self._values))
-
-    def back(self, mark: MonitorSnapshot) -> None:
-        """Forget what was seen since."""
-        self.seen, self._signals, self._before, self._values = mark.seen, mark.signals, mark.before, mark.values
-
-    def _look_ahead(self) -> None:
-        """Bounds of the state's formulas at later moments: of the next one, which knows where objects were; with
-        `reach` of all."""
-        left = self._signals.shape[-1] - self.seen
-        if not left or not (self.reach or self.timed.steps):
-            return
-        many = left if self.reach else 1
-        low, high = self._reach.boxes(self._before[..., None], np.arange(many + 1.0))  # (3N, B, many + 1)
-        if not self.reach:
-            low[..., 1:], high[..., 1:] = self.lowest[:, None, None], self.highest[:, None, None]
-        shape = (len(low), -1)
-        ends = self._reach.bounds(
-            low[..., 1:].reshape(shape), high[..., 1:].reshape(shape), low[..., :-1].reshape(shape),
-            high[..., :-1].reshape(shape),
-        )  # fmt: skip
-        ahead = self._signals[..., self.seen : self.seen + many]
-        for end, value in zip((LOW, HIGH), ends, strict=True):
-            ahead[:, end] = value.reshape(len(ahead), self.count, many)
-
-    def _outlook(self) -> tuple[dict[str, Array], Array | None]:
-        def everywhere(value: float) -> Array:
-            return np.full(self._signals.shape[1:], value)
-
-        timed = self.timed
-        values = over_time(Numpy(), timed, list(self._signals), everywhere)
-        self._values = values
-        phi = {name: values[node][..., 0] for name, node in timed.labels.items()}
-        return phi, None if timed.requirement is None else values[timed.requirement].min(axis=-1)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What phi can still become of many motions at once, each of which is at a moment of its own.
-
-
-Places = npt.NDArray[np.intp]
-
-
-@dataclass(slots=True)
-class Watches:
-    """B motions, with the bounds that a `BatchMonitor` with `reach` has of each, to the last bit. `lowest` and
-    `highest` (3N,) are the limits of poses."""
-
-    timed: Timed
-    lowest: Array
-    highest: Array
-    count: int
     seen: Places = field(init=False)  # (B,): moments of each motion
-    possible: npt.NDArray[np.bool_] = field(init=False)  # (B,): whether the requirement can still hold
+    required: Array = field(init=False)  # (2, B): what the requirement's least margin can be; infinity without one
+    _far: Array = field(init=False)  # (S, 2, 1, 1): bounds of the state's formulas anywhere
     _signals: Array = field(init=False)  # (S, 2, B, T + 1)
     _before: Array = field(init=False)  # (3N, B)
     _ends: Array = field(init=False)  # of every node over time, at moment 0: (K, 2, B)
@@ -197,23 +113,37 @@ class Watches:
 
     def __post_init__(self) -> None:
         timed, count = self.timed, self.count
-        self.seen, self.possible = np.zeros(count, dtype=np.intp), np.ones(count, dtype=np.bool_)
         self._reach = MotionLimits(timed, self.lowest, self.highest)
-        self._signals = np.zeros((len(timed.state.labels), 2, count, timed.horizon.moments))
+        self.seen, self.required = np.zeros(count, dtype=np.intp), np.full((2, count), np.inf)
+        far = np.stack(self._reach.bounds(self.lowest[:, None], self.highest[:, None]), axis=1)
+        self._far = far[..., None]
+        self._signals = np.broadcast_to(self._far, (len(far), 2, count, timed.horizon.moments)).copy()
         self._before = np.zeros((len(self.lowest), count))
         self._ends = np.zeros((len(timed.nodes), 2, count))
+
+    @property
+    def possible(self) -> npt.NDArray[np.bool_]:
+        """Whether the requirement can still hold, (B,)."""
+        return np.asarray(self.required[HIGH] >= 0.0)
+
+    @property
+    def phi(self) -> dict[str, Array]:
+        """By label the least and the largest phi that the motions can still have, (2, B)."""
+        return {name: self._ends[node] for name, node in self.timed.labels.items()}
 
     def begin(self, who: Places) -> None:
         """New motions, of which nothing is seen."""
         self.seen[who] = 0
+        self._signals[:, :, who] = self._far
 
-    def back(self, who: Places, before: Array) -> None:
-        """Forget the last moment of motions, before which they were at `before`, (3N, K)."""
+    def back(self, before: Array, who: Places | slice = EVERY) -> None:
+        """Forget the last moment of motions, before which they were at `before`, (3N, K); another one follows."""
         self.seen[who] -= 1
         self._before[:, who] = before
 
-    def add(self, who: Places, rows: Array) -> None:
+    def add(self, rows: Array, who: Places | slice = EVERY) -> None:
         """The next moment of K motions, (3N, K)."""
+        who = np.arange(self.count)[who]
         seen = self.seen[who]
         before = np.where(seen > 0, self._before[:, who], rows)
         state = np.concatenate([rows, before]) if self.timed.steps else rows
@@ -229,21 +159,27 @@ class Watches:
         values = over_time(Numpy(), self.timed, list(part), everywhere)
         self._ends[:, :, who] = np.stack([value[..., 0] for value in values])
         if self.timed.requirement is not None:
-            self.possible[who] = values[self.timed.requirement][HIGH].min(axis=-1) >= 0.0
+            self.required[:, who] = values[self.timed.requirement].min(axis=-1)
 
     def bounds(self, nodes: Sequence[int]) -> Array:
         """The least and the largest value that nodes of the spec can still have at moment 0, (K, 2, B)."""
         return self._ends[list(nodes)]
 
     def _look_ahead(self, who: Places, now: Array, seen: Places) -> None:
-        """Bounds of the state's formulas at all later moments, of all motions together."""
-        which, moment = np.nonzero(np.arange(self._signals.shape[-1]) >= seen[:, None])
+        """Bounds of the state's formulas at later moments, of all motions together: of the next one, which knows where
+        objects were; with `reach` of all."""
+        if not (self.reach or self.timed.steps):
+            return
+        last = self._signals.shape[-1] if self.reach else np.minimum(seen[:, None] + 1, self._signals.shape[-1])
+        moments = np.arange(self._signals.shape[-1])
+        which, moment = np.nonzero((moments >= seen[:, None]) & (moments < last))
         if not len(which):
             return
-        steps = (moment - seen[which] + 1).astype(float)
-        boxes = [self._reach.boxes(now[:, which], steps)]
-        if self.timed.steps:
-            boxes.append(self._reach.boxes(now[:, which], steps - 1.0))
-        ends = self._reach.bounds(*(end for box in boxes for end in box))
-        for end, value in zip((LOW, HIGH), ends, strict=True):
+        here, steps = now[:, which], (moment - seen[which] + 1).astype(float)
+        if self.reach:
+            low, high = self._reach.boxes(here, steps)
+        else:
+            low, high = (np.repeat(end[:, None], len(which), axis=1) for end in (self.lowest, self.highest))
+        before = self._reach.boxes(here, steps - 1.0) if self.timed.steps else ()
+        for end, value in zip((LOW, HIGH), self._reach.bounds(low, high, *before), strict=True):
             self._signals[:, end, who[which], moment] = value

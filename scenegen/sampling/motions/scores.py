@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy.typing as npt
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.errors.time import NO_BOUND_ON_STEPS
-from scenegen.geometry import NUMPY, Namespace
+from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import (
     BoundedUntil,
@@ -32,7 +33,7 @@ from scenegen.lang.formula.core import (
 from scenegen.lang.formula.headings import bare_rows
 from scenegen.lang.formula.interpret import Numbers, PrunedNumbers, fold
 from scenegen.lang.formula.interpret import phi as evaluate
-from scenegen.lang.formula.nearest import GapMinima, find_groups, negative
+from scenegen.lang.formula.nearest import GapMinima, NearestPairs, find_groups, minimum
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimeNode, over_time
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, along, row_of, rows_of
@@ -167,21 +168,11 @@ FEW, EACH = 2, 1  # gaps of a minimum, and for each pair of shapes: few states h
 
 
 class _Signs(PrunedNumbers):
-    """Minima of gaps have their values where they are negative; else they are merely not. `table` has the rows."""
+    """Minima of gaps have their values where they are negative; else they are merely not."""
 
-    def __init__(
-        self, namespace: Namespace, rows: Sequence[Any], groups: GapMinima, values: list[Any], table: Array
-    ) -> None:
-        super().__init__(namespace, rows, groups, values)
-        self.table = table
-
-    def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
-        group = self.groups.by_node.get(index)
-        if group is None or index in self.groups.skipped:
-            return super().junction(index, node, args)
-        least = negative(group, self.table)
-        for arg in group.rest:
-            least = np.minimum(least, self.values[arg])
+    def least(self, pairs: NearestPairs) -> Any:
+        least = minimum(pairs, self.values.__getitem__, partial(PRIMITIVES["gap"].evaluate, NUMPY), below=0.0)
+        assert least is not None
         return least
 
 
@@ -210,7 +201,7 @@ class _StateFormulas:
         groups = self.signs if signs else self.groups
         algebra: Numbers = Numbers(namespace, rows)
         if signs:
-            algebra = _Signs(namespace, rows, groups, values, table)
+            algebra = _Signs(namespace, rows, groups, values)
         elif groups.skipped:
             algebra = PrunedNumbers(namespace, rows, groups, values)
         fold(self.core.nodes, algebra, values=values)

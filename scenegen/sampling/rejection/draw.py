@@ -163,13 +163,13 @@ class _Costs:
             if index not in found:
                 found.add(index)
                 group = self.groups.get(index)
-                waiting += children(self.core.nodes[index]) if group is None else group.rest
+                waiting += children(self.core.nodes[index]) if group is None else group.others
         return found
 
     def of(self, tops: Sequence[int], known: set[int]) -> float:
         """Of nodes and of what they need, but for what is known."""
         wanted = self.needs(tops) - known
-        bounds = sum(BOUND * len(self.groups[index].less) + GAPS for index in wanted if index in self.groups)
+        bounds = sum(BOUND * len(self.groups[index].atoms) + GAPS for index in wanted if index in self.groups)
         return bounds + per_scene(self.core.nodes[index] for index in wanted if index not in self.groups)[0]
 
 

@@ -19,7 +19,7 @@ from scenegen.api.scenes import evaluate as score
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
-from scenegen.geometry.attitude import upright
+from scenegen.geometry.workspace import upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import as_poses, row_count, rows_of

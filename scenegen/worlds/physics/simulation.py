@@ -18,7 +18,7 @@ import numpy as np
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_A_SCENE, UNKNOWN_CHOICE
-from scenegen.geometry.attitude import Floats, standing, turn_between
+from scenegen.geometry.workspace import Floats, standing, turn_between
 from scenegen.needs import need
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores

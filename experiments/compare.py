@@ -26,7 +26,7 @@ from scenegen.errors import RequestError
 from scenegen.learn.evaluation.fidelity import fidelity
 from scenegen.learn.evaluation.metrics import training_distances
 from scenegen.learn.model import Model
-from scenegen.learn.models.layout import depends_on
+from scenegen.learn.models.card import depends_on
 from scenegen.pose import row_count
 from scenegen.processes.pool import one_thread
 

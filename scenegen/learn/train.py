@@ -18,7 +18,7 @@ from scenegen.validation import as_path, as_seconds
 
 if TYPE_CHECKING:
     from scenegen.api.request import Phi
-    from scenegen.learn.training.validate import EpochReport
+    from scenegen.learn.training.session import EpochReport
 
 
 def train(
@@ -63,8 +63,7 @@ def train(
     gathered.
     """
     from scenegen.api.feasibility import refuse_infeasible
-    from scenegen.learn.training.config import make_config
-    from scenegen.learn.training.datasets.registry import is_file
+    from scenegen.learn.training.config import is_file, make_config
 
     check_spec(spec)
     path = as_path("out", out)

@@ -7,8 +7,8 @@ import pytest
 
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
-from scenegen.learn.training.datasets import balanced
-from scenegen.learn.training.datasets.gathering import Gathering
+from scenegen.learn.training import balanced
+from scenegen.learn.training.gathering import Gathering
 from scenegen.sampling import rarity_grown
 from scenegen.sampling.rarity import RequirementUnmet
 

@@ -22,7 +22,6 @@ from scenegen.errors.learning import MOTIONS_OF_ANOTHER_SPEC, NO_MOTION_IN_FILE,
 from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_RANGE, WRONG_VALUE
 from scenegen.errors.time import NOT_OVER_TIME
 from scenegen.lang.formula.timed import Signal, Timed
-from scenegen.learn.curriculum import ID
 from scenegen.learn.curriculum.env import (
     Array,
     Episodes,
@@ -37,7 +36,7 @@ from scenegen.learn.curriculum.env import (
 from scenegen.learn.curriculum.goal import as_gymnasium, load_spec, number, one_of, refused, wanted_labels
 from scenegen.learn.curriculum.request import PhiRanges, StartRequest, check_options, read_ranges
 from scenegen.learn.curriculum.spaces import ActionMoves, ObservationEncoder, make_views
-from scenegen.learn.curriculum.tasks import PhiBox
+from scenegen.learn.curriculum.tasks import ID, PhiBox
 from scenegen.pose import LENGTHS, NAMES, PLACE, THETA, TWO_PI, along, axis_of, owner, row_of
 from scenegen.sampling.motions.monitor import HIGH, LOW, Watches
 from scenegen.sampling.motions.problem import MotionProblem

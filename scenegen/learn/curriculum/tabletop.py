@@ -19,7 +19,6 @@ from scenegen.errors.requests import CHOICES_NOT_HERE, WRONG_VALUE
 from scenegen.errors.time import TIME_NOT_HERE
 from scenegen.lang.check.heights import chosen
 from scenegen.lang.formula.core import Coord, part_of
-from scenegen.learn.curriculum import MOTION_ID
 from scenegen.learn.curriculum.env import (
     Array,
     Episodes,
@@ -42,7 +41,7 @@ from scenegen.learn.curriculum.request import (
     read_scene,
 )
 from scenegen.learn.curriculum.spaces import ActionMoves, ObservationEncoder, make_moves, make_views
-from scenegen.learn.curriculum.tasks import PhiBox
+from scenegen.learn.curriculum.tasks import MOTION_ID, PhiBox
 from scenegen.learn.model import Model
 from scenegen.pose import TWO_PI, is_angle, owner, row_count
 from scenegen.sampling.request import Range

@@ -173,7 +173,7 @@ def measure(model: EvaluatedModel, seconds: float = ALL) -> EvaluationResult:
 def level(model: EvaluatedModel, wanted: Mapping[str, float], rows: Array, phi: Array) -> TargetFidelity:
     """How the model compares with true scenes (3N, 2n) whose phi is (L, 2n): with the first half, when it is asked for
     the phi that the second half has of the `wanted` labels."""
-    from scenegen.learn.models.layout import depends_on
+    from scenegen.learn.models.card import depends_on
 
     half = rows.shape[1] // 2
     true, fresh, asked = rows[:, :half], rows[:, half:], phi[:, half:]
@@ -223,7 +223,7 @@ def asked_for(model: EvaluatedModel) -> list[dict[str, Range]]:
 def reached(model: EvaluatedModel, ends: Mapping[str, Range], budget: Budget) -> RangeFidelity:
     """How the scenes compare that `sample` returns as they occur in these ranges. Raises RequestError and StoppedError
     where there is no truth, or no scene of the model, within the budget."""
-    from scenegen.learn.models.layout import depends_on
+    from scenegen.learn.models.card import depends_on
 
     rows, phi = _truth(model, ends, 2 * SCENES, budget)
     made, told = returned(model, ends, SCENES, budget)

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from scenegen.errors import Diagnostic, quoted
 from scenegen.errors.learning import PHI_MISSED, SCENES_LEFT_OUT, UNLIKE_EXACT
 from scenegen.lang.spec import CheckedSpec
+from scenegen.learn.guided import occurring
 from scenegen.learn.models.card import ModelCard, QualityData, RangeData
-from scenegen.learn.targets import occurring
 from scenegen.sampling.request import Range
 
 if TYPE_CHECKING:

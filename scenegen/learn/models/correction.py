@@ -22,7 +22,7 @@ from torch import Tensor
 
 from scenegen.lang.formula.core import REQUIRE, Apply, gated, part_of
 from scenegen.lang.spec import CheckedSpec
-from scenegen.learn.models.layout import depends_on
+from scenegen.learn.models.card import depends_on
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import Slopes
 from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owner, row_of

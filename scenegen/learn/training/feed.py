@@ -18,12 +18,10 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import MOST, OTHER, Codec, Examples, survey, ways_of
 from scenegen.learn.models.registry import model_class
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training.config import TrainConfig
-from scenegen.learn.training.datasets.dataset import Dataset, held_count, split
-from scenegen.learn.training.datasets.gathering import Gathering
-from scenegen.learn.training.datasets.registry import dataset_maker, is_file
-from scenegen.learn.training.datasets.scenefile import fits, whole_file
-from scenegen.learn.training.datasets.streamed import Streamed, look_through
+from scenegen.learn.training.config import TrainConfig, dataset_maker, is_file
+from scenegen.learn.training.dataset import Dataset, held_count, split
+from scenegen.learn.training.gathering import Gathering
+from scenegen.learn.training.scenefile import Streamed, fits, look_through, whole_file
 from scenegen.learn.training.state import Stream, stream
 from scenegen.pose import row_count
 from scenegen.sampling.request import Range, parse_phi
@@ -127,11 +125,11 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
         held = held_count(config.scenes)
         make = dataset_maker(config.data)
         if config.phi:
-            from scenegen.learn.training.datasets.balanced import balanced
+            from scenegen.learn.training.balanced import balanced
 
             asked = parse_phi([f"{label}={one}" for label, one in config.phi.items()], spec.labels)
             make = partial(balanced, phi=asked)
-        data = make(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
+        data: Dataset = make(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
         gathering.save(long_ones=True)
         return MemoryFeed(spec, config, data, held)
     path = Path(config.data)

@@ -70,7 +70,7 @@ def state_path(out: Path) -> Path:
 
 def gathered_path(out: Path) -> Path:
     """Where the scenes of a model file lie that are gathered for its training
-    (scenegen.learn.training.datasets.gathering), until that is done."""
+    (scenegen.learn.training.gathering), until that is done."""
     return out.with_name(f"{out.name}.scenes")
 
 

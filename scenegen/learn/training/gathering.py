@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.learning import DAMAGED_MODEL, NO_TIME_TO_GATHER
 from scenegen.learn.models.checkpoint import pack, read_card, unpack
-from scenegen.learn.training.recipes import SECONDS
+from scenegen.learn.training.config import SECONDS
 from scenegen.processes.process import StopSignal
 from scenegen.sampling.problem import Budget
 from scenegen.scenes.files import write_whole

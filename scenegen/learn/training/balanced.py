@@ -25,9 +25,9 @@ from scenegen.errors import RequestError
 from scenegen.errors.learning import NOTHING_TO_LEARN, RARE_SCENES, TOO_FEW_BALANCED
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import EVERY
-from scenegen.learn.training.datasets.dataset import Dataset, labelled
-from scenegen.learn.training.datasets.gathering import Gathering, SceneBatch, TimeUpError
-from scenegen.learn.training.recipes import GATHERING
+from scenegen.learn.training.config import GATHERING
+from scenegen.learn.training.dataset import Dataset, labelled
+from scenegen.learn.training.gathering import Gathering, SceneBatch, TimeUpError
 from scenegen.sampling.choose import choose
 from scenegen.sampling.engine.blocks import Drawing, draw_pieces
 from scenegen.sampling.engine.run import BESIDE

@@ -15,8 +15,8 @@ from scenegen.api.spec import LearnedModel, Spec, check_spec, load
 from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.learning import (
     BEYOND_TRAINING,
-    MODEL_CONTRADICTS_ITSELF,
-    MODEL_FOLDER,
+    DAMAGED_MODEL,
+    MODEL_OF_ANOTHER_SPEC,
     NO_MODEL_OF_NUMBER,
     NO_TABLE_OF_PHI,
     NOT_MEASURED,
@@ -66,7 +66,7 @@ class Model(LearnedModel):
         }
         for what, (told, true) in pairs.items():
             if told != true:
-                raise DataError(MODEL_CONTRADICTS_ITSELF(what=what))
+                raise DataError(DAMAGED_MODEL(told=what))
 
     @property
     def each(self) -> tuple[tuple[dict[str, int], Model], ...]:
@@ -206,7 +206,7 @@ def _load_family(path: Path, spec: Spec | None) -> ModelFamily:
     """Raises DataError, also where a model is missing."""
     found = load(path / SPEC)
     if spec is not None and spec.declared.sha256 != found.declared.sha256:
-        raise DataError(MODEL_FOLDER(path=path, spec=spec.declared.name))
+        raise DataError(MODEL_OF_ANOTHER_SPEC(folder=path, spec=spec.declared.name))
     members: dict[str, Model] = {}
     for numbers, member in found.members:
         file = model_file(path, numbers)

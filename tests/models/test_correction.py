@@ -7,9 +7,9 @@ import pytest
 import torch
 from scipy import stats
 
+from experiments.metrics import kolmogorov_smirnov
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
-from scenegen.learn.evaluation.fidelity import kolmogorov_smirnov
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.models.correction import Correction, McmcMoves, newton
 from scenegen.learn.robustness import Robustness

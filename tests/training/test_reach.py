@@ -38,4 +38,4 @@ def test_time_is_kept(grown):
     gathering = Gathering(0.0)
     with pytest.raises(RequestError) as caught:
         balanced.reach(check_text(TEXT), 0, gathering.check, time.monotonic() - 1.0)
-    assert caught.value.diagnostics[0].code == "no-time-to-gather"
+    assert caught.value.diagnostics[0].code == "no-time-to-train"

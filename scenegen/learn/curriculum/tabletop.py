@@ -14,7 +14,7 @@ from gymnasium import Space, error
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError, quoted
-from scenegen.errors.learning import GOAL_ALWAYS_MET
+from scenegen.errors.learning import NO_UNMET_GOAL
 from scenegen.errors.requests import CHOICES_NOT_HERE, WRONG_VALUE
 from scenegen.errors.time import TIME_NOT_HERE
 from scenegen.lang.check.heights import chosen
@@ -267,7 +267,7 @@ class SceneStarts:
         if self._usual is not None:
             return self._usual
         if self.library.hard >= 0.0:
-            raise refused(GOAL_ALWAYS_MET())
+            raise refused(NO_UNMET_GOAL())
         return self.library.unsatisfied
 
     def _nearest(self, ranges: PhiRanges) -> str:

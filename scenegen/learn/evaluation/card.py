@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.learn.evaluation.describe import EvaluatedModel, describe, faults
-from scenegen.learn.evaluation.fidelity import Fidelity, fidelity, kolmogorov_smirnov
+from scenegen.learn.evaluation.fidelity import Fidelity, fidelity, ks_distance
 from scenegen.learn.models.card import QualityData, RangeData
 from scenegen.learn.models.checkpoint import save_model
 from scenegen.sampling.problem import Budget, make_problem
@@ -229,7 +229,7 @@ def reached(model: EvaluatedModel, ends: Mapping[str, Range], budget: Budget) ->
     made, told = returned(model, ends, SCENES, budget)
     half = rows.shape[1] // 2
     depends = depends_on(model.spec.checked.core)
-    off = [kolmogorov_smirnov(phi[place], told[place])[0] for place in map(model.spec.labels.index, ends)]
+    off = [ks_distance(phi[place], told[place]) for place in map(model.spec.labels.index, ends)]
     true, fresh = rows[:, :half], rows[:, half:]
     return RangeFidelity(dict(ends), max(off), fidelity(true, made[:, :half], depends), fidelity(true, fresh, depends))
 

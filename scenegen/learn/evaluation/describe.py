@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic, quoted
-from scenegen.errors.learning import PHI_MISSED, SCENES_LEFT_OUT, UNLIKE_EXACT
+from scenegen.errors.learning import POOR_MODEL
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.guided import occurring
 from scenegen.learn.models.card import ModelCard, QualityData, RangeData
@@ -42,15 +42,15 @@ def faults(found: Sequence[QualityData], returned: Sequence[RangeData] = ()) -> 
     if poor:
         worst = sorted(poor, key=lambda one: one.coverage - max(one.phi, one.ks))[:FAULTS_SHOWN]
         places = "; ".join(f"cover {one.coverage:.2f}, KS {max(one.phi, one.ks):.2f} at {told(one)}" for one in worst)
-        lines.append(UNLIKE_EXACT(places=places + _more(poor)))
+        lines.append(POOR_MODEL(unlike=places + _more(poor)))
     left_out = sorted((one for one in found if one.coverage < LEAST_COVERAGE), key=lambda one: one.coverage)
     if left_out:
         places = "; ".join(f"{one.coverage:.2f} at {_where(one)}" for one in left_out[:FAULTS_SHOWN])
-        lines.append(SCENES_LEFT_OUT(places=places + _more(left_out)))
+        lines.append(POOR_MODEL(covered=places + _more(left_out)))
     far = sorted((one for one in found if one.error > MOST_ERROR), key=lambda one: -one.error)
     if far:
         places = "; ".join(f"{one.error:.3f} at {_where(one)}" for one in far[:FAULTS_SHOWN])
-        lines.append(PHI_MISSED(places=places + _more(far)))
+        lines.append(POOR_MODEL(missed=places + _more(far)))
     return lines
 
 

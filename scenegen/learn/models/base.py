@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from torch import Tensor, nn
 
 from scenegen.errors import DataError
-from scenegen.errors.learning import STATE_MISFIT, WEIGHTS_MISFIT
+from scenegen.errors.learning import DAMAGED_MODEL, STATE_MISFIT
 from scenegen.lang.formula.core import Core
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import OTHER, Codec, Examples
@@ -231,16 +231,16 @@ def check_tensors(model: nn.Module, tensors: Mapping[str, Tensor]) -> None:
     expected = model.state_dict()
     for name, parameter in expected.items():
         if name not in tensors:
-            raise DataError(WEIGHTS_MISFIT(name=name, reason="are missing"))
+            raise DataError(DAMAGED_MODEL(weights=name, reason="are missing"))
         tensor = tensors[name]
         if tensor.shape != parameter.shape or tensor.dtype != parameter.dtype:
             have, want = tuple(tensor.shape), tuple(parameter.shape)
-            raise DataError(WEIGHTS_MISFIT(name=name, reason=f"have shape {have}, {tensor.dtype}; expected {want}"))
+            raise DataError(DAMAGED_MODEL(weights=name, reason=f"have shape {have}, {tensor.dtype}; expected {want}"))
         if not _finite(tensor):
-            raise DataError(WEIGHTS_MISFIT(name=name, reason="are not all finite"))
+            raise DataError(DAMAGED_MODEL(weights=name, reason="are not all finite"))
     extra = sorted(set(tensors) - set(expected))
     if extra:
-        raise DataError(WEIGHTS_MISFIT(name=extra[0], reason="belong to no part of the model"))
+        raise DataError(DAMAGED_MODEL(weights=extra[0], reason="belong to no part of the model"))
 
 
 def _finite(tensor: Tensor) -> bool:

@@ -14,14 +14,7 @@ from pydantic_core import from_json
 from torch import Tensor
 
 from scenegen.errors import DataError, ScenegenError
-from scenegen.errors.learning import (
-    DAMAGED_MODEL,
-    MODEL_OF_ANOTHER_SPEC,
-    MODEL_SETTING,
-    MODEL_VERSION,
-    NOT_A_MODEL,
-    WEIGHTS_MISFIT,
-)
+from scenegen.errors.learning import DAMAGED_MODEL, MODEL_OF_ANOTHER_SPEC, MODEL_VERSION, NOT_A_MODEL
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import SceneModel
 from scenegen.learn.models.card import FORMAT, ModelCard
@@ -175,11 +168,11 @@ def load_model(
         model.drop_training_parts()
         regions = [tensors.pop(name) for name in sorted(tensors) if name.startswith(REGION)]
         if not all(_is_region(one, len(card.labels)) for one in regions):
-            raise DataError(WEIGHTS_MISFIT(name=REGION, reason="are no table of phi"))
+            raise DataError(DAMAGED_MODEL(weights=REGION, reason="are no table of phi"))
         model.load_weights(tensors)
     except ValidationError as error:
         place = ".".join(str(part) for part in error.errors()[0]["loc"])
-        raise DataError(MODEL_SETTING(path=path, model=card.model, name=place)) from error
+        raise DataError(DAMAGED_MODEL(path=path, model=card.model, name=place)) from error
     except ScenegenError as error:
         first = error.diagnostics[0].but(path=path)
         raise DataError(first) from error

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.learning import ARRAY_NOT_FINITE, OUTPUT_NOT_FINITE, WRONG_PHI_SHAPE
+from scenegen.errors.learning import ARRAY_NOT_FINITE, WRONG_SHAPE
 from scenegen.errors.requests import OUT_OF_RANGE, STEPS_FIXED
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import SceneModel
@@ -128,14 +128,16 @@ class TrainedModel:
         outcome.
         """
         if phi.ndim != 2 or phi.shape[0] != len(self.card.labels):
-            raise DataError(WRONG_PHI_SHAPE(found=str(tuple(phi.shape)), labels=len(self.card.labels)))
+            wanted = f"({len(self.card.labels)}, n), one row a label"
+            raise DataError(WRONG_SHAPE(what="phi", found=str(tuple(phi.shape)), wanted=wanted))
         if not self.partial and bool(torch.isnan(phi).any()):
             raise DataError(ARRAY_NOT_FINITE(what=f"phi for a {self.name} that has to be told every label"))
         phi = phi.to(torch.float32)
         correction = self.correction
         rows = self._made(phi, generator)[0] if correction is None else correction(self._made, phi, generator)
         if not bool(torch.isfinite(rows.sum())):
-            raise DataError(OUTPUT_NOT_FINITE())
+            remedy = "the model file is damaged; train it again"
+            raise DataError(ARRAY_NOT_FINITE(what="the model's output", remedy=remedy))
         return rows
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.files import UNKNOWN_ENDING
-from scenegen.errors.learning import DATA_NAME, UNKNOWN_DEVICE
+from scenegen.errors.learning import UNKNOWN_DEVICE
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     MISSING_ARGUMENT,
@@ -210,7 +210,7 @@ def _plain(value: object) -> object:
 def _check_ending(data: str) -> list[Diagnostic]:
     ending = as_path("data", data).suffix
     if not data.isascii() and data != data.encode(errors="replace").decode():
-        return [DATA_NAME(value=ascii(data))]
+        return [WRONG_VALUE(argument="data", value=ascii(data), wanted="a name in UTF-8: a model file holds it")]
     return [] if ending.lower() in FORMATS else [UNKNOWN_ENDING(path=data, name=ending, known=FORMATS)]
 
 

@@ -20,7 +20,7 @@ import torch
 from pydantic import BaseModel, ConfigDict
 
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.learning import DAMAGED_MODEL, NO_TIME_TO_GATHER
+from scenegen.errors.learning import DAMAGED_MODEL, NO_TIME_TO_TRAIN
 from scenegen.learn.models.checkpoint import pack, read_card, unpack
 from scenegen.learn.training.config import SECONDS
 from scenegen.processes.process import StopSignal
@@ -173,7 +173,7 @@ class Gathering:
             raise KeyboardInterrupt
         if time.monotonic() >= self.until:
             told = {"seconds": self._seconds, "account": self.account, "kept": self.save() or None, "path": self.path}
-            raise TimeUpError(NO_TIME_TO_GATHER(**told))
+            raise TimeUpError(NO_TIME_TO_TRAIN(**told))
 
     @property
     def account(self) -> str:

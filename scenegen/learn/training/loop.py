@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.learning import NO_DEVICE, NO_TIME_FOR_AN_EPOCH
+from scenegen.errors.learning import NO_TIME_TO_TRAIN, UNKNOWN_DEVICE
 from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TIME_IS_UP, TRAINING_INTERRUPTED
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.lang.spec import CheckedSpec
@@ -181,7 +181,7 @@ def train(
             listeners = [each for each in (on_epoch, log) if each is not None]
             if not _run(session, out, listeners, on_step or _silent, gathering.until):
                 if not session.epoch:
-                    raise RequestError(NO_TIME_FOR_AN_EPOCH(seconds=timeout, path=out))
+                    raise RequestError(NO_TIME_TO_TRAIN(seconds=timeout, out=out))
                 say(TIME_IS_UP(done=session.epoch, epochs=config.epochs, path=out))
             elif session.epoch < config.epochs:
                 say(_stopped_early(session))
@@ -278,4 +278,4 @@ def _silent(*_: object) -> None:
 def _check_device(name: str) -> None:
     device = torch.device(name)
     if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
-        raise RequestError(NO_DEVICE(name=name))
+        raise RequestError(UNKNOWN_DEVICE(name=name, missing=True))

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from scenegen.errors import RequestError
-from scenegen.errors.learning import NO_POSITIVES
+from scenegen.errors.learning import TOO_RARE_TO_TRAIN
 from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
@@ -69,7 +69,7 @@ def boosted(
         gathering.begin("looking for a satisfied scene")
         hits = _search(spec, draws - scenes, generator, gathering)
     if not hits.shape[1]:
-        raise RequestError(NO_POSITIVES(draws=max(draws, scenes)))
+        raise RequestError(TOO_RARE_TO_TRAIN(draws=max(draws, scenes)))
     hits = hits[:, :wanted]
     gathering.begin("perturbing satisfied scenes", wanted - hits.shape[1])
     moved = _perturb(spec, hits, wanted - hits.shape[1], noise, generator, gathering)

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.learning import DIVERGED, OTHER_DATA_RESUMED, STATE_MISFIT
+from scenegen.errors.learning import DATA_CHANGED, DIVERGED, STATE_MISFIT
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import SceneModel, SpecLoss
 from scenegen.learn.models.card import (
@@ -195,7 +195,7 @@ class TrainingSession:
     def _take_up(self, saved: TrainingState) -> None:
         if saved.data_sha256 != self.feed.sha256:
             made = "cannot be rebuilt as it was" if self.config.data in DATASETS else "is not what it was"
-            raise DataError(OTHER_DATA_RESUMED(what=made))
+            raise DataError(DATA_CHANGED(what=made))
         try:
             self.model.restore(saved.tensors, self.config.lr, self.spec_loss, self.device)
             self.noise.set_state(saved.noise)

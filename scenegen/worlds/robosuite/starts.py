@@ -16,7 +16,7 @@ from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import make_header, poses7, stored_rows
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
-from scenegen.errors.learning import LABELS_OF_TASK, NOT_A_TASK
+from scenegen.errors.learning import NOT_A_TASK
 from scenegen.learn.curriculum.tasks import PhiBox, Strategy
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count
@@ -65,7 +65,7 @@ class RangeStarts:
         wanted = self._wanted()
         if isinstance(wanted, PhiBox):
             if not len(wanted.low) == len(wanted.high) == len(self._spec.labels):
-                raise RequestError(LABELS_OF_TASK(count=len(wanted.low), labels=self._spec.labels))
+                raise RequestError(NOT_A_TASK(count=len(wanted.low), labels=self._spec.labels))
             ends = zip(self._spec.labels, wanted.low, wanted.high, strict=True)
             wanted = {label: (low, high) for label, low, high in ends}
         ranges = read_phi(self._spec, wanted)

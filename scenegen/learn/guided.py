@@ -1,12 +1,11 @@
 """Scenes from any proposer, refined onto their targets and verified.
 
 A proposer, in practice a trained model, gets target values of phi and returns scenes, good or bad. They are moved
-onto the target, stirred by random moves within their range, and scored exactly; those in the range and the
+onto the target, mixed by random moves within their range, and scored exactly; those in the range and the
 workspace are candidates. So the distribution within a cell is the proposer's after these moves: approximate, as the
 documentation says.
 
-torch is loaded when a plan draws (or is made, which draws a few scenes), not when it is read back in another
-process.
+torch is loaded when a plan is made, and when one of a trained model is read back in another process.
 """
 
 from __future__ import annotations
@@ -345,7 +344,7 @@ def refined(
             moved += int((better != made).any(dim=0).sum())
             state = np.random.SeedSequence([*seed, start, 3]).generate_state(1, np.uint64)
             ends_of_labels = low[:labels], high[:labels]
-            better = proposer.stirred(better, ends_of_labels, box, int(state[0] >> np.uint64(1)))
+            better = proposer.mixed(better, ends_of_labels, box, int(state[0] >> np.uint64(1)))
             rows[:, part] = better.numpy()
             phi[:, part] = np.where(workspace.contains(rows[:, part]), score(problem, better), np.nan)
     return rows, phi, moved

@@ -24,7 +24,7 @@ from scenegen.scenes.files import check_writable, write_whole
 from scenegen.search.effort import StoppedError
 
 if TYPE_CHECKING:
-    from scenegen.learn.models.trained import TrainedModel
+    from scenegen.learn.models.checkpoint import TrainedModel
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -238,11 +238,10 @@ def returned(model: EvaluatedModel, ends: Mapping[str, Range], count: int, budge
     """`count` scenes (3N, count) that a model gives for ranges of phi, as they occur there, and their phi (L, count).
     Raises RequestError."""
     from scenegen.learn.guided import make_plan
-    from scenegen.learn.models.proposer import make_proposer
     from scenegen.sampling.engine.run import in_memory
 
     request = SampleRequest(dict(ends), count, SEED, spread="base", workers=1)
-    proposer = replace(make_proposer(model.trained), asked=tuple(ends))
+    proposer = replace(model.trained, only=tuple(ends))
     found = in_memory(make_plan(make_problem(model.spec.checked, request), budget, proposer), budget)
     if found.shortfall is not None:
         raise RequestError(found.shortfall)

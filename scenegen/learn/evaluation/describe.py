@@ -17,7 +17,7 @@ from scenegen.learn.models.card import ModelCard, QualityData, RangeData
 from scenegen.sampling.request import Range
 
 if TYPE_CHECKING:
-    from scenegen.learn.models.trained import TrainedModel
+    from scenegen.learn.models.checkpoint import TrainedModel
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -65,7 +65,7 @@ def concerned(found: Sequence[QualityData], ranges: Ends) -> list[QualityData]:
 
 def measured(card: ModelCard, regions: Sequence[Array], ranges: Ends) -> bool:
     """Whether the figures of a card say anything about a request: some were taken within its ranges, or of ranges of
-    whose scenes it has a good part. `regions` tell how phi is distributed (scenegen.learn.models.trained)."""
+    whose scenes it has a good part. `regions` tell how phi is distributed (TrainedModel)."""
     if any(set(one.wanted) == set(ranges) and _distance(one, ranges) == 0.0 for one in card.quality):
         return True
     return any(_share(card, regions, one, ranges) >= GOOD_PART for one in overlapping(card, ranges))

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -33,13 +35,13 @@ WINDOW = 1 << 24  # coordinates and labels of the scenes of a window
 class Feed(ABC):
     """`scenes` train; `fitting` are those that the model takes ranges from, `held` those it never trains on, both as
     examples on the CPU; `table` (K, L) says what each branch is; `regions` how phi is distributed
-    (scenegen.learn.models.trained); `sha256` is of all scenes."""
+    (scenegen.learn.models.checkpoint.TrainedModel); `sha256` is of all scenes."""
 
     scenes: int
     fitting: Examples
     held: Examples
     table: Tensor
-    regions: tuple[Tensor, ...]
+    regions: tuple[npt.NDArray[np.float64], ...]
     sha256: str
 
     def __init__(self, config: TrainConfig) -> None:
@@ -143,14 +145,14 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
     return MemoryFeed(spec, config, data, held_count(len(data)))
 
 
-def regions_of(data: Dataset) -> tuple[Tensor, ...]:
+def regions_of(data: Dataset) -> tuple[npt.NDArray[np.float64], ...]:
     """How phi is distributed, as a model file says it: in the regions of a data set, or among all of its scenes."""
     found = []
     for ranges, phi in data.regions or (({}, data.phi),):
         wanted = [ranges.get(label, Range()) for label in data.labels]
         low = [-math.inf if one.low is None else one.low for one in wanted]
         high = [math.inf if one.high is None else one.high for one in wanted]
-        found.append(torch.cat([torch.tensor([low, high]).T, phi], dim=1))
+        found.append(torch.cat([torch.tensor([low, high]).T, phi], dim=1).double().numpy())
     return tuple(found)
 
 

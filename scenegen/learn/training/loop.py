@@ -19,9 +19,8 @@ from scenegen.errors.learning import NO_TIME_TO_TRAIN, UNKNOWN_DEVICE
 from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TIME_IS_UP, TRAINING_INTERRUPTED
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.lang.spec import CheckedSpec
-from scenegen.learn.models.checkpoint import load_model
+from scenegen.learn.models.checkpoint import TrainedModel, load_model
 from scenegen.learn.models.registry import parse_hyper
-from scenegen.learn.models.trained import TrainedModel
 from scenegen.learn.training.config import CONSTANT, TrainConfig, is_file
 from scenegen.learn.training.feed import make_feed
 from scenegen.learn.training.gathering import Gathering, Tell
@@ -175,8 +174,11 @@ def train(
                 say(ALREADY_DONE(epochs=session.epoch))
             else:
                 say(_stopped_early(session))
-            if not _holds(out, spec, session.epoch):  # a crash came between the state and the model
-                session.save(out)
+            found = _held(out, spec, session.epoch)
+            if found is not None:
+                gathering.discard()
+                return found
+            session.save(out)  # a crash came between the state and the model
         else:
             listeners = [each for each in (on_epoch, log) if each is not None]
             if not _run(session, out, listeners, on_step or _silent, gathering.until):
@@ -187,7 +189,7 @@ def train(
                 say(_stopped_early(session))
         if session.done:
             gathering.discard()
-    return load_model(out, spec)
+    return session.trained(out)
 
 
 def _begun(
@@ -209,12 +211,13 @@ def _run_of(spec: CheckedSpec, config: TrainConfig) -> str:
     return repr((spec.sha256, config.data, config.scenes, config.seed, asked, version("scenegen"), np.__version__))
 
 
-def _holds(out: Path, spec: CheckedSpec, epochs: int) -> bool:
-    """Whether a file is a model after so many epochs."""
+def _held(out: Path, spec: CheckedSpec, epochs: int) -> TrainedModel | None:
+    """The model of a file, if it is there after so many epochs."""
     try:
-        return load_model(out, spec).card.epochs_done == epochs
+        found = load_model(out, spec)
     except DataError:
-        return False
+        return None
+    return found if found.card.epochs_done == epochs else None
 
 
 def _run(

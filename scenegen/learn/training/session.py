@@ -17,6 +17,7 @@ from scenegen.errors.learning import DATA_CHANGED, DIVERGED, STATE_MISFIT
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import SceneModel, SpecLoss
 from scenegen.learn.models.card import (
+    FORMAT,
     DataData,
     LabelData,
     Layout,
@@ -26,7 +27,7 @@ from scenegen.learn.models.card import (
     layout_of,
     spec_data,
 )
-from scenegen.learn.models.checkpoint import packed, save_model
+from scenegen.learn.models.checkpoint import TrainedModel, as_trained, pack, tensors_of
 from scenegen.learn.models.codec import Codec, Examples
 from scenegen.learn.models.registry import model_class, parse_hyper
 from scenegen.learn.training.config import DATASETS, TrainConfig
@@ -269,13 +270,20 @@ class TrainingSession:
             self.watch.best,
         )
         save_state(state_path(out), self.spec, state)
-        card = self.card()
-        if self.watch.best is None:
-            save_model(out, self.model, card, self.feed.regions)
-        else:
-            write_whole(out, packed(self.model, card, self.feed.regions, self.watch.best))
+        text, tensors = self._contents()
+        write_whole(out, pack(FORMAT, text, tensors))
         self._saved_at = time.monotonic()
         self._save_cost = self._saved_at - began
+
+    def _contents(self) -> tuple[str, dict[str, Tensor]]:
+        """The card and the tensors of the model file."""
+        found = tensors_of(self.model, self.feed.regions, self.watch.best)
+        return self.card().model_dump_json(), {name: tensor.detach().cpu() for name, tensor in found.items()}
+
+    def trained(self, out: Path) -> TrainedModel:
+        """The model as it is in its file."""
+        text, tensors = self._contents()
+        return as_trained(ModelCard.model_validate_json(text), tensors, out)
 
     def save_is_due(self) -> bool:
         """Whether a checkpoint now costs no more than its share of the time. When to write changes no result."""

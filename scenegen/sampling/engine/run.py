@@ -172,7 +172,7 @@ def draw(
 
 SCENES = ("scenegen.sampling.engine.blocks", "scenegen.sampling.contest")
 MOTIONS = ("scenegen.sampling.engine.blocks", "scenegen.sampling.motions.sampler")
-MODELS = ("scenegen.sampling.engine.blocks", "scenegen.learn.guided", "scenegen.learn.models.proposer")
+MODELS = ("scenegen.sampling.engine.blocks", "scenegen.learn.guided", "scenegen.learn.models.checkpoint")
 
 
 def start_processes(

@@ -70,8 +70,9 @@ class Gathering:
         tell: Tell | None = None,
         note: Callable[[Diagnostic], None] | None = None,
         stop: StopSignal | None = None,
+        until: float | None = None,
     ) -> None:
-        self.until = time.monotonic() + seconds
+        self.until = time.monotonic() + seconds if until is None else until
         self.stage = "gathering scenes"
         self.done = self.wanted = 0
         self._seconds = seconds

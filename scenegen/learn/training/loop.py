@@ -48,32 +48,9 @@ if TYPE_CHECKING:
 # TensorBoard shows the later ones.
 
 
-class EventLog:
-    """Called with the report of each epoch, writes its figures: `loss/NAME`, `error/LABEL` (mean of |phi - wanted phi|
-    at held-out labels), `error` (the mean of these), `score`, `learning_rate` and `scenes_per_second`."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._writer: SummaryWriter | None = None
-
-    def __call__(self, report: EpochReport) -> None:
-        with reported(self._folder):
-            if self._writer is None:
-                from torch.utils.tensorboard import SummaryWriter
-
-                # whatever an earlier run wrote from this step on is superseded
-                self._writer = SummaryWriter(str(self._folder), purge_step=report.step)
-            for name, value in figures(report).items():
-                self._writer.add_scalar(name, value, report.step)
-            self._writer.flush()
-
-    def close(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
-
-
 def figures(report: EpochReport) -> dict[str, float]:
-    """What a report says, by TensorBoard's tags."""
+    """What a report says, by TensorBoard's tags: `loss/NAME`, `error/LABEL` (mean of |phi - wanted phi| at held-out
+    labels), `error` (the mean of these), `score`, `learning_rate` and `scenes_per_second`."""
     found = {f"loss/{name}": value for name, value in report.losses.items()}
     if report.validation is not None:
         found |= {f"error/{label}": value for label, value in report.validation.errors.items()}
@@ -82,8 +59,8 @@ def figures(report: EpochReport) -> dict[str, float]:
 
 
 @contextlib.contextmanager
-def event_log(folder: Path) -> Iterator[EventLog]:
-    """A log that writes into the folder, which is made where it is missing.
+def event_log(folder: Path) -> Iterator[Callable[[EpochReport], None]]:
+    """A function that writes the figures of each epoch's report into the folder, which is made where it is missing.
 
     Raises RequestError where TensorBoard is not installed, OutputError where the folder cannot be written to.
     """
@@ -94,11 +71,25 @@ def event_log(folder: Path) -> Iterator[EventLog]:
         made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(folder)
-    log = EventLog(folder)
+    writer: SummaryWriter | None = None
+
+    def write(report: EpochReport) -> None:
+        nonlocal writer
+        with reported(folder):
+            if writer is None:
+                from torch.utils.tensorboard import SummaryWriter
+
+                # whatever an earlier run wrote from this step on is superseded
+                writer = SummaryWriter(str(folder), purge_step=report.step)
+            for name, value in figures(report).items():
+                writer.add_scalar(name, value, report.step)
+            writer.flush()
+
     try:
-        yield log
+        yield write
     finally:
-        log.close()
+        if writer is not None:
+            writer.close()
         for path in made:  # what holds no events is not left behind
             with contextlib.suppress(OSError):
                 path.rmdir()
@@ -130,6 +121,7 @@ def train(
     on_note: Callable[[Diagnostic], None] | None = None,
     on_gather: Tell | None = None,
     timeout: float = math.inf,
+    until: float | None = None,
 ) -> TrainedModel:
     """Train a model and write it to `out`, with the training state beside it in `out`.train.
 
@@ -144,8 +136,9 @@ def train(
     training scenes are gathered, with what is being done and how many of how many are there (0 of 0 where that is not
     counted).
 
-    After `timeout` seconds the gathering is given up, with RequestError and nothing written; training stops as on
-    Ctrl-C, with the state saved, and what it has come to is the model. RequestError where that is not one epoch.
+    After `timeout` seconds, or at `until` by the monotonic clock, the gathering is given up, with RequestError and
+    nothing written; training stops as on Ctrl-C, with the state saved, and what it has come to is the model.
+    RequestError where that is not one epoch.
 
     Raises OutputError where `out` cannot be written (before the work starts), RequestError for options that cannot be
     and for training that diverges, DataError where the state to resume from is missing, damaged or another spec's.
@@ -163,7 +156,7 @@ def train(
         log = None if log_dir is None else open_things.enter_context(event_log(log_dir))
         open_things.enter_context(one_thread())
         with stop_signals() as stop:
-            gathering = Gathering(timeout, on_gather, say, stop)
+            gathering = Gathering(timeout, on_gather, say, stop, until)
             gathering.keep_in(gathered_path(out), _run_of(spec, config), resume)
             session = _begun(spec, config, gathering, saved)
         if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
@@ -275,7 +268,7 @@ def _stopped_early(session: TrainingSession) -> Diagnostic:
 
 
 def _silent(*_: object) -> None:
-    """Whom it does not concern."""
+    """The default of callbacks: does nothing."""
 
 
 def _check_device(name: str) -> None:

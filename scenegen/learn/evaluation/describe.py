@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic, quoted
 from scenegen.errors.learning import POOR_MODEL
-from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.guided import occurring
 from scenegen.learn.models.card import ModelCard, QualityData, RangeData
 from scenegen.sampling.request import Range
 
 if TYPE_CHECKING:
-    from scenegen.learn.models.checkpoint import TrainedModel
+    from scenegen.learn.model import Model
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -129,25 +128,7 @@ def _more(found: Sequence[object]) -> str:
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# The interface of models that evaluation needs; `scenegen.learn.model.Model` implements it.
-
-
-class ModelSpec(Protocol):
-    """The spec that the model was trained on."""
-
-    @property
-    def checked(self) -> CheckedSpec: ...
-    @property
-    def labels(self) -> tuple[str, ...]: ...
-
-
-class EvaluatedModel(Protocol):
-    """A trained model together with its spec."""
-
-    trained: TrainedModel
-
-    @property
-    def spec(self) -> ModelSpec: ...
+# What a model file is.
 
 
 SHOWN = 12  # maximum number of objects and labels that are listed
@@ -156,7 +137,7 @@ DATA = {"balanced": "exact scenes, flat in phi", "uniform": "uniform scenes", "b
 TOLD = ("model", "recipe", "data", "scenes", "epochs", "hyper", "phi")  # training settings that are shown elsewhere
 
 
-def describe(model: EvaluatedModel, path: Path) -> list[tuple[str, str]]:
+def describe(model: Model, path: Path) -> list[tuple[str, str]]:
     """(what, value) pairs of a model whose file is `path`. Nothing in them depends on the machine."""
     card = model.trained.card
     facts = [
@@ -191,7 +172,7 @@ def describe(model: EvaluatedModel, path: Path) -> list[tuple[str, str]]:
     return facts
 
 
-def held_out(model: EvaluatedModel) -> dict[str, float]:
+def held_out(model: Model) -> dict[str, float]:
     """The mean of |phi - target phi| of each label for held-out targets, in the epoch of the file; empty if the file
     does not have it."""
     card = model.trained.card
@@ -203,12 +184,12 @@ def held_out(model: EvaluatedModel) -> dict[str, float]:
     return {name: values[place] for name, values in found.errors.items()}
 
 
-def weights(model: EvaluatedModel) -> int:
+def weights(model: Model) -> int:
     """The number of trained parameters."""
     return sum(parameter.numel() for parameter in model.trained.model.parameters())
 
 
-def speed(model: EvaluatedModel) -> float:
+def speed(model: Model) -> float:
     """Scenes a second that the network makes on one core of this machine, unrefined; takes a moment."""
     import time
 
@@ -227,7 +208,7 @@ def speed(model: EvaluatedModel) -> float:
     return TRIED / min(took)
 
 
-def as_json(model: EvaluatedModel, path: Path) -> dict[str, Any]:
+def as_json(model: Model, path: Path) -> dict[str, Any]:
     """All metadata of the file, and its size, number of parameters and speed."""
     return {
         "file": str(path),

@@ -31,9 +31,10 @@ from scenegen.lang.checker import check_file
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.training.config import make_config
-from scenegen.learn.training.datasets.uniform import uniform
 from scenegen.learn.training.feed import make_feed
-from scenegen.learn.training.loop import TrainingSession, train
+from scenegen.learn.training.loop import train
+from scenegen.learn.training.paper import uniform
+from scenegen.learn.training.session import TrainingSession
 from scenegen.resources import shipped_specs
 
 BATCH, STEPS = 32, 625

@@ -12,6 +12,7 @@ import torch
 from experiments.bench import Bench, Row, bench, truth
 from experiments.known import KNOWN, Known
 from experiments.measure import Array, Values, accuracy, rows_of, shares, target
+from experiments.metrics import training_distances
 from experiments.plan import Plan
 from experiments.problems import Problem
 from experiments.samplers import exact, no_model, plain
@@ -24,9 +25,8 @@ from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.learn.evaluation.fidelity import fidelity
-from scenegen.learn.evaluation.metrics import training_distances
 from scenegen.learn.model import Model
-from scenegen.learn.models.layout import depends_on
+from scenegen.learn.models.card import depends_on
 from scenegen.pose import row_count
 from scenegen.processes.pool import one_thread
 

@@ -8,11 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from experiments.metrics import error_statistics, ks_screen
 from experiments.problems import BAND, ORDERINGS, Problem
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
-from scenegen.learn.evaluation.fidelity import ks_screen
-from scenegen.learn.evaluation.metrics import error_statistics
 from scenegen.pose import X, Y, along
 from scenegen.scenes.coverage import coverage
 

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from experiments.errors import OTHER_TRAINING_DATA
 from scenegen.errors import DataError
 from scenegen.learn.model import Model
-from scenegen.learn.training.datasets.dataset import split
-from scenegen.learn.training.datasets.registry import dataset_maker
+from scenegen.learn.training.config import dataset_maker
+from scenegen.learn.training.dataset import split
 from scenegen.learn.training.state import Stream, stream
 
 

@@ -21,9 +21,9 @@ from scenegen.errors import RequestError
 from scenegen.learn.evaluation.card import level
 from scenegen.learn.evaluation.fidelity import fidelity
 from scenegen.learn.model import Model
-from scenegen.learn.models.layout import depends_on
+from scenegen.learn.models.card import depends_on
+from scenegen.learn.training.balanced import reach
 from scenegen.learn.training.config import make_config
-from scenegen.learn.training.datasets.balanced import reach
 from scenegen.processes.pool import one_thread
 from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.request import SampleRequest

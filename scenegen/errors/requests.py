@@ -5,8 +5,25 @@ from __future__ import annotations
 from scenegen.errors.diagnostic import NEAREST, Kind
 
 # arguments
-WRONG_VALUE = Kind("wrong-value", "{argument:argument} is {value}", help="give it {wanted}")
-OUT_OF_RANGE = Kind("out-of-range", "{argument:argument} is {value}", help="it must be {wanted}[[; {hint}]]")
+WRONG_VALUE = Kind(
+    "wrong-value",
+    "{argument:argument} is {value}",
+    help="give it {wanted}",
+    formerly=(
+        "data-name",
+        "not-a-generator",
+        "not-a-strategy",
+        "not-an-environment",
+        "number-of-seeds",
+        "wrong-autoreset",
+    ),
+)
+OUT_OF_RANGE = Kind(
+    "out-of-range",
+    "{argument:argument} is {value}",
+    help="it must be {wanted}[[; {hint}]]",
+    formerly=("label-not-there",),
+)
 ODD_FILE_NAME = Kind(
     "odd-file-name", "{argument:argument} is {value}", help="no file name can hold {odd}; leave it out"
 )

@@ -15,16 +15,13 @@ from scenegen.api.spec import LearnedModel, Spec, check_spec, load
 from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.learning import (
     BEYOND_TRAINING,
-    MODEL_CONTRADICTS_ITSELF,
-    MODEL_FOLDER,
+    MODEL_OF_ANOTHER_SPEC,
     NO_MODEL_OF_NUMBER,
     NO_TABLE_OF_PHI,
     NOT_MEASURED,
     RAW_BREAKS_REQUIREMENT,
 )
 from scenegen.geometry import NUMPY
-from scenegen.geometry.workspace import Workspace
-from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec, file_stem, members_of, written
@@ -34,8 +31,7 @@ from scenegen.scenes.files import ensure_folder, write_whole
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
-    from scenegen.learn.models.proposer import ModelProposer
-    from scenegen.learn.models.trained import TrainedModel
+    from scenegen.learn.models.checkpoint import TrainedModel
 
 
 class Model(LearnedModel):
@@ -43,29 +39,11 @@ class Model(LearnedModel):
 
     def __init__(self, trained: TrainedModel) -> None:
         self.trained = trained
-        made_from = trained.card.spec
-        # the canonical text has no comments, so the title comes from the card
-        self.spec = Spec(replace(check_text(made_from.source, made_from.name), title=made_from.title))
-        self._refuse_contradictions()
-        self.trained = trained.corrected(self.spec.checked)
+        self.spec = Spec(trained.spec)
 
     def __repr__(self) -> str:
         card = self.trained.card
         return f"<Model {card.model} of {card.spec.name}, {card.epochs_done} epochs>"
-
-    def _refuse_contradictions(self) -> None:
-        """Objects, labels and workspace of the card are the spec's. Raises DataError for a file that was put together
-        by hand."""
-        card, area = self.trained.card, self.spec.workspace
-        pairs = {
-            "objects": (tuple(card.objects), self.spec.objects),
-            "layout": (card.sizes.objects, len(self.spec.checked.core.objects)),
-            "labels": (tuple(label.name for label in card.labels), self.spec.labels),
-            "workspace": (card.area, Workspace(area.x, area.y)),
-        }
-        for what, (told, true) in pairs.items():
-            if told != true:
-                raise DataError(MODEL_CONTRADICTS_ITSELF(what=what))
 
     @property
     def each(self) -> tuple[tuple[dict[str, int], Model], ...]:
@@ -81,16 +59,9 @@ class Model(LearnedModel):
         """What kind of model it is, e.g. "gan"."""
         return self.trained.name
 
-    @property
-    def proposer(self) -> ModelProposer:
-        """What draws its scenes: it holds the bytes of the model file, and goes to other processes."""
-        from scenegen.learn.models.proposer import make_proposer
-
-        return make_proposer(self.trained)
-
-    def proposer_of(self, checked: CheckedSpec, labels: Sequence[str]) -> ModelProposer:
+    def proposer_of(self, checked: CheckedSpec, labels: Sequence[str]) -> TrainedModel:
         """What proposes scenes of a spec with these numbers of things, asked for phi of `labels`."""
-        return replace(self.of(checked).proposer, asked=tuple(labels))
+        return replace(self.of(checked).trained, only=tuple(labels))
 
     def advice(
         self, ranges: Mapping[str, Range], rows: npt.NDArray[np.float64] | None, raw: bool
@@ -205,7 +176,7 @@ def _load_family(path: Path, spec: Spec | None) -> ModelFamily:
     """Raises DataError, also where a model is missing."""
     found = load(path / SPEC)
     if spec is not None and spec.declared.sha256 != found.declared.sha256:
-        raise DataError(MODEL_FOLDER(path=path, spec=spec.declared.name))
+        raise DataError(MODEL_OF_ANOTHER_SPEC(folder=path, spec=spec.declared.name))
     members: dict[str, Model] = {}
     for numbers, member in found.members:
         file = model_file(path, numbers)
@@ -244,7 +215,7 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
     for (numbers, one), made in zip(model.each, scenes, strict=True):
         card = one.trained.card
         mine = faults(concerned(card.quality, ends), () if raw else overlapping(card, ends))
-        if ends and card.ranges is not None and not measured(card, tables(one), ends):
+        if ends and card.ranges is not None and not measured(card, one.trained.regions, ends):
             where = [f"{label}={wanted}" for label, wanted in ranges.items()]
             mine.append(NOT_MEASURED(where=" ".join(where), one=where[0] if len(where) == 1 else None))
         if not one.trained.regions and not all(wanted.bounded for wanted in ranges.values()):
@@ -254,11 +225,6 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
             mine += [] if made is None else _unmet(one, made)
         found |= dict.fromkeys(each.but(counted=written(numbers)) if numbers else each for each in mine)
     return tuple(found)
-
-
-def tables(model: Model) -> list[Array]:
-    """How phi is distributed among exact scenes, as the model file tells, see `sampling.targets.occurring`."""
-    return [each.double().numpy() for each in model.trained.regions]
 
 
 def _scenes_of(model: Model, rows: Array) -> list[Array]:

@@ -12,13 +12,13 @@ from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.learning import FOLDER_OF_MODELS
 from scenegen.lang.spec import written
-from scenegen.learn.model import Model
+from scenegen.learn.model import Model, ModelFamily, family_files
 from scenegen.needs import need
 from scenegen.validation import as_path, as_seconds
 
 if TYPE_CHECKING:
     from scenegen.api.request import Phi
-    from scenegen.learn.training.validate import EpochReport
+    from scenegen.learn.training.session import EpochReport
 
 
 def train(
@@ -63,47 +63,60 @@ def train(
     gathered.
     """
     from scenegen.api.feasibility import refuse_infeasible
-    from scenegen.learn.training.config import make_config
-    from scenegen.learn.training.datasets.registry import is_file
+    from scenegen.learn.training.config import is_file, make_config
 
     check_spec(spec)
     path = as_path("out", out)
-    if spec.counts:
-        if path.suffix.lower() == ".safetensors":
-            raise RequestError(FOLDER_OF_MODELS(file=spec.declared.name, path=path, folder=path.with_suffix("")))
-        told = {"on_epoch": on_epoch, "on_step": on_step, "on_note": on_note, "on_gather": on_gather}
-        more = {"recipe": recipe, "card": card, "phi": phi, **told, **options}
-        logs = None if log_dir is None else as_path("log_dir", log_dir)
-        return _train_family(spec, model, path, resume=resume, timeout=timeout, log_dir=logs, **more)
-    config = make_config(model, recipe, phi=trained_on(spec, phi, on_note), **options)
+    logs = None if log_dir is None else as_path("log_dir", log_dir)
     seconds = math.inf if timeout is None else as_seconds("timeout", timeout)
     until = time.monotonic() + seconds
-    need("torch", "to train a model")
-    from scenegen.learn.training.loop import train as run
 
-    if not is_file(config.data):
-        refuse_infeasible(spec.checked)
-    if card:
-        from scenegen.learn.evaluation.card import check_card, write_card
+    def fit(one: Spec, file: Path, resume: bool, logs: Path | None) -> Model:
+        """Train the model of a spec that draws no numbers."""
+        config = make_config(model, recipe, phi=trained_on(one, phi, on_note), **options)
+        need("torch", "to train a model")
+        from scenegen.learn.training.loop import train as run
 
-        check_card(path)
-    done = Model(
-        run(
-            spec.checked,
-            config,
-            path,
-            resume=resume,
-            log_dir=None if log_dir is None else as_path("log_dir", log_dir),
-            on_epoch=on_epoch,
-            on_step=on_step,
-            on_note=on_note,
-            on_gather=on_gather,
-            timeout=seconds,
+        if not is_file(config.data):
+            refuse_infeasible(one.checked)
+        if card:
+            from scenegen.learn.evaluation.card import check_card, write_card
+
+            check_card(file)
+        done = Model(
+            run(
+                one.checked,
+                config,
+                file,
+                resume=resume,
+                log_dir=logs,
+                on_epoch=on_epoch,
+                on_step=on_step,
+                on_note=on_note,
+                on_gather=on_gather,
+                timeout=seconds,
+                until=until,
+            )
         )
-    )
-    if card and time.monotonic() < until:
-        write_card(done, path, until - time.monotonic())
-    return done
+        if card and time.monotonic() < until:
+            write_card(done, file, until - time.monotonic())
+        return done
+
+    if not spec.counts:
+        return fit(spec, path, resume, logs)
+    if path.suffix.lower() == ".safetensors":
+        raise RequestError(FOLDER_OF_MODELS(file=spec.declared.name, path=path, folder=path.with_suffix("")))
+    from scenegen.learn.training.state import begun
+
+    members: dict[str, Model] = {}
+    for numbers, member, file in family_files(spec, path):
+        try:
+            members[member.checked.sha256] = fit(
+                member, file, resume and begun(file), None if logs is None else logs / file.stem
+            )
+        except RequestError as error:
+            raise RequestError(*(one.but(counted=written(numbers)) for one in error.diagnostics)) from None
+    return ModelFamily(spec, members)
 
 
 def trained_on(
@@ -122,31 +135,3 @@ def trained_on(
         for warning in problem.warnings:
             on_note(warning)
     return {label: str(one) for label, one in problem.request.phi.items()}
-
-
-def _train_family(
-    spec: Spec,
-    model: str,
-    folder: Path,
-    *,
-    resume: bool,
-    timeout: float | None,
-    log_dir: Path | None,
-    **options: Any,
-) -> Model:
-    """Train a model for each combination of numbers, one after another, into a folder; `options` are those of `train`,
-    `timeout` is for all. With `resume` those that are begun go on. Raises what `train` raises, with the numbers."""
-    from scenegen.learn.model import ModelFamily, family_files
-    from scenegen.learn.training.state import begun
-
-    until = math.inf if timeout is None else time.monotonic() + timeout
-    members: dict[str, Model] = {}
-    for numbers, member, file in family_files(spec, folder):
-        left = None if math.isinf(until) else max(until - time.monotonic(), 1e-3)
-        try:
-            logs = None if log_dir is None else log_dir / file.stem
-            made = train(member, model, out=file, resume=resume and begun(file), timeout=left, log_dir=logs, **options)
-        except RequestError as error:
-            raise RequestError(*(one.but(counted=written(numbers)) for one in error.diagnostics)) from None
-        members[member.checked.sha256] = made
-    return ModelFamily(spec, members)

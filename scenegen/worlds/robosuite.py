@@ -24,7 +24,7 @@ from scenegen.api.scene_arrays import make_header, poses7, stored_rows
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import RequestError
 from scenegen.errors.files import HELD_ELSEWHERE
-from scenegen.errors.learning import LABELS_OF_TASK, NOT_A_TASK
+from scenegen.errors.learning import NOT_A_TASK
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.worlds import (
     ALREADY_PLACED,
@@ -91,7 +91,7 @@ class RangeStarts:
         wanted = self._wanted()
         if isinstance(wanted, PhiBox):
             if not len(wanted.low) == len(wanted.high) == len(self._spec.labels):
-                raise RequestError(LABELS_OF_TASK(count=len(wanted.low), labels=self._spec.labels))
+                raise RequestError(NOT_A_TASK(count=len(wanted.low), labels=self._spec.labels))
             ends = zip(self._spec.labels, wanted.low, wanted.high, strict=True)
             wanted = {label: (low, high) for label, low, high in ends}
         ranges = read_phi(self._spec, wanted)

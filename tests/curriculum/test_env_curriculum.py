@@ -204,7 +204,7 @@ def test_outcomes_are_told_of_the_tables_that_ended():
 
 
 def test_what_a_callback_cannot_be():
-    with pytest.raises(error.Error, match="'linear' is no strategy"):
+    with pytest.raises(error.Error, match="`strategy` is 'linear'"):
         CurriculumCallback("linear")
     with pytest.raises(error.Error, match="`window` is 0"):
         CurriculumCallback(window=0)

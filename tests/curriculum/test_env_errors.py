@@ -216,7 +216,7 @@ def test_what_cannot_be_asked_of_a_vector():
         envs.step([0, 0])
     with pytest.raises(error.ResetNeeded, match="leave `reset_mask` out"):
         envs.reset(options={"reset_mask": np.array([True, False])})
-    with pytest.raises(error.Error, match="3 seeds for 2 tables"):
+    with pytest.raises(error.Error, match="3 seeds; give it one, or 2"):
         envs.reset(seed=[1, 2, 3])
     envs.reset(options={"scene": {"mug": (0.52, 0.5, 0.0), "plate": (0.5, 0.5, 0.0)}})
     with pytest.raises(error.Error, match="2 bools, at least one of them True"):
@@ -267,9 +267,9 @@ class Wrong:
 def test_what_a_curriculum_cannot_be(kind, made):
     env = made(spec=LEFT)
     for strategy in (None, "linear", Wrong):
-        with pytest.raises(error.Error, match=r"is no strategy; make one"):
+        with pytest.raises(error.Error, match=r"`strategy` is .*; give it one: strategy"):
             kind(env, strategy)
-    with pytest.raises(error.Error, match=f"goes around a {made.__name__}, not around a CartPoleEnv"):
+    with pytest.raises(error.Error, match=f"`env` is a CartPoleEnv; give it a {made.__name__}"):
         kind(gymnasium.make("CartPole-v1"), Wrong())
     with pytest.raises(error.Error, match=r"\(-0\.3, -0\.1\) is no task"):
         kind(env, Wrong()).reset()

@@ -188,7 +188,7 @@ def test_starts_of_a_file(tmp_path: Path) -> None:
         met.append(env.motion[0])
         env.reset()
     assert np.array_equal(np.sort(np.array(met), axis=0), np.sort(motions.poses[:, 0], axis=0))
-    with pytest.raises(error.InvalidBound, match="no-motion-in-file"):
+    with pytest.raises(error.InvalidBound, match="no-start-in-file"):
         env.reset(options={"phi": {"task": (-0.2, -0.1)}})
     with pytest.raises(error.Error, match="motions-of-another-spec"):
         MotionTable(CARRY.replace("4 steps", "3 steps"), source=motions)

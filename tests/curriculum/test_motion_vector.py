@@ -126,7 +126,7 @@ def test_options_and_given_scenes() -> None:
         same(dict(enumerate(many.reset(seed=[4, 9, 1], options=options))),
              dict(enumerate(single.reset(seed=[4, 9, 1], options=options))))  # fmt: skip
     kept = many.reset(seed=1)[0].copy()
-    with pytest.raises(error.InvalidBound, match="no-motion-in-file"):
+    with pytest.raises(error.InvalidBound, match="no-start-in-file"):
         many.reset(options={"phi": (5.0, 6.0)})
     with pytest.raises(error.Error, match="unknown-choice"):
         many.reset(options={"fi": (5.0, 6.0)})

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenegen.errors import DataError, RequestError
-from scenegen.learn.evaluation import metrics as module
-from scenegen.learn.evaluation.metrics import duplicates
+from experiments import metrics as module
+from experiments.metrics import duplicates
+from scenegen.errors import DataError
 
 TURN = 2.0 * np.pi
 
@@ -73,7 +73,7 @@ def test_a_collapsed_set_and_one_with_fixed_objects_are_quick():
 
 def test_bad_input_is_a_diagnostic():
     for tolerance in (-1e-9, 1.0, float("nan")):
-        with pytest.raises(RequestError):
+        with pytest.raises(ValueError, match=r"least|from 0"):
             duplicates(np.zeros((3, 2)), tolerance=tolerance)
     with pytest.raises(DataError):
         duplicates(np.full((3, 2), np.nan))

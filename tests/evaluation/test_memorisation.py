@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from scenegen.errors import DataError, RequestError
-from scenegen.learn.evaluation.metrics import training_distances
+from experiments.metrics import training_distances
+from scenegen.errors import DataError
 from scenegen.scenes.coverage import features
 
 
@@ -31,7 +31,7 @@ def test_a_memoriser_is_nearer_than_fresh_scenes(true_scenes):
 def test_bad_input_is_a_diagnostic():
     scenes = np.zeros((3, 2))
     for levels in ((), (0.5, 1.1), (-0.1,), (float("nan"),)):
-        with pytest.raises(RequestError):
+        with pytest.raises(ValueError, match=r"least|from 0"):
             training_distances(scenes, scenes, levels=levels)
     with pytest.raises(DataError):
         training_distances(scenes, np.zeros((3, 0)))

@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from experiments.metrics import kolmogorov_smirnov, ks_screen, kuiper
 from scenegen.errors import DataError
-from scenegen.learn.evaluation.fidelity import kolmogorov_smirnov, ks_screen, kuiper
 
 TURN = 2.0 * np.pi
 values = st.lists(st.integers(0, 12), min_size=1, max_size=15).map(lambda v: np.array(v, dtype=float))
@@ -121,7 +121,7 @@ def test_columns_that_cannot_vary_are_not_counted(true_scenes):
 
 def test_bad_input_is_a_diagnostic():
     scenes = np.zeros((6, 4))
-    with pytest.raises(DataError, match="names of shape 1 for 2 objects"):
+    with pytest.raises(ValueError, match="names of shape 1 for 2 objects"):
         ks_screen(scenes, scenes, ["mug"])
     with pytest.raises(DataError):
         ks_screen(scenes, np.zeros((6, 0)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from scenegen.learn.evaluation.fidelity import chi_square_tail, kolmogorov_tail, kuiper_tail
+from experiments.metrics import chi_square_tail, kolmogorov_tail, kuiper_tail
 
 
 @pytest.mark.parametrize("x", [0.0, 0.03, 0.2, 0.5, 0.8275735, 0.999999, 1.0, 1.000001, 1.36, 2.0, 5.0, 18.0])

@@ -3,12 +3,11 @@ import torch
 
 from scenegen.lang.checker import check_text
 from scenegen.learn.models.base import SpecLoss
-from scenegen.learn.models.card import LabelData, LossData, ModelCard, spec_data
+from scenegen.learn.models.card import LabelData, Layout, LossData, ModelCard, layout_of, spec_data
 from scenegen.learn.models.checkpoint import save_model
 from scenegen.learn.models.codec import Codec, Examples, survey
-from scenegen.learn.models.layout import Layout, layout_of
 from scenegen.learn.models.registry import model_class, parse_hyper
-from scenegen.learn.training.datasets.uniform import uniform
+from scenegen.learn.training.paper import uniform
 from scenegen.scenes.data import WorkspaceData
 
 

@@ -8,9 +8,9 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate, phi
 from scenegen.learn.models.base import SpecLoss
+from scenegen.learn.models.card import Layout, layout_of
 from scenegen.learn.models.codec import MOST, OTHER, Codec, Examples, survey
 from scenegen.learn.models.conditioned import PASSES, Selector
-from scenegen.learn.models.layout import Layout, layout_of
 from scenegen.learn.refine import draw
 from scenegen.learn.robustness.deciding import deciding
 from scenegen.resources import shipped_specs

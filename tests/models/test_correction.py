@@ -7,9 +7,9 @@ import pytest
 import torch
 from scipy import stats
 
+from experiments.metrics import kolmogorov_smirnov
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
-from scenegen.learn.evaluation.fidelity import kolmogorov_smirnov
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.models.correction import Correction, McmcMoves
 from scenegen.learn.models.correction import _newton as newton
@@ -63,7 +63,7 @@ def test_the_generator_alone_decides_and_scenes_that_are_right_stay_near(spec):
     correct = Correction(spec, torch.tensor([1.0, 1.0]))
     one, two = (correct(uniform(spec), phi, torch.Generator().manual_seed(3)) for _ in range(2))
     assert torch.equal(one, two)
-    right = correct._stir._right(one, phi)
+    right = correct._walk._right(one, phi)
     again, _ = correct._corrected(one, phi)
     assert float(right.float().mean()) > 0.9 and torch.equal(again[:, right], one[:, right])
 
@@ -137,7 +137,7 @@ def test_what_is_drawn_again_is_drawn_in_its_branch(spec, arrive, share):
 
     correct = Correction(spec, torch.tensor([1.0, 1.0]))
     correct._corrected = lambda rows, wanted: (rows.clone(), rows[2] > 0.0)
-    correct._stir.count = 0
+    correct._walk.count = 0
     made = correct(make, torch.zeros(2, 2000), torch.Generator().manual_seed(2))
     assert asked[0] is None and bool((asked[1] == 0).all())
     assert float(made[0].double().mean()) == pytest.approx(share, abs=0.04)

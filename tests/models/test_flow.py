@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from scenegen.errors import RequestError
+from scenegen.learn.models.card import Layout
 from scenegen.learn.models.flow import Flow, FlowMap, departure
-from scenegen.learn.models.layout import Layout
 from scenegen.learn.models.registry import parse_hyper
 
 LAYOUT = Layout(objects=2, labels=1, positions=(0, 1, 3), angles=(5,), branches=3)

@@ -6,12 +6,12 @@ import torch
 
 from scenegen.lang.checker import check_text
 from scenegen.learn.models.base import SpecLoss
+from scenegen.learn.models.card import layout_of
 from scenegen.learn.models.codec import Codec, Examples, survey
-from scenegen.learn.models.layout import layout_of
 from scenegen.learn.models.registry import model_class, parse_hyper
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training.datasets.balanced import balanced
-from scenegen.learn.training.datasets.uniform import uniform
+from scenegen.learn.training.balanced import balanced
+from scenegen.learn.training.paper import uniform
 
 pytestmark = pytest.mark.slow
 

@@ -3,7 +3,8 @@
 import pytest
 import torch
 
-from scenegen.learn.models.mlp import Mlp, Pass, Trainable
+from scenegen.learn.models.base import Mlp
+from scenegen.learn.models.published import Pass, Trainable
 
 WIDTHS = (5, 16, 8, 3)
 

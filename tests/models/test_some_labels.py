@@ -7,9 +7,9 @@ import torch
 
 from scenegen.errors import DataError
 from scenegen.lang.checker import check_text
-from scenegen.learn.models.codec import EVERY, NONE, Codec, Examples
+from scenegen.learn.models.checkpoint import TrainedModel
+from scenegen.learn.models.codec import EVERY, NONE, Examples
 from scenegen.learn.models.conditioned import given
-from scenegen.learn.models.trained import TrainedModel
 
 from .conftest import card_for
 
@@ -41,7 +41,7 @@ def test_free_labels_do_not_reach_the_network(make_model):
 def test_every_default_model_is_asked_for_some(name, make):
     made = make(name, 2, 3)
     spec = check_text("object a, b\none: leftOf(a, b)\ntwo: aboveOf(a, b)\nthree: closeTo(a, b)", "three.spec")
-    trained = TrainedModel(made.model, Codec(spec.workspace, 2), card_for(name, made.model, spec, "default"))
+    trained = TrainedModel(made.model, card_for(name, made.model, spec, "default"), spec)
     phi = trained.asked(torch.zeros(3, 5), ["two"])
     assert bool(torch.isnan(phi[[0, 2]]).all()) and bool((phi[1] == 0.0).all())
     assert trained.propose(phi, torch.Generator().manual_seed(0)).shape == (6, 5)
@@ -51,7 +51,7 @@ def test_every_default_model_is_asked_for_some(name, make):
 def test_published_models_have_to_be_told_all(make):
     made = make("gan", recipe="paper")
     spec = check_text("object a, b\none: leftOf(a, b)\ntwo: aboveOf(a, b)", "two.spec")
-    trained = TrainedModel(made.model, Codec(spec.workspace, 2), card_for("gan", made.model, spec))
+    trained = TrainedModel(made.model, card_for("gan", made.model, spec), spec)
     assert torch.equal(trained.asked(torch.zeros(2, 5), ["two"]), torch.zeros(2, 5))
     with pytest.raises(DataError, match="told every label"):
         trained.propose(torch.full((2, 5), math.nan), torch.Generator())

@@ -5,10 +5,10 @@ import math
 import pytest
 import torch
 
+from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.conditioned import DataScaling, Selector
 from scenegen.learn.models.energy import Generator, noise
-from scenegen.learn.models.layout import Layout
 
 LAYOUT = Layout(objects=2, labels=2, positions=(0, 4), angles=(2,), branches=3)
 

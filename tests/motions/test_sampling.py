@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
+from experiments.metrics import energy_test, ks_screen
 from scenegen.pose import as_rows
 from scenegen.sampling.motions.problem import MotionProblem, Variables, draw, poses_of, unit_steps
 from scenegen.sampling.motions.sampler import make_plan, pilot, sample

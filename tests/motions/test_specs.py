@@ -5,8 +5,8 @@ import pytest
 import torch
 
 import scenegen
+from experiments.metrics import energy_test, ks_screen
 from scenegen.errors import RequestError
-from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
 from scenegen.pose import as_rows
 from scenegen.sampling.motions.bounds import step_bounds
 

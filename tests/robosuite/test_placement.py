@@ -127,7 +127,7 @@ def test_bad_requests_are_answered():
         ("wrong-value", lambda: Placement(SPEC, names=["cubeA"])),
         ("wrong-value", lambda: Placement(SPEC, reference_pos=(0, 0, math.inf))),
         ("name-twice", lambda: Placement(SPEC, names={"red": "cubeB"})),
-        ("labels-of-task", lambda: placement(lambda: PhiBox((0.0, 0.0), (0.1, 0.1))).sample()),
+        ("not-a-task", lambda: placement(lambda: PhiBox((0.0, 0.0), (0.1, 0.1))).sample()),
     ]
     for code, act in cases:
         with pytest.raises(RequestError) as error:

@@ -20,7 +20,7 @@ class Uniform:
     info = {}  # noqa: RUF012
     regions = ()
 
-    def stirred(self, rows, ends, box, seed):
+    def mixed(self, rows, ends, box, seed):
         return rows
 
     def __call__(self, phi, generator):
@@ -40,7 +40,7 @@ class Constant:
     info = {}  # noqa: RUF012
     regions = ()
 
-    def stirred(self, rows, ends, box, seed):
+    def mixed(self, rows, ends, box, seed):
         return rows
 
     def __call__(self, phi, generator):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import scenegen
+from experiments.metrics import energy_test, ks_screen
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
-from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
 from scenegen.sampling import problem as module
 from scenegen.sampling.engine.run import draw, in_memory
 from scenegen.sampling.methods import make_plan

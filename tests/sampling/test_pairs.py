@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import scenegen
+from experiments.metrics import energy_test
 from scenegen.errors import DataError, RequestError
-from scenegen.learn.evaluation.fidelity import energy_test
 from scenegen.pose import as_rows
 from scenegen.sampling import pairs
 from scenegen.sampling.engine.run import draw

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from scenegen.learn.evaluation.fidelity import energy_test, ks_screen
+from experiments.metrics import energy_test, ks_screen
 from scenegen.scenes.coverage import coverage
 
 LEAST_P = 0.01

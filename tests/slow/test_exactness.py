@@ -13,7 +13,7 @@ import pytest
 from scipy import stats
 
 import scenegen
-from scenegen.learn.evaluation.metrics import chi_square
+from experiments.metrics import chi_square
 
 from ..sampling.doubles import DOUBLES
 from ..sampling.plain import CASES, fits, proposed, setting_probability, shipped, sorting, truth

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from experiments.metrics import chi_square
 from scenegen.lang.checker import check_text
-from scenegen.learn.evaluation.metrics import chi_square
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import sampler
 from scenegen.sampling.growth.moves import MoveSettings

@@ -7,9 +7,9 @@ import scenegen
 from scenegen.cli import train as command
 from scenegen.errors import RequestError
 from scenegen.learn.models.codec import EVERY
-from scenegen.learn.training.datasets import balanced as module
-from scenegen.learn.training.datasets.balanced import _jointly, balanced
-from scenegen.learn.training.datasets.gathering import Gathering
+from scenegen.learn.training import balanced as module
+from scenegen.learn.training.balanced import _jointly, balanced
+from scenegen.learn.training.gathering import Gathering
 from scenegen.sampling.request import Range
 
 NEVER = "object a, b\ntask: leftOf(a, b) & farFrom(a, b, 20 cm) & closeTo(a, b, 10 cm)"

@@ -11,10 +11,9 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training.datasets.balanced import balanced
-from scenegen.learn.training.datasets.boosted import boosted
-from scenegen.learn.training.datasets.registry import DATASETS, dataset_maker
-from scenegen.learn.training.datasets.uniform import uniform
+from scenegen.learn.training.balanced import balanced
+from scenegen.learn.training.config import DATASETS, dataset_maker
+from scenegen.learn.training.paper import boosted, uniform
 
 SPACE = Workspace(x=(-0.3, 0.1), y=(0.7, 2.0))
 

@@ -7,7 +7,7 @@ from scenegen.lang.checker import check_text
 from scenegen.learn.models.registry import RECIPES
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.feed import make_feed
-from scenegen.learn.training.loop import TrainingSession
+from scenegen.learn.training.session import TrainingSession
 
 TEXT = """
 object mug, plate, fork

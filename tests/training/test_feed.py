@@ -12,13 +12,13 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.errors import DataError, RequestError
 from scenegen.learn.models.codec import survey
-from scenegen.learn.models.published.gan import PublishedGAN
+from scenegen.learn.models.published import PublishedGAN
 from scenegen.learn.training import feed as feeds
+from scenegen.learn.training import scenefile
 from scenegen.learn.training.config import make_config
-from scenegen.learn.training.datasets import scenefile
-from scenegen.learn.training.datasets.uniform import uniform
 from scenegen.learn.training.feed import MemoryFeed, Windows, make_feed, ranked, sorted_into
 from scenegen.learn.training.loop import Interrupted, train
+from scenegen.learn.training.paper import uniform
 from scenegen.learn.training.state import state_path
 from scenegen.scenes.data import RequestData
 
@@ -86,7 +86,7 @@ def test_batches_are_full_and_start_anywhere(file, exp1, small):
 
 def test_the_choice_keeps_the_extremes(file, exp1, small, monkeypatch):
     full = make_feed(exp1, config(file))
-    monkeypatch.setattr("scenegen.learn.training.datasets.streamed.CHOSEN", 8 * 95)
+    monkeypatch.setattr("scenegen.learn.training.scenefile.CHOSEN", 8 * 95)
     some = make_feed(exp1, config(file))
     assert len(some.fitting) < 130 < len(full.fitting)
     for end in (torch.amin, torch.amax):

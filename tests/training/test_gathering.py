@@ -13,12 +13,11 @@ from rich.console import Console
 
 import scenegen
 from scenegen.errors import DataError, RequestError
-from scenegen.learn.training.datasets import balanced
-from scenegen.learn.training.datasets import gathering as module
-from scenegen.learn.training.datasets.gathering import Gathering
-from scenegen.learn.training.datasets.registry import DATASETS, dataset_maker
+from scenegen.learn.training import balanced
+from scenegen.learn.training import gathering as module
+from scenegen.learn.training.config import DATASETS, GATHERING, SECONDS, dataset_maker
+from scenegen.learn.training.gathering import Gathering
 from scenegen.learn.training.progress import GatheringLines, TrainingProgress
-from scenegen.learn.training.recipes import GATHERING, SECONDS
 
 RARE = "object a, b, c\nrequire noOverlap()\ntask: leftOf(a, b) & closeTo(a, c, 0.3)\nsafe: farFrom(a, b, 0.4)"
 

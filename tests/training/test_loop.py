@@ -6,7 +6,7 @@ import torch
 
 from scenegen.errors import OutputError, RequestError
 from scenegen.learn.models.checkpoint import load_model
-from scenegen.learn.models.published.aae import PublishedAAE
+from scenegen.learn.models.published import PublishedAAE
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.loop import train

@@ -9,12 +9,12 @@ import torch
 
 from scenegen.errors import DataError
 from scenegen.learn.models.checkpoint import load_model, pack, unpack
-from scenegen.learn.models.published.gan import PublishedGAN
-from scenegen.learn.training import loop
+from scenegen.learn.models.published import PublishedGAN
+from scenegen.learn.training import session
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.loop import Interrupted, train
+from scenegen.learn.training.session import Validation
 from scenegen.learn.training.state import FORMAT, state_path
-from scenegen.learn.training.validate import Validation
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 CONFIG = make_config("gan", "paper", epochs=9, scenes=300, batch_size=64, patience=2)
@@ -27,7 +27,7 @@ def scripted(monkeypatch):
 
     def script(errors):
         left, labels = list(errors), ("task", "safe")
-        monkeypatch.setattr(loop, "validate", lambda *_: Validation(dict.fromkeys(labels, left.pop(0)), 0.0))
+        monkeypatch.setattr(session, "validate", lambda *_: Validation(dict.fromkeys(labels, left.pop(0)), 0.0))
         return left
 
     return script

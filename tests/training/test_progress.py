@@ -3,7 +3,7 @@ import io
 from rich.console import Console
 
 from scenegen.learn.training.progress import TrainingProgress
-from scenegen.learn.training.validate import EpochReport
+from scenegen.learn.training.session import EpochReport
 
 
 def report(epoch, epochs):

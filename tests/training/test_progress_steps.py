@@ -4,7 +4,7 @@ import re
 from rich.console import Console
 
 from scenegen.learn.training.progress import TrainingProgress
-from scenegen.learn.training.validate import EpochReport, Validation
+from scenegen.learn.training.session import EpochReport, Validation
 
 GOOD = Validation({"task": 0.01, "safe": 0.03}, 0.4)
 

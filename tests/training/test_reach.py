@@ -7,8 +7,8 @@ import pytest
 
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
-from scenegen.learn.training.datasets import balanced
-from scenegen.learn.training.datasets.gathering import Gathering
+from scenegen.learn.training import balanced
+from scenegen.learn.training.gathering import Gathering
 from scenegen.sampling import rarity_grown
 from scenegen.sampling.rarity import RequirementUnmet
 
@@ -38,4 +38,4 @@ def test_time_is_kept(grown):
     gathering = Gathering(0.0)
     with pytest.raises(RequestError) as caught:
         balanced.reach(check_text(TEXT), 0, gathering.check, time.monotonic() - 1.0)
-    assert caught.value.diagnostics[0].code == "no-time-to-gather"
+    assert caught.value.diagnostics[0].code == "no-time-to-train"

@@ -10,10 +10,9 @@ import torch
 
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.learn.models.checkpoint import load_model
-from scenegen.learn.models.published.aae import PublishedAAE
-from scenegen.learn.models.published.gan import PublishedGAN
+from scenegen.learn.models.published import PublishedAAE, PublishedGAN
 from scenegen.learn.models.registry import MODELS, PUBLISHED, model_class
-from scenegen.learn.training import loop
+from scenegen.learn.training import session
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.loop import Interrupted, train
 from scenegen.learn.training.state import state_path
@@ -132,8 +131,8 @@ def test_epochs_that_are_done_are_not_done_again(tmp_path, exp1):
 def test_checkpoints_on_the_way_change_nothing(tmp_path, exp1, monkeypatch):
     whole, often = tmp_path / "whole", tmp_path / "often"
     train(exp1, CONFIG, whole)
-    monkeypatch.setattr(loop, "SAVE_EVERY", 0.0)
-    monkeypatch.setattr(loop, "SAVE_SHARE", 1e9)
+    monkeypatch.setattr(session, "SAVE_EVERY", 0.0)
+    monkeypatch.setattr(session, "SAVE_SHARE", 1e9)
     seen = []
     train(exp1, CONFIG, often, on_epoch=lambda report: seen.append(often.exists()))
     assert seen == [False, True, True, True]
@@ -192,7 +191,7 @@ def test_nothing_to_resume(tmp_path, exp1):
 def test_other_data_is_noticed(tmp_path, exp1, monkeypatch):
     out = tmp_path / "m"
     train(exp1, dataclasses.replace(CONFIG, epochs=1), out)
-    monkeypatch.setattr("scenegen.learn.training.datasets.dataset.Dataset.sha256", property(lambda self: "0" * 64))
+    monkeypatch.setattr("scenegen.learn.training.dataset.Dataset.sha256", property(lambda self: "0" * 64))
     with pytest.raises(DataError, match="cannot be rebuilt"):
         train(exp1, CONFIG, out, resume=True)
 

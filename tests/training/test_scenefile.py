@@ -12,8 +12,8 @@ from scenegen.api.scenes import SceneSet
 from scenegen.errors import DataError, RequestError
 from scenegen.lang.checker import check_text
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training.datasets import scenefile
-from scenegen.learn.training.datasets.scenefile import whole_file
+from scenegen.learn.training import scenefile
+from scenegen.learn.training.scenefile import whole_file
 from scenegen.scenes.data import RequestData
 
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"

@@ -2,8 +2,8 @@ import pytest
 import torch
 
 from scenegen.errors import DataError
-from scenegen.learn.training.datasets.dataset import held_count, held_places, split
-from scenegen.learn.training.datasets.uniform import uniform
+from scenegen.learn.training.dataset import held_count, held_places, split
+from scenegen.learn.training.paper import uniform
 
 
 @pytest.mark.parametrize("total", [2, 3, 10, 11, 57, 2049, 20_481, 1_000_003])

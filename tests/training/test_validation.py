@@ -9,11 +9,11 @@ import torch
 from scenegen.learn.models.base import SpecLoss
 from scenegen.learn.models.checkpoint import load_model
 from scenegen.learn.models.codec import Codec, Examples
-from scenegen.learn.training import loop
+from scenegen.learn.training import session
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.feed import make_feed
 from scenegen.learn.training.loop import train
-from scenegen.learn.training.validate import Validation, validate
+from scenegen.learn.training.session import Validation, validate
 
 CONFIG = make_config("gan", "paper", epochs=3, scenes=300, batch_size=64)
 
@@ -91,7 +91,7 @@ def test_validation_changes_no_weight(model, recipe, tmp_path, exp1, monkeypatch
     config = make_config(model, recipe, epochs=2, scenes=300, data="uniform", hyper={})
     seen = train(exp1, config, tmp_path / "seen")
     blind = Validation({"task": 0.0, "safe": 0.0}, 0.0)
-    monkeypatch.setattr(loop, "validate", lambda *_: blind)
+    monkeypatch.setattr(session, "validate", lambda *_: blind)
     unseen = train(exp1, config, tmp_path / "unseen")
     one, two = seen.model.state_dict(), unseen.model.state_dict()
     assert all(torch.equal(one[name], two[name]) for name in one)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-ID = "scenegen/TableTop-v0"
-MOTION_ID = "scenegen/Motion-v0"
+from scenegen.learn.curriculum.tasks import ID, MOTION_ID
+
 MAX_STEPS = 100  # of an episode, unless given as `gymnasium.make(..., max_episode_steps=)`
 
 # name -> the module that defines it

@@ -23,7 +23,7 @@ from gymnasium.vector.utils import batch_space
 from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
-from scenegen.errors.learning import NO_EPISODE, NUMBER_OF_SEEDS
+from scenegen.errors.learning import NO_EPISODE
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.curriculum.goal import as_gymnasium, count, refused
@@ -373,7 +373,8 @@ class TableVectorEnv(VectorEnv[Observations, Any, Any]):
             wanted = f"a python integer, or a list of {self.num_envs}"
             raise refused(WRONG_VALUE(argument="seed", value=repr(seed), wanted=wanted))
         if len(seeds) != self.num_envs:
-            raise refused(NUMBER_OF_SEEDS(seeds=len(seeds), tables=self.num_envs))
+            wanted = f"one, or {self.num_envs}: one for each table"
+            raise refused(WRONG_VALUE(argument="seed", value=f"{len(seeds)} seeds", wanted=wanted))
         if options is not None and not isinstance(options, Mapping):
             check_options(options)
         options = dict(options or {})

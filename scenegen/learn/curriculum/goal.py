@@ -40,6 +40,12 @@ def refused(problem: Diagnostic, kind: type[error.Error] = error.Error, more: st
     return found
 
 
+def not_a_strategy(value: str) -> Diagnostic:
+    """The problem with what is given as a strategy."""
+    wanted = 'one: strategy("self_paced", env.unwrapped.space, np.random.default_rng(0))'
+    return WRONG_VALUE(argument="strategy", value=value, wanted=wanted)
+
+
 @contextmanager
 def as_gymnasium(kind: type[error.Error] = error.Error) -> Iterator[None]:
     """Turns scenegen's errors into errors of gymnasium."""

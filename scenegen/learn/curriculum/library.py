@@ -29,13 +29,7 @@ from scenegen.api.scene_arrays import SpecScenes, parts_of
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.learning import (
-    DRAW_TOO_SLOW,
-    GOAL_ALWAYS_MET,
-    GOAL_OUT_OF_REACH,
-    NO_SCENE_IN_FILE,
-    SOURCE_OF_ANOTHER_SPEC,
-)
+from scenegen.errors.learning import DRAW_TOO_SLOW, MODEL_OF_ANOTHER_SPEC, NO_START_IN_FILE, NO_UNMET_GOAL
 from scenegen.errors.requests import NO_SCENES, OUT_OF_TIME, WRONG_VALUE
 from scenegen.lang.spec import CheckedSpec, rows_among
 from scenegen.learn.curriculum.goal import Goal, Scorer, refused
@@ -142,7 +136,7 @@ def open_source(target: Goal, spec: Spec, source: Any) -> Sampler | Scenes:
         return stock(target, source)
     if isinstance(source, Model):
         if source.spec.drawn.sha256 != spec.drawn.sha256:
-            raise refused(SOURCE_OF_ANOTHER_SPEC(model=source.name))
+            raise refused(MODEL_OF_ANOTHER_SPEC(model=source.name))
         return Sampler(target, source)
     raise AssertionError(source)  # see check_source
 
@@ -319,15 +313,15 @@ def make_library(target: Goal, source: Sampler | Scenes) -> Library:
     least, most = target.spec.bounds()[target.names[goal]]
     reach = {"label": target.names[goal], "lowest": least, "highest": most}
     if most < 0.0:
-        raise refused(GOAL_OUT_OF_REACH(**reach))
+        raise refused(NO_UNMET_GOAL(**reach))
     if isinstance(source, Scenes):
         phi = source.phi
         return Library(target, source, phi.min(axis=0), phi.max(axis=0), float(phi[:, goal].min()), None)
     if least >= 0.0:
-        raise refused(GOAL_ALWAYS_MET(**reach))
+        raise refused(NO_UNMET_GOAL(**reach, always=True))
     name = target.names[goal]
     if any(one.proved and one.label == name for one in doubts(target.spec.drawn)):
-        raise refused(GOAL_OUT_OF_REACH(label=name))
+        raise refused(NO_UNMET_GOAL(label=name))
     # which phi is hard depends on the spec, not on the source of the scenes
     pilot = Sampler(target).draw({name: Range(None, BELOW)}, PILOT, 0, "base")
     hard = float(np.quantile(pilot.phi[:, goal], HARDEST))
@@ -584,7 +578,7 @@ class LibraryStream:
             if found is not None:
                 return found
         if self.library.more is None:
-            raise RequestError(NO_SCENE_IN_FILE(wanted=ranges.describe(names)))
+            raise RequestError(NO_START_IN_FILE(wanted=ranges.describe(names)))
         scenes = self._draw(ranges.phi(names), min(ALONE << 2 * (bucket.draws if bucket else 0), LARGEST), patience)
         found = self._stack(key, bucket, scenes).take(ranges, self._used)
         assert found is not None

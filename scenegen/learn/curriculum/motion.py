@@ -18,11 +18,10 @@ from scenegen.api.monitor import Monitor
 from scenegen.api.motions import MotionSet, read_motions, sample_motions
 from scenegen.api.spec import Spec, refuse_choices
 from scenegen.errors import RequestError
-from scenegen.errors.learning import MOTIONS_OF_ANOTHER_SPEC, NO_MOTION_IN_FILE, NOT_A_FIRST_SCENE, NOTHING_TO_MOVE
+from scenegen.errors.learning import MOTIONS_OF_ANOTHER_SPEC, NO_START_IN_FILE, NOT_A_FIRST_SCENE, NOTHING_TO_MOVE
 from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_RANGE, WRONG_VALUE
 from scenegen.errors.time import NOT_OVER_TIME
 from scenegen.lang.formula.timed import Signal, Timed
-from scenegen.learn.curriculum import ID
 from scenegen.learn.curriculum.env import (
     Array,
     Episodes,
@@ -37,7 +36,7 @@ from scenegen.learn.curriculum.env import (
 from scenegen.learn.curriculum.goal import as_gymnasium, load_spec, number, one_of, refused, wanted_labels
 from scenegen.learn.curriculum.request import PhiRanges, StartRequest, check_options, read_ranges
 from scenegen.learn.curriculum.spaces import ActionMoves, ObservationEncoder, make_views
-from scenegen.learn.curriculum.tasks import PhiBox
+from scenegen.learn.curriculum.tasks import ID, PhiBox
 from scenegen.pose import LENGTHS, NAMES, PLACE, THETA, TWO_PI, along, axis_of, owner, row_of
 from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
 from scenegen.sampling.motions.problem import MotionProblem
@@ -177,7 +176,7 @@ class MotionStarts:
             raise refused(MISSING_ARGUMENT(argument="source", question=question))
         good = self.phi[~np.isnan(self.phi).any(axis=1)]
         if not len(good):
-            raise refused(NO_MOTION_IN_FILE(wanted="any phi"))
+            raise refused(NO_START_IN_FILE(wanted="any phi", motions=True))
         return PhiBox(tuple(good.min(axis=0).tolist()), tuple(good.max(axis=0).tolist()))
 
     def read(self, options: object) -> StartRequest:
@@ -222,7 +221,7 @@ class MotionStarts:
             inside = away <= least
             if not inside.any():
                 wanted = ranges.describe(self.spec.labels)
-                raise refused(NO_MOTION_IN_FILE(wanted=wanted), error.InvalidBound)
+                raise refused(NO_START_IN_FILE(wanted=wanted, motions=True), error.InvalidBound)
             return np.asarray(self.given.poses[inside, 0]), np.asarray(self.phi[inside])
         key = (self._key, ranges, number)
         if key not in _BLOCKS:

@@ -17,7 +17,7 @@ from scenegen.api.scenes import Scene
 from scenegen.api.spec import Spec
 from scenegen.errors import quoted
 from scenegen.errors.files import OTHER_OBJECTS, OTHER_SURFACE
-from scenegen.errors.learning import LABELS_OF_TASK, NOT_A_TASK, NOT_POSES
+from scenegen.errors.learning import NOT_A_TASK, NOT_POSES
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     NOT_A_POSE,
@@ -109,7 +109,7 @@ def read_ranges(
             raise refused(NOT_A_TASK(value=str(phi)), error.InvalidBound)
         for side in (phi.low, phi.high):
             if len(side) != len(known):
-                raise refused(LABELS_OF_TASK(count=len(side), labels=known))
+                raise refused(NOT_A_TASK(count=len(side), labels=known))
         given = dict(enumerate(zip(phi.low, phi.high, strict=True)))
     elif isinstance(phi, Mapping):
         given = {_label(names, known, name): ends for name, ends in phi.items()}

@@ -11,9 +11,9 @@ import numpy as np
 from gymnasium import error
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from scenegen.errors.learning import NOT_A_STRATEGY, ONE_ENVIRONMENT, WRONG_AUTORESET
-from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.learn.curriculum.goal import count, refused
+from scenegen.errors.learning import ONE_ENVIRONMENT
+from scenegen.errors.requests import NOT_INSTALLED, WRONG_VALUE
+from scenegen.learn.curriculum.goal import count, not_a_strategy, refused
 from scenegen.learn.curriculum.tasks import Strategy
 
 try:
@@ -36,7 +36,7 @@ class CurriculumCallback(BaseCallback):
 
     def __init__(self, strategy: Strategy | None = None, *, window: int = WINDOW, verbose: int = 0) -> None:
         if strategy is not None and not callable(getattr(strategy, "next_task", None)):
-            raise refused(NOT_A_STRATEGY(value=repr(strategy)))
+            raise refused(not_a_strategy(repr(strategy)))
         window = count("window", window)
         super().__init__(verbose)
         self.outcomes: deque[Mapping[str, Any]] = deque(maxlen=window)
@@ -79,7 +79,8 @@ class SB3Vector(VecEnv):
     def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
         mode = (env.metadata or {}).get("autoreset_mode")
         if mode is not AutoresetMode.SAME_STEP:
-            raise refused(WRONG_AUTORESET(mode=str(mode)))
+            wanted = 'an environment with autoreset_mode="SameStep", which Stable-Baselines3 needs'
+            raise refused(WRONG_VALUE(argument="env", value=f"one with {mode}", wanted=wanted))
         self.env = env
         self._actions: Any = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)

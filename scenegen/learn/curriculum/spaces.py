@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gymnasium import Space, error, spaces
 
 from scenegen.errors import quoted
-from scenegen.errors.learning import ACTION_OUT_OF_RANGE, NOTHING_TO_MOVE, UNKNOWN_ACTION, WRONG_ACTION
+from scenegen.errors.learning import NOTHING_TO_MOVE, WRONG_ACTION
 from scenegen.errors.requests import HELD_BY_SPEC, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.geometry import PRIMITIVES, Circle
 from scenegen.lang.formula.core import Apply, Atom, Coord, Core, gated, part_of
@@ -65,7 +65,7 @@ class ActionMoves:
                 raise refused(WRONG_ACTION(wanted=wanted, value=str(actions)), error.InvalidAction)
             if ((given < 0) | (given >= len(self.rows))).any():
                 bad = given[(given < 0) | (given >= len(self.rows))][0]
-                raise refused(UNKNOWN_ACTION(number=bad, last=len(self.rows) - 1), error.InvalidAction)
+                raise refused(WRONG_ACTION(number=bad, last=len(self.rows) - 1), error.InvalidAction)
             return given
         given = given.reshape(count, -1) if given.ndim == 1 and count == 1 else given
         if given.shape != (count, len(self.rows)) or given.dtype.kind not in "iuf":
@@ -78,7 +78,7 @@ class ActionMoves:
             whose = "the action" if count == 1 else f"the action on table {table}"
             value = given[wrong][0]
             amount = None if np.isnan(value) else value
-            raise refused(ACTION_OUT_OF_RANGE(name=self.names[place], whose=whose, amount=amount), error.InvalidAction)
+            raise refused(WRONG_ACTION(name=self.names[place], whose=whose, amount=amount), error.InvalidAction)
         return np.asarray(np.clip(given, -1.0, 1.0), dtype=np.float64)
 
     def apply(self, rows: Array, actions: npt.NDArray[Any]) -> Array:

@@ -14,12 +14,11 @@ from gymnasium import Space, error
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError, quoted
-from scenegen.errors.learning import GOAL_ALWAYS_MET
+from scenegen.errors.learning import NO_UNMET_GOAL
 from scenegen.errors.requests import CHOICES_NOT_HERE, WRONG_VALUE
 from scenegen.errors.time import TIME_NOT_HERE
 from scenegen.lang.formula.core import Coord, part_of
 from scenegen.lang.spec import chosen
-from scenegen.learn.curriculum import MOTION_ID
 from scenegen.learn.curriculum.env import (
     Array,
     Episodes,
@@ -42,7 +41,7 @@ from scenegen.learn.curriculum.request import (
     read_scene,
 )
 from scenegen.learn.curriculum.spaces import ActionMoves, ObservationEncoder, make_moves, make_views
-from scenegen.learn.curriculum.tasks import PhiBox
+from scenegen.learn.curriculum.tasks import MOTION_ID, PhiBox
 from scenegen.learn.model import Model
 from scenegen.pose import TWO_PI, is_angle, owner, row_count
 from scenegen.sampling.request import Range
@@ -268,7 +267,7 @@ class SceneStarts:
         if self._usual is not None:
             return self._usual
         if self.library.hard >= 0.0:
-            raise refused(GOAL_ALWAYS_MET())
+            raise refused(NO_UNMET_GOAL())
         return self.library.unsatisfied
 
     def _nearest(self, ranges: PhiRanges) -> str:

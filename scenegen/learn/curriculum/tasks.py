@@ -1,9 +1,12 @@
-"""The input and output of a strategy: tasks and outcomes."""
+"""What strategies and environments say to each other: tasks and outcomes; and the names of the environments."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Protocol
+
+ID = "scenegen/TableTop-v0"
+MOTION_ID = "scenegen/Motion-v0"
 
 
 @dataclass(frozen=True, slots=True)

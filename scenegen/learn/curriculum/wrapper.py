@@ -16,9 +16,10 @@ from gymnasium import error
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorWrapper
 
-from scenegen.errors.learning import NOT_A_STRATEGY, NOT_A_TASK, NOT_AN_ENVIRONMENT, STRATEGY_OUT_OF_REACH
+from scenegen.errors.learning import NOT_A_TASK, STRATEGY_OUT_OF_REACH
+from scenegen.errors.requests import WRONG_VALUE
 from scenegen.learn.curriculum.env import Array, Episodes, Mask, TableEnv, TableVectorEnv
-from scenegen.learn.curriculum.goal import refused
+from scenegen.learn.curriculum.goal import not_a_strategy, refused
 from scenegen.learn.curriculum.request import check_options
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy
 
@@ -94,10 +95,10 @@ def _check(env: Any, kind: type, wanted: str, strategy: object) -> None:
     """Raises gymnasium.error.Error for another environment than ours, and for an object that is not a strategy."""
     unwrapped = getattr(env, "unwrapped", env)
     if not isinstance(unwrapped, kind):
-        raise refused(NOT_AN_ENVIRONMENT(wanted=wanted, found=type(unwrapped).__name__))
+        raise refused(WRONG_VALUE(argument="env", value=f"a {type(unwrapped).__name__}", wanted=f"a {wanted}"))
     if isinstance(strategy, type) or not all(callable(getattr(strategy, call, None)) for call in CALLS):
         shown = strategy.__name__ if isinstance(strategy, type) else repr(strategy)
-        raise refused(NOT_A_STRATEGY(value=shown))
+        raise refused(not_a_strategy(shown))
 
 
 class Curriculum(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):

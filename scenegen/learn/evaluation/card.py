@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE, gated
-from scenegen.learn.evaluation.describe import EvaluatedModel, describe, faults
-from scenegen.learn.evaluation.fidelity import Fidelity, fidelity, kolmogorov_smirnov
+from scenegen.learn.evaluation.describe import describe, faults
+from scenegen.learn.evaluation.fidelity import Fidelity, fidelity, ks_distance
 from scenegen.learn.models.card import QualityData, RangeData
 from scenegen.learn.models.checkpoint import save_model
 from scenegen.sampling.problem import Budget, make_problem
@@ -24,7 +24,8 @@ from scenegen.scenes.files import check_writable, write_whole
 from scenegen.search.effort import StoppedError
 
 if TYPE_CHECKING:
-    from scenegen.learn.models.trained import TrainedModel
+    from scenegen.learn.model import Model
+    from scenegen.learn.models.checkpoint import TrainedModel
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -127,7 +128,7 @@ class _CpuBudget(Budget):
         return _CpuBudget(math.inf, allowed=max(0.0, min(seconds, left)))
 
 
-def measure(model: EvaluatedModel, seconds: float = ALL) -> EvaluationResult:
+def measure(model: Model, seconds: float = ALL) -> EvaluationResult:
     """Accuracy and distribution at a handful of values of each label and of each two labels that follow each other, and
     calibration over all of a label's range; all this of the model's raw output. Also what `sample` returns in the
     ranges of `asked_for`. Takes some seconds, ALL or `seconds` where scenes are rare."""
@@ -170,10 +171,10 @@ def measure(model: EvaluatedModel, seconds: float = ALL) -> EvaluationResult:
     return EvaluationResult(tuple(levels), tuple(curves), tuple(missing), tuple(reaches))
 
 
-def level(model: EvaluatedModel, wanted: Mapping[str, float], rows: Array, phi: Array) -> TargetFidelity:
+def level(model: Model, wanted: Mapping[str, float], rows: Array, phi: Array) -> TargetFidelity:
     """How the model compares with true scenes (3N, 2n) whose phi is (L, 2n): with the first half, when it is asked for
     the phi that the second half has of the `wanted` labels."""
-    from scenegen.learn.models.layout import depends_on
+    from scenegen.learn.models.card import depends_on
 
     half = rows.shape[1] // 2
     true, fresh, asked = rows[:, :half], rows[:, half:], phi[:, half:]
@@ -188,7 +189,7 @@ def level(model: EvaluatedModel, wanted: Mapping[str, float], rows: Array, phi: 
     )
 
 
-def _off(model: EvaluatedModel, rows: Array, asked: Array, wanted: Mapping[str, float]) -> tuple[float, float]:
+def _off(model: Model, rows: Array, asked: Array, wanted: Mapping[str, float]) -> tuple[float, float]:
     """The error of phi of scenes (3N, n), and the share that meets what is required."""
     reached = _reached(model, rows)
     errors = [float(np.abs(reached[name] - asked[model.spec.labels.index(name)]).mean()) for name in wanted]
@@ -206,7 +207,7 @@ def _bands(wanted: Mapping[str, float], ranges: Mapping[str, tuple[float, float]
     return found
 
 
-def asked_for(model: EvaluatedModel) -> list[dict[str, Range]]:
+def asked_for(model: Model) -> list[dict[str, Range]]:
     """What most people ask for: that all labels are satisfied, each, each just not, and where the model was trained."""
     found: list[dict[str, Range]] = []
     told = model.trained.card.training.get("phi")
@@ -220,29 +221,28 @@ def asked_for(model: EvaluatedModel) -> list[dict[str, Range]]:
     return [ends for place, ends in enumerate(found) if ends not in found[:place]]
 
 
-def reached(model: EvaluatedModel, ends: Mapping[str, Range], budget: Budget) -> RangeFidelity:
+def reached(model: Model, ends: Mapping[str, Range], budget: Budget) -> RangeFidelity:
     """How the scenes compare that `sample` returns as they occur in these ranges. Raises RequestError and StoppedError
     where there is no truth, or no scene of the model, within the budget."""
-    from scenegen.learn.models.layout import depends_on
+    from scenegen.learn.models.card import depends_on
 
     rows, phi = _truth(model, ends, 2 * SCENES, budget)
     made, told = returned(model, ends, SCENES, budget)
     half = rows.shape[1] // 2
     depends = depends_on(model.spec.checked.core)
-    off = [kolmogorov_smirnov(phi[place], told[place])[0] for place in map(model.spec.labels.index, ends)]
+    off = [ks_distance(phi[place], told[place]) for place in map(model.spec.labels.index, ends)]
     true, fresh = rows[:, :half], rows[:, half:]
     return RangeFidelity(dict(ends), max(off), fidelity(true, made[:, :half], depends), fidelity(true, fresh, depends))
 
 
-def returned(model: EvaluatedModel, ends: Mapping[str, Range], count: int, budget: Budget) -> tuple[Array, Array]:
+def returned(model: Model, ends: Mapping[str, Range], count: int, budget: Budget) -> tuple[Array, Array]:
     """`count` scenes (3N, count) that a model gives for ranges of phi, as they occur there, and their phi (L, count).
     Raises RequestError."""
     from scenegen.learn.guided import make_plan
-    from scenegen.learn.models.proposer import make_proposer
     from scenegen.sampling.engine.run import in_memory
 
     request = SampleRequest(dict(ends), count, SEED, spread="base", workers=1)
-    proposer = replace(make_proposer(model.trained), asked=tuple(ends))
+    proposer = replace(model.trained, only=tuple(ends))
     found = in_memory(make_plan(make_problem(model.spec.checked, request), budget, proposer), budget)
     if found.shortfall is not None:
         raise RequestError(found.shortfall)
@@ -256,7 +256,7 @@ def values(low: float, high: float) -> list[float]:
     return [low + share * (high - low) for share in (0.1, 0.3, 0.5, 0.7, 0.9)] if low < high else []
 
 
-def _truth(model: EvaluatedModel, ranges: Mapping[str, Range], count: int, budget: Budget) -> tuple[Array, Array]:
+def _truth(model: Model, ranges: Mapping[str, Range], count: int, budget: Budget) -> tuple[Array, Array]:
     """Exact scenes (3N, n) and their phi (L, n), in random order, at least half of `count`. Raises RequestError and
     StoppedError where there are fewer within the budget; it decides whether a band is measured, and with how many
     scenes, never what is measured there."""
@@ -280,7 +280,7 @@ def _made(trained: TrainedModel, phi: Array, labels: list[str]) -> Array:
     return rows
 
 
-def _reached(model: EvaluatedModel, rows: Array) -> dict[str, Array]:
+def _reached(model: Model, rows: Array) -> dict[str, Array]:
     """phi (n,) of scenes by the exact spec, of each label and of what is required."""
     from scenegen.geometry import NUMPY
     from scenegen.lang.formula.interpret import phi as score
@@ -300,7 +300,7 @@ def check_card(model: Path, *inputs: Path) -> None:
         check_writable(path, *inputs)
 
 
-def write_card(model: EvaluatedModel, path: Path, seconds: float = ALL) -> list[Path]:
+def write_card(model: Model, path: Path, seconds: float = ALL) -> list[Path]:
     """Measure a model whose file is `path`, and write its card beside it, each file whole or not at all. Returns the
     written paths: the text, and the picture if there was anything to draw. The same model gives the same card, except
     that rare targets may be left out on a slow machine or with little time (`seconds`). Raises OutputError."""
@@ -348,14 +348,14 @@ def ranges(measured: EvaluationResult) -> list[RangeData]:
     ]
 
 
-def record(model: EvaluatedModel, path: Path, found: list[QualityData], returned: list[RangeData]) -> None:
+def record(model: Model, path: Path, found: list[QualityData], returned: list[RangeData]) -> None:
     """Write the figures into the model file, where `sample` finds them. Raises OutputError."""
     card = model.trained.card.model_copy(update={"quality": found, "ranges": returned})
     save_model(path, model.trained.model, card, model.trained.regions)
     model.trained = replace(model.trained, card=card)
 
 
-def card_text(model: EvaluatedModel, path: Path, measured: EvaluationResult) -> str:
+def card_text(model: Model, path: Path, measured: EvaluationResult) -> str:
     """The card as Markdown."""
     card = model.trained.card
     lines = [f"# {card.model} for {Path(card.spec.name).name}", ""]

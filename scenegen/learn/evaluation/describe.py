@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic, quoted
-from scenegen.errors.learning import PHI_MISSED, SCENES_LEFT_OUT, UNLIKE_EXACT
-from scenegen.lang.spec import CheckedSpec
+from scenegen.errors.learning import POOR_MODEL
+from scenegen.learn.guided import occurring
 from scenegen.learn.models.card import ModelCard, QualityData, RangeData
-from scenegen.learn.targets import occurring
 from scenegen.sampling.request import Range
 
 if TYPE_CHECKING:
-    from scenegen.learn.models.trained import TrainedModel
+    from scenegen.learn.model import Model
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -42,15 +41,15 @@ def faults(found: Sequence[QualityData], returned: Sequence[RangeData] = ()) -> 
     if poor:
         worst = sorted(poor, key=lambda one: one.coverage - max(one.phi, one.ks))[:FAULTS_SHOWN]
         places = "; ".join(f"cover {one.coverage:.2f}, KS {max(one.phi, one.ks):.2f} at {told(one)}" for one in worst)
-        lines.append(UNLIKE_EXACT(places=places + _more(poor)))
+        lines.append(POOR_MODEL(unlike=places + _more(poor)))
     left_out = sorted((one for one in found if one.coverage < LEAST_COVERAGE), key=lambda one: one.coverage)
     if left_out:
         places = "; ".join(f"{one.coverage:.2f} at {_where(one)}" for one in left_out[:FAULTS_SHOWN])
-        lines.append(SCENES_LEFT_OUT(places=places + _more(left_out)))
+        lines.append(POOR_MODEL(covered=places + _more(left_out)))
     far = sorted((one for one in found if one.error > MOST_ERROR), key=lambda one: -one.error)
     if far:
         places = "; ".join(f"{one.error:.3f} at {_where(one)}" for one in far[:FAULTS_SHOWN])
-        lines.append(PHI_MISSED(places=places + _more(far)))
+        lines.append(POOR_MODEL(missed=places + _more(far)))
     return lines
 
 
@@ -65,7 +64,7 @@ def concerned(found: Sequence[QualityData], ranges: Ends) -> list[QualityData]:
 
 def measured(card: ModelCard, regions: Sequence[Array], ranges: Ends) -> bool:
     """Whether the figures of a card say anything about a request: some were taken within its ranges, or of ranges of
-    whose scenes it has a good part. `regions` tell how phi is distributed (scenegen.learn.models.trained)."""
+    whose scenes it has a good part. `regions` tell how phi is distributed (TrainedModel)."""
     if any(set(one.wanted) == set(ranges) and _distance(one, ranges) == 0.0 for one in card.quality):
         return True
     return any(_share(card, regions, one, ranges) >= GOOD_PART for one in overlapping(card, ranges))
@@ -129,25 +128,7 @@ def _more(found: Sequence[object]) -> str:
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# The interface of models that evaluation needs; `scenegen.learn.model.Model` implements it.
-
-
-class ModelSpec(Protocol):
-    """The spec that the model was trained on."""
-
-    @property
-    def checked(self) -> CheckedSpec: ...
-    @property
-    def labels(self) -> tuple[str, ...]: ...
-
-
-class EvaluatedModel(Protocol):
-    """A trained model together with its spec."""
-
-    trained: TrainedModel
-
-    @property
-    def spec(self) -> ModelSpec: ...
+# What a model file is.
 
 
 SHOWN = 12  # maximum number of objects and labels that are listed
@@ -156,7 +137,7 @@ DATA = {"balanced": "exact scenes, flat in phi", "uniform": "uniform scenes", "b
 TOLD = ("model", "recipe", "data", "scenes", "epochs", "hyper", "phi")  # training settings that are shown elsewhere
 
 
-def describe(model: EvaluatedModel, path: Path) -> list[tuple[str, str]]:
+def describe(model: Model, path: Path) -> list[tuple[str, str]]:
     """(what, value) pairs of a model whose file is `path`. Nothing in them depends on the machine."""
     card = model.trained.card
     facts = [
@@ -191,7 +172,7 @@ def describe(model: EvaluatedModel, path: Path) -> list[tuple[str, str]]:
     return facts
 
 
-def held_out(model: EvaluatedModel) -> dict[str, float]:
+def held_out(model: Model) -> dict[str, float]:
     """The mean of |phi - target phi| of each label for held-out targets, in the epoch of the file; empty if the file
     does not have it."""
     card = model.trained.card
@@ -203,12 +184,12 @@ def held_out(model: EvaluatedModel) -> dict[str, float]:
     return {name: values[place] for name, values in found.errors.items()}
 
 
-def weights(model: EvaluatedModel) -> int:
+def weights(model: Model) -> int:
     """The number of trained parameters."""
     return sum(parameter.numel() for parameter in model.trained.model.parameters())
 
 
-def speed(model: EvaluatedModel) -> float:
+def speed(model: Model) -> float:
     """Scenes a second that the network makes on one core of this machine, unrefined; takes a moment."""
     import time
 
@@ -227,7 +208,7 @@ def speed(model: EvaluatedModel) -> float:
     return TRIED / min(took)
 
 
-def as_json(model: EvaluatedModel, path: Path) -> dict[str, Any]:
+def as_json(model: Model, path: Path) -> dict[str, Any]:
     """All metadata of the file, and its size, number of parameters and speed."""
     return {
         "file": str(path),

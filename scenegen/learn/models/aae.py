@@ -16,13 +16,12 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from scenegen.learn.models.base import Hyper
+from scenegen.learn.models.base import Hyper, Mlp, one_hot
+from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.conditioned import ConditionedModel, detached
 from scenegen.learn.models.energy import FIRST_GATE, INSIDE, SLOPE, Generator, directions, noise
 from scenegen.learn.models.gan import BETAS, Critic, contest
-from scenegen.learn.models.layout import Layout
-from scenegen.learn.models.mlp import Mlp, one_hot
 
 
 class AAEHyper(Hyper):

@@ -1,10 +1,11 @@
-"""What every model is: the contract that one test runs over the whole table."""
+"""What every model is: the contract that one test runs over the whole table, and the networks that they are made of."""
 
 from __future__ import annotations
 
 import dataclasses
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import torch
@@ -12,12 +13,53 @@ from pydantic import BaseModel, ConfigDict
 from torch import Tensor, nn
 
 from scenegen.errors import DataError
-from scenegen.errors.learning import STATE_MISFIT, WEIGHTS_MISFIT
+from scenegen.errors.learning import DAMAGED_MODEL, STATE_MISFIT
 from scenegen.lang.formula.core import Core
+from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import OTHER, Codec, Examples
-from scenegen.learn.models.layout import Layout
 from scenegen.learn.robustness import Robustness
 from scenegen.pose import row_count
+
+# --------------------------------------------------------------------------------------------------------------------
+# Multi-layer perceptrons.
+
+
+class Mlp(nn.Module):
+    """Linear layers of the given widths with LeakyReLU(slope) between them (0 is ReLU) and nothing after the last.
+
+    Made without weights (on torch's meta device): call `initialise`, or load a state with `assign=True`.
+    """
+
+    def __init__(self, widths: Sequence[int], slope: float) -> None:
+        super().__init__()
+        self.slope = slope
+        self.layers = nn.ModuleList(nn.Linear(a, b, device="meta") for a, b in pairwise(widths))
+
+    def initialise(self, generator: torch.Generator) -> None:
+        """Fresh weights by torch's own rule for linear layers: uniform within 1 / sqrt(inputs)."""
+        for layer in self.linear():
+            layer.to_empty(device=generator.device)
+            bound = layer.in_features**-0.5
+            nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
+            nn.init.uniform_(layer.bias, -bound, bound, generator=generator)
+
+    def linear(self) -> list[nn.Linear]:
+        return [layer for layer in self.layers if isinstance(layer, nn.Linear)]
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, first width) -> (B, last width)."""
+        *hidden, last = self.linear()
+        for layer in hidden:
+            x = nn.functional.leaky_relu(layer(x), self.slope, inplace=True)
+        result: Tensor = last(x)
+        return result
+
+
+def one_hot(index: Tensor, count: int) -> Tensor:
+    """(B,) int64 below `count` -> (B, count) float32 of zeros and a single one: a branch as input of a network."""
+    zeros = torch.zeros(len(index), count, device=index.device)
+    return zeros.scatter_(1, index[:, None], 1.0)
+
 
 # --------------------------------------------------------------------------------------------------------------------
 # What training asks of the compiled spec: phi of a network's own scenes, with gradients.
@@ -189,16 +231,16 @@ def check_tensors(model: nn.Module, tensors: Mapping[str, Tensor]) -> None:
     expected = model.state_dict()
     for name, parameter in expected.items():
         if name not in tensors:
-            raise DataError(WEIGHTS_MISFIT(name=name, reason="are missing"))
+            raise DataError(DAMAGED_MODEL(weights=name, reason="are missing"))
         tensor = tensors[name]
         if tensor.shape != parameter.shape or tensor.dtype != parameter.dtype:
             have, want = tuple(tensor.shape), tuple(parameter.shape)
-            raise DataError(WEIGHTS_MISFIT(name=name, reason=f"have shape {have}, {tensor.dtype}; expected {want}"))
+            raise DataError(DAMAGED_MODEL(weights=name, reason=f"have shape {have}, {tensor.dtype}; expected {want}"))
         if not _finite(tensor):
-            raise DataError(WEIGHTS_MISFIT(name=name, reason="are not all finite"))
+            raise DataError(DAMAGED_MODEL(weights=name, reason="are not all finite"))
     extra = sorted(set(tensors) - set(expected))
     if extra:
-        raise DataError(WEIGHTS_MISFIT(name=extra[0], reason="belong to no part of the model"))
+        raise DataError(DAMAGED_MODEL(weights=extra[0], reason="belong to no part of the model"))
 
 
 def _finite(tensor: Tensor) -> bool:

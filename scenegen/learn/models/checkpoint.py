@@ -1,34 +1,47 @@
-"""Model files: safetensors with the sampler's weights and a JSON card. Loading one runs no code of its author."""
+"""Trained models and their files: safetensors with the sampler's weights and a JSON card. Loading one runs no code of
+its author."""
 
 from __future__ import annotations
 
+import copy
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
+import numpy as np
+import numpy.typing as npt
 import safetensors.torch
 import torch
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import from_json
 from torch import Tensor
 
-from scenegen.errors import DataError, ScenegenError
+from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.learning import (
+    ARRAY_NOT_FINITE,
     DAMAGED_MODEL,
     MODEL_OF_ANOTHER_SPEC,
-    MODEL_SETTING,
     MODEL_VERSION,
     NOT_A_MODEL,
-    WEIGHTS_MISFIT,
+    WRONG_SHAPE,
 )
+from scenegen.errors.requests import OUT_OF_RANGE, STEPS_FIXED
+from scenegen.geometry.workspace import Workspace
+from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import SceneModel
 from scenegen.learn.models.card import FORMAT, ModelCard
 from scenegen.learn.models.codec import Codec
+from scenegen.learn.models.conditioned import ConditionedModel
+from scenegen.learn.models.correction import Correction, McmcMoves
 from scenegen.learn.models.registry import model_class
-from scenegen.learn.models.trained import TrainedModel
 from scenegen.scenes.files import read_bytes, write_whole
+from scenegen.validation import as_int
+
+Array = npt.NDArray[np.float64]
 
 # --------------------------------------------------------------------------------------------------------------------
 # Tensors and text in one safetensors file, read with distrust.
@@ -141,18 +154,26 @@ REGION = "region."  # begins the names of tensors that are no weights: how phi i
 NUMBERS, SCENES = 1 << 16, 4096  # numbers of these in a file, and scenes of one region, at most
 
 
-def save_model(path: Path, model: SceneModel, card: ModelCard, regions: Sequence[Tensor] = ()) -> None:
+def tensors_of(
+    model: SceneModel, regions: Sequence[Array] = (), weights: Mapping[str, Tensor] | None = None
+) -> dict[str, Tensor]:
+    """What a model file holds: the sampler's weights, or `weights` in their place. See TrainedModel for `regions`."""
+    most = max(1, min(SCENES, NUMBERS // max(1, sum(len(one) for one in regions))))
+    kept = {
+        f"{REGION}{number:04}": torch.from_numpy(one[:, : 2 + most]).to(torch.float32)
+        for number, one in enumerate(regions)
+    }
+    return {**(weights or model.sampler_state()), **kept}
+
+
+def packed(model: SceneModel, card: ModelCard, regions: Sequence[Array] = ()) -> bytes:
+    """The bytes of a model file."""
+    return pack(FORMAT, card.model_dump_json(), tensors_of(model, regions))
+
+
+def save_model(path: Path, model: SceneModel, card: ModelCard, regions: Sequence[Array] = ()) -> None:
     """Write a model file, whole or not at all. The same model and card give the same bytes. Raises OutputError."""
     write_whole(path, packed(model, card, regions))
-
-
-def packed(
-    model: SceneModel, card: ModelCard, regions: Sequence[Tensor] = (), weights: Mapping[str, Tensor] | None = None
-) -> bytes:
-    """The bytes of a model file; with `weights` instead of the model's own. See TrainedModel for `regions`."""
-    most = max(1, min(SCENES, NUMBERS // max(1, sum(len(one) for one in regions))))
-    kept = {f"{REGION}{number:04}": one[:, : 2 + most] for number, one in enumerate(regions)}
-    return pack(FORMAT, card.model_dump_json(), {**(weights or model.sampler_state()), **kept})
 
 
 def load_model(
@@ -161,12 +182,17 @@ def load_model(
     """Read a model file, or `data`, its bytes; with `spec`, insist that the model was trained on it.
 
     Raises DataError for a file that is missing, damaged, not a model, of another version, whose weights do not fit what
-    it says of itself or are not finite, or that was trained on another spec.
+    it says of itself or are not finite, that contradicts itself, or that was trained on another spec.
     """
     text, tensors = unpack(path, FORMAT, WHAT, data)
     card = read_card(ModelCard, text, path, WHAT)
     if spec is not None:
         check_spec(card, spec, path)
+    return as_trained(card, tensors, path, device)
+
+
+def as_trained(card: ModelCard, tensors: dict[str, Tensor], path: Path, device: str = "cpu") -> TrainedModel:
+    """The model of a file's card and tensors. Raises DataError as `load_model` does."""
     try:
         kind = model_class(card.model, card.recipe)
         # Made on the meta device: sizes that the card merely claims cost nothing until the weights have shown them.
@@ -175,16 +201,40 @@ def load_model(
         model.drop_training_parts()
         regions = [tensors.pop(name) for name in sorted(tensors) if name.startswith(REGION)]
         if not all(_is_region(one, len(card.labels)) for one in regions):
-            raise DataError(WEIGHTS_MISFIT(name=REGION, reason="are no table of phi"))
+            raise DataError(DAMAGED_MODEL(weights=REGION, reason="are no table of phi"))
         model.load_weights(tensors)
     except ValidationError as error:
         place = ".".join(str(part) for part in error.errors()[0]["loc"])
-        raise DataError(MODEL_SETTING(path=path, model=card.model, name=place)) from error
+        raise DataError(DAMAGED_MODEL(path=path, model=card.model, name=place)) from error
     except ScenegenError as error:
         first = error.diagnostics[0].but(path=path)
         raise DataError(first) from error
     model.to(torch.device(device)).eval()
-    return TrainedModel(model, Codec(card.area, card.sizes.objects), card, regions=tuple(regions))
+    # the canonical text has no comments, so the title comes from the card
+    spec = replace(check_text(card.spec.source, card.spec.name), title=card.spec.title)
+    _refuse_contradictions(card, spec)
+    found = TrainedModel(model, card, spec, regions=tuple(one.double().numpy() for one in regions))
+    if not card.corrected:
+        return found
+    ends = found.label_ranges.values()
+    spans = torch.tensor([high - low for low, high in ends])
+    tops = torch.tensor([max(0.0, high) if low < 0.0 else 0.0 for low, high in ends])
+    return replace(found, correction=Correction(spec, spans, tops))
+
+
+def _refuse_contradictions(card: ModelCard, spec: CheckedSpec) -> None:
+    """Objects, labels and workspace of the card are the spec's. Raises DataError for a file that was put together by
+    hand."""
+    area = spec.workspace
+    pairs = {
+        "objects": (tuple(card.objects), spec.objects),
+        "layout": (card.sizes.objects, len(spec.core.objects)),
+        "labels": (tuple(label.name for label in card.labels), spec.labels),
+        "workspace": (card.area, Workspace(area.x, area.y)),
+    }
+    for what, (told, true) in pairs.items():
+        if told != true:
+            raise DataError(DAMAGED_MODEL(told=what))
 
 
 def _is_region(found: Tensor, labels: int) -> bool:
@@ -198,3 +248,177 @@ def check_spec(card: ModelCard, spec: CheckedSpec, path: Path) -> None:
         return
     hashes = {"hash_found": card.spec.sha256[:12], "hash_wanted": spec.sha256[:12]}
     raise DataError(MODEL_OF_ANOTHER_SPEC(path=path, found=card.spec.name, wanted=spec.name, **hashes))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Trained models.
+
+
+MOST_STEPS = 1000
+LEAST_MOVES, MOST_MOVES, EACH = (
+    24,
+    256,
+    2,
+)  # moves within the range that was asked for: so many for each node of the formula
+BATCH = 2048  # scenes that a network makes at a time: its layers stay in cache
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedModel:
+    """A network with the model file's metadata and the spec that it was trained on, which the file holds. `correction`
+    belongs to the models of the default recipe. `regions` say how phi is distributed: each is (L, 2 + m), the lowest
+    and the highest phi of a part of all scenes, infinite where it has no end, and the phi of m scenes as they occur
+    there. Files of earlier versions have none.
+
+    It is the proposer (scenegen.sampling.proposer) that a plan draws from: asked for phi of the labels of `only`, the
+    others are left free where the model can do that; none stands for all. Pickled, it is the bytes of its file.
+    """
+
+    model: SceneModel
+    card: ModelCard
+    spec: CheckedSpec
+    correction: Correction | None = None
+    regions: tuple[Array, ...] = ()
+    only: tuple[str, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickled, (self.name, self.data, self.steps, self.only)
+
+    @cached_property
+    def codec(self) -> Codec:
+        """The map to poses."""
+        return Codec(self.spec.workspace, self.card.sizes.objects)
+
+    @cached_property
+    def data(self) -> bytes:
+        """The model file."""
+        return packed(self.model, self.card, self.regions)
+
+    @property
+    def digest(self) -> str:
+        """A hash of everything that the proposals depend on."""
+        return hashlib.sha256(self.data + str((self.steps, self.only)).encode()).hexdigest()
+
+    @property
+    def info(self) -> Mapping[str, object]:
+        """What scene files say about it in addition to its name."""
+        return {} if self.steps is None else {"steps": self.steps}
+
+    @property
+    def name(self) -> str:
+        """The model's name in MODELS."""
+        return self.card.model
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        return tuple(self.card.objects)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(label.name for label in self.card.labels)
+
+    @property
+    def label_ranges(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest phi of each label in the training data: what the model has seen."""
+        return {label.name: (label.lowest, label.highest) for label in self.card.labels}
+
+    @property
+    def steps(self) -> int | None:
+        """In how many evaluations of its network it makes a scene, where that can be chosen."""
+        found: int | None = getattr(self.model, "steps", None)
+        return found
+
+    def in_steps(self, steps: int) -> TrainedModel:
+        """The same network, taken in another number of steps. Raises RequestError where there is no such choice."""
+        if self.steps is None:
+            raise RequestError(STEPS_FIXED(model=self.name))
+        steps = as_int("steps", steps)
+        if not 1 <= steps <= MOST_STEPS:
+            wanted, hint = f"from 1 to {MOST_STEPS:,}", "1 is the fastest"
+            raise RequestError(OUT_OF_RANGE(argument="steps", value=steps, wanted=wanted, hint=hint))
+        model: Any = copy.copy(self.model)  # shares the weights
+        model.steps = steps
+        return replace(self, model=model)
+
+    @property
+    def partial(self) -> bool:
+        """Whether labels can be left free."""
+        return self.card.sizes.partial
+
+    def asked(self, phi: Tensor, labels: Collection[str]) -> Tensor:
+        """Wanted phi (L, n) with all other labels left free, as far as the model can do that."""
+        free = [place for place, label in enumerate(self.labels) if label not in labels]
+        if not self.partial or len(free) == len(self.labels):
+            return phi
+        return phi.index_fill(0, torch.tensor(free, dtype=torch.int64), torch.nan)
+
+    @property
+    def network(self) -> TrainedModel:
+        """The network alone."""
+        return replace(self, correction=None)
+
+    def _made(
+        self, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+    ) -> tuple[Tensor, Tensor | None]:
+        """Scenes (3N, n), and the branches (n,) that they were made in, where the model has any: those that are given,
+        or drawn."""
+        alike = phi[:, :1].expand_as(phi) if phi.shape[1] > 1 and bool(_same(phi, phi[:, :1]).all()) else phi
+        parts = torch.split(alike, BATCH, dim=1)
+        if not isinstance(self.model, ConditionedModel):
+            made = [self.model.sample(part.shape[1], part.T, generator) for part in parts]
+            return self.codec.decode(torch.cat(made)).cpu(), None
+        given = [None] * len(parts) if branch is None else torch.split(branch, BATCH)
+        found = [
+            self.model.sample_in(part.shape[1], part.T, generator, mine)
+            for part, mine in zip(parts, given, strict=True)
+        ]
+        scenes = torch.cat([each for each, _ in found])
+        return self.codec.decode(scenes).cpu(), torch.cat([each for _, each in found])
+
+    @torch.no_grad()
+    def propose(self, phi: Tensor, generator: torch.Generator) -> Tensor:
+        """One scene per column of `phi` (L, n), labels in order, in metres and radians -> rows (3N, n) float32.
+
+        NaN leaves a label free, where the model is `partial`. Centres lie in the workspace, theta in [0, 2 pi), phi
+        only roughly where it was wanted, also after the correction. Labels outside `label_ranges` reach the network as
+        they are; what it makes of them is extrapolation. `generator` lives on the model's device, and alone decides the
+        outcome.
+        """
+        if phi.ndim != 2 or phi.shape[0] != len(self.card.labels):
+            wanted = f"({len(self.card.labels)}, n), one row a label"
+            raise DataError(WRONG_SHAPE(what="phi", found=str(tuple(phi.shape)), wanted=wanted))
+        if not self.partial and bool(torch.isnan(phi).any()):
+            raise DataError(ARRAY_NOT_FINITE(what=f"phi for a {self.name} that has to be told every label"))
+        phi = phi.to(torch.float32)
+        correction = self.correction
+        rows = self._made(phi, generator)[0] if correction is None else correction(self._made, phi, generator)
+        if not bool(torch.isfinite(rows.sum())):
+            remedy = "the model file is damaged; train it again"
+            raise DataError(ARRAY_NOT_FINITE(what="the model's output", remedy=remedy))
+        return rows
+
+    def mixed(self, rows: Tensor, ends: tuple[Tensor, Tensor], box: tuple[Array, Array], seed: int) -> Tensor:
+        """See scenegen.sampling.proposer."""
+        labels = len(self.card.labels)
+        if self.correction is None or len(ends[0]) != labels:  # labels that were added are not known here
+            return rows
+        walk = McmcMoves(self.spec, torch.zeros(labels, 1), box)
+        old, low, high = (one.to(torch.float32) for one in (rows, *ends))
+        moves = max(LEAST_MOVES, min(MOST_MOVES, EACH * len(self.spec.core.nodes)))
+        random = torch.Generator().manual_seed(seed)
+        new = walk.within(old, (low, high), random, moves if walk.moving else 0, fit=True)
+        return torch.where(new == old, rows, new.to(rows.dtype))
+
+    def __call__(self, phi: Tensor, generator: torch.Generator) -> Tensor:
+        """See scenegen.sampling.proposer."""
+        return self.propose(self.asked(phi[: len(self.card.labels)], self.only), generator)
+
+
+def _same(a: Tensor, b: Tensor) -> Tensor:
+    return (a == b) | (torch.isnan(a) & torch.isnan(b))
+
+
+@lru_cache(maxsize=2)  # of a process: it reads a plan again for every piece
+def _unpickled(name: str, data: bytes, steps: int | None, only: tuple[str, ...]) -> TrainedModel:
+    found = replace(load_model(Path(f"the {name}"), data=data), only=only)
+    return found if steps is None else found.in_steps(steps)

@@ -97,7 +97,7 @@ NONE, EVERY = -1, -2
 class Examples:
     """M scenes: x (M, 3N) unit coordinates (scenegen.learn.models.codec), phi (M, L) in metres and radians, and the
     branch (M,) int64 in which phi is decided (scenegen.learn.models.codec; all 0 where a model does without).
-    `balanced` (M,) is that of the data set (scenegen.learn.training.datasets.dataset): which labels may not be left
+    `balanced` (M,) is that of the data set (scenegen.learn.training.dataset): which labels may not be left
     out."""
 
     x: Tensor

@@ -11,10 +11,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
-from scenegen.learn.models.base import Hyper, SceneModel, SpecLoss
+from scenegen.learn.models.base import Hyper, Mlp, SceneModel, SpecLoss
+from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import EVERY, Examples
-from scenegen.learn.models.layout import Layout
-from scenegen.learn.models.mlp import Mlp
 from scenegen.pose import TWO_PI, row_count
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -79,7 +78,7 @@ class Selector(nn.Module):
 # --------------------------------------------------------------------------------------------------------------------
 # What the networks see of scenes and labels, and the way back.
 #
-# A scene becomes the C coordinates that phi depends on (scenegen.learn.models.layout): positions stretched so that the
+# A scene becomes the C coordinates that phi depends on (scenegen.learn.models.card): positions stretched so that the
 # training data spans [-1, 1], angles as (cos, sin), which has no seam. Free coordinates are left out and drawn
 # uniformly when a scene is made. A label becomes two numbers: its rank in the training data, which gives rare and
 # crowded values equal room, and its place in the range; both span [-1, 1]. Of several labels any may be free: then

@@ -22,7 +22,7 @@ from torch import Tensor
 
 from scenegen.lang.formula.core import REQUIRE, Apply, gated, part_of
 from scenegen.lang.spec import CheckedSpec
-from scenegen.learn.models.layout import depends_on
+from scenegen.learn.models.card import depends_on
 from scenegen.learn.refine import bounded, newton
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import Slopes
@@ -196,7 +196,7 @@ TOLERANCE = 1e-3  # of a label's range: what counts as arrived
 NEAR = 10.0  # times TOLERANCE: the same near 0, of the range from 0 to the top
 LONGEST = 0.15  # of the workspace, or radians, that one coordinate may move in a step
 STEP = 65_536  # scenes that are corrected at a time: there are few of each atom, and each takes calls of its own
-STIRRED = 16_384  # scenes that are moved at a time: they and the values of the formula stay in cache
+WALKING = 16_384  # scenes that are moved at a time: they and the values of the formula stay in cache
 
 TURNS = along(THETA)
 
@@ -222,7 +222,7 @@ class Correction:
         self._low, self._high = low, high
         self._scale = high - low
         self._scale[TURNS] = (self._scale[TURNS] > 0.0).to(low)  # a radian; what is held does not move
-        self._stir = McmcMoves(spec, self._most)
+        self._walk = McmcMoves(spec, self._most)
 
     def __call__(self, make: Make, wanted: Tensor, generator: torch.Generator) -> Tensor:
         """Corrected scenes (3N, n) for wanted phi (L, n), NaN where a label is free."""
@@ -248,10 +248,10 @@ class Correction:
                     break
                 same = False
         random = _on_cpu(generator)
-        for start in range(0, count if self._stir.count else 0, STIRRED):
-            some = slice(start, start + STIRRED)
+        for start in range(0, count if self._walk.count else 0, WALKING):
+            some = slice(start, start + WALKING)
             near = wanted[:, some], self._tolerance(wanted[:, some])
-            rows[:, some] = self._stir(rows[:, some], near[0], random, ~off[some], near[1])
+            rows[:, some] = self._walk(rows[:, some], near[0], random, ~off[some], near[1])
         return rows
 
     def _tolerance(self, wanted: Tensor) -> Tensor:

@@ -15,12 +15,11 @@ from pydantic import Field
 from torch import Tensor, nn
 from torch.nn.functional import leaky_relu, softplus
 
-from scenegen.learn.models.base import Hyper
+from scenegen.learn.models.base import Hyper, Mlp, one_hot
+from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.conditioned import ConditionedModel, detached
 from scenegen.learn.models.energy import Generator, noise
-from scenegen.learn.models.layout import Layout
-from scenegen.learn.models.mlp import Mlp, one_hot
 
 # --------------------------------------------------------------------------------------------------------------------
 # The adversarial game of the default GAN and AAE: a critic that knows phi and the branch, and what keeps it fair.

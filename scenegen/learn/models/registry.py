@@ -20,8 +20,8 @@ MODELS: dict[str, str] = {
     "flow": "scenegen.learn.models.flow:Flow",
 }
 PUBLISHED: dict[str, str] = {
-    "gan": "scenegen.learn.models.published.gan:PublishedGAN",
-    "aae": "scenegen.learn.models.published.aae:PublishedAAE",
+    "gan": "scenegen.learn.models.published:PublishedGAN",
+    "aae": "scenegen.learn.models.published:PublishedAAE",
 }
 RECIPES: dict[str, dict[str, str]] = {"default": MODELS, "paper": PUBLISHED}
 

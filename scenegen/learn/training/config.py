@@ -1,18 +1,24 @@
-"""What a training run is asked to do: the fields of `TrainConfig` are options of `scenegen train`."""
+"""What a training run is asked to do, and what each model is trained with unless told otherwise. No torch.
+
+The fields of `TrainConfig` are options of `scenegen train`.
+"""
 
 from __future__ import annotations
 
+import importlib
 import math
+import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from numbers import Integral, Real
 from os import PathLike
+from pathlib import Path
 from typing import Annotated, Any
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.files import UNKNOWN_ENDING
-from scenegen.errors.learning import DATA_NAME, UNKNOWN_DEVICE
+from scenegen.errors.learning import UNKNOWN_DEVICE
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     MISSING_ARGUMENT,
@@ -23,11 +29,70 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.learn.models.registry import MODELS, RECIPES
-from scenegen.learn.training.datasets.registry import DATASETS, is_file
-from scenegen.learn.training.recipes import CONSTANT, DEFAULTS
 from scenegen.sampling.request import number
 from scenegen.scenes.formats.registry import FORMATS
 from scenegen.validation import Option, as_path
+
+# --------------------------------------------------------------------------------------------------------------------
+# The recipes.
+
+
+# The paper's: 50 epochs of Adam at 1e-3 in batches of 32 over 20,000 uniform scenes, at a constant rate.
+PAPER: Mapping[str, object] = {"epochs": 50, "batch_size": 32, "lr": 1e-3, "scenes": 20_000, "data": "uniform"}
+# Ours: exact scenes, balanced in phi; the rate warms up, then falls along a cosine.
+OURS: Mapping[str, object] = {"epochs": 16, "batch_size": 512, "lr": 1e-3, "scenes": 200_000, "data": "balanced"}
+FLOW: Mapping[str, object] = {**OURS, "epochs": 36, "scenes": 100_000}
+# Games want many steps more than large batches.
+GAMES: Mapping[str, object] = {**OURS, "batch_size": 256, "epochs": 8}
+
+DEFAULTS: Mapping[tuple[str, str], Mapping[str, object]] = {
+    ("paper", "gan"): PAPER,
+    ("paper", "aae"): PAPER,
+    ("default", "gan"): GAMES,
+    ("default", "aae"): {**GAMES, "epochs": 6},
+    ("default", "flow"): FLOW,
+    ("default", "energy"): OURS,
+}
+CONSTANT = frozenset({"paper"})
+"""Recipes whose learning rate does not change."""
+
+GATHERING = "gathering exact scenes"
+"""What a run says that it does for SECONDS of CPU time at most. It cannot tell how long it will take: it draws scenes
+that are ever rarer, and only a batch that has begun has an estimate."""
+SECONDS = 110.0
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The table of data sets. A new one is one file and one line here.
+
+
+# Text, not functions: `scenegen train --help` lists them without importing torch. Each makes so many labelled scenes:
+# (spec, scenes, generator, gathering=None) -> Dataset. The generator (a CPU one) alone determines the outcome; the
+# gathering is told how far it is, and may end it with RequestError.
+DATASETS: dict[str, str] = {
+    "balanced": "scenegen.learn.training.balanced:balanced",
+    "uniform": "scenegen.learn.training.paper:uniform",
+    "boosted": "scenegen.learn.training.paper:boosted",
+}
+
+
+def is_file(data: str) -> bool:
+    """Whether `--data` names a scene file rather than an entry of DATASETS."""
+    return data not in DATASETS and (bool(Path(data).suffix) or os.sep in data)
+
+
+def dataset_maker(name: str) -> Callable[..., Any]:
+    """The function of a data set by name. Raises RequestError, with the nearest name, for one not in DATASETS."""
+    if name not in DATASETS:
+        raise RequestError(UNKNOWN_CHOICE(what="data set", name=name, known=DATASETS))
+    module, _, attribute = DATASETS[name].partition(":")
+    maker: Callable[..., Any] = getattr(importlib.import_module(module), attribute)
+    return maker
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What a training run is asked to do.
+
 
 # option -> lowest and highest value; whole numbers where the bounds are
 BOUNDS: dict[str, tuple[float, float]] = {
@@ -178,7 +243,7 @@ def _plain(value: object) -> object:
 def _check_ending(data: str) -> list[Diagnostic]:
     ending = as_path("data", data).suffix
     if not data.isascii() and data != data.encode(errors="replace").decode():
-        return [DATA_NAME(value=ascii(data))]
+        return [WRONG_VALUE(argument="data", value=ascii(data), wanted="a name in UTF-8: a model file holds it")]
     return [] if ending.lower() in FORMATS else [UNKNOWN_ENDING(path=data, name=ending, known=FORMATS)]
 
 

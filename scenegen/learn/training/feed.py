@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -18,12 +20,10 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import MOST, OTHER, Codec, Examples, survey, ways_of
 from scenegen.learn.models.registry import model_class
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training.config import TrainConfig
-from scenegen.learn.training.datasets.dataset import Dataset, held_count, split
-from scenegen.learn.training.datasets.gathering import Gathering
-from scenegen.learn.training.datasets.registry import dataset_maker, is_file
-from scenegen.learn.training.datasets.scenefile import fits, whole_file
-from scenegen.learn.training.datasets.streamed import Streamed, look_through
+from scenegen.learn.training.config import TrainConfig, dataset_maker, is_file
+from scenegen.learn.training.dataset import Dataset, held_count, split
+from scenegen.learn.training.gathering import Gathering
+from scenegen.learn.training.scenefile import Streamed, fits, look_through, whole_file
 from scenegen.learn.training.state import Stream, stream
 from scenegen.pose import row_count
 from scenegen.sampling.request import Range, parse_phi
@@ -35,13 +35,13 @@ WINDOW = 1 << 24  # coordinates and labels of the scenes of a window
 class Feed(ABC):
     """`scenes` train; `fitting` are those that the model takes ranges from, `held` those it never trains on, both as
     examples on the CPU; `table` (K, L) says what each branch is; `regions` how phi is distributed
-    (scenegen.learn.models.trained); `sha256` is of all scenes."""
+    (scenegen.learn.models.checkpoint.TrainedModel); `sha256` is of all scenes."""
 
     scenes: int
     fitting: Examples
     held: Examples
     table: Tensor
-    regions: tuple[Tensor, ...]
+    regions: tuple[npt.NDArray[np.float64], ...]
     sha256: str
 
     def __init__(self, config: TrainConfig) -> None:
@@ -127,11 +127,11 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
         held = held_count(config.scenes)
         make = dataset_maker(config.data)
         if config.phi:
-            from scenegen.learn.training.datasets.balanced import balanced
+            from scenegen.learn.training.balanced import balanced
 
             asked = parse_phi([f"{label}={one}" for label, one in config.phi.items()], spec.labels)
             make = partial(balanced, phi=asked)
-        data = make(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
+        data: Dataset = make(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
         gathering.save(long_ones=True)
         return MemoryFeed(spec, config, data, held)
     path = Path(config.data)
@@ -145,14 +145,14 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
     return MemoryFeed(spec, config, data, held_count(len(data)))
 
 
-def regions_of(data: Dataset) -> tuple[Tensor, ...]:
+def regions_of(data: Dataset) -> tuple[npt.NDArray[np.float64], ...]:
     """How phi is distributed, as a model file says it: in the regions of a data set, or among all of its scenes."""
     found = []
     for ranges, phi in data.regions or (({}, data.phi),):
         wanted = [ranges.get(label, Range()) for label in data.labels]
         low = [-math.inf if one.low is None else one.low for one in wanted]
         high = [math.inf if one.high is None else one.high for one in wanted]
-        found.append(torch.cat([torch.tensor([low, high]).T, phi], dim=1))
+        found.append(torch.cat([torch.tensor([low, high]).T, phi], dim=1).double().numpy())
     return tuple(found)
 
 

@@ -6,291 +6,38 @@ import contextlib
 import importlib.util
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.learning import DIVERGED, NO_DEVICE, NO_TIME_FOR_AN_EPOCH, OTHER_DATA_RESUMED, STATE_MISFIT
+from scenegen.errors.learning import NO_TIME_TO_TRAIN, UNKNOWN_DEVICE
 from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TIME_IS_UP, TRAINING_INTERRUPTED
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.lang.spec import CheckedSpec
-from scenegen.learn.models.base import SceneModel, SpecLoss
-from scenegen.learn.models.card import DataData, LabelData, LossData, ModelCard, ValidationData, spec_data
-from scenegen.learn.models.checkpoint import load_model, packed, save_model
-from scenegen.learn.models.codec import Codec, Examples
-from scenegen.learn.models.layout import Layout, layout_of
-from scenegen.learn.models.registry import model_class, parse_hyper
-from scenegen.learn.models.trained import TrainedModel
-from scenegen.learn.training.config import TrainConfig
-from scenegen.learn.training.datasets.gathering import Gathering, Tell
-from scenegen.learn.training.datasets.registry import DATASETS, is_file
-from scenegen.learn.training.feed import Feed, make_feed
-from scenegen.learn.training.recipes import CONSTANT
+from scenegen.learn.models.checkpoint import TrainedModel, load_model
+from scenegen.learn.models.registry import parse_hyper
+from scenegen.learn.training.config import CONSTANT, TrainConfig, is_file
+from scenegen.learn.training.feed import make_feed
+from scenegen.learn.training.gathering import Gathering, Tell
+from scenegen.learn.training.session import EpochReport, TrainingSession
 from scenegen.learn.training.state import (
-    Stream,
     TrainingState,
     begun,
     gathered_path,
     load_state,
-    save_state,
     state_path,
-    stream,
 )
-from scenegen.learn.training.validate import EpochReport, Validation, validate
 from scenegen.processes.pool import one_thread
 from scenegen.processes.process import stop_signals
-from scenegen.scenes.data import WorkspaceData
-from scenegen.scenes.files import check_folder, check_writable, reported, write_whole
+from scenegen.scenes.files import check_folder, check_writable, reported
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# One training run: its model, data and place in time, and how it goes to disk and comes back.
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Early stopping: the validations of a run, the best of them, and when patience ends.
-
-
-class EarlyStopping:
-    """Mutable. `seen` holds the errors and the score of each epoch, (L + 1,) float64. With a patience, `best` are the
-    sampler's weights of the epoch `kept` (from 0) whose mean error was least, the first of equals."""
-
-    def __init__(
-        self, patience: int | None, seen: list[Tensor] | None = None, best: Mapping[str, Tensor] | None = None
-    ) -> None:
-        self.patience = patience
-        self.seen = seen or []
-        self.best = best
-
-    @property
-    def kept(self) -> int | None:
-        """The epoch with the least error so far."""
-        errors = [float(row[:-1].mean()) for row in self.seen]
-        return errors.index(min(errors)) if errors else None
-
-    @property
-    def tired(self) -> bool:
-        """Whether the last `patience` epochs brought nothing better."""
-        kept = self.kept
-        return self.patience is not None and kept is not None and len(self.seen) - 1 - kept >= self.patience
-
-    def see(self, found: Validation, model: SceneModel) -> None:
-        """Take note of an epoch that is done."""
-        self.seen.append(torch.tensor([*found.errors.values(), found.score], dtype=torch.float64))
-        if self.patience is not None and self.kept == len(self.seen) - 1:
-            self.best = {name: tensor.cpu() for name, tensor in model.sampler_state().items()}
-
-    def table(self, labels: int) -> Tensor:
-        """(epochs, L + 1) float64."""
-        return torch.stack(self.seen) if self.seen else torch.zeros(0, labels + 1, dtype=torch.float64)
-
-
-SUMMARY = 100  # epochs whose losses a model file keeps
-SAVE_EVERY = 5.0  # seconds between checkpoints, at least
-SAVE_SHARE = 0.01  # of the time, at most, for writing them
-
-
-class TrainingSession:
-    """Mutable: `epoch` epochs are done and `step` steps of the next."""
-
-    def __init__(
-        self,
-        spec: CheckedSpec,
-        config: TrainConfig,
-        feed: Feed,
-        saved: TrainingState | None,
-        check: Callable[[], None] = lambda: None,
-    ) -> None:
-        """`check` is called often while parts of the model learn by themselves, and may raise."""
-        self.spec = spec
-        self.config = config
-        self.feed = feed
-        self.device = torch.device(config.device)
-        self.noise = stream(config.seed, Stream.NOISE, device=self.device)
-        self.spec_loss = SpecLoss(spec.core, feed.table, Codec(spec.workspace, len(spec.core.objects)))
-        self.model = new_model(spec, config, len(feed.table))
-        self.steps = feed.steps
-        self.epoch = self.step = 0
-        self.losses: tuple[str, ...] = ()
-        self.history: list[Tensor] = []
-        self.sums: Tensor | None = None
-        self.watch = EarlyStopping(config.patience)
-        self._held = feed.held.to(self.device)
-        if saved is None:
-            self.model.initialise(stream(config.seed, Stream.WEIGHTS))
-            self.model.fit(feed.fitting)
-            self.model.prepare(feed.fitting, stream(config.seed, Stream.BRANCHES), check)
-            self.model.to(self.device)
-            self.model.start(config.lr, self.spec_loss)
-        else:
-            self._take_up(saved)
-        self._saved_at = time.monotonic()
-        self._save_cost = 0.0
-
-    def _take_up(self, saved: TrainingState) -> None:
-        if saved.data_sha256 != self.feed.sha256:
-            made = "cannot be rebuilt as it was" if self.config.data in DATASETS else "is not what it was"
-            raise DataError(OTHER_DATA_RESUMED(what=made))
-        try:
-            self.model.restore(saved.tensors, self.config.lr, self.spec_loss, self.device)
-            self.noise.set_state(saved.noise)
-            self.watch = EarlyStopping(self.config.patience, list(saved.watched), saved.best)
-            if saved.best is not None:
-                check_best(saved.best, self.model.sampler_state())
-        except (RuntimeError, TypeError, ValueError) as error:
-            raise DataError(STATE_MISFIT()) from error
-        self.epoch, self.step, self.losses = saved.epoch, saved.step, saved.losses
-        self.history = list(saved.history)
-        self.sums = saved.sums.to(self.device) if saved.losses else None
-
-    @property
-    def done(self) -> bool:
-        """Whether all epochs are done, or patience is at its end."""
-        return self.epoch >= self.config.epochs or self.watch.tired
-
-    @property
-    def rate(self) -> float:
-        """The learning rate of the next step."""
-        return self.config.rate(self.epoch * self.steps + self.step, self.config.epochs * self.steps)
-
-    def batches(self) -> Iterator[Examples]:
-        """What is left of the epoch under way."""
-        return self.feed.batches(self.epoch, self.step)
-
-    def update(self, batch: Examples) -> None:
-        """One step."""
-        rate = self.rate
-        for optimiser in self.model.optimisers.values():
-            for group in optimiser.param_groups:
-                group["lr"] = rate
-        losses = self.model.update(batch, self.noise)
-        values = torch.stack(list(losses.values()))
-        if self.sums is None:
-            self.losses = tuple(losses)
-            self.sums = torch.zeros(len(losses), dtype=torch.float64, device=self.device)
-        self.sums += values
-        self.step += 1
-
-    def end_epoch(self) -> tuple[dict[str, float], Validation]:
-        """Close the epoch; its mean losses, and how good the model is now. Raises RequestError where the training has
-        diverged."""
-        self._check_finite()
-        generator = stream(self.config.seed, Stream.VALIDATION, device=self.device)
-        found = validate(self.model, self.spec_loss, self._held, self.spec.labels, generator)
-        self._check_finite(found)
-        means = torch.zeros(0) if self.sums is None else (self.sums / self.steps).cpu()
-        self.history.append(means)
-        self.watch.see(found, self.model)
-        self.sums = None if self.sums is None else torch.zeros_like(self.sums)
-        self.epoch, self.step = self.epoch + 1, 0
-        return dict(zip(self.losses, means.tolist(), strict=True)), found
-
-    def save(self, out: Path) -> None:
-        """Write the training state and the model file. Raises OutputError; RequestError where training has diverged."""
-        self._check_finite()
-        began = time.monotonic()
-        width = len(self.losses)
-        state = TrainingState(
-            self.config,
-            self.feed.sha256,
-            self.epoch,
-            self.step,
-            self.losses,
-            torch.stack(self.history) if self.history else torch.zeros(0, width, dtype=torch.float64),
-            torch.zeros(width, dtype=torch.float64) if self.sums is None else self.sums,
-            self.watch.table(len(self.spec.labels)),
-            self.noise.get_state(),
-            self.model.training_state(),
-            self.watch.best,
-        )
-        save_state(state_path(out), self.spec, state)
-        card = self.card()
-        if self.watch.best is None:
-            save_model(out, self.model, card, self.feed.regions)
-        else:
-            write_whole(out, packed(self.model, card, self.feed.regions, self.watch.best))
-        self._saved_at = time.monotonic()
-        self._save_cost = self._saved_at - began
-
-    def save_is_due(self) -> bool:
-        """Whether a checkpoint now costs no more than its share of the time. When to write changes no result."""
-        return time.monotonic() - self._saved_at >= max(SAVE_EVERY, self._save_cost / SAVE_SHARE)
-
-    def card(self) -> ModelCard:
-        """The metadata of the model file. It holds no time of day and no duration, so that runs can be compared."""
-        every = -(-len(self.history) // SUMMARY) or 1
-        chosen = sorted(range(len(self.history) - 1, -1, -every))
-        kept = self.watch.kept if self.watch.best is not None else None
-        shown = sorted({*chosen, kept}) if kept is not None else chosen  # the kept epoch's figures belong into the card
-        watched = self.watch.seen
-        space, model = self.spec.workspace, self.model
-        ranges = zip(self.spec.labels, model.label_lowest.tolist(), model.label_highest.tolist(), strict=True)
-        return ModelCard(
-            scenegen=version("scenegen"),
-            model=self.config.model,
-            recipe=self.config.recipe,
-            layout=model.layout,
-            hyper=model.hyper.model_dump(),
-            spec=spec_data(self.spec),
-            workspace=WorkspaceData(x=space.x, y=space.y),
-            objects=list(self.spec.objects),
-            labels=[LabelData(name=name, lowest=low, highest=high) for name, low, high in ranges],
-            training=asdict(self.config),
-            epochs_done=self.epoch,
-            losses=LossData(
-                epochs=[index + 1 for index in chosen],
-                means={
-                    name: [float(self.history[index][column]) for index in chosen]
-                    for column, name in enumerate(self.losses)
-                },
-            ),
-            data=DataData(scenes=self.feed.scenes, held_out=len(self._held), sha256=self.feed.sha256),
-            validation=ValidationData(
-                epochs=[index + 1 for index in shown],
-                errors={
-                    name: [float(watched[index][column]) for index in shown]
-                    for column, name in enumerate(self.spec.labels)
-                },
-                scores=[float(watched[index][-1]) for index in shown],
-            ),
-            kept_epoch=None if kept is None else kept + 1,
-            corrected=model.branched,
-        )
-
-    def _check_finite(self, found: Validation | None = None) -> None:
-        bad = [] if self.sums is None else (~torch.isfinite(self.sums)).nonzero().flatten().tolist()
-        fine = all(bool(torch.isfinite(tensor).all()) for tensor in self.model.state_dict().values())
-        if fine and not bad and (found is None or found.finite()):
-            return
-        what = f"the loss `{self.losses[bad[0]]}` is" if bad else "the model's output is" if fine else "the weights are"
-        raise RequestError(DIVERGED(epoch=self.epoch + 1, what=what, lr=self.config.lr))
-
-
-def new_model(spec: CheckedSpec, config: TrainConfig, branches: int = 1) -> SceneModel:
-    """The model, without weights. Raises RequestError for settings it does not have."""
-    hyper = parse_hyper(config.model, config.hyper, config.recipe)
-    kind = model_class(config.model, config.recipe)
-    plain = Layout(objects=len(spec.core.objects), labels=len(spec.labels))
-    return kind(layout_of(spec.core, branches) if kind.branched else plain, hyper)
-
-
-def check_best(best: Mapping[str, Tensor], like: Mapping[str, Tensor]) -> None:
-    """Raises ValueError unless the weights of the best epoch are of the model at hand."""
-    fit = best.keys() == like.keys() and all(
-        best[name].shape == like[name].shape and bool(torch.isfinite(best[name]).all()) for name in like
-    )
-    if not fit:
-        raise ValueError("the weights of the best epoch do not fit the model")
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -301,32 +48,9 @@ def check_best(best: Mapping[str, Tensor], like: Mapping[str, Tensor]) -> None:
 # TensorBoard shows the later ones.
 
 
-class EventLog:
-    """Called with the report of each epoch, writes its figures: `loss/NAME`, `error/LABEL` (mean of |phi - wanted phi|
-    at held-out labels), `error` (the mean of these), `score`, `learning_rate` and `scenes_per_second`."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._writer: SummaryWriter | None = None
-
-    def __call__(self, report: EpochReport) -> None:
-        with reported(self._folder):
-            if self._writer is None:
-                from torch.utils.tensorboard import SummaryWriter
-
-                # whatever an earlier run wrote from this step on is superseded
-                self._writer = SummaryWriter(str(self._folder), purge_step=report.step)
-            for name, value in figures(report).items():
-                self._writer.add_scalar(name, value, report.step)
-            self._writer.flush()
-
-    def close(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
-
-
 def figures(report: EpochReport) -> dict[str, float]:
-    """What a report says, by TensorBoard's tags."""
+    """What a report says, by TensorBoard's tags: `loss/NAME`, `error/LABEL` (mean of |phi - wanted phi| at held-out
+    labels), `error` (the mean of these), `score`, `learning_rate` and `scenes_per_second`."""
     found = {f"loss/{name}": value for name, value in report.losses.items()}
     if report.validation is not None:
         found |= {f"error/{label}": value for label, value in report.validation.errors.items()}
@@ -335,8 +59,8 @@ def figures(report: EpochReport) -> dict[str, float]:
 
 
 @contextlib.contextmanager
-def event_log(folder: Path) -> Iterator[EventLog]:
-    """A log that writes into the folder, which is made where it is missing.
+def event_log(folder: Path) -> Iterator[Callable[[EpochReport], None]]:
+    """A function that writes the figures of each epoch's report into the folder, which is made where it is missing.
 
     Raises RequestError where TensorBoard is not installed, OutputError where the folder cannot be written to.
     """
@@ -347,11 +71,25 @@ def event_log(folder: Path) -> Iterator[EventLog]:
         made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(folder)
-    log = EventLog(folder)
+    writer: SummaryWriter | None = None
+
+    def write(report: EpochReport) -> None:
+        nonlocal writer
+        with reported(folder):
+            if writer is None:
+                from torch.utils.tensorboard import SummaryWriter
+
+                # whatever an earlier run wrote from this step on is superseded
+                writer = SummaryWriter(str(folder), purge_step=report.step)
+            for name, value in figures(report).items():
+                writer.add_scalar(name, value, report.step)
+            writer.flush()
+
     try:
-        yield log
+        yield write
     finally:
-        log.close()
+        if writer is not None:
+            writer.close()
         for path in made:  # what holds no events is not left behind
             with contextlib.suppress(OSError):
                 path.rmdir()
@@ -383,6 +121,7 @@ def train(
     on_note: Callable[[Diagnostic], None] | None = None,
     on_gather: Tell | None = None,
     timeout: float = math.inf,
+    until: float | None = None,
 ) -> TrainedModel:
     """Train a model and write it to `out`, with the training state beside it in `out`.train.
 
@@ -397,8 +136,9 @@ def train(
     training scenes are gathered, with what is being done and how many of how many are there (0 of 0 where that is not
     counted).
 
-    After `timeout` seconds the gathering is given up, with RequestError and nothing written; training stops as on
-    Ctrl-C, with the state saved, and what it has come to is the model. RequestError where that is not one epoch.
+    After `timeout` seconds, or at `until` by the monotonic clock, the gathering is given up, with RequestError and
+    nothing written; training stops as on Ctrl-C, with the state saved, and what it has come to is the model.
+    RequestError where that is not one epoch.
 
     Raises OutputError where `out` cannot be written (before the work starts), RequestError for options that cannot be
     and for training that diverges, DataError where the state to resume from is missing, damaged or another spec's.
@@ -416,7 +156,7 @@ def train(
         log = None if log_dir is None else open_things.enter_context(event_log(log_dir))
         open_things.enter_context(one_thread())
         with stop_signals() as stop:
-            gathering = Gathering(timeout, on_gather, say, stop)
+            gathering = Gathering(timeout, on_gather, say, stop, until)
             gathering.keep_in(gathered_path(out), _run_of(spec, config), resume)
             session = _begun(spec, config, gathering, saved)
         if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
@@ -427,19 +167,22 @@ def train(
                 say(ALREADY_DONE(epochs=session.epoch))
             else:
                 say(_stopped_early(session))
-            if not _holds(out, spec, session.epoch):  # a crash came between the state and the model
-                session.save(out)
+            found = _held(out, spec, session.epoch)
+            if found is not None:
+                gathering.discard()
+                return found
+            session.save(out)  # a crash came between the state and the model
         else:
             listeners = [each for each in (on_epoch, log) if each is not None]
             if not _run(session, out, listeners, on_step or _silent, gathering.until):
                 if not session.epoch:
-                    raise RequestError(NO_TIME_FOR_AN_EPOCH(seconds=timeout, path=out))
+                    raise RequestError(NO_TIME_TO_TRAIN(seconds=timeout, out=out))
                 say(TIME_IS_UP(done=session.epoch, epochs=config.epochs, path=out))
             elif session.epoch < config.epochs:
                 say(_stopped_early(session))
         if session.done:
             gathering.discard()
-    return load_model(out, spec)
+    return session.trained(out)
 
 
 def _begun(
@@ -461,12 +204,13 @@ def _run_of(spec: CheckedSpec, config: TrainConfig) -> str:
     return repr((spec.sha256, config.data, config.scenes, config.seed, asked, version("scenegen"), np.__version__))
 
 
-def _holds(out: Path, spec: CheckedSpec, epochs: int) -> bool:
-    """Whether a file is a model after so many epochs."""
+def _held(out: Path, spec: CheckedSpec, epochs: int) -> TrainedModel | None:
+    """The model of a file, if it is there after so many epochs."""
     try:
-        return load_model(out, spec).card.epochs_done == epochs
+        found = load_model(out, spec)
     except DataError:
-        return False
+        return None
+    return found if found.card.epochs_done == epochs else None
 
 
 def _run(
@@ -524,10 +268,10 @@ def _stopped_early(session: TrainingSession) -> Diagnostic:
 
 
 def _silent(*_: object) -> None:
-    """Whom it does not concern."""
+    """The default of callbacks: does nothing."""
 
 
 def _check_device(name: str) -> None:
     device = torch.device(name)
     if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
-        raise RequestError(NO_DEVICE(name=name))
+        raise RequestError(UNKNOWN_DEVICE(name=name, missing=True))

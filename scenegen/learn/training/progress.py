@@ -19,8 +19,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from scenegen.learn.training.recipes import GATHERING, SECONDS
-from scenegen.learn.training.validate import EpochReport
+from scenegen.learn.training.config import GATHERING, SECONDS
+from scenegen.learn.training.session import EpochReport
 
 # --------------------------------------------------------------------------------------------------------------------
 # What a run without a terminal says while scenes are gathered: a line now and then, with numbers and what is left.
@@ -30,7 +30,7 @@ FIRST, EVERY = 3.0, 10.0  # seconds: what is quickly done says nothing
 
 
 class GatheringLines:
-    """Called as `scenegen.learn.training.datasets.gathering` says; returns the line that is due, or None. `used` are
+    """Called as `scenegen.learn.training.gathering` says; returns the line that is due, or None. `used` are
     seconds of CPU."""
 
     def __init__(

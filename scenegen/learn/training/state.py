@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from torch import Tensor
 
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.learning import DAMAGED_MODEL, NOTHING_TO_RESUME, OTHER_OPTION_RESUMED, OTHER_SPEC_RESUMED
+from scenegen.errors.learning import DAMAGED_MODEL, MODEL_OF_ANOTHER_SPEC, NOTHING_TO_RESUME, OTHER_OPTION_RESUMED
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.card import SpecData, spec_data
 from scenegen.learn.models.checkpoint import pack, read_card, unpack
@@ -70,7 +70,7 @@ def state_path(out: Path) -> Path:
 
 def gathered_path(out: Path) -> Path:
     """Where the scenes of a model file lie that are gathered for its training
-    (scenegen.learn.training.datasets.gathering), until that is done."""
+    (scenegen.learn.training.gathering), until that is done."""
     return out.with_name(f"{out.name}.scenes")
 
 
@@ -105,7 +105,7 @@ def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingSt
     text, tensors = unpack(path, FORMAT, WHAT)
     card = read_card(_Card, text, path, WHAT)
     if card.spec.sha256 != spec.sha256:
-        raise DataError(OTHER_SPEC_RESUMED(path=path, found=card.spec.name, wanted=spec.name))
+        raise DataError(MODEL_OF_ANOTHER_SPEC(state=path, found=card.spec.name, wanted=spec.name))
     try:
         before = TrainConfig(**card.config)
         history, sums, watched, noise = (tensors.pop(f"run.{name}") for name in _RUN)

@@ -15,18 +15,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.learning import (
-    LABEL_NOT_THERE,
-    NOT_A_GENERATOR,
-    NOT_A_REACH,
-    NOT_A_STATE,
-    OTHER_STATE,
-    PARTIAL_STATE,
-    REACH_ENDS,
-    TOO_MANY_CELLS,
-    UNEVEN_REACH,
-)
-from scenegen.errors.requests import UNKNOWN_SETTING, WRONG_SETTING
+from scenegen.errors.learning import NOT_A_REACH, NOT_A_STATE, TOO_MANY_CELLS
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_SETTING, WRONG_SETTING, WRONG_VALUE
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -48,7 +38,9 @@ class DifficultyAxis:
         named = range(len(space.low)) if labels is None else labels
         for label in named:
             if not 0 <= label < len(space.low):
-                raise RequestError(LABEL_NOT_THERE(label=label, last=len(space.low) - 1))
+                last = len(space.low) - 1
+                wanted, hint = f"from 0 to {last}", "labels are counted in the spec's order"
+                raise RequestError(OUT_OF_RANGE(argument="labels", value=label, wanted=wanted, hint=hint))
         self.space = space
         self.along = tuple(label for label in sorted(set(named)) if space.low[label] < space.high[label])
         self.count = len(self.along)
@@ -107,10 +99,10 @@ def check(space: PhiBox) -> None:
     if not isinstance(space, PhiBox) or not all(_two_numbers(ends) for ends in (space.low, space.high)):
         raise RequestError(NOT_A_REACH(value=repr(space)))
     if len(space.low) != len(space.high) or not space.low:
-        raise RequestError(UNEVEN_REACH(low=len(space.low), high=len(space.high)))
+        raise RequestError(NOT_A_REACH(low=len(space.low), high=len(space.high)))
     for label, (low, high) in enumerate(zip(space.low, space.high, strict=True)):
         if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-            raise RequestError(REACH_ENDS(label=label, low=low, high=high))
+            raise RequestError(NOT_A_REACH(label=label, low=low, high=high))
 
 
 def _two_numbers(ends: object) -> bool:
@@ -205,7 +197,8 @@ class Base(ABC):
         """Raises RequestError for a bad space, an unknown setting, or a value out of its range."""
         self.settings = checked(self.settings_class, self.name, settings)
         if not isinstance(rng, np.random.Generator):
-            raise RequestError(NOT_A_GENERATOR(value=repr(rng)))
+            wanted = "a numpy.random.Generator: np.random.default_rng(0)"
+            raise RequestError(WRONG_VALUE(argument="rng", value=repr(rng), wanted=wanted))
         self.axis = DifficultyAxis(space, self.settings.labels)
         self.space, self.rng = space, rng
         self.begin()
@@ -238,7 +231,7 @@ class Base(ABC):
             raise DataError(NOT_A_STATE(value=repr(state)))
         for part, mine in self._who().items():
             if state.get(part) != mine:
-                raise DataError(OTHER_STATE(part=part, found=str(state.get(part)), wanted=str(mine)))
+                raise DataError(NOT_A_STATE(part=part, found=str(state.get(part)), wanted=str(mine)))
         memory = state.get("memory")
         if not isinstance(memory, Mapping):
             raise self._not_whole()
@@ -249,7 +242,7 @@ class Base(ABC):
         try:
             self.rng.bit_generator.state = state["rng"]
         except (KeyError, TypeError, ValueError) as error:
-            raise DataError(OTHER_STATE(part="random generator", found=str(error))) from error
+            raise DataError(NOT_A_STATE(part="random generator", found=str(error))) from error
         for name, value in found.items():
             path, _, last = name.rpartition(".")
             setattr(attrgetter(path)(self) if path else self, last, value)
@@ -271,7 +264,7 @@ class Base(ABC):
         return _plain(saved)
 
     def _not_whole(self) -> DataError:
-        return DataError(PARTIAL_STATE(strategy=self.name))
+        return DataError(NOT_A_STATE(strategy=self.name))
 
     def _who(self) -> dict[str, Any]:
         space = {"low": list(self.space.low), "high": list(self.space.high)}

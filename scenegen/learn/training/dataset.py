@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.learning import REQUIREMENT_TOO_RARE, TOO_FEW_TO_SPLIT
+from scenegen.errors.learning import TOO_FEW_SCENES, TOO_RARE_TO_TRAIN
 from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
@@ -77,7 +77,7 @@ def base_draw(
     kept, found, tried = [torch.empty(row_count(len(spec.core.objects)), 0)], 0, 0
     while found < scenes:
         if tried >= PATIENCE and found * PATIENCE < tried:
-            raise RequestError(REQUIREMENT_TOO_RARE(found=found, tried=tried))
+            raise RequestError(TOO_RARE_TO_TRAIN(found=found, tried=tried))
         rows = _free_draw(spec, _CHUNK, generator)
         kept.append(rows[:, spec_loss.rows(rows)[-1] >= 0.0])
         found, tried = found + kept[-1].shape[1], tried + _CHUNK
@@ -121,7 +121,7 @@ def held_places(total: int, held: int) -> Tensor:
     """(held,) int64 indices of the held-out scenes among `total`, evenly spread and ascending: file order may mean
     something. Raises DataError where nothing would be left to train on."""
     if not 0 < held < total:
-        raise DataError(TOO_FEW_TO_SPLIT(count=total))
+        raise DataError(TOO_FEW_SCENES(count=total))
     return (torch.arange(held) * total + total // 2) // held
 
 

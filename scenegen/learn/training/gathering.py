@@ -20,9 +20,9 @@ import torch
 from pydantic import BaseModel, ConfigDict
 
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.learning import DAMAGED_MODEL, NO_TIME_TO_GATHER
+from scenegen.errors.learning import DAMAGED_MODEL, NO_TIME_TO_TRAIN
 from scenegen.learn.models.checkpoint import pack, read_card, unpack
-from scenegen.learn.training.recipes import SECONDS
+from scenegen.learn.training.config import SECONDS
 from scenegen.processes.process import StopSignal
 from scenegen.sampling.problem import Budget
 from scenegen.scenes.files import write_whole
@@ -70,8 +70,9 @@ class Gathering:
         tell: Tell | None = None,
         note: Callable[[Diagnostic], None] | None = None,
         stop: StopSignal | None = None,
+        until: float | None = None,
     ) -> None:
-        self.until = time.monotonic() + seconds
+        self.until = time.monotonic() + seconds if until is None else until
         self.stage = "gathering scenes"
         self.done = self.wanted = 0
         self._seconds = seconds
@@ -173,7 +174,7 @@ class Gathering:
             raise KeyboardInterrupt
         if time.monotonic() >= self.until:
             told = {"seconds": self._seconds, "account": self.account, "kept": self.save() or None, "path": self.path}
-            raise TimeUpError(NO_TIME_TO_GATHER(**told))
+            raise TimeUpError(NO_TIME_TO_TRAIN(**told))
 
     @property
     def account(self) -> str:

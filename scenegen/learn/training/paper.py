@@ -1,10 +1,4 @@
-"""The paper's second data set: positives boosted by perturbing the scenes that satisfy the spec.
-
-Where satisfying scenes are rare, a uniform data set hardly shows any. The paper moves the few there are by small noise
-and keeps what still satisfies every label, until positives make up the share wanted (56 % in its experiment 3). In the
-published sets up to 9.5 % of the scenes leave the unit square; here moved scenes outside the workspace are dropped, and
-theta is wrapped. The positives stay close to the few they came from: fine for accuracy, poor for diversity.
-"""
+"""The paper's data sets: scenes drawn from the base distribution, and those with more that satisfy the spec."""
 
 from __future__ import annotations
 
@@ -14,14 +8,32 @@ import torch
 from torch import Tensor
 
 from scenegen.errors import RequestError
-from scenegen.errors.learning import NO_POSITIVES
+from scenegen.errors.learning import TOO_RARE_TO_TRAIN
 from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training.datasets.dataset import Dataset, base_draw, held_in_place, labelled
-from scenegen.learn.training.datasets.gathering import Gathering
+from scenegen.learn.training.dataset import Dataset, base_draw, held_in_place, labelled
+from scenegen.learn.training.gathering import Gathering
 from scenegen.pose import THETA, along, row_count
+
+
+def uniform(spec: CheckedSpec, scenes: int, generator: torch.Generator, gathering: Gathering | None = None) -> Dataset:
+    """`scenes` scenes, uniform over the workspace and the circle."""
+    gathering = gathering or Gathering()
+    gathering.begin("gathering scenes", scenes)
+    return labelled(spec, base_draw(spec, scenes, generator, gathering.reach))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The paper's second data set: positives boosted by perturbing the scenes that satisfy the spec.
+#
+# Where satisfying scenes are rare, a uniform data set hardly shows any. The paper moves the few there are by small
+# noise and keeps what still satisfies every label, until positives make up the share wanted (56 % in its experiment
+# 3). In the published sets up to 9.5 % of the scenes leave the unit square; here moved scenes outside the workspace
+# are dropped, and theta is wrapped. The positives stay close to the few they came from: fine for accuracy, poor for
+# diversity.
+
 
 POSITIVES = 0.56
 NOISE = 0.02  # standard deviation of the perturbation, in shares of the workspace and in turns
@@ -57,7 +69,7 @@ def boosted(
         gathering.begin("looking for a satisfied scene")
         hits = _search(spec, draws - scenes, generator, gathering)
     if not hits.shape[1]:
-        raise RequestError(NO_POSITIVES(draws=max(draws, scenes)))
+        raise RequestError(TOO_RARE_TO_TRAIN(draws=max(draws, scenes)))
     hits = hits[:, :wanted]
     gathering.begin("perturbing satisfied scenes", wanted - hits.shape[1])
     moved = _perturb(spec, hits, wanted - hits.shape[1], noise, generator, gathering)

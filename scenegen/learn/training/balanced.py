@@ -22,12 +22,12 @@ import torch
 from torch import Tensor
 
 from scenegen.errors import RequestError
-from scenegen.errors.learning import NOTHING_TO_LEARN, RARE_SCENES, TOO_FEW_BALANCED
+from scenegen.errors.learning import NOTHING_TO_LEARN, RARE_SCENES, TOO_RARE_TO_TRAIN
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import EVERY
-from scenegen.learn.training.datasets.dataset import Dataset, labelled
-from scenegen.learn.training.datasets.gathering import Gathering, SceneBatch, TimeUpError
-from scenegen.learn.training.recipes import GATHERING
+from scenegen.learn.training.config import GATHERING
+from scenegen.learn.training.dataset import Dataset, labelled
+from scenegen.learn.training.gathering import Gathering, SceneBatch, TimeUpError
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.choice import choose
 from scenegen.sampling.engine.blocks import Drawing
@@ -93,7 +93,7 @@ def balanced(
         place = labels.index(next(iter(phi))) if len(phi) == 1 else EVERY
         found.append((draws.tempered(phi, asked), place))
         if not found[0][0].shape[1]:
-            raise RequestError(TOO_FEW_BALANCED(found=0, wanted=asked))
+            raise RequestError(TOO_RARE_TO_TRAIN(found=0, wanted=asked))
     spread: list[tuple[Tensor, int]] = []
     for place, (label, ends) in enumerate(whole.items()):
         number = wanted * (place + 1) // len(whole) - wanted * place // len(whole)
@@ -101,7 +101,7 @@ def balanced(
     rows, origin = _mixed(spread, generator)
     count = rows.shape[1]
     if count < ENOUGH * min(wanted, FEWEST):
-        raise RequestError(TOO_FEW_BALANCED(found=count, wanted=wanted))
+        raise RequestError(TOO_RARE_TO_TRAIN(found=count, wanted=wanted))
     data = labelled(spec, rows)
     if len(whole) > 1:
         kept, joint = _jointly(data.phi, list(whole.values()), min(rest, round(rest * count / wanted)), generator)

@@ -1,1 +1,0 @@
-"""The networks of the published code, as they are: `--recipe paper`."""

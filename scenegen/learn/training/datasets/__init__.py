@@ -1,1 +1,0 @@
-"""Data sets: scenes labelled with phi, for training. `table` lists them and imports no torch."""

@@ -234,5 +234,3 @@ def test_a_urdf_file_with_a_dae_mesh_says_what_to_convert_it_to(tmp_path):
     (tmp_path / "assets.toml").write_text('[[asset]]\nname = "r"\nfile = "r.urdf"\n')
     words = "m.dae: only .obj and .stl meshes are read in a URDF file: convert it"
     refused(tmp_path, '"r"', "unusable-shape-file", words)
-        tmp_path, '"r"', "unusable-shape-file", "m.dae: only .obj and .stl meshes are read in a URDF file: convert it"
-    )

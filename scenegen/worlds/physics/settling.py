@@ -133,18 +133,6 @@ class Settler:
         return Displacements(motions[..., 0], motions[..., 1])
 
 
-def settle_scenes(
-    shapes: Sequence[Shape],
-    poses: Floats,
-    *,
-    fixed: Collection[int] = (),
-    workers: int | None = None,
-) -> Displacements:
-    """The motions of scenes (scenes, objects, 3) of objects of these shapes; see `Settler`."""
-    with Settler(shapes, fixed=fixed, workers=workers) as settler:
-        return settler.settle(poses)
-
-
 @dataclass(frozen=True, slots=True)
 class Refusals:
     """Of `scenes`, `refused` did not settle. `moved` has for each of `objects` the number of scenes in which it moved

@@ -47,25 +47,23 @@ UNLIKELY_SHAPE = Kind(
     ),
     severity="note",
 )
-UNUSABLE_SHAPE_FILE = Kind("unusable-shape-file", "{path} cannot be used: {reason}")
-NO_ASSET_INDEX = Kind(
-    "no-asset-index",
-    "there is no {path}",
-    "this asset is looked up in it",
-    '`scenegen explain assets` shows how to write one; of an index in a folder write asset("folder/{name}")',
+UNUSABLE_SHAPE_FILE = Kind(
+    "unusable-shape-file",
+    ("`{name}` would measure {size:.3g} m", "{path} cannot be used: {reason}"),
+    help=("{hint}", "`scale` in the index is how many metres a unit of its file is{size:?}"),
+    formerly=("asset-size",),
 )
-BAD_ASSET_INDEX = Kind(
-    "bad-asset-index", "{path} cannot be used: {reason}", help="`scenegen explain assets` shows what an index has"
-)
-UNKNOWN_INDEXED_ASSET = Kind(
-    "unknown-indexed-asset",
-    "{path} has no asset `{name}`",
-    help=(NEAREST, "it has {some:list}[[ and {more:,} more]]"),
-)
-ASSET_SIZE = Kind(
-    "asset-size",
-    "`{name}` would measure {size:.3g} m",
-    help=("{hint}", "`scale` in the index is how many metres a unit of its file is"),
+ASSET_INDEX = Kind(
+    "asset-index",
+    ("{path} cannot be used: {reason}", "{path} has no asset `{name}`{some:?}", "there is no {path}"),
+    ("this asset is looked up in it{absent:?}",),
+    (
+        "`scenegen explain assets` shows what an index has{reason:?}",
+        NEAREST,
+        "it has {some:list}[[ and {more:,} more]]",
+        '`scenegen explain assets` shows how to write one; of an index in a folder write asset("folder/{name}")',
+    ),
+    formerly=("no-asset-index", "bad-asset-index", "unknown-indexed-asset"),
 )
 SIZE_OUT_OF_RANGE = Kind(
     "size-out-of-range", "{what} cannot be {size:g} m", "sizes lie between {least:g} and {most:,.0f} m"

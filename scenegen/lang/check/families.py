@@ -20,11 +20,9 @@ import numpy.typing as npt
 
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
-    ASSET_SIZE,
-    BAD_ASSET_INDEX,
+    ASSET_INDEX,
     DEPENDS_ON_NUMBER,
     FILE_WITHOUT_QUOTES,
-    NO_ASSET_INDEX,
     NOT_A_CATEGORY,
     NOT_OF_CATEGORY,
     NUMBERS_OVER_TIME,
@@ -32,7 +30,6 @@ from scenegen.errors.declarations import (
     SPEC_TOO_LARGE,
     TOO_MANY_COUNTS,
     UNKNOWN_ASSET_CATEGORY,
-    UNKNOWN_INDEXED_ASSET,
     UNUSABLE_SHAPE_FILE,
 )
 from scenegen.lang.check.imports import Project
@@ -236,11 +233,11 @@ def entries_of(path: str, here: Span, project: Project) -> Mapping[str, AssetEnt
     file = project.find(where, here)
     with contextlib.suppress(OSError):  # of a folder that is closed to us, which reading names
         if not file.exists():
-            raise SpecError(NO_ASSET_INDEX(here, path=where, name=name))
+            raise SpecError(ASSET_INDEX(here, path=where, name=name, absent=True))
     try:
         return read_index(project.read(where, here, "an index of assets"))
     except IndexFileError as error:
-        raise SpecError(BAD_ASSET_INDEX(here, path=where, reason=str(error))) from None
+        raise SpecError(ASSET_INDEX(here, path=where, reason=str(error))) from None
 
 
 def indexed(path: str, here: Span, project: Project) -> Shape:
@@ -261,7 +258,7 @@ def _read(path: str, here: Span, project: Project) -> Shape:
     entry = entries.get(name)
     if entry is None:
         some, more = list(entries)[:SHOWN], max(0, len(entries) - SHOWN)
-        raise SpecError(UNKNOWN_INDEXED_ASSET(here, path=where, name=name, known=entries, some=some, more=more or None))
+        raise SpecError(ASSET_INDEX(here, path=where, name=name, known=entries, some=some, more=more or None))
     file = str(PurePosixPath(where).parent / entry.file.replace("\\", "/"))
 
     def beside(other: str) -> bytes:
@@ -271,7 +268,7 @@ def _read(path: str, here: Span, project: Project) -> Shape:
         kind = "a URDF file" if entry.is_robot else "a mesh file"
         found = fitted(entry, project.read(file, here, kind), beside)
     except AssetSizeError as error:
-        raise SpecError(ASSET_SIZE(here, name=name, size=error.size, hint=error.hint or None)) from None
+        raise SpecError(UNUSABLE_SHAPE_FILE(here, name=name, size=error.size, hint=error.hint or None)) from None
     except MeshError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, path=file, reason=str(error))) from None
     return Shape("asset", found.footprint, found.height, path)

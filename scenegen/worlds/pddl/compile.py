@@ -83,11 +83,7 @@ def _required(pairs: Sequence[tuple[str, str]]) -> list[str]:
     return [f"require apart({one}, {other}) >= 0" for one, other in pairs]
 
 
-def _box(
-    setting: Setting,
-    surface: str,
-    boxes: dict[str, Rectangle],
-) -> Rectangle:
+def _box(setting: Setting, surface: str, boxes: dict[str, Rectangle]) -> Rectangle:
     """Where the centre of what stands on a surface can be. What stands on things of which no box is known yet can be
     anywhere."""
     if surface in setting.used:

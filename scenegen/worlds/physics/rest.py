@@ -279,12 +279,7 @@ def _blocks(
 
 
 def _same_objects(
-    spec: CheckedSpec,
-    scenes: SceneFile,
-    header: SettledHeader,
-    blocks: Iterable[Block],
-    own: Own,
-    workers: int | None,
+    spec: CheckedSpec, scenes: SceneFile, header: SettledHeader, blocks: Iterable[Block], own: Own, workers: int | None
 ) -> Iterator[SettledBlock]:
     """The same of scenes of the same objects, a few at a time."""
     placed = row_count(len(header.objects))

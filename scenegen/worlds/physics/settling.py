@@ -33,14 +33,7 @@ from scenegen.things import Shape
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export import sdf
 from scenegen.worlds.export.world import Patch, boards_of, bodies_of
-from scenegen.worlds.physics.bodies import (
-    FRICTION,
-    board_of,
-    piece_files,
-    prism_of,
-    whole_of,
-    within,
-)
+from scenegen.worlds.physics.bodies import FRICTION, board_of, piece_files, prism_of, whole_of, within
 from scenegen.worlds.physics.simulation import ROUND, DropJob, PybulletSetup
 
 Floats = npt.NDArray[np.float64]

@@ -18,7 +18,6 @@ from scenegen.scenes.files import scene_name, whole_files
 from scenegen.scenes.formats.motions.table import is_motions
 from scenegen.validation import as_path
 from scenegen.worlds.files import check_out, is_file
-from scenegen.worlds.pddl.compile import CompiledProblem, Imported, compile_problem
 from scenegen.worlds.pddl.export import (
     Originals,
     Problems,
@@ -29,9 +28,10 @@ from scenegen.worlds.pddl.export import (
     unsaid,
     vocabulary,
 )
+from scenegen.worlds.pddl.facts import ground
 from scenegen.worlds.pddl.goal import NameMap, read_map
-from scenegen.worlds.pddl.ground import ground
 from scenegen.worlds.pddl.problem import Domain, domain_of, problem_of, read
+from scenegen.worlds.pddl.translation import CompiledProblem, Imported, compile_problem
 
 __all__ = ["Exported", "Imported", "export_problems", "import_problem"]
 

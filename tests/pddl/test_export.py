@@ -15,7 +15,7 @@ from scenegen.lang.checker import check_text
 from scenegen.pose import as_poses
 from scenegen.scenes.data import RequestData
 from scenegen.worlds.pddl.export import Problems, goal_labels, unsaid, vocabulary
-from scenegen.worlds.pddl.ground import ground
+from scenegen.worlds.pddl.facts import ground
 from scenegen.worlds.pddl.problem import Domain, expressions, problem_of
 from scenegen.worlds.planning import export_problems
 

@@ -9,7 +9,7 @@ import scenegen
 from scenegen.api.scenes import SceneSet, evaluate
 from scenegen.errors import ScenegenError, Source
 from scenegen.worlds.pddl.export import _goal
-from scenegen.worlds.pddl.ground import value
+from scenegen.worlds.pddl.facts import value
 from scenegen.worlds.pddl.problem import Domain, expressions, problem_of
 from tests.pddl.test_import import HOUSE, KITCHEN
 

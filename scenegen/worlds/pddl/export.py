@@ -15,9 +15,7 @@ from scenegen.errors.requests import OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.errors.worlds import NO_GOAL_OVER_TIME, NOT_ITS_SCENES, PDDL_GOAL, PDDL_TOO_LARGE
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
-from scenegen.worlds.pddl.compile import CompiledProblem, carried, filled, resting
-from scenegen.worlds.pddl.goal import GoalReader, PredicateFormula, TranslatedFormula
-from scenegen.worlds.pddl.ground import (
+from scenegen.worlds.pddl.facts import (
     MOST_FACTS,
     MOST_PARTS,
     Fact,
@@ -30,7 +28,9 @@ from scenegen.worlds.pddl.ground import (
     text,
     value,
 )
+from scenegen.worlds.pddl.goal import GoalReader, PredicateFormula, TranslatedFormula
 from scenegen.worlds.pddl.problem import Node, SExprAtom, SExprList
+from scenegen.worlds.pddl.translation import CompiledProblem, carried, filled, resting
 
 # --------------------------------------------------------------------------------------------------------------------
 # Names as every planner reads them: letters, digits, `-` and `_`, no two alike when case is ignored.

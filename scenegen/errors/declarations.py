@@ -65,19 +65,19 @@ UNLIKELY_SHAPE = Kind(
 )
 UNUSABLE_SHAPE_FILE = Kind(
     "unusable-shape-file",
+    ("`{name}` would measure {size:.3g} m", "{path} cannot be used: {reason}"),
+    help=("{hint}", "`scale` in the index is how many metres a unit of its file is{size:?}"),
+    formerly=("asset-size",),
+)
+ASSET_INDEX = Kind(
+    "asset-index",
     ("{path} cannot be used: {reason}", "there is no {path}"),
     ("{reason:?}", "this asset is looked up in it"),
     (
-        "{index:?}`scenegen explain assets` shows what an index has",
-        "{reason:?}",
+        "`scenegen explain assets` shows what an index has{reason:?}",
         '`scenegen explain assets` shows how to write one; of an index in a folder write asset("folder/{name}")',
     ),
-    formerly=("bad-asset-index", "no-asset-index"),
-)
-ASSET_SIZE = Kind(
-    "asset-size",
-    "`{name}` would measure {size:.3g} m",
-    help=("{hint}", "`scale` in the index is how many metres a unit of its file is"),
+    formerly=("no-asset-index", "bad-asset-index"),
 )
 SIZE_OUT_OF_RANGE = Kind(
     "size-out-of-range",

@@ -170,10 +170,21 @@ JSON_TOO_LARGE = Kind(
     "these scenes do not fit into a .json file of {limit:,} bytes, the most that can be read",
     help="write .jsonl or .parquet, of which readers need a part at a time",
 )
-WORLD_TOO_LARGE = Kind(
-    "world-too-large",
-    "these scenes do not fit into one file, which is made in memory: the first {most:,} do",
-    help="name a folder, which gets a file for each scene",
+NO_WORLD = Kind(
+    "no-world",
+    (
+        "`{name}` stands {distance:.3g} m off the workspace in scene {scene}",
+        "an object's name {reason}: {name}",
+        "these scenes do not fit into one file, which is made in memory: the first {most:,} do",
+        "`{name}` has no volume",
+    ),
+    help=(
+        "no table is that large: {limit:g} m are the most",
+        "rename it in the spec{reason:?}",
+        "name a folder, which gets a file for each scene{most:?}",
+        "give it a wider outline",
+    ),
+    formerly=("off-the-table", "name-in-xml", "world-too-large", "no-volume"),
 )
 SIZE_IN_FILE = Kind(
     "size-in-file",
@@ -182,27 +193,21 @@ SIZE_IN_FILE = Kind(
 )
 UNUSABLE_MODEL = Kind(
     "unusable-model",
-    "{path}, the mesh of `{name}`, cannot be drawn: {reason}",
-    help="`<meshes>` is the folder that the spec was in; without it the outline is drawn",
-)
-UNUSABLE_BODY = Kind(
-    "unusable-body",
-    "{path}, the file of `{name}`, gives it no body: {reason}",
-    help="`<meshes>` is the folder that the spec was in; without it the body is a prism over the outline",
+    (
+        "{path}, the file of `{name}`, gives it no body: {reason}{body:?}",
+        "{path}, the mesh of `{name}`, cannot be drawn: {reason}",
+    ),
+    help=(
+        "`<meshes>` is the folder that the spec was in; without it the body is a prism over the outline{body:?}",
+        "`<meshes>` is the folder that the spec was in; without it the outline is drawn",
+    ),
+    formerly=("unusable-body",),
 )
 NO_MODEL = Kind(
     "no-model",
     "no object of the scenes is from a mesh, an asset of an index or a URDF file",
     help='`object mug = mesh("mug.glb")` is; `asset` and `urdf` objects are, too',
 )
-NO_VOLUME = Kind("no-volume", "`{name}` has no volume", help="give it a wider outline")
-OFF_THE_TABLE = Kind(
-    "off-the-table",
-    "`{name}` stands {distance:.3g} m off the workspace in scene {scene}",
-    help="no table is that large: {limit:g} m are the most",
-)
-NAME_IN_XML = Kind("name-in-xml", "an object's name {reason}: {name}", help="rename it in the spec")
-
 # scenes and their spec
 OTHER_SPEC = Kind(
     "other-spec",

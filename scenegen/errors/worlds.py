@@ -5,21 +5,34 @@ from __future__ import annotations
 from scenegen.errors.diagnostic import NEAREST, Kind
 
 # text
-PDDL_CHARACTER = Kind("pddl-character", "{file} holds a character that no PDDL file has", "{character}")
-PDDL_BRACKETS = Kind(
-    "pddl-brackets", "the parentheses do not match", ("never closed: {opened:?}", "nothing is open here")
+PDDL_TEXT = Kind(
+    "pddl-text",
+    (
+        "{file} holds a character that no PDDL file has{character:?}",
+        "the parentheses are more than {limit:,} deep",
+        "the parentheses do not match",
+    ),
+    ("{character}", "one too many{limit:?}", "never closed: {opened:?}", "nothing is open here"),
+    formerly=("pddl-character", "pddl-brackets", "pddl-too-deep"),
 )
-PDDL_TOO_DEEP = Kind("pddl-too-deep", "the parentheses are more than {limit:,} deep", "one too many")
 PDDL_NO_PROBLEM = Kind(
     "pddl-no-problem", "{file} is not a PDDL problem: {reason}", help="it starts with `(define (problem NAME) ...)`"
 )
 PDDL_FORM = Kind("pddl-form", "this is not {wanted}", "{reason}")
 PDDL_UNKNOWN_NAME = Kind("pddl-unknown-name", "unknown {what} `{name}`", "not declared", help=(NEAREST, "{advice}"))
-PDDL_TOO_LARGE = Kind("pddl-too-large", "{what} has too many instances", help="the limit is {limit:,}")
-PDDL_TOO_MANY_THINGS = Kind(
-    "pddl-too-many-things",
-    "{file} declares {count:,} things",
-    help="the limit is {limit:,}: leave out those that the goal does not need",
+PDDL_TOO_LARGE = Kind(
+    "pddl-too-large",
+    (
+        "{file} declares {count:,} things",
+        "{count:,} facts could hold in a scene",
+        "{what} has too many instances",
+    ),
+    help=(
+        "the limit is {limit:,}: leave out those that the goal does not need{file:?}",
+        "the limit is {limit:,}; name the relations that you need, as in --facts leftOf,on{count:?}",
+        "the limit is {limit:,}",
+    ),
+    formerly=("pddl-too-many-things", "too-many-facts"),
 )
 
 # meaning
@@ -56,11 +69,6 @@ IMPORT_FAILS = Kind(
 )
 
 # export
-TOO_MANY_FACTS = Kind(
-    "too-many-facts",
-    "{count:,} facts could hold in a scene",
-    help="the limit is {limit:,}; name the relations that you need, as in --facts leftOf,on",
-)
 FACTS_MEAN_NOTHING = Kind(
     "facts-mean-nothing",
     "`{formula}`, which the map gives the predicate `{name}`, means nothing for these things[[: {reason}]]",
@@ -71,31 +79,24 @@ NO_GOAL_OVER_TIME = Kind(
     "the labels of a spec over time are goals of motions, not of scenes",
     help="export the motions: the goal is then what holds at their last moment",
 )
-GOAL_ON_THE_EDGE = Kind(
-    "goal-on-the-edge",
-    "a margin of the goal is exactly 0 in {count:,} of the scenes: phi takes such a formula and its negation for true, "
-    "planners do not",
+PDDL_GOAL = Kind(
+    "pddl-goal",
+    (
+        "a margin of the goal is exactly 0 in {edge:,} of the scenes: phi takes such a formula and its negation for "
+        "true, planners do not",
+        "what is no relation of things in the goal is a predicate by number: {parts}",
+        "the formula of {labels:quoted} has more than {limit:,} parts: the goal has the label as one fact",
+        "no scene decides {facts:quoted}: the goal asks for what {file} says of it",
+        "{labels:quoted}: PDDL has no words for what is said of a whole motion; the goal is all that holds in the end",
+    ),
     severity="note",
-)
-PARTS_WITHOUT_RELATION = Kind(
-    "parts-without-relation",
-    "what is no relation of things in the goal is a predicate by number: {parts}",
-    severity="note",
-)
-GOAL_TOO_LONG = Kind(
-    "goal-too-long",
-    "the formula of {labels:quoted} has more than {limit:,} parts: the goal has the label as one fact",
-    severity="note",
-)
-LABELS_OVER_TIME = Kind(
-    "labels-over-time",
-    "{labels:quoted}: PDDL has no words for what is said of a whole motion; the goal is all that holds in the end",
-    severity="note",
-)
-FACTS_WITHOUT_PLACE = Kind(
-    "facts-without-place",
-    "no scene decides {facts:quoted}: the goal asks for what {file} says of it",
-    severity="note",
+    formerly=(
+        "goal-on-the-edge",
+        "parts-without-relation",
+        "goal-too-long",
+        "facts-without-place",
+        "labels-over-time",
+    ),
 )
 NOT_ITS_SCENES = Kind(
     "not-its-scenes",
@@ -113,28 +114,33 @@ ONE_PROBLEM_A_FILE = Kind(
 # What is wrong with scenes that are put into the environments of other libraries.
 
 
-OBJECT_NOT_PLACED = Kind(
-    "object-not-placed",
-    "the spec has no place for {objects:quoted} of the environment",
-    help="declare them in the spec, name them in `names`, or give `rest`, a sampler of robosuite's own",
-)
-OBJECT_NOT_THERE = Kind(
-    "object-not-there",
-    "the environment has no object `{name}`",
-    help="its objects are {known:quoted}; give the object's name there in `names`, or hold it in place with `at`",
-)
-ALREADY_PLACED = Kind(
-    "already-placed", "{objects:quoted} are among the fixtures already", help="leave them out of `fixtures`"
-)
-UNKNOWN_REFERENCE = Kind(
-    "unknown-reference",
-    "no fixture has the name of the reference, `{name}`",
-    help=("the fixtures are {known:quoted}", "give `fixtures`, or a place (x, y, z)"),
-)
-PLACEMENT_BLOCKED = Kind(
-    "placement-blocked",
-    "none of {tried} scenes keeps clear of the fixtures {fixtures:quoted}",
-    help="declare the fixtures in the spec, or give `ensure_valid_placement=False`",
+PLACEMENT = Kind(
+    "placement",
+    (
+        "the spec has no place for {strangers:quoted} of the environment",
+        "{fixed:quoted} are among the fixtures already",
+        "no fixture has the name of the reference, `{reference}`",
+        "none of {tried} scenes keeps clear of the fixtures {fixtures:quoted}",
+        "`{jointless}` has no free joint, so no state says where it is",
+        "the environment has no object `{name}`",
+    ),
+    help=(
+        "declare them in the spec, name them in `names`, or give `rest`, a sampler of robosuite's own{strangers:?}",
+        "leave them out of `fixtures`{fixed:?}",
+        "the fixtures are {known:quoted}{reference:?}",
+        "give `fixtures`, or a place (x, y, z){reference:?}",
+        "declare the fixtures in the spec, or give `ensure_valid_placement=False`{tried:?}",
+        "hold it in place in the spec, with `at`{jointless:?}",
+        "its objects are {known:quoted}; give the object's name there in `names`, or hold it in place with `at`",
+    ),
+    formerly=(
+        "object-not-placed",
+        "already-placed",
+        "unknown-reference",
+        "placement-blocked",
+        "object-without-joint",
+        "object-not-there",
+    ),
 )
 NO_START_YET = Kind("no-start-yet", "no scene was placed yet", help="reset the environment first")
 NAME_TWICE = Kind("name-twice", "two objects have the name `{name}`", help="give each a name of its own in `names`")
@@ -142,9 +148,4 @@ TOO_FEW_LAYOUTS = Kind(
     "too-few-layouts",
     "{scenes} scenes for {environments} environments",
     help="each environment needs at least one: draw more scenes",
-)
-OBJECT_WITHOUT_JOINT = Kind(
-    "object-without-joint",
-    "`{name}` has no free joint, so no state says where it is",
-    help="hold it in place in the spec, with `at`",
 )

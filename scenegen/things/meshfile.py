@@ -434,7 +434,7 @@ def _painted(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
     material, get none. A surface has `uv` where all its corners name places in a texture."""
     text = _plain(data)
     points = _finite(_obj_points(text))
-    places = np.array([_place(row.split(), _line(text, start)) for start, row in _rows(text, b"vt")]).reshape(-1, 2)
+    places = np.array([_place(row.split(), text, start) for start, row in _rows(text, b"vt")]).reshape(-1, 2)
     faces = _ObjFaces(text, len(points))
     if not len(faces.sizes):
         raise MeshError("it has no faces")
@@ -525,8 +525,11 @@ def _line(text: bytes, start: int) -> str:
     return f"line {number}"
 
 
-def _place(words: list[bytes], line: str) -> tuple[float, float]:
-    values = _floats(words[:2], line)
+def _place(words: list[bytes], text: bytes, start: int) -> tuple[float, float]:
+    try:
+        values = _floats(words[:2], "")
+    except MeshError as error:
+        raise MeshError(f"{_line(text, start)}{error}") from None
     return values[0], values[1] if len(values) > 1 else 0.0
 
 

@@ -325,11 +325,7 @@ def shelfunit(color: RGB) -> tuple[Part, ...]:
     assert isinstance(unit, ShelfUnit)
     left, right, back, *boards = unit.slabs()
     made = []
-    for group, shade in (
-        ((left, right), color),
-        ((back,), mix(color, DARK, 0.18)),
-        (boards, mix(color, WHITE, 0.16)),
-    ):
+    for group, shade in (((left, right), color), ((back,), mix(color, DARK, 0.18)), (boards, mix(color, WHITE, 0.16))):
         grown = GROWN if group is boards else 0.0
         meshes = []
         for length, width, height, x, y, z in map(_slab, group):

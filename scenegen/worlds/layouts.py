@@ -50,11 +50,7 @@ UPRIGHT = {
 
 
 def placed(
-    scenes: SceneArrays,
-    origin: Sequence[float],
-    turn: float,
-    origins: Origins,
-    up: Mapping[str, Axis] | None = None,
+    scenes: SceneArrays, origin: Sequence[float], turn: float, origins: Origins, up: Mapping[str, Axis] | None = None
 ) -> Array:
     """(n, N, 7): x, y, z in metres and qw, qx, qy, qz, in the world.
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from scenegen.errors import DataError
-from scenegen.errors.files import NO_MODEL, UNUSABLE_BODY
+from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.needs import need
 from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
 from scenegen.processes.worker import DONE
@@ -343,7 +343,9 @@ def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> di
             if key not in known:
                 known[key] = _own_body(folder, item.shape, painted) if is_read(item.shape, folder) else None
         except MeshError as error:
-            raise DataError(UNUSABLE_BODY(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
+            raise DataError(
+                UNUSABLE_MODEL(body=True, path=item.shape.path, name=item.name, reason=reason_of(error))
+            ) from None
         body = known[key]
         if body is not None:
             bodies[item.name] = body

@@ -18,7 +18,6 @@ from scenegen.scenes.files import scene_name, whole_files
 from scenegen.scenes.formats.registry import is_motions
 from scenegen.validation import as_path
 from scenegen.worlds.files import check_out, is_file
-from scenegen.worlds.pddl.compile import CompiledProblem, Imported, compile_problem
 from scenegen.worlds.pddl.export import (
     Originals,
     Problems,
@@ -29,14 +28,16 @@ from scenegen.worlds.pddl.export import (
     unsaid,
     vocabulary,
 )
+from scenegen.worlds.pddl.facts import ground
 from scenegen.worlds.pddl.goal import NameMap, read_map
-from scenegen.worlds.pddl.ground import ground
 from scenegen.worlds.pddl.problem import Domain, domain_of, problem_of, read
+from scenegen.worlds.pddl.translation import CompiledProblem, Imported, compile_problem
 
 __all__ = ["Exported", "Imported", "export_problems", "import_problem"]
 
 ENDING = ".pddl"
 OF_SCENES = "the spec of the scenes"
+OF_MOTIONS = "its first moment, and its last one as the goal."
 
 Own = Mapping[str, str] | None  # predicates and formulas of a map
 
@@ -56,9 +57,13 @@ def of_scenes(
     facts: Sequence[str] | None = None,
     own: Own = None,
     goal: Sequence[str] | None = None,
+    *,
+    ends: SceneArrays | None = None,
+    whole_goal: bool = False,
 ) -> Exported:
-    """The problems of scenes. Where the spec draws how many things there are, scenes with as many share their
-    facts; all share the domain. Raises RequestError, DataError, OutputError."""
+    """The problems of scenes; with `ends`, those of motions that begin in the scenes and end there. Where the spec
+    draws how many things there are, scenes with as many share their facts; all share the domain. Raises RequestError,
+    DataError, OutputError."""
     if not len(scenes):
         raise RequestError(NO_SCENES())
     source = scenes.header.spec.source
@@ -68,16 +73,24 @@ def of_scenes(
         for numbers, which in scenes.parts()
     ]
     words = vocabulary([grounded for grounded, _, _ in parts])
-    made = [Problems(grounded, goal_labels(grounded, goal), words) for grounded, _, _ in parts]
+    made = [Problems(grounded, goal_labels(grounded, goal), words, whole_goal) for grounded, _, _ in parts]
 
     def texts() -> Iterator[tuple[int, str]]:
         for problems, (grounded, counts, which) in zip(made, parts, strict=True):
-            some = scenes.only(counts, which) if counts else scenes
-            comments = {place + 1: _comment(scenes, place) for place in which.tolist()}
-            written = problems.of_scenes(rows_of(grounded.spec, some), comments)
+            first, *last = (
+                rows_of(grounded.spec, one.only(counts, which) if counts else one)
+                for one in (scenes, ends)
+                if one is not None
+            )
+            if ends is None:
+                comments = {place + 1: _comment(scenes, place) for place in which.tolist()}
+                written = problems.of_scenes(first, comments)
+            else:
+                comments = {place + 1: f"Motion {place + 1}: {OF_MOTIONS}" for place in which.tolist()}
+                written = problems.of_pairs(first, last[0], comments)
             yield from zip(comments, written, strict=True)
 
-    files = write(out, texts(), made[0].domain, len(scenes))
+    files = _write(out, texts(), made[0].domain, len(scenes))
     return replace(files, warnings=unsaid(made))
 
 
@@ -86,12 +99,7 @@ def _comment(scenes: SceneArrays, place: int) -> str:
     return f"Scene {place + 1}" + (f"; phi: {phi}" if phi else "")
 
 
-def numbers(count: int) -> range:
-    """The numbers of scenes, from 1."""
-    return range(1, count + 1)
-
-
-def write(out: Path, texts: Iterable[tuple[int, str]], words: str | None, count: int) -> Exported:
+def _write(out: Path, texts: Iterable[tuple[int, str]], words: str | None, count: int) -> Exported:
     """Writes texts, which come with the numbers of their scenes."""
     together = is_file(out, "pddl")
     if together and count > 1:
@@ -157,7 +165,8 @@ def export_problems(
         starts = scenes.scenes(0) if isinstance(scenes, MotionSet) else scenes
         return _in_its_words(starts, out, import_problem(problem, domain, table).reading, str(problem), facts)
     if isinstance(scenes, MotionSet):
-        return _of_motions(scenes, out, facts, own, goal, whole_goal)
+        starts, ends = scenes.scenes(0), scenes.scenes(-1)
+        return of_scenes(starts, out, facts, own, goal, ends=ends, whole_goal=whole_goal)
     if whole_goal:
         rule = "is for motions and pairs, and these are scenes"
         raise RequestError(OUT_OF_PLACE(option="whole_goal", rule=rule, remedy="leave it out"))
@@ -173,35 +182,9 @@ def _in_its_words(
     refuse_other(reading, checked.objects, [one.name for one in checked.regions], file)
     rows = rows_of(checked, scenes)
     originals = Originals(ground(source, OF_SCENES, explicit=candidates(reading, facts)), reading)
-    texts = originals.texts(rows, [f"Scene {number}" for number in numbers(len(scenes))])
-    made = write(out, enumerate(texts, start=1), originals.domain, len(scenes))
+    texts = originals.texts(rows, [f"Scene {number}" for number in range(1, len(scenes) + 1)])
+    made = _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
     return replace(made, warnings=undecided(originals, file))
-
-
-def _of_motions(
-    motions: MotionSet, out: Path, facts: Sequence[str] | None, own: Own, goal: Sequence[str] | None, whole_goal: bool
-) -> Exported:
-    starts, ends = motions.scenes(0), motions.scenes(-1)
-    check_count(starts)
-    source = motions.header.spec.source
-    named: dict[tuple[str, int], str] = {}
-    parts = [
-        (ground(source, OF_SCENES, facts, own, counts=counts, parts=named), counts, which)
-        for counts, which in starts.parts()
-    ]
-    words = vocabulary([grounded for grounded, _, _ in parts])
-    made = [Problems(grounded, goal_labels(grounded, goal), words, whole_goal) for grounded, _, _ in parts]
-    said = "its first moment, and its last one as the goal."
-
-    def texts() -> Iterator[tuple[int, str]]:
-        for problems, (grounded, counts, which) in zip(made, parts, strict=True):
-            some = (one.only(counts, which) if counts else one for one in (starts, ends))
-            first, last = (rows_of(grounded.spec, one) for one in some)
-            comments = {place + 1: f"Motion {place + 1}: {said}" for place in which.tolist()}
-            yield from zip(comments, problems.of_pairs(first, last, comments), strict=True)
-
-    files = write(out, texts(), made[0].domain, len(motions))
-    return replace(files, warnings=unsaid(made))
 
 
 def read_for_planning(path: Path) -> SceneSet | MotionSet:

@@ -26,16 +26,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.files import HELD_ELSEWHERE
 from scenegen.errors.learning import NOT_A_TASK
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.worlds import (
-    ALREADY_PLACED,
-    NAME_TWICE,
-    NO_START_YET,
-    OBJECT_NOT_PLACED,
-    OBJECT_NOT_THERE,
-    OBJECT_WITHOUT_JOINT,
-    PLACEMENT_BLOCKED,
-    UNKNOWN_REFERENCE,
-)
+from scenegen.errors.worlds import NAME_TWICE, NO_START_YET, PLACEMENT
 from scenegen.geometry import NUMPY
 from scenegen.geometry.workspace import turned
 from scenegen.lang.formula.interpret import phi as score
@@ -379,7 +370,7 @@ class Placement:
             if not (placed and self.ensure_valid_placement) or _clear(found, placed):
                 break
         else:
-            raise RequestError(PLACEMENT_BLOCKED(tried=TRIES, fixtures=tuple(placed)))
+            raise RequestError(PLACEMENT(tried=TRIES, fixtures=tuple(placed)))
         self.start = start
         placed |= found
         left = [one for one in self.mujoco_objects if one.name not in placed]
@@ -436,16 +427,16 @@ class Placement:
         there = {one.name: one for one in self.mujoco_objects}
         twice = tuple(name for name in self.names.values() if name in placed)
         if twice:
-            raise RequestError(ALREADY_PLACED(objects=twice))
+            raise RequestError(PLACEMENT(fixed=twice))
         found = []
         for which, name in enumerate(self.names.values()):
             if name in there:
                 found.append((which, there[name]))
             elif which not in self.spec.checked.fixed:
-                raise RequestError(OBJECT_NOT_THERE(name=name, known=tuple(there)))
+                raise RequestError(PLACEMENT(name=name, known=tuple(there)))
         strangers = tuple(name for name in there if name not in {*self.names.values(), *placed})
         if strangers and self.rest is None:
-            raise RequestError(OBJECT_NOT_PLACED(objects=strangers))
+            raise RequestError(PLACEMENT(strangers=strangers))
         return found
 
     def _origin(self, placed: Placed, reference: Any, on_top: bool) -> tuple[float, float, float]:
@@ -454,7 +445,7 @@ class Placement:
         if not isinstance(reference, str):
             return as_point("reference", reference)
         if reference not in placed:
-            raise RequestError(UNKNOWN_REFERENCE(name=reference, known=tuple(placed)))
+            raise RequestError(PLACEMENT(reference=reference, known=tuple(placed)))
         at, _, model = placed[reference]
         x, y, z = as_point("reference", at)
         return x, y, z + (float(model.top_offset[-1]) if on_top else 0.0)
@@ -506,7 +497,7 @@ def _rest(sampler: Any, left: list[Any], placed: Placed) -> Placed:
             placed = own.sample(fixtures=placed)
     missing = tuple(one.name for one in left if one.name not in placed)
     if missing:
-        raise RequestError(OBJECT_NOT_PLACED(objects=missing))
+        raise RequestError(PLACEMENT(strangers=missing))
     return placed
 
 
@@ -560,7 +551,7 @@ def init_states(env: Any, placement: Placement, n: int) -> InitStates:
                 sim.data.set_joint_qpos(joints[0], np.concatenate([at, quaternion]))
                 sim.data.set_joint_qvel(joints[0], np.zeros(6))
             elif model.name in placement.names.values():
-                raise RequestError(OBJECT_WITHOUT_JOINT(name=model.name))
+                raise RequestError(PLACEMENT(jointless=model.name))
         sim.forward()
         states.append(sim.get_state().flatten())
         phi.append(placement.phi)

@@ -100,8 +100,8 @@ def refused(folder, asset, code, words):
 
 
 def test_names_folders_and_files_that_are_not_there(folder):
-    refused(folder, '"025_mug"', "unusable-shape-file", "there is no assets.toml")
-    refused(folder, '"sets/025_mug"', "unusable-shape-file", "sets/assets.toml")
+    refused(folder, '"025_mug"', "asset-index", "there is no assets.toml")
+    refused(folder, '"sets/025_mug"', "asset-index", "sets/assets.toml")
     refused(folder, '"set/025_mag"', "unknown-asset", "did you mean `025_mug`?")
     refused(folder, '"set/"', "unknown-asset", "it has 025_mug, box")
     refused(folder, "mug", "file-without-quotes", 'asset("025_mug")')
@@ -132,9 +132,9 @@ def test_an_index_that_cannot_be_used_says_where(folder):
         ("a = " + "[" * 100_000, "it is not TOML"),
     ):
         (folder / "assets.toml").write_text(text)
-        refused(folder, '"mug"', "unusable-shape-file", words)
+        refused(folder, '"mug"', "asset-index", words)
     (folder / "assets.toml").write_bytes(b"\xff\xfe")
-    refused(folder, '"mug"', "unusable-shape-file", "UTF-8")
+    refused(folder, '"mug"', "asset-index", "UTF-8")
     with pytest.raises(IndexFileError):
         read_index(b" " * 16_000_001)
 
@@ -147,9 +147,9 @@ def test_sizes_that_nothing_on_a_table_has_name_the_unit(folder):
         (1e7, ""),
     ):
         (folder / "mug.obj").write_bytes(solid(size, size, size))
-        refused(folder, '"mug"', "asset-size", words)
+        refused(folder, '"mug"', "unusable-shape-file", words)
     (folder / "mug.obj").write_bytes(solid(0.00009, 0.00009, 0.0001))
-    refused(folder, '"mug"', "asset-size", "scale = 1000")
+    refused(folder, '"mug"', "unusable-shape-file", "scale = 1000")
     (folder / "mug.obj").write_bytes(solid(1, 1, 0))
     refused(folder, '"mug"', "unusable-shape-file", "no height")
     with pytest.raises(MeshError, match=r"\.ply files cannot be read here: convert it to \.glb"):

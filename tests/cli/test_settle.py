@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenegen.things import shape_of
-from scenegen.worlds.physics.settling import settle_scenes
+from tests.physics.drops import settle_scenes
 
 OVERLAPPING = "object mug, crackerbox\ntask: leftOf(mug, crackerbox) & closeTo(mug, crackerbox, 15 cm)\n"
 

@@ -63,10 +63,10 @@ def test_files_that_give_no_body_are_refused(scenes, tmp_path):
         assert not (tmp_path / "out").exists()
 
     (tmp_path / "r.urdf").write_text(ROBOT.replace('"0.7"', '"-1"'))
-    refused("unusable-body", r"r.urdf, the file of `r`, gives it no body: line 1, <mass>: value=\"-1\" is negative")
+    refused("unusable-model", r"r.urdf, the file of `r`, gives it no body: line 1, <mass>: value=\"-1\" is negative")
     (tmp_path / "r.urdf").write_text(ROBOT.replace("0.05 0.05 0.1", "0.05 0.05 0.2"))
-    refused("unusable-body", "its outline is not that of the scenes")
-    refused("unusable-body", "no such file", meshes=tmp_path / "elsewhere")
+    refused("unusable-model", "its outline is not that of the scenes")
+    refused("unusable-model", "no such file", meshes=tmp_path / "elsewhere")
     refused("out-of-place", "gives bodies to simulators", to="pddl")
     scenes = scenegen.sample(scenegen.parse("task: leftOf(mug, plate)"), {"task": (0.0, None)}, n=1, seed=1)
     with pytest.raises(DataError, match="from a mesh, an asset"):

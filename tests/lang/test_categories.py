@@ -178,7 +178,7 @@ def test_categories_come_from_the_index_and_large_ones_in_part(tmp_path):
     for text, code, words in (
         ('category("mug")', "too-many-counts", "most = 4"),
         ('category("mugs")', "unknown-asset", "did you mean `mug`?"),
-        ('category("sub/mug")', "unusable-shape-file", "sub/assets.toml"),
+        ('category("sub/mug")', "asset-index", "sub/assets.toml"),
     ):
         with pytest.raises(ScenegenError) as caught:
             assets(text)

@@ -96,10 +96,10 @@ def test_a_thing_may_be_declared_twice_as_the_same(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "code"),
     [
-        ("(" * 100_000, "pddl-too-deep"),
-        ("(define (problem a)", "pddl-brackets"),
-        ("(define))", "pddl-brackets"),
-        ("(define \0)", "pddl-character"),
+        ("(" * 100_000, "pddl-text"),
+        ("(define (problem a)", "pddl-text"),
+        ("(define))", "pddl-text"),
+        ("(define \0)", "pddl-text"),
         ("", "pddl-no-problem"),
         (" " * 4_000_001, "too-large-to-read"),
         (HOUSE.replace("FORMULA", "(dusty cup.n.01_1)"), "no-spatial-goal"),
@@ -108,7 +108,7 @@ def test_a_thing_may_be_declared_twice_as_the_same(tmp_path: Path) -> None:
         (HOUSE.replace("- table.n.02 ", "- zeppelin.n.01 "), "unknown-category"),
         (BLOCKS_ON.replace("(:goal", "(:goal (on b a)) (:goal"), "pddl-form"),
         (BLOCKS_ON.replace("- block", "- block a - mug"), "pddl-form"),
-        (BLOCKS_ON.replace("a b", "a b " + " ".join(f"c{k}" for k in range(199))), "pddl-too-many-things"),
+        (BLOCKS_ON.replace("a b", "a b " + " ".join(f"c{k}" for k in range(199))), "pddl-too-large"),
     ],
 )
 def test_bad_text_is_one_diagnostic(tmp_path: Path, text: str, code: str) -> None:

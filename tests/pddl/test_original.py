@@ -9,7 +9,7 @@ import scenegen
 from scenegen.api.scenes import SceneSet, evaluate
 from scenegen.errors import ScenegenError, Source
 from scenegen.worlds.pddl.export import _goal
-from scenegen.worlds.pddl.ground import value
+from scenegen.worlds.pddl.facts import value
 from scenegen.worlds.pddl.problem import Domain, expressions, problem_of
 from tests.pddl.test_import import HOUSE, KITCHEN
 
@@ -153,7 +153,7 @@ def test_the_floor_of_onfloor_is_no_cup_and_what_no_scene_decides_is_told(tmp_pa
     made = scenegen.export_problems(scenes, tmp_path / "out", problem=tmp_path / "p.bddl")
     assert "(onfloor cup_n_01_2 cup" not in made.problems[0].read_text()
     assert "(cooked cup_n_01_2)" in made.problems[0].read_text().split("(:goal")[1]
-    assert [one.code for one in made.warnings] == ["facts-without-place"]
+    assert [one.code for one in made.warnings] == ["pddl-goal"]
     made = scenegen.export_problems(scenes, tmp_path / "own", facts=[])
     assert made.domain is not None
     assert ", of cup_1\n" in made.domain.read_text()
@@ -175,4 +175,4 @@ def test_what_of_a_goal_is_no_fact_stays_and_is_told(tmp_path: Path) -> None:
     made = scenegen.export_problems(scenes, tmp_path / "out", **files)
     assert formula in made.problems[0].read_text()
     (note,) = made.warnings
-    assert note.code == "facts-without-place" and "(preference p1 (on b c))" in note.title
+    assert note.code == "pddl-goal" and "(preference p1 (on b c))" in note.title

@@ -13,7 +13,8 @@ from scenegen.processes import process
 from scenegen.things import Shape, shape_of
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.physics.bodies import within
-from scenegen.worlds.physics.settling import Displacements, Refusals, Settler, settle_scenes
+from scenegen.worlds.physics.settling import Displacements, Refusals, Settler
+from tests.physics.drops import settle_scenes
 
 NAMES = ("plate", "mug", "knife", "crackerbox", "bottle")
 SHAPES = tuple(map(shape_of, NAMES))
@@ -190,8 +191,10 @@ def test_standard_output_stays_clean_and_the_caller_free_of_pybullet():
         import sys
         import numpy as np
         from scenegen.things import shape_of
-        from scenegen.worlds.physics.settling import settle_scenes
-        print(settle_scenes([shape_of("mug")], np.zeros((1, 1, 3)), workers=1).kept.tolist(), "pybullet" in sys.modules)
+        from scenegen.worlds.physics.settling import Settler
+        with Settler([shape_of("mug")], workers=1) as settler:
+            found = settler.settle(np.zeros((1, 1, 3)))
+        print(found.kept.tolist(), "pybullet" in sys.modules)
         """
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -14,7 +14,8 @@ from scenegen.sampling.request import Cells, SampleRequest
 from scenegen.scenes.blocks import Block
 from scenegen.search.effort import StoppedError
 from scenegen.things import Shape
-from scenegen.worlds.physics.settling import Settling, settle_scenes
+from scenegen.worlds.physics.settling import Settling
+from tests.physics.drops import settle_scenes
 
 SHAPES = (Shape("box", Box(0.1, 0.1), 0.1), Shape("box", Box(0.1, 0.1), 0.1))
 NAMES = ("red", "blue")

@@ -48,7 +48,7 @@ def test_bad_requests_are_answered(begun, monkeypatch):
     monkeypatch.setattr(Thing, "joints", [])
     with pytest.raises(RequestError) as error:
         init_states(env, here, 1)
-    assert error.value.diagnostics[0].code == "object-without-joint"
+    assert error.value.diagnostics[0].code == "placement"
 
 
 TASK = """

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Span, SpecError
 from scenegen.errors.declarations import (
-    ASSET_SIZE,
+    ASSET_INDEX,
     DEPENDS_ON_NUMBER,
     FILE_WITHOUT_QUOTES,
     NOT_A_CATEGORY,
@@ -140,11 +140,11 @@ def entries_of(path: str, here: Span, project: Project) -> Mapping[str, AssetEnt
     file = project.find(where, here)
     with contextlib.suppress(OSError):  # of a folder that is closed to us, which reading names
         if not file.exists():
-            raise SpecError(UNUSABLE_SHAPE_FILE(here, path=where, name=name))
+            raise SpecError(ASSET_INDEX(here, path=where, name=name))
     try:
         return read_index(project.read(where, here, "an index of assets"))
     except IndexFileError as error:
-        raise SpecError(UNUSABLE_SHAPE_FILE(here, path=where, reason=str(error), index=True)) from None
+        raise SpecError(ASSET_INDEX(here, path=where, reason=str(error))) from None
 
 
 def indexed(path: str, here: Span, project: Project) -> Shape:
@@ -177,7 +177,7 @@ def _read(path: str, here: Span, project: Project) -> Shape:
         kind = "a URDF file" if entry.is_robot else "a mesh file"
         found = fitted(entry, project.read(file, here, kind), beside)
     except AssetSizeError as error:
-        raise SpecError(ASSET_SIZE(here, name=name, size=error.size, hint=error.hint or None)) from None
+        raise SpecError(UNUSABLE_SHAPE_FILE(here, name=name, size=error.size, hint=error.hint or None)) from None
     except MeshError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, path=file, reason=str(error))) from None
     return Shape("asset", found.footprint, found.height, path)

@@ -18,16 +18,7 @@ import numpy as np
 from scenegen.things.mesh import Mesh
 from scenegen.worlds.export.looks import SceneLook, TexturedColor
 from scenegen.worlds.export.meshes import drawn_obj
-from scenegen.worlds.export.world import (
-    FOLDER,
-    TALL,
-    WOODEN,
-    Body,
-    BodyForm,
-    Patch,
-    World,
-    piece_of,
-)
+from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, BodyForm, Patch, World, piece_of
 from scenegen.worlds.export.xml import Element, check_room, document, node, numbers, short
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from scenegen.errors import DataError
-from scenegen.errors.files import NO_VOLUME, OFF_THE_TABLE
+from scenegen.errors.files import NO_WORLD
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.geometry.footprint import Rectangle, clipped, signed_area
 from scenegen.geometry.workspace import BOARD, LARGEST
@@ -443,7 +443,7 @@ def _forms(names: Sequence[str], shapes: Sequence[Shape], own: Own) -> dict[tupl
             try:
                 mass = inertia(solids)
             except ValueError:
-                raise DataError(NO_VOLUME(name=name)) from None
+                raise DataError(NO_WORLD(name=name)) from None
             form = f"{shape.asset}{same + 1 if same else ''}"
             forms[shape, mine] = BodyForm(form, parts, pieces, mass, paints_of(skins), bool(skins))
     return forms
@@ -500,7 +500,7 @@ def _table(header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], pla
         away = np.maximum(place[:, :2] - (x1, y1), (x0, y0) - place[:, :2]).max(axis=1)
         if away.max() > FARTHEST:
             facts = {"distance": away.max(), "scene": int(away.argmax()) + 1, "limit": FARTHEST}
-            raise DataError(OFF_THE_TABLE(name=name, **facts))
+            raise DataError(NO_WORLD(name=name, **facts))
         reach = max(math.hypot(u, v) for u, v in _outline(shape.footprint))
         least = np.minimum(least, place[:, :2].min(axis=0) - reach)
         most = np.maximum(most, place[:, :2].max(axis=0) + reach)

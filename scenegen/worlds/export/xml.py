@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from xml.etree import ElementTree
 
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.files import NAME_IN_XML, WORLD_TOO_LARGE
+from scenegen.errors.files import NO_WORLD
 
 Element = ElementTree.Element
 
@@ -62,7 +62,7 @@ def check_room(scenes: int, size: int) -> None:
 
 
 def _too_many(most: int) -> Diagnostic:
-    return WORLD_TOO_LARGE(most=most)
+    return NO_WORLD(most=most)
 
 
 def check_names(names: Iterable[str]) -> None:
@@ -74,7 +74,7 @@ def check_names(names: Iterable[str]) -> None:
         elif name == "world" or "::" in name or (name.startswith("__") and name.endswith("__")):
             why = "is a name that simulators keep for themselves"
         if why:
-            raise DataError(NAME_IN_XML(reason=why, name=ascii(name)))
+            raise DataError(NO_WORLD(reason=why, name=ascii(name)))
 
 
 def printable(text: str) -> str:

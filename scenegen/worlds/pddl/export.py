@@ -12,21 +12,10 @@ import numpy.typing as npt
 
 from scenegen.errors import DataError, Diagnostic, RequestError, Source
 from scenegen.errors.requests import OUT_OF_PLACE, UNKNOWN_CHOICE
-from scenegen.errors.worlds import (
-    FACTS_WITHOUT_PLACE,
-    GOAL_ON_THE_EDGE,
-    GOAL_TOO_LONG,
-    LABELS_OVER_TIME,
-    NO_GOAL_OVER_TIME,
-    NOT_ITS_SCENES,
-    PARTS_WITHOUT_RELATION,
-    TOO_MANY_FACTS,
-)
+from scenegen.errors.worlds import NO_GOAL_OVER_TIME, NOT_ITS_SCENES, PDDL_GOAL, PDDL_TOO_LARGE
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
-from scenegen.worlds.pddl.compile import CompiledProblem, carried, filled, resting
-from scenegen.worlds.pddl.goal import GoalReader, PredicateFormula, TranslatedFormula
-from scenegen.worlds.pddl.ground import (
+from scenegen.worlds.pddl.facts import (
     MOST_FACTS,
     MOST_PARTS,
     Fact,
@@ -39,7 +28,9 @@ from scenegen.worlds.pddl.ground import (
     text,
     value,
 )
+from scenegen.worlds.pddl.goal import GoalReader, PredicateFormula, TranslatedFormula
 from scenegen.worlds.pddl.problem import Node, SExprAtom, SExprList
+from scenegen.worlds.pddl.translation import CompiledProblem, carried, filled, resting
 
 # --------------------------------------------------------------------------------------------------------------------
 # Names as every planner reads them: letters, digits, `-` and `_`, no two alike when case is ignored.
@@ -310,7 +301,7 @@ def candidates(reading: CompiledProblem, wanted: Sequence[str] | None = None) ->
         for count in sorted(arities[key]) if found is not None else ():
             assert found is not None
             if len(things) ** min(count, 3) > MOST_FACTS:
-                raise RequestError(TOO_MANY_FACTS(count=len(things) ** count, limit=MOST_FACTS))
+                raise RequestError(PDDL_TOO_LARGE(count=len(things) ** count, limit=MOST_FACTS))
             for names in _choices(things, places, count):
                 if any(names[place] not in asked_of.get((key, place), ()) for place in _unread(found, count)):
                     continue
@@ -551,7 +542,7 @@ def unsaid(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
     found: list[Diagnostic] = []
     timed = problems[0].grounded.spec.timed
     if timed is not None and timed.labels:
-        found.append(LABELS_OVER_TIME(labels=tuple(timed.labels)))
+        found.append(PDDL_GOAL(labels=tuple(timed.labels)))
     parts: dict[str, str] = {}
     long: dict[str, None] = {}
     for one in () if problems[0].whole_goal else problems:
@@ -564,16 +555,16 @@ def unsaid(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
                 if fact.said:
                     parts[fact.predicate] = fact.said
     if long:
-        found.append(GOAL_TOO_LONG(labels=tuple(long), limit=MOST_PARTS))
+        found.append(PDDL_GOAL(labels=tuple(long), limit=MOST_PARTS))
     if parts:
         said = ", ".join(f"{name} is `{text}`" for name, text in list(parts.items())[:MOST_SAID])
         more = f" and {len(parts) - MOST_SAID:,} more" if len(parts) > MOST_SAID else ""
-        found.append(PARTS_WITHOUT_RELATION(parts=said + more))
+        found.append(PDDL_GOAL(parts=said + more))
     count = sum(one.edge for one in problems)
-    return (*found, GOAL_ON_THE_EDGE(count=count)) if count else tuple(found)
+    return (*found, PDDL_GOAL(edge=count)) if count else tuple(found)
 
 
 def undecided(originals: Originals, file: str) -> tuple[Diagnostic, ...]:
     """Notes on scenes in the words of a problem."""
     names = originals.undecided
-    return (FACTS_WITHOUT_PLACE(facts=names, file=file),) if names else ()
+    return (PDDL_GOAL(facts=names, file=file),) if names else ()

@@ -13,14 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from scenegen.errors import DataError, Source, Span
-from scenegen.errors.worlds import (
-    PDDL_BRACKETS,
-    PDDL_CHARACTER,
-    PDDL_FORM,
-    PDDL_NO_PROBLEM,
-    PDDL_TOO_DEEP,
-    PDDL_TOO_MANY_THINGS,
-)
+from scenegen.errors.worlds import PDDL_FORM, PDDL_NO_PROBLEM, PDDL_TEXT, PDDL_TOO_LARGE
 from scenegen.lang.syntax.parse import plain_breaks
 from scenegen.scenes.files import read_bytes
 
@@ -77,18 +70,18 @@ def expressions(source: Source) -> tuple[Node, ...]:
     for word, start, end in _tokens(source):
         if word == "(":
             if len(open_) > MAX_DEPTH:
-                raise DataError(PDDL_TOO_DEEP(Span(source, start, end), limit=MAX_DEPTH))
+                raise DataError(PDDL_TEXT(Span(source, start, end), limit=MAX_DEPTH))
             open_.append((start, []))
         elif word == ")":
             if len(open_) == 1:
-                raise DataError(PDDL_BRACKETS(Span(source, start, end)))
+                raise DataError(PDDL_TEXT(Span(source, start, end)))
             begin, items = open_.pop()
             open_[-1][1].append(SExprList(tuple(items), Span(source, begin, end)))
         else:
             open_[-1][1].append(SExprAtom(word, Span(source, start, end)))
     if len(open_) > 1:
         begin = open_[-1][0]
-        raise DataError(PDDL_BRACKETS(Span(source, begin, begin + 1), opened=True))
+        raise DataError(PDDL_TEXT(Span(source, begin, begin + 1), opened=True))
     return tuple(open_[0][1])
 
 
@@ -101,7 +94,7 @@ def _tokens(source: Source) -> Iterator[tuple[str, int, int]]:
                 place += found[0].index("\ufffd")
             here = Span(source, place, place + 1)
             said = f"character U+{ord(text[place]):04X}"
-            raise DataError(PDDL_CHARACTER(here, file=source.name, character=said))
+            raise DataError(PDDL_TEXT(here, file=source.name, character=said))
         if found[0][0] not in " \t\n\f;":
             yield found[0], place, found.end()
         place = found.end()
@@ -243,7 +236,7 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> PddlPro
     if goal is None:
         raise DataError(PDDL_NO_PROBLEM(file=source.name, reason="it has no (:goal ...)"))
     if len(things) > MOST_THINGS:
-        raise DataError(PDDL_TOO_MANY_THINGS(file=source.name, count=len(things), limit=MOST_THINGS))
+        raise DataError(PDDL_TOO_LARGE(file=source.name, count=len(things), limit=MOST_THINGS))
     spelled = {one.lower(): one for one in things}
     for place in places:
         target = spelled.get(place.target.lower(), place.target)

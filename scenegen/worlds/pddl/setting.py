@@ -202,10 +202,20 @@ class Referent:
     owner: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A region that the spec needs, as text; its `box` where that is along the axes; whether it is a `board`, which has
+    a height."""
+
+    text: str
+    box: Rectangle | None
+    board: bool = False
+
+
 @dataclass(slots=True)
 class Setting:
     """The parts of a problem by what becomes of them. `shapes` are those of objects, `poses` (x, y, heading in radians)
-    of furniture; `used` the regions that the spec needs, by identifier, as text."""
+    of furniture; `used` the regions that the spec needs, by identifier."""
 
     problem: PddlProblem
     table: NameMap
@@ -216,7 +226,7 @@ class Setting:
     furniture: dict[str, Furniture] = field(default_factory=dict)
     poses: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     without: list[str] = field(default_factory=list)  # things without a body
-    used: dict[str, str] = field(default_factory=dict)
+    used: dict[str, Area] = field(default_factory=dict)
     notes: dict[str, str] = field(default_factory=dict)
 
     def classify(self) -> None:
@@ -327,7 +337,7 @@ class Setting:
         if board is None:
             return self.ids[name]
         made = self._identifier(f"{self.ids[name]}_{site}" if site else f"{self.ids[name]}_board")
-        self.used[made] = f"region {made} = {_outline(board, self.poses.get(name, (0.0, 0.0, 0.0)))}"
+        self.used[made] = _area(made, board, self.poses.get(name, (0.0, 0.0, 0.0)))
         return made
 
     def fill(self) -> None:
@@ -343,7 +353,8 @@ class Setting:
             made = self._identifier(name if len(region.ranges) == 1 else f"{name}_part{number}")
             left, right, bottom, top = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
             right, top = max(right, left + 0.001), max(top, bottom + 0.001)
-            self.used[made] = f"region {made} = rect({_n(left)}, {_n(bottom)}, {_n(right)}, {_n(top)})"
+            box = (left, bottom, right, top)
+            self.used[made] = Area(f"region {made} = rect({', '.join(map(_n, box))})", _rounded(box))
             line = self.problem.source.position(region.node.span.start)[0]
             self.notes[made] = f"line {line}: (:ranges ...) of {region.name}"
             names.append(made)
@@ -416,15 +427,24 @@ def _solid(shape: Shape) -> str:
             return "block"
 
 
-def _outline(board: Board, pose: tuple[float, float, float]) -> str:
+def _area(name: str, board: Board, pose: tuple[float, float, float]) -> Area:
     x, y, turn = pose
     cos, sin = math.cos(turn), math.sin(turn)
     x0, y0, x1, y1 = board.outline
     corners = [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
     xs, ys = zip(*corners, strict=True)
+    height = f"at {_n(board.height)} m"
     if abs(math.sin(2 * turn)) < 1e-6:
-        return f"rect({_n(min(xs))}, {_n(min(ys))}, {_n(max(xs))}, {_n(max(ys))}) at {_n(board.height)} m"
-    return f"polygon([{', '.join(f'({_n(u)}, {_n(v)})' for u, v in corners)}]) at {_n(board.height)} m"
+        box = (min(xs), min(ys), max(xs), max(ys))
+        return Area(f"region {name} = rect({', '.join(map(_n, box))}) {height}", _rounded(box), board=True)
+    outline = ", ".join(f"({_n(u)}, {_n(v)})" for u, v in corners)
+    return Area(f"region {name} = polygon([{outline}]) {height}", None, board=True)
+
+
+def _rounded(box: Rectangle) -> Rectangle:
+    """As the text has it."""
+    x0, y0, x1, y1 = (float(_n(one)) for one in box)
+    return x0, y0, x1, y1
 
 
 def _n(value: float) -> str:

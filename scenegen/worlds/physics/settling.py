@@ -33,14 +33,7 @@ from scenegen.things import Shape
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export import sdf
 from scenegen.worlds.export.world import Patch, boards_of, bodies_of
-from scenegen.worlds.physics.bodies import (
-    FRICTION,
-    board_of,
-    piece_files,
-    prism_of,
-    whole_of,
-    within,
-)
+from scenegen.worlds.physics.bodies import FRICTION, board_of, piece_files, prism_of, whole_of, within
 from scenegen.worlds.physics.simulation import ROUND, DropJob, PybulletSetup
 
 Floats = npt.NDArray[np.float64]
@@ -131,18 +124,6 @@ class Settler:
                 motions[part] = motion
                 stop.check()
         return Displacements(motions[..., 0], motions[..., 1])
-
-
-def settle_scenes(
-    shapes: Sequence[Shape],
-    poses: Floats,
-    *,
-    fixed: Collection[int] = (),
-    workers: int | None = None,
-) -> Displacements:
-    """The motions of scenes (scenes, objects, 3) of objects of these shapes; see `Settler`."""
-    with Settler(shapes, fixed=fixed, workers=workers) as settler:
-        return settler.settle(poses)
 
 
 @dataclass(frozen=True, slots=True)

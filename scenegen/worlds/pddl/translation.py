@@ -46,22 +46,14 @@ from scenegen.worlds.pddl.setting import Rectangle, Referent, Setting, category,
 # Which pairs of a spec's bodies could share space: only these need a requirement, and phi stays cheap.
 
 
-_RECT = re.compile(r"rect\(([^,]+), ([^,]+), ([^,]+), ([^)]+)\)(?: at (.+) m)?$")
-
-
 def collisions(setting: Setting, options: dict[str, list[str]]) -> list[str]:
     """`require` statements for all pairs of things, furniture and boards whose boxes, seen from above, can meet.
 
     `options` are the surfaces of each thing. What the one carries is not left out: it could be beside it.
     """
+    boards = {name: area.box or setting.space for name, area in setting.used.items() if area.board}
     boxes: dict[str, Rectangle] = {}
-    fixed = set[str]()
-    boards: dict[str, Rectangle] = {}
-    for name, text in setting.used.items():
-        found = _RECT.search(text)
-        if " at " in text:
-            fixed.add(name)
-            boards[name] = _rectangle(found) if found else setting.space
+    fixed = set(boards)
     for name, made in setting.furniture.items():
         if made.body is not None:
             x, y, _ = setting.poses.get(name, (0.0, 0.0, 0.0))
@@ -71,34 +63,19 @@ def collisions(setting: Setting, options: dict[str, list[str]]) -> list[str]:
         reach = reach_of(shape_from(shape).footprint)
         places = [_box(setting, one, boxes) for one in options.get(name) or ["workspace"]]
         boxes[setting.ids[name]] = _grown(_around(places), reach)
-    pairs = [
-        (one, other)
+    return [
+        f"require apart({one}, {other}) >= 0"
         for (one, first), (other, second) in itertools.combinations({**boxes, **boards}.items(), 2)
         if not (one in fixed and other in fixed) and _meet(first, second)
     ]
-    return _required(pairs)
 
 
-def _required(pairs: Sequence[tuple[str, str]]) -> list[str]:
-    return [f"require apart({one}, {other}) >= 0" for one, other in pairs]
-
-
-def _box(
-    setting: Setting,
-    surface: str,
-    boxes: dict[str, Rectangle],
-) -> Rectangle:
+def _box(setting: Setting, surface: str, boxes: dict[str, Rectangle]) -> Rectangle:
     """Where the centre of what stands on a surface can be. What stands on things of which no box is known yet can be
     anywhere."""
     if surface in setting.used:
-        found = _RECT.search(setting.used[surface])
-        return _rectangle(found) if found else setting.space
+        return setting.used[surface].box or setting.space
     return boxes.get(surface, setting.space)
-
-
-def _rectangle(found: re.Match[str]) -> Rectangle:
-    left, bottom, right, top = (float(found[number]) for number in range(1, 5))
-    return left, bottom, right, top
 
 
 def _grown(box: Rectangle, by: float) -> Rectangle:
@@ -362,7 +339,7 @@ def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
         if (
             name in movers
             and ref.kind == "region"
-            and not any(" at " in setting.used.get(one, " at ") for one in ref.surfaces)
+            and not any(one not in setting.used or setting.used[one].board for one in ref.surfaces)
         ):
             return True  # a part of the ground
         own_options = options.setdefault(name, [])
@@ -393,8 +370,8 @@ def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
     lines += [f"# without geometry: {_clean(name)} has no body" for name in setting.without]
     lines += [f"# not read, {own.line(one)}" for one in problem.other]
     lines += ["", f"workspace [{left:g}, {right:g}] x [{bottom:g}, {top:g}]", ""]
-    for name, text in setting.used.items():
-        lines.append(text + (f"  # {setting.notes[name]}" if name in setting.notes else ""))
+    for name, area in setting.used.items():
+        lines.append(area.text + (f"  # {setting.notes[name]}" if name in setting.notes else ""))
     lines.append("")
     for name, made in setting.furniture.items():
         note = f"# {setting.ids[name]}: {setting.notes.get(name, 'nothing says where it is: it stands in a row')}"

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from scenegen.errors import RequestError, Source, SpecError
 from scenegen.errors.requests import UNKNOWN_CHOICE
-from scenegen.errors.worlds import FACTS_MEAN_NOTHING, TOO_MANY_FACTS
+from scenegen.errors.worlds import FACTS_MEAN_NOTHING, PDDL_TOO_LARGE
 from scenegen.geometry import NUMPY
 from scenegen.geometry.units import ANGLE, LENGTH
 from scenegen.lang.check.expressions import Lowering
@@ -394,7 +394,7 @@ class _Expansion:
         places = len(self._lowering.areas)
         several = sum(math.prod(count if kind == THING else places for kind in one.kinds) for one in relations)
         if several + len(self.facts) > MOST_FACTS:
-            raise RequestError(TOO_MANY_FACTS(count=several, limit=MOST_FACTS))
+            raise RequestError(PDDL_TOO_LARGE(count=several, limit=MOST_FACTS))
 
     def _refuse_unknown(self, relation: RelationTemplate) -> None:
         """Raises RequestError for a formula of a map that cannot be read, or names what there is not."""

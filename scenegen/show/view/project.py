@@ -30,7 +30,7 @@ from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import is_stream, read_stream, write_whole
 from scenegen.scenes.formats.motions.table import is_motions
 from scenegen.scenes.formats.registry import FORMATS
-from scenegen.show.view.jobs.evaluate import scene_set, told
+from scenegen.show.view.jobs.evaluate import scene_set, shown
 from scenegen.show.view.jobs.source import with_numbers
 from scenegen.show.view.limits import MAX_FILES, MAX_TEXT, most_scenes
 
@@ -218,15 +218,8 @@ def _shown(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
     rows = rows_of(spec.checked, scenes)  # in the order of the spec, whatever the file's is
     count = row_count(len(spec.objects))
     on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
-    some = scene_set(spec, as_poses(rows[:count]), None, on)
-    return {
-        **told(spec, some, False),
-        "poses": some.poses.tolist(),
-        "sampler": scenes.header.sampler,
-        "warnings": [],
-        "notes": [note],
-        "took": 0.0,
-    }
+    sampler = scenes.header.sampler
+    return shown(spec, scene_set(spec, as_poses(rows[:count]), sampler, on), note)
 
 
 STARTER = "first"  # the shipped spec that is shown where nothing was named
@@ -322,7 +315,7 @@ def _scenes(file: Path) -> OpenProject:
 
 def _motions(file: Path) -> OpenProject | None:
     """None for motions of a spec without `time`, such as pairs of a start and a goal: their moments are scenes."""
-    from scenegen.show.view.jobs.motions import most_of, motions_of, told, too_long
+    from scenegen.show.view.jobs.motions import most_of, motions_of, shown, too_long
 
     found = read_motions(file)
     text = found.header.spec.source
@@ -336,14 +329,8 @@ def _motions(file: Path) -> OpenProject | None:
         raise DataError(DAMAGED_MOTIONS(file=file, reason="its motions are not those of its spec"))
     order = [found.objects.index(name) for name in spec.objects]  # in the order of the spec, whatever the file's is
     poses = motions_of(spec, found.poses[:most][:, :, order])
-    motions = {
-        **told(spec, poses),
-        "motions": poses.tolist(),
-        "sampler": found.header.sampler,
-        "warnings": [],
-        "notes": [f"{len(poses):,} of the {len(found):,} motions of {file.name}"],
-        "took": 0.0,
-    }
+    note = f"{len(poses):,} of the {len(found):,} motions of {file.name}"
+    motions = shown(spec, poses, found.header.sampler, note)
     asked = found.header.request.model_dump(mode="json")
     request = {"phi": asked["phi"], "n": min(asked["n"], most)}
     return OpenProject(Folder(file.resolve().parent), text, file.stem, scenes=motions, request=request)

@@ -98,6 +98,12 @@ def told(spec: Spec, scenes: SceneSet, why: bool) -> dict[str, Any]:
     return found
 
 
+def shown(spec: Spec, scenes: SceneSet, *notes: str) -> dict[str, Any]:
+    """Scenes that are there already, as the job `sample` sends those that it draws."""
+    made = {"poses": scenes.poses.tolist(), "sampler": scenes.header.sampler}
+    return {**told(spec, scenes, False), **made, "warnings": [], "notes": list(notes), "took": 0.0}
+
+
 def bases_of(spec: Spec, scenes: SceneSet) -> Array:
     """How high above the table each object stands, in metres: (n, N)."""
     stage = stage_of_spec(spec)
@@ -126,15 +132,30 @@ def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[flo
     trees = trees_of(spec)
     core = trees.core
     index = deciding_atom(core, label, values)
+    lines = [number for number, nodes in enumerate(trees.groups) if nodes[0] == index or index in nodes]
+    return decided(core, index, label, values[index], lines, rows)
+
+
+def decided(
+    core: Core, index: int, label: str, value: float, lines: list[int], rows: Sequence[float]
+) -> dict[str, Any]:
+    """What the page shows of the atom (its node) that decides phi of a label in a scene, and of the lines that it
+    stands in."""
     atom = cast(Atom, core.nodes[index])
     return {
         "text": atom.text,
-        "spans": [[one.start, one.end] for one in own(atom.spans)] if atom.spans else [],
-        "value": values[index],
-        "lines": [number for number, nodes in enumerate(trees.groups) if nodes[0] == index or index in nodes],
+        "spans": _places(atom),
+        "value": value,
+        "lines": lines,
         "marks": [mark_data(one) for one in dimensions(core, index, rows)],
         "required": label == REQUIRE,
     }
+
+
+def _places(node: object) -> list[list[int]]:
+    """Where in the text itself an atom stands: its use first, then outwards."""
+    places = own(node.spans) if isinstance(node, Atom) and node.spans else []
+    return [[one.start, one.end] for one in places]
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -215,10 +236,9 @@ def line_of(core: Core, part: OutlinePart, number: int) -> Json:
     """A line of a formula of scenes."""
     node, line = core.nodes[part.nodes[0]], part.line
     kind = ("all" if node.kind == "min" else "one") if isinstance(node, Junction) else "atom"
-    places = own(node.spans) if isinstance(node, Atom) and node.spans else []
     return {
         "line": number, "kind": kind, "text": line.text, "margin": line.margin, "unit": line.unit, "count": part.count,
-        "bounds": [line.low, line.high], "spans": [[one.start, one.end] for one in places], "parts": [],
+        "bounds": [line.low, line.high], "spans": _places(node), "parts": [],
     }  # fmt: skip
 
 

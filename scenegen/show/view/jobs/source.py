@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec
 from scenegen.errors import DataError, Diagnostic, ScenegenError
+from scenegen.errors.diagnostic import render_all
 from scenegen.errors.program import NO_MESSAGE
-from scenegen.errors.render import render_all
 from scenegen.lang.checker import check_file
 from scenegen.scenes.data import RequestData, SceneFile
 from scenegen.scenes.stage import PictureSetup, stage_of

@@ -10,21 +10,20 @@ from PIL import Image
 
 from scenegen.api.outline import chosen_label
 from scenegen.api.scenes import SceneSet
-from scenegen.errors import RequestError, quoted
-from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.errors.time import NO_SUCH_MOTION, WHICH_MOTION
 from scenegen.geometry import NUMPY
 from scenegen.lang.check.families import combinations
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
-from scenegen.needs import need
 from scenegen.pose import as_rows
 from scenegen.scenes.files import check_writable, whole_files, write_whole
 from scenegen.scenes.formats.motions.table import MotionArrays, scenes_header
 from scenegen.show.figures.charts import phi_chart
 from scenegen.show.figures.strip import HELD, STEP, animation, pages, strip, video
-from scenegen.show.scenes import PictureStyle
+from scenegen.show.scenes import PictureStyle, check_kinds, picture_style
 from scenegen.validation import as_path
 
 Array = npt.NDArray[np.float64]
@@ -46,13 +45,8 @@ def figures(
 ) -> tuple[Path, ...]:
     """See `MotionSet.figures`."""
     folder = as_path("out", out)
-    for kind in kinds:
-        if kind not in KINDS:
-            raise RequestError(UNKNOWN_CHOICE(what="figure", name=kind, known=KINDS))
-    if not kinds:
-        wanted = f"something to draw, after the folder; there are {quoted(KINDS)}"
-        raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
-    look = _look(motions, kinds, view, size, distinct, workers)
+    check_kinds(kinds, KINDS)
+    look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
     spec = check_text(motions.header.spec.source, "the spec of these motions")
     chosen = chosen_label(spec.labels, label)
     made: dict[str, bytes] = {}
@@ -88,31 +82,11 @@ def animate(
     if not 1 <= number <= count:
         raise RequestError(NO_SUCH_MOTION(number=number, file="the set", first=1, last=count))
     kinds = (ending[1:],)
-    look = _look(motions, kinds, view, size, distinct, workers)
+    look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
     check_writable(path)
     spec = check_text(motions.header.spec.source, "the spec of these motions")
     write_whole(path, _one(motions, number - 1, spec, chosen_label(spec.labels, label), kinds, look)[ending])
     return path
-
-
-def _look(
-    motions: MotionArrays,
-    kinds: tuple[str, ...],
-    view: str,
-    size: tuple[int, int] | None,
-    distinct: bool,
-    workers: int | None,
-) -> PictureStyle:
-    """How pictures are drawn. Raises RequestError for what cannot be, before anything is drawn."""
-    from scenegen.show.render.files import check_request, usual_size
-
-    size = usual_size(scenes_header(motions.header)) if size is None else size
-    check_request((view,), size, workers)
-    if "mp4" in kinds:
-        need("av", "for MP4 files")
-    if not len(motions.poses):
-        raise RequestError(NO_SCENES())
-    return PictureStyle(view, size, distinct, workers, None)
 
 
 def _one(

@@ -55,6 +55,40 @@ class PictureStyle:
         )
 
 
+def picture_style(
+    file: SceneFile,
+    count: int,
+    kinds: tuple[str, ...],
+    view: str,
+    size: tuple[int, int] | None,
+    distinct: bool,
+    workers: int | None,
+    progress: Progress | None = None,
+) -> PictureStyle:
+    """How the pictures of figures are drawn, of `count` scenes or motions with the head `file`. Raises RequestError for
+    what cannot be drawn, before anything is."""
+    from scenegen.show.render.files import check_request, usual_size
+
+    size = usual_size(file) if size is None else size
+    check_request((view,), size, workers)
+    if "mp4" in kinds:
+        need("av", "for MP4 files")
+    if not count:
+        raise RequestError(NO_SCENES())
+    return PictureStyle(view, size, distinct, workers, progress)
+
+
+def check_kinds(kinds: tuple[str, ...], known: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of figures. Raises RequestError for unknown ones, and for none."""
+    if not kinds:
+        wanted = f'something to draw, after the folder: figures("pictures", "{known[0]}"); there are {quoted(known)}'
+        raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
+    for kind in kinds:
+        if kind not in known:
+            raise RequestError(UNKNOWN_CHOICE(what="figure", name=kind, known=known))
+    return kinds
+
+
 @dataclass(frozen=True, slots=True)
 class SweepFrames:
     """The frames of a sweep: phi of the label, the picture and the objects that overlap in each; the strip shows the
@@ -120,23 +154,9 @@ def figures(
 
     Raises RequestError for what cannot be drawn, DataError where the scenes' spec is of no use, OutputError.
     """
-    from scenegen.show.render.files import check_request, usual_size
-
     folder = as_path("out", out)
-    kinds = as_words("kinds", kinds, '("sheet", "gif")')
-    if not kinds:
-        wanted = f'something to draw, after the folder: figures("pictures", "sheet"); there are {quoted(FIGURES)}'
-        raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
-    for kind in kinds:
-        if kind not in FIGURES:
-            raise RequestError(UNKNOWN_CHOICE(what="figure", name=kind, known=FIGURES))
-    size = usual_size(scenes.header) if size is None else size
-    check_request((view,), size, workers)
-    if "mp4" in kinds:
-        need("av", "for MP4 files")
-    look = PictureStyle(view, size, distinct, workers, progress)
-    if not len(scenes):
-        raise RequestError(NO_SCENES())
+    kinds = check_kinds(as_words("kinds", kinds, '("sheet", "gif")'), tuple(FIGURES))
+    look = picture_style(scenes.header, len(scenes), kinds, view, size, distinct, workers, progress)
     job = Job(scenes, kinds, label, look)
     made: dict[str, bytes] = {}
     for kind, make in FIGURES.items():

@@ -13,8 +13,9 @@ from scenegen.processes import process
 from scenegen.scenes import files
 from scenegen.scenes.stage import stage_of
 from scenegen.show.looks.camera import frame
-from scenegen.show.render import render_scenes, scenes
+from scenegen.show.render import scenes
 from scenegen.show.render.files import usual_size
+from scenegen.show.render.scenes import render_scenes
 from scenegen.things import ASSETS
 
 from .scenefiles import scene_file

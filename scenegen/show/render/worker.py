@@ -18,7 +18,7 @@ from scenegen.needs import need
 from scenegen.processes.pool import Pool
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.stage import PictureSetup, places_of, stage_of
-from scenegen.show.looks.camera import VIEWS, Camera, Floats
+from scenegen.show.looks.camera import Camera, Floats
 from scenegen.show.looks.look import Look
 from scenegen.show.looks.textures import Textures
 from scenegen.show.render.files import FIRST, Model, Picture, PictureOptions, RenderedView, check_request, encode
@@ -127,7 +127,7 @@ class DrawPixels(RenderJob):
 # Pictures while a program runs: one process draws them all, a scene at a time.
 
 
-__all__ = ["VIEWS", "LiveRenderer", "check_request"]
+__all__ = ["LiveRenderer", "RenderJob", "check_request"]
 
 
 class LiveRenderer:

@@ -4,6 +4,7 @@ listed, read and saved. Nothing outside that folder is touched."""
 from __future__ import annotations
 
 import hashlib
+import html as markup
 import json
 import os
 import stat
@@ -33,6 +34,7 @@ from scenegen.scenes.formats.registry import FORMATS
 from scenegen.show.view.jobs.evaluate import scene_set, shown
 from scenegen.show.view.jobs.source import with_numbers
 from scenegen.show.view.limits import MAX_FILES, MAX_TEXT, most_scenes
+from scenegen.show.view.worker import dumps
 
 MOST_NAME = 255  # bytes of the name of a file or folder
 MOST_DRAFTS = 200  # that are kept; the oldest go
@@ -342,3 +344,54 @@ def _model(file: Path) -> OpenProject:
     return OpenProject(
         Folder(file.resolve().parent), text, file.stem, model=file.resolve(), digest=digest(text.encode())
     )
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The page as one HTML document: with links to its files where a server has them, or with everything in it.
+
+
+STATIC = Path(__file__).resolve().parent / "static"
+
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{title}</title>
+{head}
+</head>
+<body>
+<div id="app"></div>
+<noscript>This page needs JavaScript.</noscript>
+<script type="application/json" id="data">{data}</script>
+{script}
+</body>
+</html>
+"""
+
+
+def html(data: dict[str, Any]) -> str:
+    """The page as a server sends it; `data` is what it shows first."""
+    head = '<link rel="stylesheet" href="/static/page.css">\n<link rel="icon" href="/static/icon.svg">'
+    return _filled(data, head, '<script type="module" src="/static/page.js"></script>')
+
+
+def alone(data: dict[str, Any]) -> str:
+    """The page as one file that needs no server."""
+    css = (STATIC / "page.css").read_text(encoding="utf-8")
+    js = (STATIC / "page.js").read_text(encoding="utf-8")
+    policy = (
+        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+        "connect-src data: blob:; base-uri 'none'; form-action 'none'"
+    )
+    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{css}</style>'
+    safe = js.replace("</script", "<\\/script").replace("<!--", "<\\!--")
+    return _filled(data, head, f'<script type="module">{safe}</script>')
+
+
+def _filled(data: dict[str, Any], head: str, script: str) -> str:
+    text = dumps(data).decode().replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    title = markup.escape(f"{data.get('name') or 'scenegen'} · scenegen view")
+    page = _PAGE.replace("{title}", title).replace("{head}", head).replace("{script}", script)
+    return page.replace("{data}", text)

@@ -1,10 +1,9 @@
-"""phi of scenes that a person has moved, and why it is what it is; how rare each phi is."""
+"""phi of scenes that a person has moved, and why it is what it is."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, TypeVar, cast
 
@@ -12,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.outline import FormulaTree, Outline, OutlinePart
-from scenegen.api.rarity import LabelRarity, RarityLevel, rarity
 from scenegen.api.scene_arrays import make_header, rows_of
 from scenegen.api.scenes import SceneSet, requirement
 from scenegen.api.scenes import evaluate as score
@@ -26,7 +24,7 @@ from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.scenes.data import RequestData, SceneFile
 from scenegen.scenes.stage import heights_of
 from scenegen.show.figures.dimensions import dimensions
-from scenegen.show.view.jobs.source import give_way, mark_data, spec_of, stage_of_spec
+from scenegen.show.view.jobs.source import mark_data, spec_of, stage_of_spec
 from scenegen.show.view.limits import MAX_POSES
 from scenegen.things.overlap import overlapping
 from scenegen.things.surfaces import base_heights
@@ -156,47 +154,6 @@ def _places(node: object) -> list[list[int]]:
     """Where in the text itself an atom stands: its use first, then outwards."""
     places = own(node.spans) if isinstance(node, Atom) and node.spans else []
     return [[one.start, one.end] for one in places]
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# How rare each phi is, label by label: what the handles are laid over.
-
-
-def range_(message: dict[str, Any]) -> Iterator[Any]:
-    """One part per label, in the order of the spec. The labels of a spec over time share most of the work."""
-    give_way()
-    spec = spec_of(message)
-    if spec.over_time is not None:
-        yield from map(rarity_data, rarity(spec).labels)
-        return
-    for label in spec.labels:
-        found = rarity(spec, label)
-        yield rarity_data(found.labels[0])
-
-
-def plain(ends: tuple[float, float]) -> list[float]:
-    """Bounds that a plot can have: windows that look beyond the last moment have infinite ones."""
-    return [one if math.isfinite(one) else math.copysign(1.0, one) for one in ends]
-
-
-def rarity_data(one: LabelRarity) -> dict[str, Any]:
-    """The rarity of one label as plain data; logarithms to base 10, None where too few scenes tell."""
-    return {
-        "label": one.label,
-        "bounds": plain(one.bounds),
-        "reached": list(one.reached),
-        "curve": [_point(level) for level in one.curve],
-        "bands": [asdict(band) for band in one.bands],
-        "whole": list(one.whole),
-    }
-
-
-def _point(level: RarityLevel) -> list[float | None]:
-    return [
-        level.phi,
-        None if level.above is None else level.above.log10,
-        None if level.below is None else level.below.log10,
-    ]
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Figures of scenes: contact sheet, sweep from hard to solved, heat map, top views with what decides phi; and figures of
+"""Figures of scenes: contact sheet, sweep from hard to solved, heat map, top views with what decides phi. Figures of
 motions: animation, strip of moments, phi over time."""
 
 from __future__ import annotations

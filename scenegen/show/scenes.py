@@ -37,8 +37,8 @@ from scenegen.show.figures.dimensions import FigureObject, FigureScene, dimensio
 from scenegen.show.figures.sheet import SHOWN as MOST
 from scenegen.show.figures.sheet import contact_sheet, thumbnail_size
 from scenegen.show.figures.strip import HELD, STEP, animation, pages, strip, video
+from scenegen.show.figures.sweep import sweep
 from scenegen.show.figures.topview import topview
-from scenegen.show.sweep import sweep
 from scenegen.things.surfaces import cells_of
 from scenegen.validation import as_path, as_words
 

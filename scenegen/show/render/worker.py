@@ -89,17 +89,7 @@ class RenderJob:
         if self._painter is None:
             from scenegen.show.render.painter import Painter
 
-            options = self.options
-            self._painter = Painter(
-                self.stage,
-                options.views,
-                options.size,
-                transparent=options.transparent,
-                renderer=options.renderer,
-                look=look,
-                models=self.models,
-                textures=self.textures,
-            )
+            self._painter = Painter(self.stage, self.options, look, self.models, self.textures)
             self._painter.__enter__()  # until the process ends
         elif look is not None:
             self._painter.dress(look)

@@ -14,7 +14,6 @@ from PIL import Image
 
 from scenegen.api.outline import chosen_label
 from scenegen.api.scene_arrays import SceneArrays, parts_of
-from scenegen.api.scenes import SceneSet
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.time import NO_SUCH_MOTION, TIME_NOT_HERE, WHICH_MOTION
@@ -340,7 +339,7 @@ def _one(
         made["_phi.png"] = phi_chart(times.tolist(), {name: row.tolist() for name, row in signals.items()})
     if set(kinds) <= {"phi"}:
         return made
-    drawn = list(look.pictures(SceneSet(motions.poses[number], {}, scenes_header(motions.header)).file()))
+    drawn = list(look.pictures(SceneArrays(motions.poses[number], {}, scenes_header(motions.header)).file()))
     if "gif" in kinds:
         made[".gif"] = animation(drawn, values, label)
     if "mp4" in kinds:

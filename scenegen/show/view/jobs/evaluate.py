@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,16 +15,15 @@ from scenegen.api.scene_arrays import make_header, rows_of
 from scenegen.api.scenes import SceneSet, requirement
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.spec import Spec
-from scenegen.errors import DataError, Span
+from scenegen.errors import DataError
 from scenegen.errors.program import NO_MESSAGE
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction
+from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.interpret import deciding_atom
 from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.scenes.data import RequestData, SceneFile
 from scenegen.scenes.stage import heights_of
-from scenegen.show.figures.dimensions import dimensions
-from scenegen.show.view.jobs.source import mark_data, spec_of, stage_of_spec
+from scenegen.show.view.jobs.source import MOST_NODES, Json, decided, line_of, spec_of, stage_of_spec, tree_of
 from scenegen.show.view.limits import MAX_POSES
 from scenegen.things.overlap import overlapping
 from scenegen.things.surfaces import base_heights
@@ -134,69 +133,9 @@ def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[flo
     return decided(core, index, label, values[index], lines, rows)
 
 
-def decided(
-    core: Core, index: int, label: str, value: float, lines: list[int], rows: Sequence[float]
-) -> dict[str, Any]:
-    """What the page shows of the atom (its node) that decides phi of a label in a scene, and of the lines that it
-    stands in."""
-    atom = cast(Atom, core.nodes[index])
-    return {
-        "text": atom.text,
-        "spans": _places(atom),
-        "value": value,
-        "lines": lines,
-        "marks": [mark_data(one) for one in dimensions(core, index, rows)],
-        "required": label == REQUIRE,
-    }
-
-
-def _places(node: object) -> list[list[int]]:
-    """Where in the text itself an atom stands: its use first, then outwards."""
-    places = own(node.spans) if isinstance(node, Atom) and node.spans else []
-    return [[one.start, one.end] for one in places]
-
-
 # --------------------------------------------------------------------------------------------------------------------
 # The formulas of a spec as trees: what repeats is folded into one line, and every line knows the nodes of the core that
 # it stands for, so that values of a scene can be shown beside it.
-
-
-MOST = 300  # lines of one label
-MOST_NODES = 400  # nodes of one line whose values are looked at
-
-Json = dict[str, Any]
-
-
-Part = TypeVar("Part")
-
-
-def tree_of(root: Part, line_of: Callable[[Part, bool], tuple[Json, list[Part]]]) -> Json:
-    """The line of a part with those below it, of MOST lines the first. `line_of` makes the line of a part, of which the
-    least counts for the line above it, or the largest, and says what lies below it."""
-    made, below = line_of(root, True)
-    waiting, count = [(made, below)], 1
-    while waiting:
-        line, parts = waiting.pop(0)
-        least = line["kind"] != "one"
-        for part in parts:
-            count += 1
-            if count > MOST:
-                line["more"] = line.get("more", 0) + 1
-                continue
-            one, further = line_of(part, least)
-            line["parts"].append(one)
-            waiting.append((one, further))
-    return made
-
-
-def line_of(core: Core, part: OutlinePart, number: int) -> Json:
-    """A line of a formula of scenes."""
-    node, line = core.nodes[part.nodes[0]], part.line
-    kind = ("all" if node.kind == "min" else "one") if isinstance(node, Junction) else "atom"
-    return {
-        "line": number, "kind": kind, "text": line.text, "margin": line.margin, "unit": line.unit, "count": part.count,
-        "bounds": [line.low, line.high], "spans": _places(node), "parts": [],
-    }  # fmt: skip
 
 
 class Trees:
@@ -223,12 +162,6 @@ class Trees:
             (min if least else max)(values[node] for node in nodes)
             for nodes, least in zip(self.groups, self.least, strict=True)
         ]
-
-
-def own(found: Sequence[Span]) -> list[Span]:
-    """Those places that lie in the text itself: the outermost use always does, unless the label was imported."""
-    main = found[-1].source
-    return [one for one in found if one.source is main]
 
 
 @lru_cache(maxsize=2)

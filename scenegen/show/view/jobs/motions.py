@@ -24,8 +24,7 @@ from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 from scenegen.search import node_bounds
-from scenegen.show.view.jobs.evaluate import MOST_NODES, Json, decided, line_of, tree_of
-from scenegen.show.view.jobs.source import stage_of_spec
+from scenegen.show.view.jobs.source import MOST_NODES, Json, decided, line_of, stage_of_spec, tree_of
 from scenegen.show.view.limits import MAX_MOMENTS, MAX_MOTION, MAX_SCENES
 from scenegen.things.overlap import overlapping
 from scenegen.things.surfaces import base_heights

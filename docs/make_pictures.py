@@ -12,7 +12,7 @@ from pathlib import Path
 from PIL import Image
 
 import scenegen
-from scenegen.show.render import VIEWS
+from scenegen.show.looks.camera import VIEWS
 from scenegen.show.render.gallery import gallery, library_sheet
 from scenegen.things import ASSETS
 

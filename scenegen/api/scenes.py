@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import torch
 
     from scenegen.sampling.problem import Problem
-    from scenegen.show.render import Rendered
+    from scenegen.show.render.scenes import Rendered
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -252,7 +252,7 @@ class SceneSet(SceneArrays):
         intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is called with the
         number of scenes drawn and their total. Raises RequestError, DataError, OutputError.
         """
-        from scenegen.show.render import render_scenes
+        from scenegen.show.render.scenes import render_scenes
 
         return render_scenes(
             self.file(),

@@ -1,19 +1,23 @@
 """Diagnostics: what scenegen reports when something is wrong.
 
 Every problem a user can cause is a `Diagnostic`: a `Kind` with a stable code, a place in a text, and facts. The kinds
-are listed in the modules of this folder, one for each stage. `template.py` turns facts into prose, `render.py` prose
-into text, `diagnostic.py` facts into data. Problems travel in `ScenegenError`. `catalog.py` has all kinds, and what
-`scenegen explain` says.
+are listed in the modules of this folder, one for each stage. `template.py` turns facts into prose, `diagnostic.py`
+prose into text and facts into data. Problems travel in `ScenegenError`. `catalog.py` has all kinds, and what `scenegen
+explain` says.
 """
 
 from __future__ import annotations
 
-from scenegen.errors.diagnostic import Diagnostic, Kind, Severity, Source, Span
-from scenegen.errors.render import (
+from scenegen.errors.diagnostic import (
     DataError,
+    Diagnostic,
+    Kind,
     OutputError,
     RequestError,
     ScenegenError,
+    Severity,
+    Source,
+    Span,
     SpecError,
     render,
     render_all,

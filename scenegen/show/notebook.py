@@ -48,8 +48,8 @@ def picture(file: SceneFile, rest: Array | None = None) -> bytes | None:
 
 
 def _drawn(file: SceneFile, width: int, rest: Array | None, *, sheet: bool) -> bytes:
-    from scenegen.show.render import render_scenes
     from scenegen.show.render.files import usual_size
+    from scenegen.show.render.scenes import render_scenes
 
     size = usual_size(file, width)
     with tempfile.TemporaryDirectory() as folder:

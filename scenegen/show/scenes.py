@@ -1,4 +1,5 @@
-"""Figures of a set of scenes: contact sheet, sweep from hard to solved, heat map, top views with what decides phi."""
+"""Figures of scenes: contact sheet, sweep from hard to solved, heat map, top views with what decides phi. Figures of
+motions: animation, strip of moments, phi over time."""
 
 from __future__ import annotations
 
@@ -6,29 +7,38 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
+from PIL import Image
 
 from scenegen.api.outline import chosen_label
 from scenegen.api.scene_arrays import SceneArrays, parts_of
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.time import TIME_NOT_HERE
+from scenegen.errors.time import NO_SUCH_MOTION, TIME_NOT_HERE, WHICH_MOTION
+from scenegen.geometry import NUMPY
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
-from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.formula.interpret import phi as score
+from scenegen.lang.spec import CheckedSpec, combinations
 from scenegen.needs import need
-from scenegen.pose import as_poses, flat
+from scenegen.pose import as_poses, as_rows, flat
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.files import scene_name, whole_files
-from scenegen.show.sweep import sweep
+from scenegen.scenes.files import check_writable, scene_name, whole_files, write_whole
+from scenegen.scenes.formats.motions import MotionArrays, scenes_header
+from scenegen.scenes.stage import overlaps_of
+from scenegen.show.figures import heatmap as heat
+from scenegen.show.figures.charts import phi_chart
+from scenegen.show.figures.dimensions import FigureObject, FigureScene, dimensions, short
+from scenegen.show.figures.sheet import SHOWN as MOST
+from scenegen.show.figures.sheet import contact_sheet, thumbnail_size
+from scenegen.show.figures.strip import HELD, STEP, animation, pages, strip, video
+from scenegen.show.figures.sweep import sweep
+from scenegen.show.figures.topview import topview
+from scenegen.things.surfaces import cells_of
 from scenegen.validation import as_path, as_words
-
-if TYPE_CHECKING:
-    from PIL import Image
-
 
 Progress = Callable[[int, int], None]
 
@@ -53,6 +63,40 @@ class PictureStyle:
         return pictures(
             file, self.view, self.size, distinct=self.distinct, workers=self.workers, progress=self.progress
         )
+
+
+def picture_style(
+    file: SceneFile,
+    count: int,
+    kinds: tuple[str, ...],
+    view: str,
+    size: tuple[int, int] | None,
+    distinct: bool,
+    workers: int | None,
+    progress: Progress | None = None,
+) -> PictureStyle:
+    """How the pictures of figures are drawn, of `count` scenes or motions with the head `file`. Raises RequestError for
+    what cannot be drawn, before anything is."""
+    from scenegen.show.render.files import check_request, usual_size
+
+    size = usual_size(file) if size is None else size
+    check_request((view,), size, workers)
+    if "mp4" in kinds:
+        need("av", "for MP4 files")
+    if not count:
+        raise RequestError(NO_SCENES())
+    return PictureStyle(view, size, distinct, workers, progress)
+
+
+def check_kinds(kinds: tuple[str, ...], known: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of figures. Raises RequestError for unknown ones, and for none."""
+    if not kinds:
+        wanted = f'something to draw, after the folder: figures("pictures", "{known[0]}"); there are {quoted(known)}'
+        raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
+    for kind in kinds:
+        if kind not in known:
+            raise RequestError(UNKNOWN_CHOICE(what="figure", name=kind, known=known))
+    return kinds
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +129,6 @@ class Job:
     @cached_property
     def moving(self) -> SweepFrames:
         """One layout from hard to solved; drawn once for the strip and the animation. Raises RequestError."""
-        from scenegen.scenes.stage import overlaps_of
-
         frames, chosen = sweep(self.scenes, self.label, FRAMES)
         phi = [float(value) for value in frames.phi[chosen]]
         picked = sorted({round(place) for place in np.linspace(0, len(frames) - 1, SHOWN)})
@@ -120,23 +162,9 @@ def figures(
 
     Raises RequestError for what cannot be drawn, DataError where the scenes' spec is of no use, OutputError.
     """
-    from scenegen.show.render.files import check_request, usual_size
-
     folder = as_path("out", out)
-    kinds = as_words("kinds", kinds, '("sheet", "gif")')
-    if not kinds:
-        wanted = f'something to draw, after the folder: figures("pictures", "sheet"); there are {quoted(FIGURES)}'
-        raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
-    for kind in kinds:
-        if kind not in FIGURES:
-            raise RequestError(UNKNOWN_CHOICE(what="figure", name=kind, known=FIGURES))
-    size = usual_size(scenes.header) if size is None else size
-    check_request((view,), size, workers)
-    if "mp4" in kinds:
-        need("av", "for MP4 files")
-    look = PictureStyle(view, size, distinct, workers, progress)
-    if not len(scenes):
-        raise RequestError(NO_SCENES())
+    kinds = check_kinds(as_words("kinds", kinds, '("sheet", "gif")'), tuple(FIGURES))
+    look = picture_style(scenes.header, len(scenes), kinds, view, size, distinct, workers, progress)
     job = Job(scenes, kinds, label, look)
     made: dict[str, bytes] = {}
     for kind, make in FIGURES.items():
@@ -150,11 +178,6 @@ def figures(
 
 def sheet(job: Job) -> dict[str, bytes]:
     """All scenes with their phi."""
-    from PIL import Image
-
-    from scenegen.show.figures.sheet import SHOWN as MOST
-    from scenegen.show.figures.sheet import contact_sheet, thumbnail_size
-
     file = job.scenes.file()
     first = file.model_copy(update={"scenes": file.scenes[:MOST]})
     small = thumbnail_size(job.look.size, len(job.scenes))
@@ -165,10 +188,6 @@ def sheet(job: Job) -> dict[str, bytes]:
 
 def sweep_strip(job: Job) -> dict[str, bytes]:
     """One layout from hard to solved, as a strip of pictures."""
-    from PIL import Image
-
-    from scenegen.show.figures.strip import strip
-
     moving = job.moving
     small = round(job.look.size[0] * 0.5), round(job.look.size[1] * 0.5)
     shown = [moving.drawn[place].resize(small, Image.Resampling.LANCZOS) for place in moving.picked]
@@ -178,32 +197,22 @@ def sweep_strip(job: Job) -> dict[str, bytes]:
 
 def sweep_gif(job: Job) -> dict[str, bytes]:
     """The same, animated."""
-    from scenegen.show.figures.strip import animation
-
     return {"sweep.gif": animation(job.moving.drawn, job.moving.phi, job.moving.label, job.moving.notes)}
 
 
 def sweep_mp4(job: Job) -> dict[str, bytes]:
     """The same as a video."""
-    from scenegen.show.figures.strip import HELD, STEP, pages, video
-
     moving = job.moving
     return {"sweep.mp4": video(pages(moving.drawn, moving.phi, moving.label, moving.notes), STEP, HELD)}
 
 
 def heatmap(job: Job) -> dict[str, bytes]:
     """Where each object goes."""
-    from scenegen.show.figures import heatmap as drawing
-
-    return {"heatmap.png": drawing.heatmap(job.scenes.file(), distinct=job.look.distinct)}
+    return {"heatmap.png": heat.heatmap(job.scenes.file(), distinct=job.look.distinct)}
 
 
 def topviews(job: Job) -> dict[str, bytes]:
     """Every scene from above, with what decides phi as a dimension."""
-    from scenegen.show.figures.dimensions import FigureObject, FigureScene, dimensions, short
-    from scenegen.show.figures.topview import topview
-    from scenegen.things.surfaces import cells_of
-
     whole, scenes = job.spec, job.scenes
     if whole.timed is not None:
         raise RequestError(TIME_NOT_HERE(file=whole.name))
@@ -243,3 +252,114 @@ FIGURES: dict[str, Callable[[Job], dict[str, bytes]]] = {
     "heatmap": heatmap,
     "topview": topviews,
 }
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Figures of motions: an animation, a strip of moments, phi over time.
+
+
+Array = npt.NDArray[np.float64]
+
+KINDS = ("gif", "mp4", "strip", "phi")
+MOVING = (".gif", ".mp4")  # endings of files with one motion
+
+
+def motion_figures(
+    motions: MotionArrays,
+    out: str | Path,
+    *kinds: str,
+    view: str = "perspective",
+    size: tuple[int, int] | None = None,
+    distinct: bool = False,
+    label: str | None = None,
+    workers: int | None = None,
+) -> tuple[Path, ...]:
+    """See `MotionSet.figures`."""
+    folder = as_path("out", out)
+    check_kinds(kinds, KINDS)
+    look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
+    spec = check_text(motions.header.spec.source, "the spec of these motions")
+    chosen = chosen_label(spec.labels, label)
+    made: dict[str, bytes] = {}
+    for number in range(len(motions.poses)):
+        name = f"motion_{number + 1:0{max(4, len(str(len(motions.poses))))}d}"
+        made |= {f"{name}{end}": data for end, data in _one(motions, number, spec, chosen, kinds, look).items()}
+    with whole_files(folder) as put:
+        for name, data in made.items():
+            put(name, data)
+    return tuple(folder / name for name in made)
+
+
+def animate(
+    motions: MotionArrays,
+    path: str | Path,
+    motion: int | None = None,
+    *,
+    view: str = "perspective",
+    size: tuple[int, int] | None = None,
+    distinct: bool = False,
+    label: str | None = None,
+    workers: int | None = None,
+) -> Path:
+    """See `MotionSet.animate`; `motion` counts from 1."""
+    path = as_path("path", path)
+    ending = path.suffix.lower()
+    if ending not in MOVING:
+        raise RequestError(UNKNOWN_CHOICE(what="ending", name=path.suffix, known=MOVING))
+    count = len(motions.poses)
+    if motion is None and count > 1:
+        raise RequestError(WHICH_MOTION(path=path.name, count=count))
+    number = 1 if motion is None else motion
+    if not 1 <= number <= count:
+        raise RequestError(NO_SUCH_MOTION(number=number, file="the set", first=1, last=count))
+    kinds = (ending[1:],)
+    look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
+    check_writable(path)
+    spec = check_text(motions.header.spec.source, "the spec of these motions")
+    write_whole(path, _one(motions, number - 1, spec, chosen_label(spec.labels, label), kinds, look)[ending])
+    return path
+
+
+def _one(
+    motions: MotionArrays, number: int, spec: CheckedSpec, label: str, kinds: tuple[str, ...], look: PictureStyle
+) -> dict[str, bytes]:
+
+    if spec.counts:
+        counts = motions.numbers_of(number)
+        spec = next(
+            one for numbers, one in zip(combinations(spec.counts), spec.members, strict=True) if numbers == counts
+        )
+        motions, number = motions.alone(number), 0
+    signals = over_time(spec, motions.poses[number])
+    values = np.nan_to_num(signals[label], posinf=0.0, neginf=0.0).tolist()
+    times = np.arange(len(motions.poses[number])) * motions.header.time.dt
+    made: dict[str, bytes] = {}
+    if "phi" in kinds:
+        made["_phi.png"] = phi_chart(times.tolist(), {name: row.tolist() for name, row in signals.items()})
+    if set(kinds) <= {"phi"}:
+        return made
+    drawn = list(look.pictures(SceneArrays(motions.poses[number], {}, scenes_header(motions.header)).file()))
+    if "gif" in kinds:
+        made[".gif"] = animation(drawn, values, label)
+    if "mp4" in kinds:
+        made[".mp4"] = video(pages(drawn, values, label), STEP, HELD)
+    if "strip" in kinds:
+        picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, SHOWN)})
+        small = round(look.size[0] * 0.5), round(look.size[1] * 0.5)
+        shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
+        shown_at = [f"t = {times[place]:g} s" for place in picked]
+        title = motions.header.spec.title.rstrip(".")
+        made["_strip.png"] = strip(shown, [values[place] for place in picked], label, title, times=shown_at)
+    return made
+
+
+def over_time(spec: CheckedSpec, poses: Array) -> dict[str, Array]:
+    """phi of each label of one motion (T + 1, N, 3) at every moment: from there on for formulas over time, which may be
+    infinite where they look beyond the last."""
+    if spec.timed is not None:
+        from scenegen.sampling.motions.scores import TraceScores
+
+        rows = TraceScores(spec.timed).signals(np.ascontiguousarray(poses.transpose(1, 2, 0))[..., None])
+        return dict(zip(spec.labels, rows[..., 0], strict=True))
+    values = score(spec.core, list(as_rows(poses)), NUMPY)
+    return {name: np.array(np.broadcast_to(values[name], len(poses))) for name in spec.labels}

@@ -6,8 +6,8 @@ import pytest
 import scenegen
 from scenegen.api.scenes import evaluate, requirement
 from scenegen.errors import RequestError
+from scenegen.show.figures.sweep import DONE, HARD, sweep
 from scenegen.show.scenes import FIGURES, figures
-from scenegen.show.sweep import DONE, HARD, sweep
 
 RULES = """object plate at (0.5, 0.3, 0), mug, fork, block
 require noOverlap()

@@ -10,8 +10,8 @@ from PIL import Image
 from scenegen.scenes.data import Pose, RegionData, footprint_data
 from scenegen.show.figures import heatmap as heat
 from scenegen.show.figures.strip import EDGE, FOOT, GAP, animation, strip
-from scenegen.show.render import render_scenes
 from scenegen.show.render.gallery import gallery, library_sheet, measures
+from scenegen.show.render.scenes import render_scenes
 from scenegen.things import ASSETS, Box, Circle
 from tests.render.scenefiles import scene_file
 

@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 from scenegen.scenes.stage import poses_of, stage_of
-from scenegen.show.looks.camera import frame
-from scenegen.show.render import VIEWS, render_scenes
+from scenegen.show.looks.camera import VIEWS, frame
+from scenegen.show.render.scenes import render_scenes
 from scenegen.things import ASSETS, parts_of
 
 from .scenefiles import scene_file

@@ -8,7 +8,8 @@ from PIL import Image
 
 from scenegen.errors import ScenegenError
 from scenegen.geometry import Box, Circle
-from scenegen.show.render import VIEWS, render_scenes
+from scenegen.show.looks.camera import VIEWS
+from scenegen.show.render.scenes import render_scenes
 from scenegen.things import Shape, shape_of
 
 from .scenefiles import scene_file

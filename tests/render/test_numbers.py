@@ -7,8 +7,8 @@ from PIL import Image
 import scenegen
 from scenegen.scenes.stage import overlaps_of, poses_of, stage_of
 from scenegen.show.figures.heatmap import heatmap
+from scenegen.show.figures.sweep import sweep
 from scenegen.show.render.files import FIRST
-from scenegen.show.sweep import sweep
 
 SPEC = "object block[1..2] = box(0.3, 0.3, 0.1), mug\nrequire noOverlap(objects)\ntask: leftOf(block[1], mug)\n"
 

@@ -16,7 +16,7 @@ from scenegen.scenes.formats.scenes_json import load as read
 from scenegen.scenes.stage import stage_of
 from scenegen.show.figures.heatmap import heatmap
 from scenegen.show.looks.camera import USUAL, frame
-from scenegen.show.render import render_scenes
+from scenegen.show.render.scenes import render_scenes
 from scenegen.things import Shape
 
 from .scenefiles import scene_file

@@ -14,7 +14,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.lang.spec import levels
 from scenegen.learn.training.scenefile import whole_file
 from scenegen.pose import row_count
-from scenegen.show.sweep import sweep
+from scenegen.show.figures.sweep import sweep
 
 SPEC = """region mat = rect(0.55, 0.1, 0.95, 0.3) at 20 cm
 object tray, can[2] on any of [tray, mat, workspace]{}

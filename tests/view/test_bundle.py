@@ -10,7 +10,7 @@ import subprocess
 
 import pytest
 
-from scenegen.show.view.export import STATIC, alone, html
+from scenegen.show.view.project import STATIC, alone, html
 
 from ..conftest import ROOT
 

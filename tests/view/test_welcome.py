@@ -4,8 +4,7 @@ import re
 from pathlib import Path
 
 from scenegen.resources import shipped_specs
-from scenegen.show.view.project import open_
-from scenegen.show.view.serve import STATIC
+from scenegen.show.view.project import STATIC, open_
 
 ROOT = Path(__file__).resolve().parents[2]
 

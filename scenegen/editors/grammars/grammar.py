@@ -11,7 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.spec import Spec, parse
-from scenegen.editors.grammars.rules import Grammar, IntegerRange, Part, Repeat, RuleRef, Terminal, choice, seq
+from scenegen.editors.grammars.rules import (
+    Grammar,
+    IntegerRange,
+    Part,
+    Repeat,
+    RuleRef,
+    Terminal,
+    choice,
+    gbnf,
+    json,
+    lark,
+    seq,
+)
 from scenegen.editors.grammars.statements import EXACT, MEASURES, Extra, Findings, PhraseForm, TrialStatement, findings
 from scenegen.errors import RequestError, Source
 from scenegen.errors.requests import NO_VALID_SCENE, OUT_OF_RANGE, UNKNOWN_CHOICE
@@ -26,7 +38,7 @@ from scenegen.lang.syntax.printer import print_statement
 from scenegen.pose import SIZE
 from scenegen.search.prune import find
 
-WRITERS = ("lark", "gbnf", "json")
+WRITERS: Mapping[str, Callable[[Grammar], str]] = {"lark": lark, "gbnf": gbnf, "json": json}
 SHAPES = ("goals", "formulas")
 PARTS = ("spec", "labels")
 MOST_OBJECTS = 40  # the time it takes grows with their square: a minute for 40
@@ -43,9 +55,9 @@ def grammar_of(about: Spec | Sequence[str], to: str = "lark", *, shape: str = "g
     Raises RequestError for an unknown choice, for more than 40 objects, and where no scene was found that meets what
     the spec requires; SpecError for names that cannot be objects.
     """
-    _one_of("dialect", to, WRITERS)
+    _one_of("dialect", to, tuple(WRITERS))
     grammar = rules_of(about, shape=shape, only=only)
-    return _writers()[to](grammar)
+    return WRITERS[to](grammar)
 
 
 def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "spec") -> Grammar:
@@ -76,12 +88,6 @@ def of_objects(names: Sequence[str]) -> Spec:
     first = statement.declarations[0]
     one = first.name.id if first.count is None else f"{first.name.id}[1]"
     return parse(f"{declared}\ngoal: x({one}) >= 0\n", "<objects>")
-
-
-def _writers() -> Mapping[str, Callable[[Grammar], str]]:
-    from scenegen.editors.grammars.rules import gbnf, json, lark
-
-    return {"lark": lark, "gbnf": gbnf, "json": json}
 
 
 def _one_of(what: str, value: object, known: tuple[str, ...]) -> None:

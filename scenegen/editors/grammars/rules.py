@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from json import dumps
 
@@ -119,7 +119,7 @@ def _same_length(low: str, high: str) -> list[tuple[tuple[str, str], ...]]:
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# Grammars in GBNF, the dialect of llama.cpp.
+# Grammars as text: GBNF, the dialect of llama.cpp; the Lark dialect of llguidance, and its JSON form.
 
 
 _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"})
@@ -127,44 +127,36 @@ _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\
 
 def gbnf(grammar: Grammar) -> str:
     """The grammar in GBNF, ending in a line break; its first rule is called `root`."""
+
+    def leaf(part: Terminal | RuleRef | IntegerRange) -> str:
+        match part:
+            case Terminal(text):
+                return f'"{text.translate(_ESCAPES)}"'
+            case RuleRef(name):
+                return "root" if name == grammar.start else name
+            case IntegerRange(low, high):
+                rows = [" ".join(f"[{first}-{last}]" for first, last in row) for row in digits(low, high)]
+                return f"({' | '.join(rows)})"
+
     notes = [f"# {note}" for note in grammar.notes]
-    rules = [f"{_name(grammar, name)} ::= {_written(grammar, part)}" for name, part in grammar.rules.items()]
+    rules = [f"{leaf(RuleRef(name))} ::= {written(part, leaf)}" for name, part in grammar.rules.items()]
     return "\n".join([*notes, *rules]) + "\n"
-
-
-def _name(grammar: Grammar, name: str) -> str:
-    return "root" if name == grammar.start else name
-
-
-def _written(grammar: Grammar, part: Part, *, inside: bool = False) -> str:
-    match part:
-        case Terminal(text):
-            return f'"{text.translate(_ESCAPES)}"'
-        case RuleRef(name):
-            return _name(grammar, name)
-        case IntegerRange(low, high):
-            rows = [" ".join(f"[{first}-{last}]" for first, last in row) for row in digits(low, high)]
-            return f"({' | '.join(rows)})"
-        case Seq(parts):
-            line = " ".join(_written(grammar, one, inside=True) for one in parts)
-            return f"({line})" if inside else line
-        case Alternation(options):
-            line = " | ".join(_written(grammar, one) for one in options)
-            return f"({line})" if inside else line
-        case Repeat(one, least, most):
-            mark = "?" if (least, most) == (0, 1) else f"{{{least},{most}}}"
-            body = _written(grammar, one, inside=True)
-            return f"({body}){mark}" if isinstance(one, Repeat) else body + mark
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Grammars in the Lark dialect of llguidance, and in its JSON form.
 
 
 def lark(grammar: Grammar) -> str:
     """The grammar in the Lark dialect, ending in a line break."""
+
+    def leaf(part: Terminal | RuleRef | IntegerRange) -> str:
+        match part:
+            case Terminal(text):
+                return dumps(text, ensure_ascii=False)
+            case RuleRef(name):
+                return name
+            case IntegerRange(low, high):
+                return f"/{pattern(low, high)}/"
+
     head = ["%llguidance {}", *(f"// {note}" for note in grammar.notes)]
-    return "\n".join([*head, *(f"{name}: {written(part)}" for name, part in grammar.rules.items())]) + "\n"
+    return "\n".join([*head, *(f"{name}: {written(part, leaf)}" for name, part in grammar.rules.items())]) + "\n"
 
 
 def json(grammar: Grammar) -> str:
@@ -172,25 +164,20 @@ def json(grammar: Grammar) -> str:
     return dumps({"grammars": [{"lark_grammar": lark(grammar)}]}, ensure_ascii=False) + "\n"
 
 
-def written(part: Part, *, inside: bool = False) -> str:
+def written(part: Part, leaf: Callable[[Terminal | RuleRef | IntegerRange], str], *, inside: bool = False) -> str:
     """A part as the right side of a rule; `inside` a sequence or a repetition, choices stand in parentheses."""
     match part:
-        case Terminal(text):
-            return dumps(text, ensure_ascii=False)
-        case RuleRef(name):
-            return name
-        case IntegerRange(low, high):
-            return f"/{pattern(low, high)}/"
         case Seq(parts):
-            line = " ".join(written(one, inside=True) for one in parts)
-            return f"({line})" if inside else line
+            line = " ".join(written(one, leaf, inside=True) for one in parts)
         case Alternation(options):
-            line = " | ".join(written(one) for one in options)
-            return f"({line})" if inside else line
+            line = " | ".join(written(one, leaf) for one in options)
         case Repeat(one, least, most):
             mark = "?" if (least, most) == (0, 1) else f"{{{least},{most}}}"
-            body = written(one, inside=True)
+            body = written(one, leaf, inside=True)
             return f"({body}){mark}" if isinstance(one, Repeat) else body + mark
+        case _:
+            return leaf(part)
+    return f"({line})" if inside else line
 
 
 def pattern(low: int, high: int) -> str:

@@ -50,10 +50,11 @@ class AnalysisProcesses:
                 raise
             finally:
                 process.busy = False
-                if not asking.done() or asking.exception() is not None:
+                if not asking.done() or asking.cancelled() or asking.exception() is not None:
+                    asking.cancel()
                     self._alive.remove(process)
                     process.end()
-            if not asking.done():
+            if asking.cancelled() or not asking.done():
                 raise AnalysisEnded(f"was ended after {LONGEST:g} s")
             return asking.result()
 

@@ -25,7 +25,7 @@ from scenegen.scenes.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.show.looks.camera import Camera, frame
 from scenegen.show.looks.look import VIEW, Look, Tint
 from scenegen.show.looks.textures import Textures
-from scenegen.show.render.files import FIRST, Image, Model, Picture, RenderedView
+from scenegen.show.render.files import FIRST, Image, Model, Picture, PictureOptions, RenderedView
 from scenegen.show.render.light import TOWARDS, Lighting, landscape_camera, light_camera
 from scenegen.things import PLAIN, parts_of
 from scenegen.things.mesh import Floats, Mesh, box, plain, shaded
@@ -45,25 +45,20 @@ class Painter:
     def __init__(
         self,
         stage: PictureSetup,
-        views: tuple[str, ...],
-        size: tuple[int, int],
-        *,
-        transparent: bool = False,
-        renderer: str = "software",
+        options: PictureOptions,
         look: Look | None = None,
         models: Sequence[Model | None] = (),
         textures: Textures | None = None,
     ) -> None:
-        self.factor = 2 if 2 * max(size) <= LARGEST else 1
-        self._stage, self._views, self._size = stage, views, size
-        self._transparent, self._renderer = transparent, renderer
+        self.factor = 2 if 2 * max(options.size) <= LARGEST else 1
+        self._stage, self._options = stage, options
         self._textures = Textures({}) if textures is None else textures
         self._landscape = landscape_camera(stage)
         # Far outside every picture, but near enough for the renderer's single precision.
         far = 20.0 * stage.side
         x0, y0, x1, y1 = stage.table
         self._low, self._high = (x0 - far, y0 - far, -math.tau, 0.0), (x1 + far, y1 + far, math.tau, far)
-        self._studio = _Studio(renderer)
+        self._studio = _Studio(options.renderer)
         self._things: list[list[int]] = []
         for thing, model in zip(stage.things, models or [None] * len(stage.things), strict=True):
             if model is not None:
@@ -91,17 +86,17 @@ class Painter:
                     self._studio.tint(body, tint)
         self._look, self._lighting = look, {}
         self._light = light_camera(stage, TOWARDS if look is None else look.towards)
-        with _Studio(self._renderer) as bare:
+        with _Studio(self._options.renderer) as bare:
             x0, y0, x1, y1 = stage.table
             slab = box(x1 - x0, y1 - y0, stage.thickness, 0.12 * stage.thickness)
             middle = (x0 + x1) / 2.0, (y0 + y1) / 2.0
             bare.add(slab.moved(*middle, -stage.thickness), WOOD if look is None else look.table)
             _, light, _ = bare.shoot(self._light, look)
-            for view in self._views:
+            for view in self._options.views:
                 if view == VIEW and look is not None:
-                    camera = look.camera(stage.corners(), self._size)
+                    camera = look.camera(stage.corners(), self._options.size)
                 else:
-                    camera = frame(view, stage.corners(), self._size)
+                    camera = frame(view, stage.corners(), self._options.size)
                 colors, depth, _ = bare.shoot(self._raw(camera), look)
                 self._lighting[view] = Lighting(
                     stage,
@@ -110,7 +105,7 @@ class Painter:
                     colors,
                     depth,
                     light,
-                    transparent=self._transparent,
+                    transparent=self._options.transparent,
                     look=look,
                     textures=self._textures,
                 )

@@ -18,7 +18,7 @@ from scenegen.needs import need
 from scenegen.processes.pool import Pool
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.stage import PictureSetup, places_of, stage_of
-from scenegen.show.looks.camera import VIEWS, Camera, Floats
+from scenegen.show.looks.camera import Camera, Floats
 from scenegen.show.looks.look import Look
 from scenegen.show.looks.textures import Textures
 from scenegen.show.render.files import FIRST, Model, Picture, PictureOptions, RenderedView, check_request, encode
@@ -89,17 +89,7 @@ class RenderJob:
         if self._painter is None:
             from scenegen.show.render.painter import Painter
 
-            options = self.options
-            self._painter = Painter(
-                self.stage,
-                options.views,
-                options.size,
-                transparent=options.transparent,
-                renderer=options.renderer,
-                look=look,
-                models=self.models,
-                textures=self.textures,
-            )
+            self._painter = Painter(self.stage, self.options, look, self.models, self.textures)
             self._painter.__enter__()  # until the process ends
         elif look is not None:
             self._painter.dress(look)
@@ -127,7 +117,7 @@ class DrawPixels(RenderJob):
 # Pictures while a program runs: one process draws them all, a scene at a time.
 
 
-__all__ = ["VIEWS", "LiveRenderer", "check_request"]
+__all__ = ["LiveRenderer", "RenderJob", "check_request"]
 
 
 class LiveRenderer:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import html as markup
+import contextlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from scenegen.api.motions import sample_motions
+from scenegen.api.motions import MotionSet, sample_motions
 from scenegen.api.rarity import SpecRarity, rarity
 from scenegen.api.sample import sample
 from scenegen.api.scenes import SceneSet
@@ -22,66 +22,13 @@ from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import check_writable, write_whole
 from scenegen.scenes.motions import MotionFile
+from scenegen.show.view.jobs import motions
+from scenegen.show.view.jobs.check import rarity_data
 from scenegen.show.view.jobs.describe import describe, mesh_key, numbers_data, packed_mesh
-from scenegen.show.view.jobs.evaluate import rarity_data, reasons, scene_set, told
+from scenegen.show.view.jobs.evaluate import reasons, scene_set, shown
 from scenegen.show.view.jobs.source import stage_of_spec, wanted_counts, with_numbers
-from scenegen.show.view.project import OpenProject
+from scenegen.show.view.project import OpenProject, alone
 from scenegen.show.view.worker import finite
-
-# --------------------------------------------------------------------------------------------------------------------
-# The page as one HTML document: with links to its files where a server has them, or with everything in it.
-
-
-STATIC = Path(__file__).resolve().parent / "static"
-
-_PAGE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{title}</title>
-{head}
-</head>
-<body>
-<div id="app"></div>
-<noscript>This page needs JavaScript.</noscript>
-<script type="application/json" id="data">{data}</script>
-{script}
-</body>
-</html>
-"""
-
-
-def html(data: dict[str, Any]) -> str:
-    """The page as a server sends it; `data` is what it shows first."""
-    head = '<link rel="stylesheet" href="/static/page.css">\n<link rel="icon" href="/static/icon.svg">'
-    return _filled(data, head, '<script type="module" src="/static/page.js"></script>')
-
-
-def alone(data: dict[str, Any]) -> str:
-    """The page as one file that needs no server."""
-    css = (STATIC / "page.css").read_text(encoding="utf-8")
-    js = (STATIC / "page.js").read_text(encoding="utf-8")
-    policy = (
-        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
-        "connect-src data: blob:; base-uri 'none'; form-action 'none'"
-    )
-    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{css}</style>'
-    safe = js.replace("</script", "<\\/script").replace("<!--", "<\\!--")
-    return _filled(data, head, f'<script type="module">{safe}</script>')
-
-
-def _filled(data: dict[str, Any], head: str, script: str) -> str:
-    from scenegen.show.view.worker import dumps
-
-    text = dumps(data).decode().replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-    title = markup.escape(f"{data.get('name') or 'scenegen'} · scenegen view")
-    page = _PAGE.replace("{title}", title).replace("{head}", head).replace("{script}", script)
-    return page.replace("{data}", text)
-
-
-Array = npt.NDArray[np.float64]
 
 SATISFIED = 0.4  # of the scenes: satisfy every label; the others are spread over what phi can be
 MOST_BYTES = 25_000_000
@@ -103,14 +50,14 @@ def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str 
     spec, numbers = with_numbers(family, wanted_counts(opened.request))
     rare = rarity(spec)
     some = _motions if spec.over_time is not None else _scenes
-    shown, reports, header = some(opened, spec, rare, n, seed)
+    scenes, reports, header = some(opened, spec, rare, n, seed)
     described = {**describe(spec), "numbers": numbers_data(family, numbers)}
     data = opened.data() | {
         "folder": "",
         "path": None,
         "sha": None,
         "model": None,
-        "scenes": shown,
+        "scenes": scenes,
         "parts": [],
         "request": {},
         "alone": {
@@ -129,25 +76,23 @@ def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str 
     return len(page)
 
 
-def _sampled(spec: Spec, rare: SpecRarity, n: int, seed: int) -> SceneSet:
-    """Scenes that satisfy all labels, where there are any, and scenes spread flat over the phi of the first label."""
-    solved = max(1, round(SATISFIED * n))
-    parts: list[SceneSet] = []
-    try:
-        wanted = dict.fromkeys(spec.labels, (0.0, None))
-        parts.append(sample(spec, wanted, solved, seed=seed, workers=1, keep_partial=True))
-    except RequestError:  # nobody satisfies it: all scenes are spread
-        solved = 0
+T = TypeVar("T", SceneSet, MotionSet)
+Phi = dict[str, tuple[float | None, float | None]]
+
+
+def _drawn(spec: Spec, rare: SpecRarity, n: int, draw: Callable[[Phi, int], T], inset: float) -> list[T]:
+    """Some that satisfy all labels, where there are any, and others spread flat over the phi of the first label, but
+    for the share `inset` at each of its ends."""
+    parts: list[T] = []
+    with contextlib.suppress(RequestError):  # nothing satisfies it: all are spread
+        parts.append(draw(dict.fromkeys(spec.labels, (0.0, None)), max(1, round(SATISFIED * n))))
     rest = n - sum(map(len, parts))
     if rest > 0:
         first = rare.labels[0]
         low, high = first.reached
-        ends = (low + 0.02 * (high - low), high - 0.02 * (high - low))
-        phi = {first.label: ends} if low < high else {}
-        parts.append(sample(spec, phi, rest, seed=seed, workers=1, keep_partial=True))
-    poses = np.concatenate([one.poses for one in parts])
-    on = np.concatenate([one.on for one in parts if one.on is not None]) if spec.checked.choices else None
-    return scene_set(spec, poses, {"method": "exact", "seed": seed}, on)
+        ends = (low + inset * (high - low), high - inset * (high - low))
+        parts.append(draw({first.label: ends} if low < high else {}, rest))
+    return parts
 
 
 def _scenes(
@@ -157,57 +102,35 @@ def _scenes(
     if opened.scenes is not None:
         scenes = scene_set(spec, opened.scenes["poses"], opened.scenes["sampler"], opened.scenes["on"])
     else:
-        scenes = _sampled(spec, rare, n, seed)
-    shown = {
-        **told(spec, scenes, False),
-        "poses": scenes.poses.tolist(),
-        "sampler": scenes.header.sampler,
-        "warnings": [],
-        "notes": [],
-        "took": 0.0,
-    }
-    return shown, [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))], scenes.header
+
+        def draw(phi: Phi, count: int) -> SceneSet:
+            return sample(spec, phi, count, seed=seed, workers=1, keep_partial=True)
+
+        parts = _drawn(spec, rare, n, draw, inset=0.02)
+        on = np.concatenate([one.on for one in parts if one.on is not None]) if spec.checked.choices else None
+        scenes = scene_set(spec, np.concatenate([one.poses for one in parts]), {"method": "exact", "seed": seed}, on)
+    reports = [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))]
+    return shown(spec, scenes), reports, scenes.header
 
 
 def _motions(
     opened: OpenProject, spec: Spec, rare: SpecRarity, n: int, seed: int
 ) -> tuple[dict[str, Any], list[dict[str, Any]], MotionFile]:
     """The same of a spec over time. Raises RequestError for more than the page shows."""
-    from scenegen.show.view.jobs import motions
-
     if opened.scenes is not None:
         poses = motions.motions_of(spec, opened.scenes["motions"])
         sampler = opened.scenes["sampler"]
     else:
         motions.check_size(spec, 1)
-        poses = _drawn(spec, rare, min(n, motions.most_of(spec)), seed)
-        sampler = {"method": "exact", "seed": seed}
-    shown = {
-        **motions.told(spec, poses),
-        "motions": poses.tolist(),
-        "sampler": sampler,
-        "warnings": [],
-        "notes": [],
-        "took": 0.0,
-    }
+
+        def draw(phi: Phi, count: int) -> MotionSet:
+            return sample_motions(spec, phi, count, seed=seed, workers=1, keep_partial=True)
+
+        parts = _drawn(spec, rare, min(n, motions.most_of(spec)), draw, inset=0.0)
+        poses, sampler = np.concatenate([one.poses for one in parts]), {"method": "exact", "seed": seed}
     header = motions.motion_set(spec, poses, sampler, SampleRequest(n=len(poses))).header
-    return shown, [_shortened(motions.reasons(spec, one, everything=False)) for one in poses], header
-
-
-def _drawn(spec: Spec, rare: SpecRarity, n: int, seed: int) -> Array:
-    """Motions as `_sampled` has scenes: (n, T + 1, N, 3)."""
-    solved, parts = max(1, round(SATISFIED * n)), list[Array]()
-    try:
-        wanted = dict.fromkeys(spec.labels, (0.0, None))
-        parts.append(sample_motions(spec, wanted, solved, seed=seed, workers=1, keep_partial=True).poses)
-    except RequestError:  # nothing satisfies it: all motions are spread
-        pass
-    rest = n - sum(map(len, parts))
-    if rest > 0:
-        first = rare.labels[0]
-        phi = {first.label: first.reached} if first.reached[0] < first.reached[1] else {}
-        parts.append(sample_motions(spec, phi, rest, seed=seed, workers=1, keep_partial=True).poses)
-    return np.concatenate(parts)
+    reports = [_shortened(motions.reasons(spec, one, everything=False)) for one in poses]
+    return motions.shown(spec, poses, sampler), reports, header
 
 
 def _shortened(found: dict[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ listed, read and saved. Nothing outside that folder is touched."""
 from __future__ import annotations
 
 import hashlib
+import html as markup
 import json
 import os
 import stat
@@ -29,9 +30,10 @@ from scenegen.resources import shipped_specs
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import is_stream, read_stream, write_whole
 from scenegen.scenes.formats.registry import FORMATS, is_motions
-from scenegen.show.view.jobs.evaluate import scene_set, told
+from scenegen.show.view.jobs.evaluate import scene_set, shown
 from scenegen.show.view.jobs.source import with_numbers
 from scenegen.show.view.limits import MAX_FILES, MAX_TEXT, most_scenes
+from scenegen.show.view.worker import dumps
 
 MOST_NAME = 255  # bytes of the name of a file or folder
 MOST_DRAFTS = 200  # that are kept; the oldest go
@@ -217,15 +219,8 @@ def _shown(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
     rows = rows_of(spec.checked, scenes)  # in the order of the spec, whatever the file's is
     count = row_count(len(spec.objects))
     on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
-    some = scene_set(spec, as_poses(rows[:count]), None, on)
-    return {
-        **told(spec, some, False),
-        "poses": some.poses.tolist(),
-        "sampler": scenes.header.sampler,
-        "warnings": [],
-        "notes": [note],
-        "took": 0.0,
-    }
+    sampler = scenes.header.sampler
+    return shown(spec, scene_set(spec, as_poses(rows[:count]), sampler, on), note)
 
 
 STARTER = "first"  # the shipped spec that is shown where nothing was named
@@ -321,7 +316,7 @@ def _scenes(file: Path) -> OpenProject:
 
 def _motions(file: Path) -> OpenProject | None:
     """None for motions of a spec without `time`, such as pairs of a start and a goal: their moments are scenes."""
-    from scenegen.show.view.jobs.motions import most_of, motions_of, told, too_long
+    from scenegen.show.view.jobs.motions import most_of, motions_of, shown, too_long
 
     found = read_motions(file)
     text = found.header.spec.source
@@ -335,14 +330,8 @@ def _motions(file: Path) -> OpenProject | None:
         raise DataError(DAMAGED_MOTIONS(file=file, reason="its motions are not those of its spec"))
     order = [found.objects.index(name) for name in spec.objects]  # in the order of the spec, whatever the file's is
     poses = motions_of(spec, found.poses[:most][:, :, order])
-    motions = {
-        **told(spec, poses),
-        "motions": poses.tolist(),
-        "sampler": found.header.sampler,
-        "warnings": [],
-        "notes": [f"{len(poses):,} of the {len(found):,} motions of {file.name}"],
-        "took": 0.0,
-    }
+    note = f"{len(poses):,} of the {len(found):,} motions of {file.name}"
+    motions = shown(spec, poses, found.header.sampler, note)
     asked = found.header.request.model_dump(mode="json")
     request = {"phi": asked["phi"], "n": min(asked["n"], most)}
     return OpenProject(Folder(file.resolve().parent), text, file.stem, scenes=motions, request=request)
@@ -354,3 +343,54 @@ def _model(file: Path) -> OpenProject:
     return OpenProject(
         Folder(file.resolve().parent), text, file.stem, model=file.resolve(), digest=digest(text.encode())
     )
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The page as one HTML document: with links to its files where a server has them, or with everything in it.
+
+
+STATIC = Path(__file__).resolve().parent / "static"
+
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{title}</title>
+{head}
+</head>
+<body>
+<div id="app"></div>
+<noscript>This page needs JavaScript.</noscript>
+<script type="application/json" id="data">{data}</script>
+{script}
+</body>
+</html>
+"""
+
+
+def html(data: dict[str, Any]) -> str:
+    """The page as a server sends it; `data` is what it shows first."""
+    head = '<link rel="stylesheet" href="/static/page.css">\n<link rel="icon" href="/static/icon.svg">'
+    return _filled(data, head, '<script type="module" src="/static/page.js"></script>')
+
+
+def alone(data: dict[str, Any]) -> str:
+    """The page as one file that needs no server."""
+    css = (STATIC / "page.css").read_text(encoding="utf-8")
+    js = (STATIC / "page.js").read_text(encoding="utf-8")
+    policy = (
+        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+        "connect-src data: blob:; base-uri 'none'; form-action 'none'"
+    )
+    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{css}</style>'
+    safe = js.replace("</script", "<\\/script").replace("<!--", "<\\!--")
+    return _filled(data, head, f'<script type="module">{safe}</script>')
+
+
+def _filled(data: dict[str, Any], head: str, script: str) -> str:
+    text = dumps(data).decode().replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    title = markup.escape(f"{data.get('name') or 'scenegen'} · scenegen view")
+    page = _PAGE.replace("{title}", title).replace("{head}", head).replace("{script}", script)
+    return page.replace("{data}", text)

@@ -42,7 +42,6 @@ from scenegen.errors.catalog import CatalogEntry, catalog
 from scenegen.errors.program import CANNOT_LISTEN
 from scenegen.processes.process import ENDING, exit_status
 from scenegen.resources import grammar_file
-from scenegen.show.view.export import html
 from scenegen.show.view.limits import (
     BODY_SECONDS,
     HEADER_SECONDS,
@@ -55,7 +54,7 @@ from scenegen.show.view.limits import (
     MAX_SESSIONS,
     MAX_TEXT,
 )
-from scenegen.show.view.project import FileRefused, OpenProject, shipped
+from scenegen.show.view.project import STATIC, FileRefused, OpenProject, html, shipped
 from scenegen.show.view.session import Lane, PageSession, PageWorkerEnded, TooManyWorkers, Workers
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -358,7 +357,6 @@ async def socket_of_page(websocket: WebSocket) -> None:
 # The application: its routes behind the gate.
 
 
-STATIC = Path(__file__).resolve().parent / "static"
 ROUTES = [
     Route("/", page, methods=["GET"]),
     Route("/api/files", files, methods=["GET"]),

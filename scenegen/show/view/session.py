@@ -24,7 +24,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from scenegen.processes.process import cannot_start, command, environment
 from scenegen.show.view.limits import MAX_SCENES, MAX_TEXT, MAX_WAITING, MAX_WORKERS, SECONDS
 from scenegen.show.view.project import FileRefused, Folder
-from scenegen.show.view.worker import END, FORK, LARGEST, ORDER, SIZE, packed
+from scenegen.show.view.worker import END, FORK, LARGEST, ORDER, dumps
 
 
 class PageWorkerEnded(Exception):  # noqa: N818 - also what happens to a worker that is not needed any more
@@ -82,7 +82,7 @@ class Workers:
             raise PageWorkerEnded("the program that workers are forked from ended") from error
         finally:
             theirs.close()
-        reader, writer = await asyncio.open_unix_connection(sock=ours, limit=1 << 20)
+        reader, writer = await asyncio.open_unix_connection(sock=ours, limit=LARGEST)
         worker = PageWorker(self, number, reader, writer)
         self.alive.add(worker)
         return worker
@@ -121,18 +121,15 @@ class PageWorker:
         """The answers to a job: ("part", JSON) any number of times, then one of another kind. Raises
         PageWorkerEnded."""
         try:
-            self._writer.write(packed(message))
+            self._writer.write(dumps(message) + b"\n")
             await self._writer.drain()
             while True:
-                (size,) = SIZE.unpack(await self._reader.readexactly(SIZE.size))
-                if size > LARGEST:
-                    raise PageWorkerEnded("it sent more than it may")
-                body = await self._reader.readexactly(size)
-                kind = body[2 : body.index(b'"', 2)].decode()
-                yield kind, body[len(kind) + 4 : -1]
+                line = await self._reader.readuntil()
+                kind = line[2 : line.index(b'"', 2)].decode()
+                yield kind, line[len(kind) + 4 : -2]
                 if kind != "part":
                     return
-        except (asyncio.IncompleteReadError, ConnectionError, OSError) as error:
+        except (asyncio.IncompleteReadError, asyncio.LimitOverrunError, OSError) as error:
             self.end()
             raise PageWorkerEnded(
                 "the process that worked on this is gone, perhaps for lack of memory: change the spec, or try again"

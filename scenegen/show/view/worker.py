@@ -30,17 +30,10 @@ from scenegen.show.view.jobs.source import refusal
 from scenegen.show.view.limits import MEMORY
 
 # --------------------------------------------------------------------------------------------------------------------
-# Messages between the server and its worker processes: JSON, each behind its length.
+# Messages between the server and its worker processes: JSON, one a line.
 
 
-SIZE = struct.Struct("!I")
 LARGEST = 256 << 20  # bytes of one message
-
-
-def packed(value: Any) -> bytes:
-    """A message as it travels. Numbers that JSON cannot hold become null."""
-    data = dumps(value)
-    return SIZE.pack(len(data)) + data
 
 
 def dumps(value: Any) -> bytes:
@@ -75,49 +68,33 @@ LOG = logging.getLogger("scenegen.show.view")
 
 def work(line: socket.socket) -> None:
     """Do jobs until the other end is closed."""
-    while True:
-        head = _exactly(line, SIZE.size)
-        if head is None:
-            return
-        body = _exactly(line, SIZE.unpack(head)[0])
-        if body is None:
-            return
-        try:
-            do(line, json.loads(body))
-        except (BrokenPipeError, ConnectionResetError):  # nobody waits for the answer
-            return
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # nobody waits for the answer
+        for message in line.makefile("rb"):
+            do(line, json.loads(message))
 
 
 def do(line: socket.socket, message: dict[str, Any]) -> None:
     """Do one job and send what comes of it."""
+
+    def say(kind: str, value: Any) -> None:
+        line.sendall(dumps({kind: value}) + b"\n")
+
     try:
         for part in job_of(message["job"])(message):
-            line.sendall(packed({"part": part}))
-        line.sendall(packed({"done": None}))
+            say("part", part)
+        say("done", None)
     except ScenegenError as error:
-        line.sendall(packed({"refused": refusal(error, message.get("root"))}))
+        say("refused", refusal(error, message.get("root")))
     except MemoryError:
-        line.sendall(packed({"refused": refusal(ScenegenError(OUT_OF_MEMORY()))}))
+        say("refused", refusal(ScenegenError(OUT_OF_MEMORY())))
     except (BrokenPipeError, ConnectionResetError):
         raise
     except Exception as error:  # nothing that a page sends may end the worker
         if is_limit(error):
-            line.sendall(packed({"refused": refusal(cannot_start("a thread", error))}))
+            say("refused", refusal(cannot_start("a thread", error)))
             return
         LOG.exception("the job %s failed", message.get("job"))
-        line.sendall(packed({"failed": f"scenegen itself failed: {type(error).__name__}: {error}"}))
-
-
-def _exactly(line: socket.socket, size: int) -> bytes | None:
-    """So many bytes; None where the stream ends before."""
-    parts = []
-    while size:
-        part = line.recv(min(size, 1 << 20))
-        if not part:
-            return None
-        parts.append(part)
-        size -= len(part)
-    return b"".join(parts)
+        say("failed", f"scenegen itself failed: {type(error).__name__}: {error}")
 
 
 # --------------------------------------------------------------------------------------------------------------------

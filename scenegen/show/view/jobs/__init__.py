@@ -19,7 +19,7 @@ TABLE: dict[str, str] = {
     "sample": "scenegen.show.view.jobs.sample:sample",
     "first": "scenegen.show.view.jobs.sample:first",
     "spread": "scenegen.show.view.jobs.sample:spread",
-    "range": "scenegen.show.view.jobs.evaluate:range_",
+    "range": "scenegen.show.view.jobs.check:range_",
     "download": "scenegen.show.view.jobs.sample:download",
 }
 

@@ -1,13 +1,15 @@
-"""What a text means, and what is wrong with it: while it is typed."""
+"""What a text means, and what is wrong with it: while it is typed; and how rare each phi is."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from scenegen.api.rarity import LabelRarity, RarityLevel, rarity
 from scenegen.api.spec import Spec
 from scenegen.editors.lsp.answers import Page, Question, answer
 from scenegen.editors.lsp.document import Document
@@ -16,8 +18,8 @@ from scenegen.errors.program import NO_MESSAGE
 from scenegen.errors.time import NO_BOUND_ON_STEPS
 from scenegen.lang.spec import CheckedSpec
 from scenegen.resources import grammar_file
-from scenegen.show.view.jobs.describe import describe, meshes_of, numbers_data
-from scenegen.show.view.jobs.source import calmly, inside, path_of, wanted_counts, with_numbers
+from scenegen.show.view.jobs.describe import describe, meshes_of, numbers_data, plain
+from scenegen.show.view.jobs.source import calmly, give_way, inside, path_of, spec_of, wanted_counts, with_numbers
 
 # --------------------------------------------------------------------------------------------------------------------
 # The features of the language server for the page's editor: hover, completion, definition, format, symbols.
@@ -100,3 +102,39 @@ def _unbounded(page: Page, spec: Spec) -> list[dict[str, Any]]:
         message = f"{told.title}\nhelp: {told.help}"
         found.append({"range": page.span(start, end), "message": message, "code": told.code, "severity": 2})
     return found
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# How rare each phi is, label by label: what the handles are laid over.
+
+
+def range_(message: dict[str, Any]) -> Iterator[Any]:
+    """One part per label, in the order of the spec. The labels of a spec over time share most of the work."""
+    give_way()
+    spec = spec_of(message)
+    if spec.over_time is not None:
+        yield from map(rarity_data, rarity(spec).labels)
+        return
+    for label in spec.labels:
+        found = rarity(spec, label)
+        yield rarity_data(found.labels[0])
+
+
+def rarity_data(one: LabelRarity) -> dict[str, Any]:
+    """The rarity of one label as plain data; logarithms to base 10, None where too few scenes tell."""
+    return {
+        "label": one.label,
+        "bounds": plain(one.bounds),
+        "reached": list(one.reached),
+        "curve": [_point(level) for level in one.curve],
+        "bands": [asdict(band) for band in one.bands],
+        "whole": list(one.whole),
+    }
+
+
+def _point(level: RarityLevel) -> list[float | None]:
+    return [
+        level.phi,
+        None if level.above is None else level.above.log10,
+        None if level.below is None else level.below.log10,
+    ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import math
 from collections.abc import Collection
 from dataclasses import asdict
 from functools import lru_cache
@@ -68,7 +69,7 @@ def describe(spec: Spec) -> dict[str, Any]:
             }
             for region, patch in zip(checked.regions, stage.patches, strict=True)
         ],
-        "labels": [{"name": name, "bounds": evaluate.plain(bounds[name])} for name in spec.labels],
+        "labels": [{"name": name, "bounds": plain(bounds[name])} for name in spec.labels],
         "requires": REQUIRE in trees,
         "trees": trees,
         "time": _time(spec),
@@ -90,6 +91,11 @@ def numbers_data(family: Spec, numbers: dict[str, int]) -> list[dict[str, Any]]:
         {"name": name, "least": least, "most": most, "now": numbers[name], "assets": list(family.assets.get(name, ()))}
         for name, (least, most) in family.counts.items()
     ]
+
+
+def plain(ends: tuple[float, float]) -> list[float]:
+    """Bounds that a plot can have: windows that look beyond the last moment have infinite ones."""
+    return [one if math.isfinite(one) else math.copysign(1.0, one) for one in ends]
 
 
 def surfaces_of(item: ObjectData) -> list[str]:

@@ -1,32 +1,29 @@
-"""phi of scenes that a person has moved, and why it is what it is; how rare each phi is."""
+"""phi of scenes that a person has moved, and why it is what it is."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.outline import FormulaTree, Outline, OutlinePart
-from scenegen.api.rarity import LabelRarity, RarityLevel, rarity
 from scenegen.api.scene_arrays import make_header, rows_of
 from scenegen.api.scenes import SceneSet, requirement
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.spec import Spec
-from scenegen.errors import DataError, Span
+from scenegen.errors import DataError
 from scenegen.errors.program import NO_MESSAGE
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction
+from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.interpret import deciding_atom
 from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.scenes.data import RequestData, SceneFile
 from scenegen.scenes.stage import heights_of
-from scenegen.show.figures.dimensions import dimensions
-from scenegen.show.view.jobs.source import give_way, mark_data, spec_of, stage_of_spec
+from scenegen.show.view.jobs.source import MOST_NODES, Json, decided, line_of, spec_of, stage_of_spec, tree_of
 from scenegen.show.view.limits import MAX_POSES
 from scenegen.things.surfaces import base_heights, overlapping
 
@@ -97,6 +94,12 @@ def told(spec: Spec, scenes: SceneSet, why: bool) -> dict[str, Any]:
     return found
 
 
+def shown(spec: Spec, scenes: SceneSet, *notes: str) -> dict[str, Any]:
+    """Scenes that are there already, as the job `sample` sends those that it draws."""
+    made = {"poses": scenes.poses.tolist(), "sampler": scenes.header.sampler}
+    return {**told(spec, scenes, False), **made, "warnings": [], "notes": list(notes), "took": 0.0}
+
+
 def bases_of(spec: Spec, scenes: SceneSet) -> Array:
     """How high above the table each object stands, in metres: (n, N)."""
     stage = stage_of_spec(spec)
@@ -125,100 +128,13 @@ def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[flo
     trees = trees_of(spec)
     core = trees.core
     index = deciding_atom(core, label, values)
-    atom = cast(Atom, core.nodes[index])
-    return {
-        "text": atom.text,
-        "spans": [[one.start, one.end] for one in own(atom.spans)] if atom.spans else [],
-        "value": values[index],
-        "lines": [number for number, nodes in enumerate(trees.groups) if nodes[0] == index or index in nodes],
-        "marks": [mark_data(one) for one in dimensions(core, index, rows)],
-        "required": label == REQUIRE,
-    }
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# How rare each phi is, label by label: what the handles are laid over.
-
-
-def range_(message: dict[str, Any]) -> Iterator[Any]:
-    """One part per label, in the order of the spec. The labels of a spec over time share most of the work."""
-    give_way()
-    spec = spec_of(message)
-    if spec.over_time is not None:
-        yield from map(rarity_data, rarity(spec).labels)
-        return
-    for label in spec.labels:
-        found = rarity(spec, label)
-        yield rarity_data(found.labels[0])
-
-
-def plain(ends: tuple[float, float]) -> list[float]:
-    """Bounds that a plot can have: windows that look beyond the last moment have infinite ones."""
-    return [one if math.isfinite(one) else math.copysign(1.0, one) for one in ends]
-
-
-def rarity_data(one: LabelRarity) -> dict[str, Any]:
-    """The rarity of one label as plain data; logarithms to base 10, None where too few scenes tell."""
-    return {
-        "label": one.label,
-        "bounds": plain(one.bounds),
-        "reached": list(one.reached),
-        "curve": [_point(level) for level in one.curve],
-        "bands": [asdict(band) for band in one.bands],
-        "whole": list(one.whole),
-    }
-
-
-def _point(level: RarityLevel) -> list[float | None]:
-    return [
-        level.phi,
-        None if level.above is None else level.above.log10,
-        None if level.below is None else level.below.log10,
-    ]
+    lines = [number for number, nodes in enumerate(trees.groups) if nodes[0] == index or index in nodes]
+    return decided(core, index, label, values[index], lines, rows)
 
 
 # --------------------------------------------------------------------------------------------------------------------
 # The formulas of a spec as trees: what repeats is folded into one line, and every line knows the nodes of the core that
 # it stands for, so that values of a scene can be shown beside it.
-
-
-MOST = 300  # lines of one label
-MOST_NODES = 400  # nodes of one line whose values are looked at
-
-Json = dict[str, Any]
-
-
-Part = TypeVar("Part")
-
-
-def tree_of(root: Part, line_of: Callable[[Part, bool], tuple[Json, list[Part]]]) -> Json:
-    """The line of a part with those below it, of MOST lines the first. `line_of` makes the line of a part, of which the
-    least counts for the line above it, or the largest, and says what lies below it."""
-    made, below = line_of(root, True)
-    waiting, count = [(made, below)], 1
-    while waiting:
-        line, parts = waiting.pop(0)
-        least = line["kind"] != "one"
-        for part in parts:
-            count += 1
-            if count > MOST:
-                line["more"] = line.get("more", 0) + 1
-                continue
-            one, further = line_of(part, least)
-            line["parts"].append(one)
-            waiting.append((one, further))
-    return made
-
-
-def line_of(core: Core, part: OutlinePart, number: int) -> Json:
-    """A line of a formula of scenes."""
-    node, line = core.nodes[part.nodes[0]], part.line
-    kind = ("all" if node.kind == "min" else "one") if isinstance(node, Junction) else "atom"
-    places = own(node.spans) if isinstance(node, Atom) and node.spans else []
-    return {
-        "line": number, "kind": kind, "text": line.text, "margin": line.margin, "unit": line.unit, "count": part.count,
-        "bounds": [line.low, line.high], "spans": [[one.start, one.end] for one in places], "parts": [],
-    }  # fmt: skip
 
 
 class Trees:
@@ -245,12 +161,6 @@ class Trees:
             (min if least else max)(values[node] for node in nodes)
             for nodes, least in zip(self.groups, self.least, strict=True)
         ]
-
-
-def own(found: Sequence[Span]) -> list[Span]:
-    """Those places that lie in the text itself: the outermost use always does, unless the label was imported."""
-    main = found[-1].source
-    return [one for one in found if one.source is main]
 
 
 @lru_cache(maxsize=2)

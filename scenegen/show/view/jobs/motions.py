@@ -24,9 +24,7 @@ from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.formats.motions import facts_of
 from scenegen.scenes.motions import MotionRequestData, TimeData
 from scenegen.search import node_bounds
-from scenegen.show.figures.dimensions import dimensions
-from scenegen.show.view.jobs.evaluate import MOST_NODES, Json, line_of, own, tree_of
-from scenegen.show.view.jobs.source import mark_data, stage_of_spec
+from scenegen.show.view.jobs.source import MOST_NODES, Json, decided, line_of, stage_of_spec, tree_of
 from scenegen.show.view.limits import MAX_MOMENTS, MAX_MOTION, MAX_SCENES
 from scenegen.things.surfaces import base_heights, overlapping
 
@@ -61,6 +59,12 @@ def told(spec: Spec, motions: Array) -> dict[str, Any]:
         "bases": heights.tolist() if heights.any() else None,
         "on": None,
     }
+
+
+def shown(spec: Spec, motions: Array, sampler: Mapping[str, Any], *notes: str) -> dict[str, Any]:
+    """Motions that are there already, as the job `sample` sends those that it draws."""
+    made = {"motions": motions.tolist(), "sampler": sampler}
+    return {**told(spec, motions), **made, "warnings": [], "notes": list(notes), "took": 0.0}
 
 
 def bases_of(spec: Spec, motions: Array) -> Array:
@@ -108,16 +112,9 @@ def _decides(spec: Spec, label: str, scored: TimedValues, motion: Array, at: lis
     rows = np.concatenate([now, before]) if timed.steps else now
     values = scored.states[index]
     mine = [number for number, one in enumerate(trees.places) if index in one.states]
-    return {
-        "text": atom.text,
-        "spans": [[one.start, one.end] for one in own(atom.spans)] if atom.spans else [],
-        "value": float(values[moment]),
-        "lines": [number for number in mine if at[number] == moment] or mine,
-        "marks": [mark_data(one) for one in dimensions(core, index, rows.reshape(-1).tolist())],
-        "required": label == REQUIRE,
-        "moment": moment,
-        "signal": values.tolist(),
-    }
+    lines = [number for number in mine if at[number] == moment] or mine
+    found = decided(core, index, label, float(values[moment]), lines, rows.reshape(-1).tolist())
+    return {**found, "moment": moment, "signal": values.tolist()}
 
 
 def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], request: SampleRequest) -> MotionSet:

@@ -1,25 +1,27 @@
-"""The spec that a message is about."""
+"""The spec that a message is about; how the page is told of errors, of formulas, and of what decides phi."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
+from scenegen.api.outline import OutlinePart
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec
-from scenegen.errors import DataError, Diagnostic, ScenegenError
+from scenegen.errors import DataError, Diagnostic, ScenegenError, Span
+from scenegen.errors.diagnostic import render_all
 from scenegen.errors.program import NO_MESSAGE
-from scenegen.errors.render import render_all
 from scenegen.lang.checker import check_file
+from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction
 from scenegen.scenes.data import RequestData, SceneFile
 from scenegen.scenes.stage import PictureSetup, stage_of
-from scenegen.show.figures.dimensions import Dimension, Guide, Mark, Turn
+from scenegen.show.figures.dimensions import Dimension, Guide, Mark, Turn, dimensions
 from scenegen.show.view.limits import control, without_command_line
 
 UNTITLED = "untitled.spec"
@@ -157,3 +159,73 @@ def mark_data(mark: Mark) -> dict[str, Any]:
             }  # fmt: skip
         case Guide(start, end):
             return {"kind": "guide", "start": start, "end": end}
+
+
+def decided(
+    core: Core, index: int, label: str, value: float, lines: list[int], rows: Sequence[float]
+) -> dict[str, Any]:
+    """What the page shows of the atom (its node) that decides phi of a label in a scene, and of the lines that it
+    stands in."""
+    atom = cast(Atom, core.nodes[index])
+    return {
+        "text": atom.text,
+        "spans": _places(atom),
+        "value": value,
+        "lines": lines,
+        "marks": [mark_data(one) for one in dimensions(core, index, rows)],
+        "required": label == REQUIRE,
+    }
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Formulas as trees of lines.
+
+
+MOST = 300  # lines of one label
+MOST_NODES = 400  # nodes of one line whose values are looked at
+
+Json = dict[str, Any]
+
+
+Part = TypeVar("Part")
+
+
+def tree_of(root: Part, line_of: Callable[[Part, bool], tuple[Json, list[Part]]]) -> Json:
+    """The line of a part with those below it, of MOST lines the first. `line_of` makes the line of a part, of which the
+    least counts for the line above it, or the largest, and says what lies below it."""
+    made, below = line_of(root, True)
+    waiting, count = [(made, below)], 1
+    while waiting:
+        line, parts = waiting.pop(0)
+        least = line["kind"] != "one"
+        for part in parts:
+            count += 1
+            if count > MOST:
+                line["more"] = line.get("more", 0) + 1
+                continue
+            one, further = line_of(part, least)
+            line["parts"].append(one)
+            waiting.append((one, further))
+    return made
+
+
+def line_of(core: Core, part: OutlinePart, number: int) -> Json:
+    """A line of a formula of scenes."""
+    node, line = core.nodes[part.nodes[0]], part.line
+    kind = ("all" if node.kind == "min" else "one") if isinstance(node, Junction) else "atom"
+    return {
+        "line": number, "kind": kind, "text": line.text, "margin": line.margin, "unit": line.unit, "count": part.count,
+        "bounds": [line.low, line.high], "spans": _places(node), "parts": [],
+    }  # fmt: skip
+
+
+def _places(node: object) -> list[list[int]]:
+    """Where in the text itself an atom stands: its use first, then outwards."""
+    places = own(node.spans) if isinstance(node, Atom) and node.spans else []
+    return [[one.start, one.end] for one in places]
+
+
+def own(found: Sequence[Span]) -> list[Span]:
+    """Those places that lie in the text itself: the outermost use always does, unless the label was imported."""
+    main = found[-1].source
+    return [one for one in found if one.source is main]

@@ -21,6 +21,7 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.needs import need
+from scenegen.processes.pool import check_workers
 from scenegen.sampling.methods import METHODS
 from scenegen.sampling.request import Range, SampleRequest, Spread
 from scenegen.scenes.data import RequestData
@@ -75,6 +76,8 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
         shown = f"{timeout:g}" if isinstance(timeout, float | int) else repr(timeout)
         wanted = "a positive number of seconds"
         raise RequestError(WRONG_VALUE(argument="timeout", value=shown, wanted=wanted))
+    if request.workers is not None:
+        check_workers(request.workers)
     if raw and fix:
         raise RequestError(RAW_WITH_FIXED())
     if raw and request.settle:

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.lang.formula.core import REQUIRE, Junction, gated, part_of
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.growth.failure import GrowthFailed
@@ -52,8 +52,6 @@ from scenegen.search.effort import StoppedError, TooMuchError
 # --------------------------------------------------------------------------------------------------------------------
 # Growth as an estimate: the probability of a range, and phi of scenes in it, from independent populations.
 
-
-Array = npt.NDArray[np.float64]
 
 SETTLE = 2  # sweeps over all objects after the last one is placed
 EXPLORED = 512  # scenes by which it is seen what a run needs

@@ -9,8 +9,8 @@ from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError, Span, quoted
 from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW, TABLE_TOO_FULL
 from scenegen.geometry import NUMPY, PRIMITIVES
@@ -28,8 +28,6 @@ from scenegen.sampling.problem import Problem
 from scenegen.sampling.report import too_early
 from scenegen.search.contract import node_bounds
 from scenegen.search.effort import Effort, StoppedError, TooMuchError
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

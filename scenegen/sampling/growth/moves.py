@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, owner, row_of
 from scenegen.sampling.growth.graph import Clause
 from scenegen.sampling.growth.insertion import NUMBERS, attempt, held_of_all, scored
@@ -27,11 +27,6 @@ from scenegen.sampling.growth.support_moves import carry, hop, hops, ready
 # which it was placed. The tries of a scene are drawn independently of where the object stands, and one of those that
 # meet all clauses is taken (multiple-try Metropolis with independent proposals, Liu et al. 2000): with equal weights
 # always, else with the probability that keeps the distribution. Dozens of tries in numpy cost little more than one.
-
-
-Array = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 
 
 def reinsert(particles: Particles, thing: int, room: FreePoses | SupportPoses, tries: int, tally: MoveTally) -> None:

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Index
 from scenegen.sampling.growth.failure import GrowthFailed, too_full
 from scenegen.sampling.growth.machine import Machine, MoveTally, Particles, make_machine
 from scenegen.sampling.growth.moves import FINEST, JUMPS, KINDS, LIFTS, MoveSettings, sweep
@@ -30,9 +30,6 @@ from scenegen.sampling.growth.smc import (
 )
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.search.effort import StoppedError, TooMuchError
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 
 ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread
 SPARE = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic
 from scenegen.errors.requests import SCENES_ALIKE
 from scenegen.lang.formula.core import REQUIRE
@@ -50,8 +50,6 @@ from scenegen.search.effort import GROWN, STEPPED, StoppedError, TooMuchError
 # is counted in evaluations, never timed, so spec, request and seed fix the plan, and its pieces can run anywhere.
 # Large requests have two such populations that know nothing of each other: the second one is the second piece.
 
-
-Array = npt.NDArray[np.float64]
 
 SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see smc.LOST
 EVEN = 0.75  # of that, for an even number of pieces

@@ -8,16 +8,13 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Index
 from scenegen.pose import PLACE, X, Y, is_angle, row_of
 from scenegen.sampling.growth.insertion import InsertionTally, place
 from scenegen.sampling.growth.machine import Machine, MoveTally, Particles, resample
 from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.touch import make_values
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 
 FIRST_TRIES = 16  # poses tried in every scene to see how many are needed
 MOST_POSES = 1 << 21  # poses tried for one object in all scenes, at most

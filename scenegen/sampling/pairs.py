@@ -27,8 +27,7 @@ from scenegen.sampling.request import SampleRequest, check_seed
 
 STREAM = 12  # random numbers of pairs; sampling/problem.py and sampling/motions/schedule.py name the others
 TRIES = 4096  # starts that are tried for a goal before it is given up
-CHUNK = 16_384
-AGREE = 1e-9
+CHUNK = 16_384  # starts that are scored at a time
 AS_MANY = 64  # starts for a pair at most, where the start is anything but the goal
 
 

@@ -24,9 +24,8 @@ from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.graph import flat
 from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
-from scenegen.sampling.growth.population import tuned
+from scenegen.sampling.growth.population import Grown, PlacementFailed, explore, grow, tuned
 from scenegen.sampling.growth.sampler import log_base
-from scenegen.sampling.growth.smc import Grown, PlacementFailed, explore, grow
 from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.rarity import (
     COUNTED,

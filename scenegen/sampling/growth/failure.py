@@ -21,7 +21,7 @@ from scenegen.lang.spec import CheckedSpec, Support
 from scenegen.pose import FLAT, PLACE, X, row_of
 from scenegen.sampling.growth.graph import Graph, offset_of, ways_of
 from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
-from scenegen.sampling.growth.smc import Grown, PlacementFailed, explore
+from scenegen.sampling.growth.population import Grown, PlacementFailed, explore
 from scenegen.sampling.growth.touch import make_values, within
 from scenegen.sampling.plan import NoPlan
 from scenegen.sampling.problem import Problem
@@ -76,7 +76,7 @@ class GrowthFailed(NoPlan):
 
 
 TRIED = 64  # poses in each of so many scenes, by which it is judged which clauses refuse an object
-SHOWN = 3
+SHOWN = 3  # clauses that an error names
 TIGHT = 0.5  # of an area: more than objects that are put down at random take
 MORE = 3  # further objects of which it is seen whether they are refused, too
 SCENES, EFFORT = 256, 1e5  # scenes for that, and evaluations that each may take at least

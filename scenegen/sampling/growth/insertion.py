@@ -83,7 +83,7 @@ def _met(asked: Sequence[Sequence[Clause]], found: Iterator[Array], cell: Index)
 
 
 EVENLY = 0.3  # share of the poses that is spread evenly over all boxes that may help, the whole room among them
-TINY = 1e-6
+TINY = 1e-6  # the least chance of a choice that gains are compared with
 MOST = 48  # boxes of a mixture; beyond these, ways get none of their own
 
 

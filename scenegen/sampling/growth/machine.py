@@ -29,7 +29,7 @@ from scenegen.search.effort import GROWN, STEPPED, Effort, StoppedError, TooMuch
 
 
 RANDOM = 1024  # random scenes that tell how often clauses are met
-LEAST = 0.25 / RANDOM
+LEAST = 0.25 / RANDOM  # share taken for clauses that none of them meets
 FEW = 3  # objects of a clause or a choice up to which it says something of any two of them
 
 

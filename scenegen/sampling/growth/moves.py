@@ -254,7 +254,7 @@ DEAR = 4.0  # times fewer of them where the room has to be contracted first
 JUMPS = 0.25  # jumps between the ways of a choice for each walk
 CLUSTERS = 6  # cluster moves in a sweep
 TRADES = 2  # trades of places for each object of a small class, with objects of others
-MOST_TRADES = 8
+MOST_TRADES = 8  # of them in a sweep
 SHUFFLES = 0.25  # shuffles of all kin for each sweep
 SWAPS = 0.5  # swaps for each object that has kin
 

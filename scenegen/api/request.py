@@ -20,6 +20,7 @@ from scenegen.errors.requests import (
 )
 from scenegen.errors.time import NOT_FOR_MOTIONS
 from scenegen.needs import need
+from scenegen.processes.pool import check_workers
 from scenegen.sampling.methods import METHODS
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.validation import as_list
@@ -83,6 +84,8 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
         raise RequestError(METHOD_WITHOUT_MODEL(method=method))
     if request.raw and not proposes:
         raise RequestError(RAW_WITHOUT_MODEL())
+    if request.workers is not None:
+        check_workers(request.workers)
     if request.raw and request.fix:
         raise RequestError(RAW_WITH_FIXED())
     if request.raw and request.settle:

@@ -48,7 +48,7 @@ def one_thread() -> Iterator[None]:
 Item = TypeVar("Item")
 T = TypeVar("T")
 
-MAX_WORKERS = 256
+MAX_WORKERS = 256  # each has pipes, a file and two threads of the command
 AHEAD = 2  # items given to a worker at a time
 BRIEF = 0.25  # seconds that its last item may have taken for that
 WAITING = 3  # items per worker that were sent, but whose results have not been returned yet

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import HELD_MAY_BE_MISSING, NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
 from scenegen.errors.requests import (
@@ -34,9 +34,6 @@ from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.request import Cells, FixedPose, SampleRequest, hold_fixed
 from scenegen.scenes.numbers import numbers_in
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)

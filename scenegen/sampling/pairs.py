@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
 from scenegen.errors.time import CANNOT_MOVE_SO_MANY, TOO_FEW_PAIRS
@@ -24,14 +24,9 @@ from scenegen.sampling.families import NOT_FOUND, WITHOUT, assets_of, seed_of
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.request import SampleRequest
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
-
 STREAM = 12  # random numbers of pairs; sampling/problem.py and sampling/motions/schedule.py name the others
 TRIES = 4096  # starts that are tried for a goal before it is given up
-CHUNK = 16_384
-AGREE = 1e-9
+CHUNK = 16_384  # starts that are scored at a time
 AS_MANY = 64  # starts for a pair at most, where the start is anything but the goal
 
 
@@ -59,10 +54,10 @@ class PairStarts:
     problem: Problem
     unless: Problem | None = None
 
-    def holds(self, rows: Array) -> tuple[Flags, Array]:
+    def holds(self, rows: Array) -> tuple[Bool, Array]:
         """Which scenes (3N, B) are starts, and phi (L, B)."""
         phi = self.problem.phi(rows)
-        flags: Flags = self.problem.cells.find(phi) >= 0
+        flags: Bool = self.problem.cells.find(phi) >= 0
         if self.unless is not None:
             flags &= self.unless.cells.find(phi) < 0
         return flags, phi

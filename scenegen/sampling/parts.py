@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.formula.core import REQUIRE, Core, Junction, Node, part_of
 from scenegen.pose import BELOW_TURN, THETA, along, rows_of, span_of
@@ -28,7 +28,6 @@ from scenegen.sampling.request import Range
 from scenegen.search.contract import push_down
 from scenegen.search.effort import Effort, StoppedError, scoring
 
-Array = npt.NDArray[np.float64]
 Objects = frozenset[int]
 
 REQUIRED = "what is required"  # a label of parts like any other: its probability is a factor, too

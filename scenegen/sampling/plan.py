@@ -87,23 +87,19 @@ def verify(problem: Problem, rows: Array, phi: Array) -> None:
     never returned.
     """
     size = max(64, min(CHUNK, LIVE // len(problem.core.nodes)))
+    cells, still = problem.cells, problem.lowest == problem.highest
     for start in range(0, rows.shape[1], size):
         part = slice(start, start + size)
-        _look(problem, np.ascontiguousarray(rows[:, part]), phi[:, part])
-
-
-def _look(problem: Problem, rows: Array, phi: Array) -> None:
-    again = problem.phi(rows)
-    if not (np.abs(again[: len(phi)] - phi) <= AGREE).all():
-        raise AssertionError("two evaluators of the same spec disagree about phi")
-    cells = problem.cells
-    if not ((again >= cells.low[:, None]) & (again <= cells.high[:, None])).all():
-        raise AssertionError("a sampler returned a scene outside the requested range")
-    if not problem.spec.workspace.contains(rows).all():
-        raise AssertionError("a sampler placed an object outside the workspace")
-    still = problem.lowest == problem.highest
-    if (rows[still] != problem.lowest[still, None]).any():
-        raise AssertionError("a sampler moved an object that is held in place")
+        some = np.ascontiguousarray(rows[:, part])
+        again = problem.phi(some)
+        if not (np.abs(again[: len(phi)] - phi[:, part]) <= AGREE).all():
+            raise AssertionError("two evaluators of the same spec disagree about phi")
+        if not ((again >= cells.low[:, None]) & (again <= cells.high[:, None])).all():
+            raise AssertionError("a sampler returned a scene outside the requested range")
+        if not problem.spec.workspace.contains(some).all():
+            raise AssertionError("a sampler placed an object outside the workspace")
+        if (some[still] != problem.lowest[still, None]).any():
+            raise AssertionError("a sampler moved an object that is held in place")
 
 
 MANY_PIECES = 1 << 30  # more than there are processes

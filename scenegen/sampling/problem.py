@@ -55,11 +55,6 @@ PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(
 LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
 
 
-def piece_size(objects: int) -> int:
-    """How many scenes of that many objects a piece has."""
-    return max(16, min(PIECE, LARGEST_PIECE // row_count(objects)))
-
-
 Array = npt.NDArray[np.float64]
 
 # random streams, beside that of the base draws (stream 0)
@@ -153,7 +148,7 @@ class Problem:
     def wanted(self, cell: int | None = None) -> dict[int, Ends]:
         """The demand of a cell, or of the whole range, on each formula node of the core."""
         low, high = (self.cells.low, self.cells.high) if cell is None else self.cells.limits(cell)
-        return self.demand(low, high)
+        return _wanted(self.core, low, high)
 
     def demand(self, low: Array, high: Array) -> dict[int, Ends]:
         """That phi of every label lies in low..high, (L,) each, as demands on formula nodes of the core."""
@@ -179,7 +174,7 @@ class Problem:
     @property
     def piece_size(self) -> int:
         """Scenes of one piece."""
-        return piece_size(len(self.spec.objects))
+        return max(16, min(PIECE, LARGEST_PIECE // row_count(len(self.spec.objects))))
 
 
 def make_problem(
@@ -195,34 +190,37 @@ def make_problem(
     known."""
     effort = Effort() if budget is None else Effort(lambda: budget.overdrawn)
     try:
-        return _make(spec, request, effort, rounds, most)
+        lowest, highest, fixed = hold_fixed(spec, request.fix)
+        core = gated(spec.core)
+        low, high = label_bounds(spec.core, lowest, highest, effort)
+        bounds = dict(zip(spec.core.labels, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+        tape = make_tape(core, lowest, highest, effort)
+        phi, point, touching = request.phi, False, False
+        for name, one in phi.items():
+            point |= one.low is not None and one.low == one.high
+            touching |= name in bounds and (one.low == bounds[name][1] or one.high == bounds[name][0])
+        if point:
+            _refuse_points(core, lowest, highest, phi, effort)
+        if touching:
+            phi, bounds = _at_shared_bounds(core, lowest, highest, phi, bounds, effort)
+        checked, warnings = within_reach(dataclasses.replace(request, fix=fixed, phi=phi), bounds)
+        cells = cut(checked, tuple(core.labels), most)
+        if core is not spec.core:
+            cells.low[-1] = 0.0
+        possible, improbable = _possible(core, tape, cells, lowest, highest, effort, rounds)
+        problem = Problem(spec, core, lowest, highest, checked, cells, possible, tape, warnings, improbable)
+        if not possible:
+            raise RequestError(impossible(problem, effort))
+        return problem
     except StoppedError:
         raise RequestError(NO_TIME_TO_CHECK()) from None
-
-
-def _make(spec: CheckedSpec, request: SampleRequest, effort: Effort, rounds: int, most: float) -> Problem:
-    lowest, highest, fixed = hold_fixed(spec, request.fix)
-    core = gated(spec.core)
-    low, high = label_bounds(spec.core, lowest, highest, effort)
-    bounds = {name: (float(a), float(b)) for name, a, b in zip(spec.core.labels, low, high, strict=True)}
-    tape = make_tape(core, lowest, highest, effort)
-    _refuse_points(core, lowest, highest, request.phi, effort)
-    phi, bounds = _at_shared_bounds(core, lowest, highest, request.phi, bounds, effort)
-    checked, warnings = within_reach(dataclasses.replace(request, fix=fixed, phi=phi), bounds)
-    cells = cut(checked, tuple(core.labels), most)
-    if core is not spec.core:
-        cells.low[-1] = 0.0
-    possible, improbable = _possible(core, tape, cells, lowest, highest, effort, rounds)
-    problem = Problem(spec, core, lowest, highest, checked, cells, possible, tape, warnings, improbable)
-    if not possible:
-        raise RequestError(impossible(problem, effort))
-    return problem
 
 
 def moves(problem: Problem) -> bool:
     """Whether anything that phi depends on can move: otherwise all scenes have the same phi, and rejection is the
     method."""
-    return any(problem.lowest[row] < problem.highest[row] for row in read_rows(problem.core))
+    rows = np.array([*read_rows(problem.core)], dtype=np.intp)
+    return bool((problem.lowest[rows] < problem.highest[rows]).any())
 
 
 def narrowed(
@@ -279,8 +277,6 @@ def _asked(phi: Mapping[str, Range]) -> str:
 def _refuse_points(core: Core, lowest: Array, highest: Array, phi: Mapping[str, Range], effort: Effort) -> None:
     """A single value has probability 0, so the error suggests a band; if no scene has the value at all, it says so
     instead."""
-    if not any(wanted.low is not None and wanted.low == wanted.high for wanted in phi.values()):
-        return
     if any(name not in core.labels or empty_range(wanted) is not None for name, wanted in phi.items()):
         return
     low = np.array([-np.inf if (r := phi.get(name)) is None or r.low is None else r.low for name in core.labels])
@@ -306,8 +302,6 @@ def _at_shared_bounds(
     matter of which surface a thing is on: the bound moves by a hair, for it has not probability 0, and a range of that
     value alone has its other end open."""
     ends = {name: wanted for name, wanted in phi.items() if name in bounds}
-    if not any(one.low == bounds[name][1] or one.high == bounds[name][0] for name, one in ends.items()):
-        return phi, bounds
     count = max(64, min(SHARED, LARGE // len(core.nodes)))
     effort.spend(scoring(core.nodes, count))
     width = (highest - lowest)[:, None]
@@ -357,8 +351,7 @@ def _possible(
         doubtful = np.flatnonzero(alive & ~likely)
         if len(doubtful):
             alive[doubtful] = _alive(tape, [wanted[cell] for cell in doubtful], *choices, effort, rounds)
-    found, improbable = (frozenset(map(int, np.flatnonzero(each))) for each in (likely, alive & ~likely))
-    return found, improbable
+    return frozenset(np.flatnonzero(likely).tolist()), frozenset(np.flatnonzero(alive & ~likely).tolist())
 
 
 def _alive(
@@ -377,7 +370,8 @@ def _alive(
     if len(wanted) == count == 1 and not thin:
         return np.array([contract_box(tape, low[:, 0], high[:, 0], wanted[0], effort, rounds).alive])
     every = [demand for demand in wanted for _ in range(count)]
-    lo, hi = start(tape, every, *(np.tile(ends, len(wanted)) for ends in (low, high)), slack=0.0 if thin else SLACK)
+    low, high = np.tile(low, len(wanted)), np.tile(high, len(wanted))
+    lo, hi = start(tape, every, low, high, slack=0.0 if thin else SLACK)
     alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
     if thin:
         alive &= ~improbable(tape, lo, hi, thin)

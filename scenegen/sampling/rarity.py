@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import Circle
 from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
@@ -36,8 +36,6 @@ from scenegen.search.effort import NEVER, Stop, StoppedError
 # --------------------------------------------------------------------------------------------------------------------
 # How phi is distributed towards either end, from chains that are restricted level by level.
 
-
-Array = npt.NDArray[np.float64]
 
 ISLANDS = 16  # estimates whose scatter is the error bar
 KEPT, CLIMB = 0.5, 0.1  # share of the chains that makes a level; the same once levels are not counted any more

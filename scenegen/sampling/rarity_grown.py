@@ -16,17 +16,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.lang.formula.core import REQUIRE, Junction, gated, part_of
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.graph import flat
 from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
-from scenegen.sampling.growth.population import tuned
+from scenegen.sampling.growth.population import Grown, PlacementFailed, explore, grow, tuned
 from scenegen.sampling.growth.sampler import log_base
-from scenegen.sampling.growth.smc import Grown, PlacementFailed, explore, grow
 from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.rarity import (
     COUNTED,
@@ -52,8 +51,6 @@ from scenegen.search.effort import StoppedError, TooMuchError
 # --------------------------------------------------------------------------------------------------------------------
 # Growth as an estimate: the probability of a range, and phi of scenes in it, from independent populations.
 
-
-Array = npt.NDArray[np.float64]
 
 SETTLE = 2  # sweeps over all objects after the last one is placed
 EXPLORED = 512  # scenes by which it is seen what a run needs

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
-from scenegen.sampling.motions import relocate
+from scenegen.sampling.motions import groups
 from scenegen.sampling.motions.moves import WAYS, changes
 from scenegen.sampling.motions.problem import Variables, draw, poses_of
-from scenegen.sampling.motions.relocate import statistics
-from scenegen.sampling.motions.schedule import MotionChains
+from scenegen.sampling.motions.schedule import MotionChains, statistics
 from scenegen.sampling.splitting.levels import Region
 
 from .problems import apart, held, meets, problem
@@ -104,12 +103,12 @@ def test_a_change_without_its_conditions_is_found_out(wrong, drawn, monkeypatch)
         return np.ones(by.shape[-1], dtype=bool)
 
     if wrong == "at_home":
-        monkeypatch.setattr(relocate, "at_home", always)
+        monkeypatch.setattr(groups, "at_home", always)
         chains.region = replace(chains.region, low=np.where(np.arange(3) == 2, -np.inf, chains.region.low))
     elif wrong == "legal":
-        monkeypatch.setattr(relocate, "legal", lambda unit: always(None, unit))
+        monkeypatch.setattr(groups, "legal", lambda unit: always(None, unit))
     else:
-        monkeypatch.setattr(relocate.ObjectGroup, "stays", always)
+        monkeypatch.setattr(groups.ObjectGroup, "stays", always)
     kinds = changes(chains.problem)
     chains.run(30, np.array([float("relocate" in name_of(kind)) / len(WAYS) for kind in kinds]))
     assert differs(chains, other) <= LEAST_P

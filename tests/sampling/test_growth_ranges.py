@@ -7,8 +7,7 @@ import scenegen
 from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth.machine import Particles, make_machine
-from scenegen.sampling.growth.population import spread_over
-from scenegen.sampling.growth.smc import AncestorEffect
+from scenegen.sampling.growth.population import AncestorEffect, spread_over
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 

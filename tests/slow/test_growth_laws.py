@@ -15,9 +15,8 @@ from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import sampler
 from scenegen.sampling.growth.moves import MoveSettings
-from scenegen.sampling.growth.population import spread_over
+from scenegen.sampling.growth.population import grow, spread_over
 from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.growth.smc import grow
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -144,7 +143,7 @@ def test_growth_without_moves_is_rejected():
 
 def test_growth_without_weights_is_rejected(monkeypatch):
     """Every scene that is still possible goes on with the same weight."""
-    from scenegen.sampling.growth import smc as module
+    from scenegen.sampling.growth import population as module
 
     honest = module.place
 

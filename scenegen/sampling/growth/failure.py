@@ -9,8 +9,8 @@ from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError, Span, quoted
 from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW, TABLE_TOO_FULL
 from scenegen.geometry import NUMPY, PRIMITIVES
@@ -20,15 +20,13 @@ from scenegen.lang.spec import CheckedSpec, Support, options_of
 from scenegen.pose import FLAT, PLACE, X, row_of
 from scenegen.sampling.growth.graph import Graph, offset_of, ways_of
 from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
-from scenegen.sampling.growth.smc import Grown, PlacementFailed, explore
+from scenegen.sampling.growth.population import Grown, PlacementFailed, explore
 from scenegen.sampling.growth.touch import make_values, within
 from scenegen.sampling.plan import NoPlan
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.report import too_early
 from scenegen.search.contract import node_bounds
 from scenegen.search.effort import Effort, StoppedError, TooMuchError
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +75,7 @@ class GrowthFailed(NoPlan):
 
 
 TRIED = 64  # poses in each of so many scenes, by which it is judged which clauses refuse an object
-SHOWN = 3
+SHOWN = 3  # clauses that an error names
 TIGHT = 0.5  # of an area: more than objects that are put down at random take
 MORE = 3  # further objects of which it is seen whether they are refused, too
 SCENES, EFFORT = 256, 1e5  # scenes for that, and evaluations that each may take at least

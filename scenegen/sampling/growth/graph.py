@@ -20,8 +20,8 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.geometry import PRIMITIVES, Footprint
 from scenegen.geometry.footprint import POINT, Circle
 from scenegen.lang.formula.core import (
@@ -135,8 +135,6 @@ def offset_of(nodes: Sequence[Node], index: int) -> tuple[int, float, float] | N
             case _:
                 return None
 
-
-Array = npt.NDArray[np.float64]
 
 NONE: Mapping[int, Stand] = MappingProxyType({})
 LOCAL = 2  # objects up to which a disjunction is evaluated as a whole if each of its ways touches them all

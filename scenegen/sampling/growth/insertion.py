@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import FLAT, axis_of, owner, row_of
 from scenegen.sampling.growth.graph import Clause
 from scenegen.sampling.growth.machine import Machine, MoveTally, Particles, chance
@@ -17,11 +17,6 @@ from scenegen.sampling.growth.touch import within
 
 # --------------------------------------------------------------------------------------------------------------------
 # Which ways of a choice hold, as far as their objects are placed.
-
-
-Array = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 
 
 def placed_clauses(machine: Machine, choice: int, number: int, stage: int) -> tuple[Clause, ...]:
@@ -88,7 +83,7 @@ def _met(asked: Sequence[Sequence[Clause]], found: Iterator[Array], cell: Index)
 
 
 EVENLY = 0.3  # share of the poses that is spread evenly over all boxes that may help, the whole room among them
-TINY = 1e-6
+TINY = 1e-6  # the least chance of a choice that gains are compared with
 MOST = 48  # boxes of a mixture; beyond these, ways get none of their own
 
 
@@ -327,7 +322,7 @@ def scored(
     return np.where(density > 0.0, good / np.where(density > 0.0, density, 1.0), 0.0), attracted
 
 
-def _keep_clear(particles: Particles, poses: Array, good: npt.NDArray[np.bool_], thing: int, stage: int) -> None:
+def _keep_clear(particles: Particles, poses: Array, good: Bool, thing: int, stage: int) -> None:
     """Take out of `good` (M, P) the poses (R, M, P) of an object that are too near to something."""
     machine, cell, scenes = particles.machine, particles.cell, particles.scenes
     touch = machine.touch[thing]

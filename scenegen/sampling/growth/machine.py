@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry.footprint import measures
 from scenegen.pose import BELOW_TURN, THETA, TWO_PI, along, axis_of, is_angle, owner, rows_of
 from scenegen.sampling.growth.graph import Clause, Disjunction, Graph, make_graph, strengthened
@@ -29,7 +29,7 @@ from scenegen.search.effort import GROWN, STEPPED, Effort, StoppedError, TooMuch
 
 
 RANDOM = 1024  # random scenes that tell how often clauses are met
-LEAST = 0.25 / RANDOM
+LEAST = 0.25 / RANDOM  # share taken for clauses that none of them meets
 FEW = 3  # objects of a clause or a choice up to which it says something of any two of them
 
 
@@ -145,10 +145,6 @@ def _log_room(graph: Graph) -> dict[int, float]:
 # many, most scenes that meet the lower end meet it anyway. Such a choice is left out: scenes out of the range are
 # dropped in the end, which costs less than to steer every move by it.
 
-
-Array = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 
 RANDOM_POSES = 2048  # random scenes that tell how often a clause is met
 TRUST = 0.75  # power of the estimate: one neighbour may meet the clauses of several objects

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, owner, row_of
 from scenegen.sampling.growth.graph import Clause
 from scenegen.sampling.growth.insertion import NUMBERS, attempt, held_of_all, scored
@@ -27,11 +27,6 @@ from scenegen.sampling.growth.support_moves import carry, hop, hops, ready
 # which it was placed. The tries of a scene are drawn independently of where the object stands, and one of those that
 # meet all clauses is taken (multiple-try Metropolis with independent proposals, Liu et al. 2000): with equal weights
 # always, else with the probability that keeps the distribution. Dozens of tries in numpy cost little more than one.
-
-
-Array = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 
 
 def reinsert(particles: Particles, thing: int, room: FreePoses | SupportPoses, tries: int, tally: MoveTally) -> None:
@@ -259,7 +254,7 @@ DEAR = 4.0  # times fewer of them where the room has to be contracted first
 JUMPS = 0.25  # jumps between the ways of a choice for each walk
 CLUSTERS = 6  # cluster moves in a sweep
 TRADES = 2  # trades of places for each object of a small class, with objects of others
-MOST_TRADES = 8
+MOST_TRADES = 8  # of them in a sweep
 SHUFFLES = 0.25  # shuffles of all kin for each sweep
 SWAPS = 0.5  # swaps for each object that has kin
 

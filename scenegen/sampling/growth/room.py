@@ -15,8 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.lang.formula.core import Coord, Junction, Node, restricted
 from scenegen.pose import THETA, TWO_PI, axis_of
 from scenegen.sampling.growth.graph import Clause, asked, flat
@@ -25,10 +25,6 @@ from scenegen.sampling.problem import Problem
 from scenegen.search.contract import SLACK, contract, size_of
 from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, Step, step_for
-
-Array = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 
 BRANCHES = 12  # branches of a room at most
 ROUNDS = 2  # of contraction: all other objects stand somewhere, so hardly anything comes of more

@@ -8,39 +8,136 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic
 from scenegen.errors.requests import SCENES_ALIKE
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.sampling.growth.failure import GrowthFailed
+from scenegen.sampling.growth.failure import GrowthFailed, too_full
 from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.population import (
-    GROWTH,
+    FAMILIES,
+    HITS,
     ISLANDS,
-    LEAST,
-    OF_A_CELL,
+    KEPT,
     SPARE,
-    WORTH,
+    AncestorEffect,
+    PlacementFailed,
     Population,
     PopulationSample,
     Size,
-    first_population,
-    generator,
-    placed_of,
-    second_population,
-    size_of,
+    Step,
+    explore,
+    grow,
+    make_population,
     spread_over,
     take,
     wanted_scenes,
-    with_deadline,
 )
-from scenegen.sampling.growth.smc import HITS, AncestorEffect, PlacementFailed, Step, explore, grow
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import probability
 from scenegen.search.effort import GROWN, STEPPED, StoppedError, TooMuchError
+
+# --------------------------------------------------------------------------------------------------------------------
+# The populations with which a plan of growth begins: the first is grown while the plan is made, the second is piece 1.
+
+
+GROWTH = 6  # random stream of growth: plan and pieces
+LEAST, MOST = 512, 4096  # scenes of a population
+OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
+A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
+NUMBERS = 1 << 22  # coordinates of a population at most
+WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
+
+
+def first_population(
+    problem: Problem, budget: Budget, size: Size, longest: float = math.inf
+) -> tuple[Machine, Population] | GrowthFailed:
+    """The machine and the first population of a problem, in at most `longest` seconds, as the machine counts them."""
+    machine = None
+    try:
+        machine = make_machine(problem, deadline=budget.ends, loose=True)
+        proof = too_full(machine.graph, problem.spec)
+        if proof:
+            return GrowthFailed(machine, None, 0.0, proof)
+        machine.longest = longest
+        machine, made = _population(machine, size, 0)
+    except StoppedError:
+        return GrowthFailed(machine, None, 0.0 if machine is None else machine.work)
+    except TooMuchError:
+        return GrowthFailed(machine, None, 0.0 if machine is None else machine.work, dear=True)
+    machine.longest = math.inf
+    return GrowthFailed(machine, made, machine.work) if isinstance(made, PlacementFailed) else (machine, made)
+
+
+def second_population(problem: Problem, budget: Budget, size: Size) -> PopulationSample:
+    """The second population of a problem; without scenes where there was no room for them. Raises StoppedError with the
+    number of objects placed by then, if any could be."""
+    machine = make_machine(problem, deadline=budget.ends, loose=True)
+    try:
+        machine, made = _population(machine, replace(size, fewest=0.0), 1)
+    except StoppedError:
+        raise StoppedError(placed_of(machine, size.count)) from None
+    if isinstance(made, PlacementFailed) or made.taken is None:
+        none = np.empty((len(problem.lowest), 0)), np.full((ISLANDS, problem.cells.count), -np.inf)
+        return PopulationSample(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
+    return made.taken
+
+
+def generator(seed: int, piece: int) -> np.random.Generator:
+    """Random numbers of piece k."""
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH, piece + 1])))
+
+
+def _population(machine: Machine, size: Size, which: int) -> tuple[Machine, Population | PlacementFailed]:
+    """A population of the plan, and its machine: one that holds scenes in their cells where too many of a loose one's
+    have left them."""
+    problem = machine.problem
+    made = make_population(machine, size, _of_plan(problem.request.seed, which))
+    if isinstance(made, PlacementFailed) or machine.begin is None or made.share >= KEPT:
+        return machine, made
+    strict = replace(
+        make_machine(problem), work=machine.work, steps_done=machine.steps_done, deadline=machine.deadline,
+        longest=machine.longest,
+    )  # fmt: skip
+    return strict, make_population(strict, size, _of_plan(problem.request.seed, which))
+
+
+def _of_plan(seed: int, which: int) -> np.random.Generator:
+    """Random numbers of the populations of a plan."""
+    words = [seed, GROWTH, 0, *([which] if which else [])]
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(words)))
+
+
+def placed_of(machine: Machine, count: int) -> str:
+    """How far a piece of so many scenes got that time cut short: so many objects were placed."""
+    placed, objects = machine.furthest, len(machine.order)
+    if placed < objects:
+        return f"the next {count:,} scenes had {placed} of {objects} objects when time was up"
+    return f"the next {count:,} scenes had all {objects} objects when time was up, but were not ready"
+
+
+def size_of(problem: Problem, again: int = 0) -> Size:
+    """How large the populations of a plan are, and how many."""
+    n, rows, cells = problem.request.n, len(problem.lowest), len(problem.possible)
+    most = max(64, min(MOST, NUMBERS // rows))
+    of_a_cell = min(OF_A_CELL, max(FEWEST, math.ceil(A_SCENE * n / cells)))
+    least = max(LEAST, ISLANDS * of_a_cell * cells)
+    wanted = int(SPARE * n)
+    each = min(MOST // 2, wanted)  # half as many would cost nearly as much
+    half = wanted // 2
+    moving = int((problem.lowest < problem.highest).sum())
+    two = half >= MOST // 2 or (half >= least and half * moving >= WORTH)
+    count = min(most, max(least, min(each, half) if two else each))
+    return Size(count, most, again, 0.0 if again else FAMILIES / 2.0, n, 2 if two else 1)
+
+
+def with_deadline(machine: Machine, deadline: float) -> Machine:
+    """The same with another deadline, and with its counts of work and of placed objects begun again."""
+    return replace(machine, work=0.0, steps_done=0, deadline=deadline, furthest=0)
+
 
 # --------------------------------------------------------------------------------------------------------------------
 # The plan of a growth run: the order of the objects, how many poses are tried for each, which moves are made and how
@@ -51,9 +148,7 @@ from scenegen.search.effort import GROWN, STEPPED, StoppedError, TooMuchError
 # Large requests have two such populations that know nothing of each other: the second one is the second piece.
 
 
-Array = npt.NDArray[np.float64]
-
-SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see smc.LOST
+SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see `population.LOST`
 EVEN = 0.75  # of that, for an even number of pieces
 AGAIN = 2  # times that a population is made larger
 

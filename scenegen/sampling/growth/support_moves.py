@@ -10,8 +10,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import Circle, Footprint, Polygon
 from scenegen.geometry.footprint import measures
 from scenegen.lang.spec import CheckedSpec, SurfaceChoice, options_of
@@ -93,10 +93,6 @@ def _box(upper: Footprint | None, outline: Footprint) -> tuple[float, float, flo
     middle = ((min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0)
     return *middle, max((max(xs) - min(xs)) / 2.0 - inner, 0.0), max((max(ys) - min(ys)) / 2.0 - inner, 0.0)
 
-
-Array = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 
 FINEST = 9.0  # steps of what is carried go down to the box's over 2 to this power
 KEPT = 0.5  # share of the hops in which an object keeps its heading against what carries it

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import NUMPY, PRIMITIVES, Footprint
 from scenegen.geometry.footprint import Box, Circle, Polygon, corners, edges, measures
 from scenegen.lang.formula.core import Coord, Core, Node, restricted
@@ -32,8 +32,6 @@ from scenegen.search.effort import Effort
 # leaves the matter open.
 
 
-Array = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 Pose = tuple[Array, ...]
 
 NEARLY = 1e-12  # metres: nearer than that to what is asked, the distance itself is computed
@@ -131,8 +129,6 @@ def make_values(core: Core, wanted: Sequence[int]) -> Values:
     rows = tuple(sorted({node.row for node in steps if isinstance(node, Coord)}))
     return Values(steps, tuple(place[node] for node in wanted), rows)
 
-
-Index = npt.NDArray[np.intp]
 
 BLOCK = 1 << 15  # distances computed at a time: they stay in the cache
 NEVER = 1 << 40  # a stage that does not come

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from scenegen.pose import PLACE, THETA, TWO_PI, X, Y
+from scenegen.sampling.motions.groups import After, Before, find_group, relocate
 from scenegen.sampling.motions.problem import (
     Array,
     Flags,
@@ -25,7 +26,6 @@ from scenegen.sampling.motions.problem import (
     legal,
     unit_steps,
 )
-from scenegen.sampling.motions.relocate import After, Before, find_group, relocate
 
 # --------------------------------------------------------------------------------------------------------------------
 # Changes of the ways that objects go: redrawn, reflected or gone backwards, with ends that stay.

@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.motions.problem import GATES, MotionProblem, cost
 from scenegen.sampling.motions.schedule import MotionChains
@@ -30,8 +30,6 @@ from scenegen.sampling.rarity import (
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import SampleRequest
 from scenegen.search.effort import NEVER, Stop
-
-Array = npt.NDArray[np.float64]
 
 STREAM = 12  # random stream of these runs, apart from those of the samplers
 MOST, FEWEST = 4096, 256  # chains of a run

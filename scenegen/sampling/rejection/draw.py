@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import Core, Junction, children
+from scenegen.lang.formula.core import Core, Junction, Node, children
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.formula.nearest import FEWEST_GAPS, GapMinima, find_groups
 from scenegen.pose import BELOW_TURN, THETA, along, row_count
@@ -94,83 +94,73 @@ def choose_stages(problem: Problem, rows: Array, usable: Bool, needed: Collectio
     """The stages that save most for candidates like `rows` (3N, B), of which some are `usable`, (B,). `needed` are the
     nodes that scoring needs."""
     core = problem.core
-    full = find_groups(core, needed)
-    costs = _Costs(core, full)
-    unstaged = Stages((), full, costs.drawing + costs.whole)
+    full, drawing, tops = find_groups(core, needed), DRAW * row_count(len(core.objects)), tuple(core.labels.values())
+    whole, _ = _work(core, full, tops, set())
     found = _conditions(problem)
-    if len(found) * len(core.nodes) > MOST or not usable.any():
-        return unstaged
+    alone = len(tops) == 1 and {one.node for one in found} <= {*tops}  # it costs as much as all of the scoring
+    if alone or len(found) * len(core.nodes) > MOST or not usable.any():
+        return Stages((), full, drawing + whole)
     values = evaluate(core, list(rows[:, usable]), NUMPY, None, [one.node for one in found])
     alive = np.ones(int(usable.sum()), dtype=bool)
     holds = {one: np.broadcast_to(one.holds(values), alive.shape) for one in found}
     stages: list[list[Condition]] = []
     share, work, known = 1.0, 0.0, set[int]()
     while found and alive.any():
-        prices = [costs.of((one.node,), known) / max(1e-9, 1.0 - holds[one][alive].mean()) for one in found]
+        prices = [_work(core, full, (one.node,), known)[0] / max(1e-9, 1.0 - holds[one][alive].mean()) for one in found]
         best = int(np.argmin(prices))
-        if prices[best] >= costs.whole:
+        if prices[best] >= whole:
             break
         one = found.pop(best)
         if not known:
             stages.append([])
         stages[-1].append(one)
-        work += share * costs.of((one.node,), known)
-        known |= costs.needs((one.node,))
+        more, needs = _work(core, full, (one.node,), known)
+        work += share * more
+        known |= needs
         alive &= holds[one]
         if alive.mean() <= LATER * share:
             share, known = float(alive.mean()), set()
-    work += float(alive.mean()) * costs.whole
-    if not stages or work > WORTH * costs.whole:
-        return unstaged
+    work += float(alive.mean()) * whole
+    if not stages or work > WORTH * whole:
+        return Stages((), full, drawing + whole)
     made = (FilterStage(tuple(some), find_groups(core, [one.node for one in some])) for some in stages)
     first = float(usable.mean())
-    return Stages(tuple(made), full, costs.drawing + work * (first if first <= LATER else 1.0))
+    return Stages(tuple(made), full, drawing + work * (first if first <= LATER else 1.0))
 
 
 def _conditions(problem: Problem) -> list[Condition]:
-    """What the labels' ranges ask of parts of them, each once."""
-    core, found = problem.core, dict[Condition, None]()
+    """What the labels' ranges ask of parts of them, each once: of a junction, and of such junctions within it, the
+    arguments; long ones stay whole."""
+    core, cells, found = problem.core, problem.cells, dict[Condition, None]()
     for label, top in enumerate(core.labels.values()):
-        low, high = float(problem.cells.low[label]), float(problem.cells.high[label])
-        if low > -math.inf:
-            found |= dict.fromkeys(Condition(node, low, math.inf) for node in _arguments(core, top, "min"))
-        if high < math.inf:
-            found |= dict.fromkeys(Condition(node, -math.inf, high) for node in _arguments(core, top, "max"))
+        low, high = float(cells.low[label]), float(cells.high[label])
+        for kind, ends in (("min", (low, math.inf)), ("max", (-math.inf, high))):
+            waiting = [top] if ends != (-math.inf, math.inf) else []
+            while waiting:
+                index = waiting.pop()
+                node = core.nodes[index]
+                if isinstance(node, Junction) and node.kind == kind and len(node.args) < FEWEST_GAPS:
+                    waiting += reversed(node.args)
+                else:
+                    found[Condition(index, *ends)] = None
     return list(found)
 
 
-def _arguments(core: Core, top: int, kind: str) -> list[int]:
-    """Of a junction of a kind, and of such junctions within it, the arguments; long ones stay whole."""
-    node = core.nodes[top]
-    if not (isinstance(node, Junction) and node.kind == kind) or len(node.args) >= FEWEST_GAPS:
-        return [top]
-    return [one for arg in node.args for one in _arguments(core, arg, kind)]
-
-
-class _Costs:
-    """The work of scoring parts of a core for a candidate; `whole` is that of all labels, `drawing` that of its
-    coordinates."""
-
-    def __init__(self, core: Core, full: GapMinima) -> None:
-        self.core, self.groups = core, full.by_node
-        self.drawing = DRAW * row_count(len(core.objects))
-        self.whole = self.of(tuple(core.labels.values()), set())
-
-    def needs(self, tops: Sequence[int]) -> set[int]:
-        found, waiting = set[int](), list(tops)
-        while waiting:
-            index = waiting.pop()
-            if index not in found:
-                found.add(index)
-                group = self.groups.get(index)
-                waiting += children(self.core.nodes[index]) if group is None else group.others
-        return found
-
-    def of(self, tops: Sequence[int], known: set[int]) -> float:
-        """Of nodes and of what they need, but for what is known."""
-        wanted = self.needs(tops) - known
-        bounds = sum(BOUND * len(self.groups[index].atoms) + GAPS for index in wanted if index in self.groups)
-        return bounds + per_scene(self.core.nodes[index] for index in wanted if index not in self.groups)[0]
+def _work(core: Core, full: GapMinima, tops: Sequence[int], known: Collection[int]) -> tuple[float, set[int]]:
+    """The work of scoring nodes and what they need for a candidate, but for what is known; and all that they need."""
+    needs, waiting, groups = set[int](), list(tops), full.by_node
+    while waiting:
+        index = waiting.pop()
+        if index not in needs:
+            needs.add(index)
+            waiting += groups[index].others if index in groups else children(core.nodes[index])
+    wanted, bounds, rest = needs.difference(known), 0.0, list[Node]()
+    for index in wanted:
+        if index in groups:
+            bounds += BOUND * len(groups[index].atoms) + GAPS
+        else:
+            rest.append(core.nodes[index])
+    return bounds + per_scene(rest)[0], needs
 
 
 LIVE = 1 << 22  # numbers in memory at a time while candidates are scored
@@ -249,8 +239,11 @@ def draw_kept(
             spans = [slice(*np.searchsorted(at, (span.start, span.stop))) for span in spans]
             usable = np.ones(len(at), dtype=bool)
     phi = _scored(problem, cover, rows, spans, usable, check, None if stages is None else stages.full)
-    for label, value in enumerate(phi):
-        usable &= _in_range(problem, label, value)
+    for value, low, high in zip(phi, problem.cells.low, problem.cells.high, strict=True):
+        if low > -math.inf:
+            usable &= (value >= low) & (value <= high)
+        elif high < math.inf:
+            usable &= value <= high
     # Candidates come part by part: without shuffling, a piece that is cut off would lack the last parts.
     kept = rng.permutation(np.flatnonzero(usable))
     chosen = phi.take(kept, axis=1)
@@ -298,13 +291,10 @@ def _scored(
 
 def _needed(problem: Problem, cover: Cover) -> set[int]:
     """The nodes whose values scoring reads."""
-    return {*problem.core.labels.values(), *(node for part in cover.parts for node, _, _ in part.apart)}
-
-
-def _in_range(problem: Problem, label: int, value: Array) -> Bool:
-    low, high = problem.cells.low[label], problem.cells.high[label]
-    held: Bool = np.asarray((value >= low) & (value <= high) if low > -math.inf else value <= high)
-    return held if low > -math.inf or high < math.inf else np.ones(np.shape(value), dtype=bool)
+    needed = {*problem.core.labels.values()}
+    for part in cover.parts:
+        needed.update([node for node, _, _ in part.apart] if part.apart else ())
+    return needed
 
 
 def make_stages(problem: Problem, cover: Cover) -> Stages:

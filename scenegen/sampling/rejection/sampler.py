@@ -207,7 +207,7 @@ class Rejection(Plan):
     @property
     def candidates(self) -> int:
         """Of a piece."""
-        return sum(source.candidates for source in self.sources)
+        return sum([source.candidates for source in self.sources])
 
     @property
     def fact_count(self) -> int:
@@ -254,13 +254,28 @@ class Rejection(Plan):
         return Piece(np.concatenate(rows, axis=1), np.concatenate(phi, axis=1), np.concatenate(found), hits)
 
     def account(self, tally: Tally) -> Account:
-        """The acceptance rate, and how probable the range is under the base draw."""
-        draws = self.draws + tally.pieces * self.candidates
+        """The acceptance rate, and how probable the range is under the base draw.
+
+        The probability is the covers' share of the box of poses times the share of accepted candidates, with half of
+        its 95 % interval (both as log10). If the spec requires something, it is the probability that a scene drawn
+        uniformly over the box satisfies the requirement and is in range.
+        """
+        draws, first = self.draws + tally.pieces * self.candidates, self.sources[0]
         hits = tally.facts or (0.0,) * len(self.sources)
-        rates = [
-            Rate(tally.pieces * source.candidates, int(count)) for source, count in zip(self.sources, hits, strict=True)
-        ]
-        info = {"method": "rejection", "seed": self.seed, "draws": draws, **_facts(self, rates)}
+        info: dict[str, object] = {
+            "method": "rejection",
+            "seed": self.seed,
+            "draws": draws,
+            "acceptance": round(int(sum(hits)) / max(1, tally.pieces * self.candidates), 4),
+            "covers": len(self.sources),
+            "parts": sum([len(source.cover.parts) for source in self.sources]),
+        }
+        known = self.explored.hits + int(hits[0])
+        if known:
+            looked = self.explored.candidates + tally.pieces * first.candidates
+            info |= of_hits(known, looked, first.cover.log_share + self.problem.log_excess)
+            if REQUIRE in self.problem.core.labels:
+                info["probability_of"] = "range and requirement"
         return Account(info, f"{draws:,} draws")
 
     def misses(self) -> tuple[Array, Array]:
@@ -289,23 +304,48 @@ def make_plan(
     price = max(OWN, trial.work / each) if chooses(problem.core) else OWN
     rates = trial.hits / trial.tried
     missed = [cell for cell in possible if not rates[cell]]
-    hit = sorted((cell for cell in possible if rates[cell]), key=lambda cell: (rates[cell], cell))
+    hit = [cell for cell in np.argsort(rates, kind="stable").tolist() if rates[cell] and cell in problem.possible]
     shares = _Shares(rates, hit, problem.request.n / len(possible), price)
-    ruled_out: set[int] = set()
-    served: list[CellGroup] = []
-    draws = trial.tried
+    own, empty, draws = list[CellGroup](), frozenset[int](), trial.tried
+    if missed or shares.worth_another():
+        own, empty, draws = _own_sources(problem, budget, trial, missed, shares, most, together)
+    common = frozenset(hit[shares.best :])
+    own = [one for one in own if one.cells[0] not in common] if own else own
+    found = common.union(*[one.cells for one in own]) if own else common
+    if not found:
+        if len(empty) == len(possible):
+            raise RequestError(impossible(problem, effort_of(budget)))
+        longer = search(problem, trial, budget)
+        if not longer.hits.any():
+            raise RequestError(nothing_found(problem, longer))
+        return _alone(problem, longer, frozenset(map(int, np.flatnonzero(longer.hits))), empty, budget)
+    sources, expected = _balance(problem, trial, common, own)
+    return Rejection(problem, sources, found, empty, trial.rate, draws, expected, budget)
+
+
+def _own_sources(
+    problem: Problem,
+    budget: Budget,
+    trial: Trial,
+    missed: Sequence[int],
+    shares: _Shares,
+    most: float,
+    together: float,
+) -> tuple[list[CellGroup], frozenset[int], int]:
+    """Sources of the cells that the trial missed, and of those that it hit so seldom that a cover of their own saves
+    work, as `shares` notes; the cells that are proved empty, and all candidates. Raises what `make_plan` raises."""
+    possible, hit, draws = problem.possible, shares.hit, trial.tried
+    each, _ = per_scene(problem.core.nodes)
     try:
         worth = max(OWN, trial.work / each) * len(possible) / problem.request.n
         sieve = sift(problem, trial, missed, budget, min(most, SIFTED * together), worth)
     except StoppedError:
-        undecided = len(possible) - len(hit)
-        raise RequestError(too_early(problem, f"{draws:,} draws", undecided)) from None
+        raise RequestError(too_early(problem, f"{draws:,} draws", len(possible) - len(hit))) from None
     together -= sieve.work
     draws += sieve.tried
-    ruled_out |= sieve.empty
-    served += sieve.served
+    ruled_out, served = set(sieve.empty), list(sieve.served)
     must = [cell for cell in missed if cell not in sieve.settled]
-    rest = must + hit
+    rest = [*must, *hit]
     allowed = together
     own: list[CellGroup] = []
     with closing(own_covers(problem, rest, budget, lambda: min(most, together))) as covers:
@@ -334,18 +374,7 @@ def make_plan(
                 own.append(CellGroup((cell,), mine.cover, mine.hits / mine.tried, mine.stages))
             if optional:
                 shares.made.append(mine.hits / mine.tried)
-    common = frozenset(hit[shares.best :])
-    own = served + sorted((one for one in own if one.cells[0] not in common), key=lambda one: one.cells)
-    found = common.union(*(one.cells for one in own))
-    if not found:
-        if len(ruled_out) == len(possible):
-            raise RequestError(impossible(problem, effort_of(budget)))
-        longer = search(problem, trial, budget)
-        if not longer.rate.hits:
-            raise RequestError(nothing_found(problem, longer))
-        return _alone(problem, longer, frozenset(map(int, np.flatnonzero(longer.hits))), frozenset(ruled_out), budget)
-    sources, expected = _balance(problem, trial, common, own)
-    return Rejection(problem, sources, found, frozenset(ruled_out), trial.rate, draws, expected, budget)
+    return served + sorted(own, key=lambda one: one.cells), frozenset(ruled_out), draws
 
 
 def _hopeless(allowed: float, left: float, done: int, count: int) -> bool:
@@ -414,7 +443,7 @@ class _Shares:
         cost = self.share / float(self.rates[self.hit[count]]) if count < len(self.hit) else 0.0
         known = self.made[:count]
         more = count - len(known)
-        cost += sum(self.share / rate if rate else math.inf for rate in known)
+        cost += sum([self.share / rate if rate else math.inf for rate in known]) if known else 0.0
         return cost + more * (self.price + self.share / hoped) if more else cost
 
     @property
@@ -429,7 +458,7 @@ class _Shares:
         hoped = done / sum(1.0 / rate if rate else math.inf for rate in self.made) if done else GOOD
         if not hoped:
             return False
-        ahead = (self._cost(count, hoped) for count in range(done + 1, len(self.hit) + 1))
+        ahead = [self._cost(count, hoped) for count in range(done + 1, len(self.hit) + 1)]
         return min(ahead, default=math.inf) < self._cost(self.best)
 
 
@@ -439,15 +468,18 @@ def _balance(
     """How many candidates of each source a piece has, so that all cells are full at about the same time; and how many
     the request will need."""
     rate = trial.hits / trial.tried
-    share = SPARE * problem.request.n / (len(common) + sum(len(one.cells) for one in own))
-    need = [share / min(rate[sorted(common)]) if common else 0.0, *(share / one.rate for one in own)]
-    covers = [trial.cover] * bool(common) + [one.cover for one in own]
-    size = _size(problem, sum(need), sum(len(cover.parts) for cover in covers))
-    parts = [math.ceil(size * one / sum(need)) for one in need]
+    cells, parts = len(common), len(trial.cover.parts) if common else 0
+    for one in own:
+        cells, parts = cells + len(one.cells), parts + len(one.cover.parts)
+    share = SPARE * problem.request.n / cells
+    need = [share / rate[sorted(common)].min() if common else 0.0]
+    need += [share / one.rate for one in own]
+    size = _size(problem, sum(need), parts)
+    each = [math.ceil(size * one / sum(need)) for one in need]
     served = np.zeros(problem.cells.count, dtype=bool)
     served[sorted(common)] = True
-    sources = [_source(problem, trial.cover, served, parts[0], need[0], trial.stages)]
-    for one, candidates, all_ in zip(own, parts[1:], need[1:], strict=True):
+    sources = [_source(problem, trial.cover, served, each[0], need[0], trial.stages)]
+    for one, candidates, all_ in zip(own, each[1:], need[1:], strict=True):
         only = np.zeros(problem.cells.count, dtype=bool)
         only[list(one.cells)] = True
         sources.append(_source(problem, one.cover, only, candidates, all_, one.stages))
@@ -476,26 +508,3 @@ def _size(problem: Problem, need: float, parts: int) -> int:
     while 2 * size <= largest and (kept < 1.0 / LARGER or size < EACH * parts):
         size *= 2
     return size
-
-
-def _facts(plan: Rejection, rates: Sequence[Rate]) -> dict[str, object]:
-    """What goes into the scene file: the acceptance rate, and how probable the range is under the base draw.
-
-    The probability is the covers' share of the box of poses times the share of accepted candidates, with half of its 95
-    % interval (both as log10). If the spec requires something, it is the probability that a scene drawn uniformly over
-    the box satisfies the requirement and is in range.
-    """
-    drawn = sum(rate.candidates for rate in rates)
-    kept_of_all = sum(rate.hits for rate in rates)
-    facts: dict[str, object] = {
-        "acceptance": round(kept_of_all / max(1, drawn), 4),
-        "covers": len(plan.sources),
-        "parts": sum(len(source.cover.parts) for source in plan.sources),
-    }
-    hits = plan.explored.hits + rates[0].hits
-    if hits:
-        looked = plan.explored.candidates + rates[0].candidates
-        facts |= of_hits(hits, looked, plan.sources[0].cover.log_share + plan.problem.log_excess)
-        if REQUIRE in plan.problem.core.labels:
-            facts["probability_of"] = "range and requirement"
-    return facts

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool
 from scenegen.geometry import NUMPY, PRIMITIVES, Namespace
 from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import Apply, Atom, Coord, Core, Junction, last_uses, needed, part_of, read_rows
@@ -24,7 +24,6 @@ from scenegen.search.effort import NEVER, Stop
 if TYPE_CHECKING:
     from scenegen.sampling.problem import Problem
 
-Array = npt.NDArray[np.float64]
 
 _CHOICES, _FEW = 2, 8  # number of junctions whose choice is tracked, and the most arguments of one
 LIVE = 1 << 24  # up to so many nodes times scenes, all scenes are computed at once
@@ -66,7 +65,7 @@ class ChainState:
     rows: tuple[int, ...]
     low: Array
     high: Array
-    circular: npt.NDArray[np.bool_]
+    circular: Bool
     parts: tuple[ChainObject, ...]
     resting: Array
 

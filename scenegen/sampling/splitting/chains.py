@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import PLACE
 from scenegen.sampling.request import Cells
 from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, choices, watched
 from scenegen.sampling.splitting.levels import Region
 from scenegen.sampling.splitting.moves import MOVES, Deck, MoveInputs, MoveProposal, Tuning, bring_home
 from scenegen.search.effort import NEVER, Stop
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 
 _GENERATIONS = 12  # remembered generations of ancestors: the first chains, and later copies at growing intervals
 
@@ -34,7 +30,7 @@ class Chains:
     rows: list[Array]
     phi: list[Array]
     region: Region
-    fresh: Mask
+    fresh: Bool
     pool: list[Array]
     decks: tuple[Deck, Deck]
     weight: Array | None = None

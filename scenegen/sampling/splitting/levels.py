@@ -18,13 +18,9 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.sampling.request import Cells
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 
 LEVELS = 1000  # of a descent at most
 LEAST = 16  # chains beyond a value that most of them share, for a level to leave it behind
@@ -43,7 +39,7 @@ class Region:
     high: Array
     weights: Array | None = None
 
-    def holds(self, phi: Sequence[Array]) -> Mask:
+    def holds(self, phi: Sequence[Array]) -> Bool:
         """Which of B scenes lie within; NaN does not."""
         inside = np.ones(phi[0].shape, dtype=bool)
         for value, low, high in zip(phi, self.low, self.high, strict=True):

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool
 from scenegen.pose import EVERY, PLACE, TWO_PI, X, Y
 from scenegen.sampling.splitting.chain_state import ChainObject, ChainState
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 Rows = list[Array]
 
 SPREAD = 2.0  # step lengths are log-uniform from half to twice the tuned one
@@ -51,7 +50,7 @@ class MoveProposal:
 
     rows: tuple[int, ...]
     values: tuple[Array, ...]
-    allowed: Mask | None = None
+    allowed: Bool | None = None
     parting: bool = True
     row: int = -1
 
@@ -106,7 +105,7 @@ class MoveInputs:
         steps *= half_width / 2.0**31
         return steps
 
-    def coin(self) -> Mask:
+    def coin(self) -> Bool:
         """A random bit for every chain."""
         count = self.count
         return np.unpackbits(np.frombuffer(self.rng.bytes(-(-count // 8)), dtype=np.uint8), count=count).view(np.bool_)
@@ -136,7 +135,7 @@ class MoveInputs:
 Kind = Callable[[MoveInputs], MoveProposal]
 
 
-def bring_home(chain_state: ChainState, proposal: MoveProposal) -> tuple[tuple[Array, ...], Mask | None]:
+def bring_home(chain_state: ChainState, proposal: MoveProposal) -> tuple[tuple[Array, ...], Bool | None]:
     """The proposed values with headings wrapped, and which chains may accept them: those that stay in the box and are
     in `allowed` (None: all)."""
     inside = proposal.allowed
@@ -236,7 +235,7 @@ def _redrawn(draw: MoveInputs, rows: Sequence[int]) -> MoveProposal:
     move would be impossible."""
     low, high = draw.tuning.low, draw.tuning.high
     values: Rows = []
-    allowed: Mask | None = None
+    allowed: Bool | None = None
     for row in rows:
         old = draw.rows[row]
         here = (old >= low[row]) & (old <= high[row])

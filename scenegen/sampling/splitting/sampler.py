@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import CHAINS_CORRELATED
 from scenegen.lang.formula.core import REQUIRE
@@ -29,8 +29,6 @@ from scenegen.sampling.splitting.levels import Descent, Schedule, Stage, follow
 from scenegen.sampling.splitting.moves import Tuning
 from scenegen.sampling.splitting.tuning import LONGEST, Tuner, even_out
 from scenegen.search.effort import MOVED, NEVER, Stop, StoppedError, per_scene
-
-Array = npt.NDArray[np.float64]
 
 FACTS = 9  # of a piece, and two for each statistic
 _SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor

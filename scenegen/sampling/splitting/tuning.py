@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool
 from scenegen.sampling.request import Cells
 from scenegen.sampling.splitting.chains import Chains, Statistics, forgetting, helps
 from scenegen.sampling.splitting.levels import Region, which_cell
@@ -19,8 +19,6 @@ from scenegen.sampling.splitting.moves import COMPOSED, SCALED, STEPS, Tuning, m
 # --------------------------------------------------------------------------------------------------------------------
 # Step lengths during the descent, and the mix of kinds that decorrelates chains fastest.
 
-
-Array = npt.NDArray[np.float64]
 
 LONGEST = 2048  # maximum number of moves between two scenes of a chain
 _TARGET = 0.3  # acceptance rate of a well-tuned walk
@@ -184,12 +182,12 @@ def even_out(chains: Chains, tuner: Tuner) -> Iterator[tuple[Region, int]]:
     yield chains.region, tuner.adapt()
 
 
-def _weights(log_weight: Array, visited: npt.NDArray[np.bool_]) -> Array:
+def _weights(log_weight: Array, visited: Bool) -> Array:
     out: Array = np.exp(np.clip(log_weight - log_weight[visited].max(), -600.0, 600.0))
     return out
 
 
-def _around(log_weight: Array, visited: npt.NDArray[np.bool_], cells: Cells) -> Array:
+def _around(log_weight: Array, visited: Bool, cells: Cells) -> Array:
     """For every cell, the mean log weight of the visited cells beside it; the smallest of all if there are none."""
     shape = tuple(len(edge) - 1 for edge in cells.edges)
     values, known = np.where(visited, log_weight, 0.0).reshape(shape), visited.reshape(shape).astype(np.float64)

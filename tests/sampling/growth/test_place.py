@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scenegen.sampling.growth.moves import MoveSettings
+from scenegen.sampling.growth.population import Grown, Step, grow
 from scenegen.sampling.growth.sampler import log_base
-from scenegen.sampling.growth.smc import Grown, Step, grow
 from scenegen.sampling.request import Range
 
 from ..plain import square_line

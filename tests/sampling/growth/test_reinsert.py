@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from scenegen.sampling.growth.moves import MoveSettings, sweep
-from scenegen.sampling.growth.population import MOST_TRIES, REDRAWN, RELOCATED, lifted
-from scenegen.sampling.growth.smc import AncestorEffect
+from scenegen.sampling.growth.population import MOST_TRIES, REDRAWN, RELOCATED, AncestorEffect, lifted
 
 from .made import POSITIVE, everything_placed, machine_of, plain
 

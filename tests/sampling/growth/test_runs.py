@@ -32,10 +32,9 @@ WORDS = {"phi": {"task": (0.0, None)}, "n": 600, "seed": 3, "method": "growth"}
 def small_populations():
     """So that a run of a few hundred scenes has several pieces."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.growth.population.LEAST", 128)
         patch.setattr("scenegen.sampling.growth.sampler.LEAST", 128)
-        patch.setattr("scenegen.sampling.growth.population.MOST", 256)
-        patch.setattr("scenegen.sampling.growth.smc.MOST_POSES", 1 << 17)
+        patch.setattr("scenegen.sampling.growth.sampler.MOST", 256)
+        patch.setattr("scenegen.sampling.growth.population.MOST_POSES", 1 << 17)
         yield
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenegen.sampling.growth.smc import ALIKE, SURE, apart, part_of, partners, settle
+from scenegen.sampling.growth.population import ALIKE, SURE, apart, part_of, partners, settle
 
 from .made import anywhere, everything_placed, machine_of
 

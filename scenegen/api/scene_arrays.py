@@ -20,7 +20,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
 from scenegen.pose import SIZE, THETA, X, Y, as_rows, row_count, row_of
 from scenegen.scenes.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
-from scenegen.scenes.blocks import BLOCK, COUNT, Block, columns
+from scenegen.scenes.blocks import BLOCK, COUNT, Block, columns, member_of, numbers_in
 from scenegen.scenes.data import (
     RAISED,
     VERSION,
@@ -40,7 +40,6 @@ from scenegen.scenes.data import (
     footprint_of,
 )
 from scenegen.scenes.formats import registry as table
-from scenegen.scenes.numbers import member_of, numbers_in
 from scenegen.scenes.stage import heights_of, pose_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape
 from scenegen.things.surfaces import base_heights

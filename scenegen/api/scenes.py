@@ -27,10 +27,9 @@ from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import THETA, TWO_PI, X, as_poses, row_count
-from scenegen.scenes.blocks import Block
+from scenegen.scenes.blocks import Block, element
 from scenegen.scenes.data import Pose, SceneData, SceneFile
-from scenegen.scenes.formats.lines import block_of
-from scenegen.scenes.numbers import element
+from scenegen.scenes.formats.jsonl import block_of
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:

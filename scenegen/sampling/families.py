@@ -34,7 +34,7 @@ from scenegen.pose import X, along, row_count
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.request import Cells, FixedPose, SampleRequest, check_seed, hold_fixed
-from scenegen.scenes.numbers import numbers_in
+from scenegen.scenes.blocks import numbers_in
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

@@ -18,8 +18,8 @@ from pydantic import (
 )
 
 from scenegen.pose import row_count
+from scenegen.scenes.blocks import check_numbers, objects_of
 from scenegen.scenes.data import CountData, ObjectData, RegionData, SceneFile, SpecRef, WorkspaceData, check_counts
-from scenegen.scenes.numbers import check_numbers, objects_of
 
 MOTIONS_FORMAT: Literal["scenegen/motions"] = "scenegen/motions"
 VERSION: Literal[1] = 1

@@ -12,6 +12,7 @@ from scenegen.errors import DataError
 from scenegen.errors.files import MISSING_POSE, OTHER_SURFACE
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.pose import FLAT, THETA, TWO_PI, flat
+from scenegen.scenes.blocks import objects_of
 from scenegen.scenes.data import (
     RAISED,
     ObjectData,
@@ -23,7 +24,6 @@ from scenegen.scenes.data import (
     check_sizes,
     footprint_of,
 )
-from scenegen.scenes.numbers import objects_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, colors_of, has_picture
 from scenegen.things.outline import simplified
 from scenegen.things.overlap import overlapping

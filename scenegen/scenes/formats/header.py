@@ -11,9 +11,8 @@ from pydantic import ValidationError
 
 from scenegen.errors import DataError, Diagnostic, Source, Span
 from scenegen.errors.files import DAMAGED_SCENES, NOT_JSON, NOT_SCENES, OBJECT_TWICE, OTHER_OBJECTS, SCENES_VERSION
-from scenegen.scenes.blocks import Block
+from scenegen.scenes.blocks import Block, check_counts, objects_of
 from scenegen.scenes.data import FORMAT, RAISED, VERSION, SceneData, SceneFile
-from scenegen.scenes.numbers import check_counts, objects_of
 
 TAGS = ("pose", "resting")  # pydantic's names of the two kinds of poses, in the place of an error
 HEADING = ("format", "version")  # is checked first

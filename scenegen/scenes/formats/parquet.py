@@ -40,7 +40,7 @@ from scenegen.scenes.blocks import (
     Array,
     Block,
     SceneFileReading,
-    check_numbers,
+    check_finite,
     columns,
     counts_in,
     regrouped,
@@ -103,7 +103,7 @@ def write(
         pq.ParquetWriter(buffered, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer,
     ):
         for block in regrouped(blocks):
-            check_numbers(header, block)
+            check_finite(header, block)
             more = () if rarity is None else rarity(block.phi)
             numbers = counts_in(header, block.rows) if counts else ()
             rows = (*block.rows, *numbers, *block.phi, *more)

@@ -14,7 +14,7 @@ from scenegen.scenes.blocks import Block, SceneFileReading
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.header import HEADING, check_objects, labelled, parse, scene_file
-from scenegen.scenes.formats.lines import block_of, texts
+from scenegen.scenes.formats.jsonl import block_of, texts
 
 MOST_BYTES = 1 << 28  # of a file: reading it as a whole takes about thirty times as much memory
 BYTES = 32  # of a number with its name, approximately

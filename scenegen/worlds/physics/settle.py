@@ -28,13 +28,11 @@ from scenegen.needs import need
 from scenegen.pose import as_poses, row_count, rows_of
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
-from scenegen.scenes.blocks import Block, counts_in, joined
+from scenegen.scenes.blocks import Block, counts_in, joined, member_of
 from scenegen.scenes.data import SceneFile, SettledHeader, SimulatorData
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import format_of
-from scenegen.scenes.formats.settled import write_settled
-from scenegen.scenes.formats.settled_blocks import MM, POSE, SettledBlock, Touch
-from scenegen.scenes.numbers import member_of
+from scenegen.scenes.formats.settled import MM, POSE, SettledBlock, Touch, write_settled
 from scenegen.validation import as_path, as_seconds
 from scenegen.worlds.export import mjcf, sdf
 from scenegen.worlds.export.setting import NOTHING, Own, world_of

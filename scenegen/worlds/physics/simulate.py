@@ -12,8 +12,8 @@ from scenegen.api.scenes import Scene
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_A_SCENE
 from scenegen.needs import need
-from scenegen.scenes.formats.lines import block_of
-from scenegen.scenes.numbers import member_of
+from scenegen.scenes.blocks import member_of
+from scenegen.scenes.formats.jsonl import block_of
 from scenegen.validation import as_path
 from scenegen.worlds.export.setting import NOTHING, world_of
 

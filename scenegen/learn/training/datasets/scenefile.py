@@ -22,10 +22,9 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.training.datasets.dataset import Dataset, labelled
 from scenegen.pose import row_count, rows_of
 from scenegen.scenes.arrange import as_core, check_scenes, order_of, refuse_numbers
-from scenegen.scenes.blocks import Block, SceneFileReading, counts_in
+from scenegen.scenes.blocks import Block, SceneFileReading, counts_in, element, member_of, numbers_in
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.formats.registry import read_scenes
-from scenegen.scenes.numbers import element, member_of, numbers_in
 
 # --------------------------------------------------------------------------------------------------------------------
 # Scenes of a file that differ in how many things there are, as training data of one number: a model has one.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scenegen.cli.options import seconds
-from scenegen.errors.files import DATA_ARGUMENTS, FAULTY_SHARDS
+from scenegen.errors.files import DAMAGED_SHARD, DATA_ARGUMENTS
 from scenegen.errors.requests import OUT_OF_PLACE
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ def _report(places: list[str], how: ReportOptions, *, json: bool) -> int:
             failed.append(location)
             first = report.faults[0]
             whole = len(report.shards)
-            complain(FAULTY_SHARDS(count=len(report.faults), total=whole, file=first.file, reason=first.fault))
+            complain(DAMAGED_SHARD(count=len(report.faults), total=whole, file=first.file, reason=first.fault))
     if json:
         from json import dumps
 

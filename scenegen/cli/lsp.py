@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scenegen.errors.files import NOT_A_FOLDER
+from scenegen.errors.files import CANNOT_READ
 from scenegen.errors.requests import NOT_INSTALLED
 
 
@@ -42,5 +42,7 @@ def lsp(
         problem = NOT_INSTALLED(package="pygls", purpose="for the language server", command=command)
         raise RequestError(problem) from None
     if root is not None and not root.is_dir():
-        raise RequestError(NOT_A_FOLDER(path=root, remedy="name the folder that specs may read"))
+        raise RequestError(
+            CANNOT_READ(path=root, reason="it is not a folder", remedy="name the folder that specs may read")
+        )
     return serve(root)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scenegen.errors.files import FILE_EXISTS
+from scenegen.errors.files import CANNOT_WRITE
 
 STARTER = """\
 # One line about the task: what should the table look like?
@@ -58,6 +58,8 @@ def new(
 
     path = name if name.suffix.lower() == ".spec" else name.with_name(f"{name.name}.spec")
     if path.exists() or path.is_symlink():
-        raise OutputError(FILE_EXISTS(path=path))
+        raise OutputError(
+            CANNOT_WRITE(path=path, reason="it is there already", remedy="choose another name; nothing is overwritten")
+        )
     write_whole(path, STARTER.encode())
     print_error(f"wrote {path}; try: scenegen check {shlex.quote(str(path))}")

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from scenegen.errors import DataError
-from scenegen.errors.files import EMPTY_LINE, LONG_LINE, OTHER_LABELS
+from scenegen.errors.files import BAD_LINE, OTHER_LABELS
 from scenegen.pose import NAMES, row_count, rows_of
 from scenegen.scenes.blocks import BLOCK, Array, Block, SceneFileReading, check_finite, counts_in, member_of, regrouped
 from scenegen.scenes.data import SceneData, SceneFile
@@ -269,7 +269,7 @@ def _lines(path: Path) -> Generator[tuple[int, bytes], None, None]:
         while line := file.readline(LONGEST + 1):
             number += 1
             if len(line) > LONGEST:
-                raise DataError(LONG_LINE(line=f"line {number} of {path}", limit=LONGEST))
+                raise DataError(BAD_LINE(line=f"line {number} of {path}", limit=LONGEST))
             yield number, line
 
 
@@ -298,7 +298,7 @@ def _blocks(
 def _scene(line: bytes, name: str, header: SceneFile, labels: tuple[str, ...] | None) -> SceneData:
     """A line in any layout, read strictly. Raises DataError."""
     if not line.strip():
-        raise DataError(EMPTY_LINE(line=name))
+        raise DataError(BAD_LINE(line=name))
     _, text = parse(line, name)
     try:
         scene = SceneData.model_validate_json(text)

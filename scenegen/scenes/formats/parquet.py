@@ -23,9 +23,7 @@ from scenegen.errors import DataError, Diagnostic, ScenegenError
 from scenegen.errors.declarations import NUMBERS_DISAGREE
 from scenegen.errors.files import (
     COLUMN_NOT_A_NUMBER,
-    COLUMN_TYPE,
     DAMAGED_PARQUET,
-    LARGE_ROW_GROUP,
     NOT_SCENES,
     TOO_LARGE_TO_READ,
     WRONG_COLUMNS,
@@ -169,7 +167,7 @@ def group_sizes(path: Path) -> tuple[int, ...]:
         most = MOST // (header.coordinates + len(labels))
         if max(sizes, default=0) > most:
             facts = {"size": max(sizes), "unit": "scenes", "limit": most, "remedy": _SMALLER}
-            raise DataError(LARGE_ROW_GROUP(path=path, **facts))
+            raise DataError(TOO_LARGE_TO_READ(path=path, **facts))
         return sizes
 
 
@@ -213,7 +211,7 @@ def open_parquet(path: Path, file: Any) -> pq.ParquetFile:
     if max(groups, default=0) > LARGEST:  # a page, which is unpacked as a whole, can be as large as its group
         remedy = f"write the file with row groups of {BLOCK:,} scenes, as scenegen does"
         facts = {"size": max(groups), "unit": "bytes", "limit": LARGEST, "remedy": remedy}
-        raise DataError(LARGE_ROW_GROUP(path=path, **facts))
+        raise DataError(TOO_LARGE_TO_READ(path=path, **facts))
     return parquet
 
 
@@ -254,7 +252,7 @@ def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]
     for name in (*wanted, *labels):
         found = schema.field(name).type
         if found != (pa.int64() if name in counts else pa.float64()):
-            raise DataError(COLUMN_TYPE(column=name, path=path, found=found))
+            raise DataError(WRONG_COLUMNS(name=name, path=path, found=found))
     return tuple(name.removeprefix(PHI) for name in labels)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import IO
 
 from scenegen.errors import DataError, OutputError
-from scenegen.errors.files import JSON_TOO_LARGE, OTHER_LABELS
+from scenegen.errors.files import OTHER_LABELS, TOO_LARGE_TO_WRITE
 from scenegen.scenes.blocks import Block, SceneFileReading
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import read_bytes
@@ -34,7 +34,7 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
     for lines in texts(header, labels, blocks, "  ", ",\n"):
         size += len(between) + len(lines)
         if size > MOST_BYTES:
-            raise OutputError(JSON_TOO_LARGE(limit=MOST_BYTES))
+            raise OutputError(TOO_LARGE_TO_WRITE(limit=MOST_BYTES))
         sink.write(between)
         sink.write(lines)
         between = b",\n"

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from pydantic import ValidationError
 
 from scenegen.errors import DataError, OutputError
-from scenegen.errors.files import COLUMN_TWICE, COLUMN_TYPE, DAMAGED_PARQUET, DAMAGED_SCENES, WRONG_COLUMNS
+from scenegen.errors.files import COLUMN_TWICE, DAMAGED_PARQUET, DAMAGED_SCENES, WRONG_COLUMNS
 from scenegen.scenes.blocks import PHI
 from scenegen.scenes.data import SETTLED_FORMAT, SettledHeader
 from scenegen.scenes.files import opened, read_bytes, whole_file
@@ -257,7 +257,7 @@ def read_poses(path: Path) -> tuple[SettledHeader, Array, Array]:
             if name not in parquet.schema_arrow.names:
                 raise DataError(WRONG_COLUMNS(path=path, name=name, wanted=tuple(names)))
             if not is_number(parquet.schema_arrow.field(name).type):
-                raise DataError(COLUMN_TYPE(column=name, path=path, found=parquet.schema_arrow.field(name).type))
+                raise DataError(WRONG_COLUMNS(name=name, path=path, found=parquet.schema_arrow.field(name).type))
         check_rows(path, parquet, len(names))
         table = parquet.read(columns=names, use_threads=False)
     values = np.array([table.column(name).to_numpy() for name in names], dtype=np.float64)

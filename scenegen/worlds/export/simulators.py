@@ -19,7 +19,7 @@ import numpy as np
 
 from scenegen.errors import OutputError, RequestError
 from scenegen.errors.declarations import ONE_FILE_MANY_NUMBERS
-from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER
+from scenegen.errors.files import CANNOT_WRITE, ENDING_OF_ANOTHER
 from scenegen.errors.requests import NO_SCENES
 from scenegen.needs import need
 from scenegen.scenes.blocks import Block
@@ -70,7 +70,8 @@ def check_out(out: Path, to: str, *inputs: Path) -> None:
         return
     with reported(out):
         if out.is_file():
-            raise OutputError(FILE_FOR_FOLDER(path=out, format=to, places=_places(to)))
+            reason = f"it is a file, and a folder is made for {to}"
+            raise OutputError(CANNOT_WRITE(path=out, reason=reason, remedy=_places(to)))
     check_folder(out)
 
 

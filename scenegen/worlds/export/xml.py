@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from xml.etree import ElementTree
 
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.files import NAME_IN_XML, WORLD_TOO_LARGE
+from scenegen.errors.files import NAME_IN_XML, TOO_LARGE_TO_WRITE
 
 Element = ElementTree.Element
 
@@ -62,7 +62,7 @@ def check_room(scenes: int, size: int) -> None:
 
 
 def _too_many(most: int) -> Diagnostic:
-    return WORLD_TOO_LARGE(most=most)
+    return TOO_LARGE_TO_WRITE(most=most)
 
 
 def check_names(names: Iterable[str]) -> None:

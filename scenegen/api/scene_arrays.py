@@ -181,8 +181,8 @@ class SceneArrays:
 
 
 def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: RequestData) -> SceneFile:
-    """A scene file without scenes."""
-    return SceneFile(
+    """A scene file without scenes. It is not validated: a spec that was checked has nothing that a file cannot say."""
+    return SceneFile.model_construct(
         spec=SpecRef(source=spec.source, sha256=spec.sha256, title=spec.title),
         workspace=WorkspaceData(x=spec.workspace.x, y=spec.workspace.y),
         version=RAISED if spec.declares_heights else VERSION,

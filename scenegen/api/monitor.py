@@ -18,7 +18,7 @@ from scenegen.lang.formula.timed import Timed, TimedValues, score
 from scenegen.pose import SIZE, as_rows
 from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
 from scenegen.scenes.arrange import held, held_elsewhere
-from scenegen.scenes.formats.trajectories import motion, read_tables
+from scenegen.scenes.formats.plain import motion, read_tables
 from scenegen.validation import as_path
 
 Array = npt.NDArray[np.float64]

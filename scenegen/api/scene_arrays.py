@@ -19,7 +19,7 @@ from scenegen.lang.spec import CheckedSpec, chosen
 from scenegen.needs import need
 from scenegen.pose import SIZE, THETA, X, Y, as_rows, row_count, row_of
 from scenegen.scenes.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
-from scenegen.scenes.blocks import BLOCK, COUNT, Block, columns
+from scenegen.scenes.blocks import BLOCK, COUNT, Block, columns, member_of, numbers_in
 from scenegen.scenes.data import (
     RAISED,
     VERSION,
@@ -39,7 +39,6 @@ from scenegen.scenes.data import (
     footprint_of,
 )
 from scenegen.scenes.formats import registry as table
-from scenegen.scenes.numbers import member_of, numbers_in
 from scenegen.scenes.stage import heights_of, pose_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape
 from scenegen.things.surfaces import base_heights
@@ -181,8 +180,8 @@ class SceneArrays:
 
 
 def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: RequestData) -> SceneFile:
-    """A scene file without scenes."""
-    return SceneFile(
+    """A scene file without scenes. It is not validated: a spec that was checked has nothing that a file cannot say."""
+    return SceneFile.model_construct(
         spec=SpecRef(source=spec.source, sha256=spec.sha256, title=spec.title),
         workspace=WorkspaceData(x=spec.workspace.x, y=spec.workspace.y),
         version=RAISED if spec.declares_heights else VERSION,

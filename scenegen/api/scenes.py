@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scenegen.api import scene_arrays
 from scenegen.api.scene_arrays import Array, SceneArrays, header_of, parts_of, stored_rows
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.files import LABEL_WITHOUT_SPEC, PHI_DIFFERS, PHI_NOT_STORED
+from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, WRONG_VALUE
 from scenegen.geometry import NUMPY, Circle
 from scenegen.geometry.workspace import turned
@@ -27,10 +27,9 @@ from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import THETA, TWO_PI, X, as_poses, row_count
-from scenegen.scenes.blocks import Block
+from scenegen.scenes.blocks import Block, element
 from scenegen.scenes.data import Pose, SceneData, SceneFile
-from scenegen.scenes.formats.lines import block_of
-from scenegen.scenes.numbers import element
+from scenegen.scenes.formats.jsonl import block_of
 from scenegen.validation import as_path
 
 if TYPE_CHECKING:
@@ -310,10 +309,10 @@ def compare(spec: CheckedSpec, scenes: SceneSet, name: str | Path) -> Iterator[D
     """What is wrong with phi of the scenes of a file called `name`, if anything is."""
     phi = evaluate(spec, scenes)
     for label in sorted(scenes.phi.keys() - phi.keys()):
-        yield LABEL_WITHOUT_SPEC(file=name, label=label)
+        yield PHI_DIFFERS(file=name, label=label, unknown=True)
     for label, values in phi.items():
         if label not in scenes.phi:
-            yield PHI_NOT_STORED(file=name, label=label)
+            yield PHI_DIFFERS(file=name, label=label)
             continue
         off = ~(np.abs(values - scenes.phi[label]) <= TOLERANCE)  # NaN is off, too
         if off.any():

@@ -159,9 +159,9 @@ class _NewSet:
 
     def _write(self) -> None:
         like, waiting, rarity = self._like, self._waiting, self._manifest.rarity
-        shard = sets.make_shard(
-            self._store, len(self._shards), like.header, like.labels, waiting, pieces=0, rarity=rarity
-        )
+        number = len(self._shards)
+        with self._store.whole(sets.shard_name(number)) as sink:
+            shard = sets.pack_shard(sink, number, like.header, like.labels, waiting, pieces=0, rarity=rarity)
         self._shards.append(shard)
         self._waiting, self._count = [], 0
 

@@ -15,9 +15,8 @@ from scenegen.errors import DataError, ScenegenError, SpecError
 from scenegen.errors.files import DAMAGED_SHARD
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import X, Y, as_rows, row_of
-from scenegen.scenes.blocks import joined
+from scenegen.scenes.blocks import joined, numbers_in
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.numbers import numbers_in
 from scenegen.scenes.sets import check_bytes, read_shard
 
 if TYPE_CHECKING:

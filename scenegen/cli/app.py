@@ -23,7 +23,7 @@ import typer
 from scenegen.cli.options import QUIET, VERBOSE, as_typed, option_called
 from scenegen.cli.output import Verbosity, complain, flag, give_up, prepare, print_message, reader_left, voice
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
-from scenegen.errors.files import CANNOT_WRITE_OUTPUT
+from scenegen.errors.files import CANNOT_WRITE
 from scenegen.errors.program import COMMAND_LINE, INTERNAL_ERROR, INTERRUPTED, OUT_OF_MEMORY
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS
 from scenegen.processes.process import cannot_start, exit_status, is_limit
@@ -204,7 +204,7 @@ def run(words: list[str]) -> int:
         if isinstance(error, OSError) and error.errno and error.filename is None:  # others are no system's
             give_up(sys.stdout)
             reason = (error.strerror or str(error)).lower()
-            complain(CANNOT_WRITE_OUTPUT(reason=reason))
+            complain(CANNOT_WRITE(reason=reason))
             return 1
         complain(INTERNAL_ERROR(error=f"{type(error).__name__}: {error}"))
         return 1

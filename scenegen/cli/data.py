@@ -24,7 +24,7 @@ from scenegen.cli.options import (
 )
 from scenegen.cli.output import complain, print_error, print_message, progress_bar
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.files import DATA_ARGUMENTS, FAULTY_SHARDS
+from scenegen.errors.files import DAMAGED_SHARD, DATA_ARGUMENTS
 from scenegen.errors.requests import OUT_OF_PLACE
 from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.locations import inside
@@ -153,7 +153,7 @@ def _report(places: list[str], how: ReportOptions, *, json: bool) -> int:
             failed.append(location)
             first = report.faults[0]
             whole = len(report.shards)
-            complain(FAULTY_SHARDS(count=len(report.faults), total=whole, file=first.file, reason=first.fault))
+            complain(DAMAGED_SHARD(count=len(report.faults), total=whole, file=first.file, reason=first.fault))
     if json:
         from json import dumps
 

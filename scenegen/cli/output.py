@@ -21,7 +21,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
 from scenegen.errors import Diagnostic, OutputError, render_all
-from scenegen.errors.files import CANNOT_WRITE_OUTPUT
+from scenegen.errors.files import CANNOT_WRITE
 from scenegen.errors.program import OTHER_FILES
 from scenegen.processes.process import ENDING, Terminated
 
@@ -79,7 +79,7 @@ def check_output() -> None:
     except io.UnsupportedOperation:  # a stand-in without a file, as in tests and notebooks
         return
     except OSError as error:
-        raise OutputError(CANNOT_WRITE_OUTPUT(reason=(error.strerror or str(error)).lower())) from error
+        raise OutputError(CANNOT_WRITE(reason=(error.strerror or str(error)).lower())) from error
 
 
 def reader_left() -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 from scenegen.cli.options import argument, option
 from scenegen.cli.output import complain, print_error
 from scenegen.errors import RequestError
-from scenegen.errors.files import NOT_A_FOLDER
+from scenegen.errors.files import CANNOT_READ
 from scenegen.errors.program import PUBLIC_ADDRESS, SERVED_IN_PUBLIC
 from scenegen.errors.requests import NOT_INSTALLED
 
@@ -97,7 +97,8 @@ def lsp(
     with _needs(("pygls", "lsprotocol"), "for the language server", "lsp"):
         from scenegen.editors.lsp.server import serve
     if root is not None and not root.is_dir():
-        raise RequestError(NOT_A_FOLDER(path=root, remedy="name the folder that specs may read"))
+        remedy = "name the folder that specs may read"
+        raise RequestError(CANNOT_READ(path=root, reason="it is not a folder", remedy=remedy))
     return serve(root)
 
 

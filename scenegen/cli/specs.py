@@ -10,7 +10,7 @@ import typer
 from scenegen.cli.options import argument, option, spec_names
 from scenegen.cli.output import complain, print_error, print_message, write_data
 from scenegen.errors import OutputError, RequestError
-from scenegen.errors.files import FILE_EXISTS
+from scenegen.errors.files import CANNOT_WRITE
 from scenegen.errors.requests import UNKNOWN_SHIPPED_SPEC
 
 
@@ -89,7 +89,8 @@ def new(
 
     path = name if name.suffix.lower() == ".spec" else name.with_name(f"{name.name}.spec")
     if path.exists() or path.is_symlink():
-        raise OutputError(FILE_EXISTS(path=path))
+        remedy = "choose another name; nothing is overwritten"
+        raise OutputError(CANNOT_WRITE(path=path, reason="it is there already", remedy=remedy))
     write_whole(path, STARTER.encode())
     print_error(f"wrote {path}; try: scenegen check {shlex.quote(str(path))}")
 

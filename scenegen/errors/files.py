@@ -7,11 +7,20 @@ from scenegen.errors.diagnostic import NEAREST, Kind
 _SAMPLE = "make one with `scenegen sample`"
 
 # reading and writing
-CANNOT_READ = Kind("cannot-read", "cannot read {path}: {reason}", help="{remedy}")
+CANNOT_READ = Kind(
+    "cannot-read",
+    ("cannot read {file} in {location}: {reason}", "cannot read {path}: {reason}"),
+    help="{remedy}",
+    formerly=("cannot-read-store", "not-a-folder"),
+)
 TOO_LARGE_TO_READ = Kind(
     "too-large-to-read",
-    "cannot read {path}: {size:,} bytes are too many",
-    help="the limit is {limit:,}[[; {remedy}]]",
+    (
+        "a row group of {path} holds {size:,} {unit}; the limit is {limit:,}",
+        "cannot read {path}: {size:,} bytes are too many",
+    ),
+    help=("{unit:?}{remedy}", "the limit is {limit:,}[[; {remedy}]]"),
+    formerly=("large-row-group",),
 )
 BAD_LOOKS = Kind(
     "bad-looks",
@@ -28,33 +37,42 @@ SPEC_NOT_FOUND = Kind(
 )
 CANNOT_WRITE = Kind(
     "cannot-write",
-    "cannot write {path}: {reason}",
+    (
+        "cannot write {file} in {location}: {reason}[[, tried {tries} times in {seconds:.0f} s]]",
+        "cannot write {path}: {reason}",
+        "cannot write to standard output: {reason}",
+    ),
     help=(
         "{full:?}the disk is full; {folder} keeps {scenes:,} scenes: make room, go on with <resume>",
         "{folder} keeps {scenes:,} scenes: mend that, then go on with <resume>",
+        "{location:?}{remedy}; what is complete stays there, and <resume> goes on",
         "{remedy}",
+        "name a file with <out>",
+    ),
+    formerly=(
+        "cannot-write-store",
+        "cannot-write-output",
+        "overwrites-input",
+        "file-and-folder",
+        "file-exists",
+        "file-for-folder",
     ),
 )
-CANNOT_WRITE_OUTPUT = Kind(
-    "cannot-write-output", "cannot write to standard output: {reason}", help="name a file with <out>"
-)
-OVERWRITES_INPUT = Kind(
-    "overwrites-input", "{path} would overwrite what it is made from", help="name another output file"
-)
-FILE_AND_FOLDER = Kind("file-and-folder", "{path} cannot be a file and a folder at once", help="name another folder")
-FILE_EXISTS = Kind("file-exists", "{path} is there already", help="choose another name; nothing is overwritten")
-NOT_A_FOLDER = Kind("not-a-folder", "{path} is not a folder", help="{remedy}")
 
 # formats
 UNKNOWN_ENDING = Kind(
     "unknown-ending",
-    ("{path} has the ending `{name}`: not a format of scene files", "{path} has no ending of a format of scene files"),
+    (
+        "{path} has the ending `{name}`: not a format of {what} files",
+        "{path} has no ending of a format of {what} files",
+    ),
     help=(
         "sample to {scenes}, then: `scenegen export {scenes} <out={path}>`",
         "{instead}",
         NEAREST,
         "use {known:list}",
     ),
+    formerly=("unknown-motion-ending",),
 )
 WRONG_ENDING = Kind(
     "wrong-ending",
@@ -62,9 +80,6 @@ WRONG_ENDING = Kind(
     help=("name it {better}[[, or leave {leave:argument} out]]", "{remedy}"),
 )
 ENDING_OF_ANOTHER = Kind("ending-of-another", "{path} has the ending of {other}, not of {format}", help="{places}")
-FILE_FOR_FOLDER = Kind(
-    "file-for-folder", "cannot write {path}: it is a file, and a folder is made for {format}", help="{places}"
-)
 NO_FORMAT = Kind(
     "no-format",
     "no format was given, and {path} does not tell it by its ending",
@@ -76,23 +91,24 @@ NOT_JSON = Kind("not-json", "{file} is not valid JSON", "{reason}", _SAMPLE)
 NOT_SCENES = Kind(
     "not-scenes",
     "{file} is not a scenes file: {reason}",
-    help=("{poses:?}if it holds poses alone, name their spec with <spec>", _SAMPLE),
-)
-SCENES_VERSION = Kind(
-    "scenes-version",
-    "{file} has version {found} of the scene format",
-    help="this scenegen reads version {wanted}",
+    help=(
+        "{poses:?}if it holds poses alone, name their spec with <spec>",
+        "this scenegen reads version {version}",
+        _SAMPLE,
+    ),
+    formerly=("scenes-version",),
 )
 DAMAGED_SCENES = Kind(
     "damaged-scenes",
     "{file} is damaged[[ at `{place}`]]: {reason}[[ ({more} more problems)]]",
     help=("{place:?}counting starts at 1", _SAMPLE),
+    formerly=("object-twice",),
 )
-OBJECT_TWICE = Kind("object-twice", "{file} names an object twice", help=_SAMPLE)
 OTHER_OBJECTS = Kind(
     "other-objects",
     ("{scene} does not place the file's objects: `{odd}`", "{scene} does not place the objects of its spec"),
     help="every scene places {wanted:quoted}",
+    formerly=("missing-pose",),
 )
 OTHER_SURFACE = Kind(
     "other-surface",
@@ -112,21 +128,23 @@ OTHER_LABELS = Kind(
     "{scene} has other labels than {whose}",
     help="{whose} has {labels:quoted}",
 )
-MISSING_POSE = Kind("missing-pose", "scene {scene} has no pose for `{name}`", help="the file is incomplete")
-LONG_LINE = Kind("long-line", "{line} is longer than {limit:,} bytes", help="every line after the first is a scene")
-EMPTY_LINE = Kind("empty-line", "{line} is empty", help="every line after the first is a scene")
-DAMAGED_PARQUET = Kind("damaged-parquet", "{path} is damaged, or no Parquet file", help=_SAMPLE, note="{reason}")
-LARGE_ROW_GROUP = Kind(
-    "large-row-group",
-    "a row group of {path} holds {size:,} {unit}; the limit is {limit:,}",
-    help="{remedy}",
+BAD_LINE = Kind(
+    "bad-line",
+    ("{line} is longer than {limit:,} bytes", "{line} is empty"),
+    help="every line after the first is a scene",
+    formerly=("long-line", "empty-line"),
 )
+DAMAGED_PARQUET = Kind("damaged-parquet", "{path} is damaged, or no Parquet file", help=_SAMPLE, note="{reason}")
 WRONG_COLUMNS = Kind(
     "wrong-columns",
-    ("{twice:?}{path} has two columns `{name}`", "{path} has no column `{name}`"),
-    help="it needs {wanted:quoted}, and phi of each label; what else it has is not read",
+    (
+        "{twice:?}{path} has two columns `{name}`",
+        "column `{name}` of {path} holds {found}, not float64",
+        "{path} has no column `{name}`",
+    ),
+    help=("it needs {wanted:quoted}, and phi of each label; what else it has is not read", _SAMPLE),
+    formerly=("column-type",),
 )
-COLUMN_TYPE = Kind("column-type", "column `{column}` of {path} holds {found}, not float64", help=_SAMPLE)
 COLUMN_NOT_A_NUMBER = Kind(
     "column-not-a-number",
     "{path} is damaged: no number stands in column `{column}` of scene {scene}",
@@ -165,26 +183,31 @@ TOO_MANY_TO_READ = Kind(
     help="at most {most:,} of them are read at once; in Python, scenegen.read_scenes(path, stop={most}) reads a part. "
     "`scenegen export` makes other scene files of any number, block by block",
 )
-JSON_TOO_LARGE = Kind(
-    "json-too-large",
-    "these scenes do not fit into a .json file of {limit:,} bytes, the most that can be read",
-    help="write .jsonl or .parquet, of which readers need a part at a time",
-)
 NO_WORLD = Kind(
     "no-world",
     (
         "`{name}` stands {distance:.3g} m off the workspace in scene {scene}",
         "an object's name {reason}: {name}",
-        "these scenes do not fit into one file, which is made in memory: the first {most:,} do",
         "`{name}` has no volume",
     ),
     help=(
         "no table is that large: {limit:g} m are the most",
         "rename it in the spec{reason:?}",
-        "name a folder, which gets a file for each scene{most:?}",
         "give it a wider outline",
     ),
-    formerly=("off-the-table", "name-in-xml", "world-too-large", "no-volume"),
+    formerly=("off-the-table", "name-in-xml", "no-volume"),
+)
+TOO_LARGE_TO_WRITE = Kind(
+    "too-large-to-write",
+    (
+        "these scenes do not fit into one file, which is made in memory: the first {most:,} do",
+        "these scenes do not fit into a .json file of {limit:,} bytes, the most that can be read",
+    ),
+    help=(
+        "{most:?}name a folder, which gets a file for each scene",
+        "write .jsonl or .parquet, of which readers need a part at a time",
+    ),
+    formerly=("json-too-large", "world-too-large"),
 )
 SIZE_IN_FILE = Kind(
     "size-in-file",
@@ -222,31 +245,24 @@ HELD_ELSEWHERE = Kind(
     ),
     help="take the `at` of `{name}` out of the spec to score it where it is",
 )
-SCENE_OUTSIDE = Kind(
-    "scene-outside",
-    "`{name}` is outside of the workspace in scene {scene}",
+SCENE_NOT_ALLOWED = Kind(
+    "scene-not-allowed",
+    ("`{name}` is outside of the workspace in scene {scene}", "scene {scene} does not meet what the spec requires"),
     help="use scenes that were sampled from this spec",
+    formerly=("scene-outside", "requirement-not-met"),
 )
-REQUIREMENT_NOT_MET = Kind(
-    "requirement-not-met",
-    "scene {scene} does not meet what the spec requires",
-    help="use scenes that were sampled from this spec",
-)
-LABEL_WITHOUT_SPEC = Kind("label-without-spec", "{file} stores phi of `{label}`, a label that its spec does not have")
-PHI_NOT_STORED = Kind("phi-not-stored", "{file} stores no phi of `{label}`", help="sample the scenes again")
 PHI_DIFFERS = Kind(
     "phi-differs",
-    "scene {scene} of {file} stores phi of `{label}` as {stored:.9g}; it is {computed:.9g}",
-    help="{count} scenes are off; sample them again",
+    (
+        "scene {scene} of {file} stores phi of `{label}` as {stored:.9g}; it is {computed:.9g}",
+        "{unknown:?}{file} stores phi of `{label}`, a label that its spec does not have",
+        "{file} stores no phi of `{label}`",
+    ),
+    help=("{count} scenes are off; sample them again", "sample the scenes again"),
+    formerly=("label-without-spec", "phi-not-stored"),
 )
 
 # unfinished runs
-FOLDER_IN_THE_WAY = Kind(
-    "folder-in-the-way",
-    "{folder} is in the way: it holds `{odd}`, which is not of an unfinished run",
-    help="move it, or name another output file",
-)
-DAMAGED_RUN = Kind("damaged-run", "{path} is damaged: it cannot be resumed", help="delete {folder}, and start again")
 UNFINISHED_RUN = Kind(
     "unfinished-run",
     "{folder} holds {scenes:,} scenes of an unfinished run",
@@ -256,11 +272,6 @@ OTHER_REQUEST = Kind(
     "other-request",
     "{folder} is of another request: `{key}` was {before}, and is {now} now",
     help="ask for the same again, or delete the folder",
-)
-FOLDER_LOCKED = Kind(
-    "folder-locked",
-    "another process is working on {folder}",
-    help="wait for it, or name another output file",
 )
 
 
@@ -273,16 +284,15 @@ UNKNOWN_STORE = Kind(
     "cannot open {location}: {reason}",
     help="use a folder, or a URL as s3://bucket/set/, gs://bucket/set/ or hdfs://host/set/",
 )
-CANNOT_READ_STORE = Kind("cannot-read-store", "cannot read {file} in {location}: {reason}", help="{remedy}")
-CANNOT_WRITE_STORE = Kind(
-    "cannot-write-store",
-    "cannot write {file} in {location}: {reason}[[, tried {tries} times in {seconds:.0f} s]]",
-    help="{remedy}; what is complete stays there, and <resume> goes on",
-)
 SET_IN_USE = Kind(
     "set-in-use",
     "another run is writing {location}[[: process {pid} on {host}]]",
-    help=("wait for it; if it was killed, its hold ends in {seconds:.0f} s", "wait for it, or name another folder"),
+    help=(
+        "wait for it; if it was killed, its hold ends in {seconds:.0f} s",
+        "{file:?}wait for it, or name another output file",
+        "wait for it, or name another folder",
+    ),
+    formerly=("folder-locked",),
 )
 SET_LOST = Kind(
     "set-lost",
@@ -292,12 +302,26 @@ SET_LOST = Kind(
 NOT_A_SET = Kind("not-a-set", "{location} is not a set of scenes: {reason}", help="{remedy}")
 DAMAGED_SHARD = Kind(
     "damaged-shard",
-    "{file} in {location} is damaged: {reason}",
-    help="make the set again in another folder; its request is in manifest.json",
+    (
+        "{path} is damaged: it cannot be resumed",
+        "{count} of {total} shards are damaged: {file}: {reason}",
+        "{file} in {location} is damaged: {reason}",
+    ),
+    help=(
+        "delete {folder}, and start again",
+        "make the set again in another folder; its request is in manifest.json",
+    ),
+    formerly=("damaged-run", "faulty-shards"),
 )
 FINISHED_SET = Kind("finished-set", "{location} has a set of scenes already", help="choose another folder")
 FOLDER_NOT_EMPTY = Kind(
-    "folder-not-empty", "{location} has other files: {odd}", help="choose an empty folder, or one that does not exist"
+    "folder-not-empty",
+    (
+        "{folder} is in the way: it holds `{odd}`, which is not of an unfinished run",
+        "{location} has other files: {odd}",
+    ),
+    help=("{folder:?}move it, or name another output file", "choose an empty folder, or one that does not exist"),
+    formerly=("folder-in-the-way",),
 )
 SHARD_SIZE = Kind(
     "shard-size",
@@ -349,11 +373,6 @@ SHARES = Kind(
     help="give shares above 0 that are at most 1 together",
 )
 DATA_ARGUMENTS = Kind("data-arguments", "`scenegen data {action}` needs {wanted}", help="see `scenegen data --help`")
-FAULTY_SHARDS = Kind(
-    "faulty-shards",
-    "{count} of {total} shards are damaged: {file}: {reason}",
-    help="make the set again in another folder; its request is in manifest.json",
-)
 NO_PART = Kind(
     "no-part", "there are no scenes for a data set: {missing:list}", help="`scenegen range SPEC` shows what phi can be"
 )

@@ -153,14 +153,6 @@ TRAJECTORY_START = Kind(
 # Errors of motions: their files, and pairs of a start and a goal.
 
 
-UNKNOWN_MOTION_ENDING = Kind(
-    "unknown-motion-ending",
-    (
-        "{path} has the ending `{name}`: not a format of motion files",
-        "{path} has no ending of a format of motion files",
-    ),
-    help=(NEAREST, "use {known:list}"),
-)
 NOT_MOTIONS = Kind("not-motions", "{file} is not a motions file: {reason}", help="`scenegen pairs` writes one")
 DAMAGED_MOTIONS = Kind(
     "damaged-motions", "{file} is damaged[[ at `{place}`]]: {reason}", help="`scenegen pairs` writes another one"

@@ -33,7 +33,7 @@ from scenegen.pose import X, along, row_count
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.request import Cells, FixedPose, SampleRequest, hold_fixed
-from scenegen.scenes.numbers import numbers_in
+from scenegen.scenes.blocks import numbers_in
 
 
 @dataclass(frozen=True, slots=True)

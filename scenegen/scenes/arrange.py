@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from scenegen.errors import DataError, quoted
 from scenegen.errors.declarations import NUMBERS_IN_FILE
-from scenegen.errors.files import HELD_ELSEWHERE, NO_SURFACE_GIVEN, OTHER_SPEC, REQUIREMENT_NOT_MET, SCENE_OUTSIDE
+from scenegen.errors.files import HELD_ELSEWHERE, NO_SURFACE_GIVEN, OTHER_SPEC, SCENE_NOT_ALLOWED
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.formula.interpret import phi as score
@@ -121,10 +121,10 @@ def check_scenes(spec: CheckedSpec, rows: Array, before: int = 0) -> None:
         over = np.maximum(low[part, None] - rows[part], rows[part] - high[part, None])
         if over.size and over.max() > OUTSIDE:
             index, scene = np.unravel_index(int(over.argmax()), over.shape)
-            raise DataError(SCENE_OUTSIDE(name=spec.objects[int(index)], scene=before + int(scene) + 1))
+            raise DataError(SCENE_NOT_ALLOWED(name=spec.objects[int(index)], scene=before + int(scene) + 1))
     if spec.core.requirement is None:
         return
     margin = np.broadcast_to(score(gated(spec.core), list(rows), NUMPY)[REQUIRE], rows.shape[1])
     if (margin < -UNMET).any():
         first = before + int((margin < -UNMET).argmax())
-        raise DataError(REQUIREMENT_NOT_MET(scene=first + 1))
+        raise DataError(SCENE_NOT_ALLOWED(scene=first + 1))

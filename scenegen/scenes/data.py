@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Sequence
+from functools import partial
+from operator import is_, not_
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -44,12 +46,7 @@ class CountData(BaseModel):
     name: str
     least: Annotated[int, Field(ge=1)]
     most: Annotated[int, Field(ge=1)]
-    assets: list[str] = Field(default_factory=list)
-
-    @model_serializer(mode="wrap")
-    def _assets_where_they_are(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = dump(self)
-        return {name: value for name, value in data.items() if value or name != "assets"}
+    assets: list[str] = Field(default_factory=list, exclude_if=not_)
 
 
 def check_counts(counts: Sequence[CountData], objects: Collection[str]) -> None:
@@ -108,20 +105,11 @@ class SceneData(_StrictSceneModel):
     """One scene: a pose for each object, and the satisfaction value phi of each label in float64. Where the number of
     things is drawn, `counts` has it, and objects that are not there have no pose."""
 
-    counts: dict[str, Annotated[int, Field(ge=1)]] | None = None
+    counts: dict[str, Annotated[int, Field(ge=1)]] | None = Field(default=None, exclude_if=not_)
     poses: dict[
         str, Annotated[Annotated[RestingPose, Tag("resting")] | Annotated[Pose, Tag("pose")], Discriminator(_kind)]
     ]
     phi: dict[str, FiniteFloat]
-
-    @model_serializer(mode="wrap")
-    def _counts_where_they_are(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return _without_nothing(dump(self), "counts")
-
-
-def _without_nothing(data: dict[str, Any], *names: str) -> dict[str, Any]:
-    """Data without these fields where they say nothing."""
-    return {name: value for name, value in data.items() if value or name not in names}
 
 
 class CircleFootprint(_StrictSceneModel):
@@ -162,18 +150,16 @@ class ShapeData(_StrictSceneModel):
     footprint: FootprintData
     height: Annotated[FiniteFloat, Field(gt=0)]
     path: str = ""
-    open: Annotated[list[Annotated[FiniteFloat, Field(ge=0, le=1)]], Field(max_length=6)] = Field(default_factory=list)
-    color: Annotated[str, Field(pattern="^(#[0-9a-f]{6})?$")] = ""  # of a plain shape, where the spec says it
+    open: Annotated[list[Annotated[FiniteFloat, Field(ge=0, le=1)]], Field(max_length=6)] = Field(
+        default_factory=list, exclude_if=not_
+    )
+    color: str = Field("", pattern="^(#[0-9a-f]{6})?$", exclude_if=not_)  # of a plain shape, where the spec says it
 
     @model_validator(mode="after")
     def _drawers_of_a_cabinet(self) -> Self:
         if self.open and (self.asset != "cabinet" or self.footprint.kind != "box"):
             raise ValueError("only a cabinet with a box as its footprint has drawers that are open")
         return self
-
-    @model_serializer(mode="wrap")
-    def _open_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return _without_nothing(dump(self), "open", "color")
 
 
 class RegionData(_StrictSceneModel):
@@ -182,11 +168,7 @@ class RegionData(_StrictSceneModel):
     name: str
     footprint: FootprintData
     pose: Pose
-    height: Annotated[FiniteFloat, Field(ge=0)] = 0.0
-
-    @model_serializer(mode="wrap")
-    def _height_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return _without_nothing(dump(self), "height")
+    height: FiniteFloat = Field(0.0, ge=0, exclude_if=not_)
 
 
 def footprint_data(footprint: Footprint) -> CircleFootprint | BoxFootprint | PolygonFootprint:
@@ -252,11 +234,7 @@ class ObjectData(_StrictSceneModel):
 
     name: str
     shape: ShapeData
-    support: SupportData | None = None
-
-    @model_serializer(mode="wrap")
-    def _support_where_it_is(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return _without_nothing(dump(self), "support")
+    support: SupportData | None = Field(default=None, exclude_if=not_)
 
 
 def carried_first(objects: Sequence[ObjectData]) -> tuple[int, ...]:
@@ -320,11 +298,11 @@ class SceneFile(_StrictSceneModel):
     spec: SpecRef
     workspace: WorkspaceData
     objects: list[ObjectData]
-    counts: list[CountData] = Field(default_factory=list)
+    counts: list[CountData] = Field(default_factory=list, exclude_if=not_)
     regions: list[RegionData] = Field(default_factory=list)
     sampler: dict[str, Any]
     request: RequestData
-    labels: list[str] | None = None
+    labels: list[str] | None = Field(default=None, exclude_if=partial(is_, None))
     scenes: list[SceneData]
 
     @model_validator(mode="after")
@@ -354,13 +332,6 @@ class SceneFile(_StrictSceneModel):
     def label_names(self) -> tuple[str, ...]:
         """The labels, in the order of the first scene."""
         return tuple(self.scenes[0].phi) if self.scenes else tuple(self.labels or ())
-
-    @model_serializer(mode="wrap")
-    def _labels_where_they_stand(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = dump(self)
-        if data.get("labels") is None:
-            data.pop("labels", None)
-        return _without_nothing(data, "counts")
 
     def without_scenes(self, labels: Sequence[str] = ()) -> Self:
         """The header: as it stands before scenes, or, with `labels`, as it stands alone."""
@@ -397,12 +368,7 @@ class SettledHeader(_StrictSceneModel):
     simulator: SimulatorData
     max_shift_mm: Positive
     max_turn_deg: Positive
-    surfaces: dict[str, list[str]] = Field(default_factory=dict)
-
-    @model_serializer(mode="wrap")
-    def _surfaces_where_they_are(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = dump(self)
-        return {name: value for name, value in data.items() if value or name != "surfaces"}
+    surfaces: dict[str, list[str]] = Field(default_factory=dict, exclude_if=not_)
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from scenegen.errors import DataError, OutputError, ScenegenError
-from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, FILE_AND_FOLDER, OVERWRITES_INPUT, TOO_LARGE_TO_READ
+from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, TOO_LARGE_TO_READ
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _WRITE_HELP = {
@@ -58,7 +58,10 @@ def check_writable(path: Path, *inputs: Path) -> None:
         _refuse_special(path)
         for given in inputs:
             if _same(path, given):
-                raise OutputError(OVERWRITES_INPUT(path=path))
+                remedy = "name another output file"
+                raise OutputError(
+                    CANNOT_WRITE(path=path, reason="it would overwrite what it is made from", remedy=remedy)
+                )
         # Opening a temporary file there is the only test that is reliable for root, in containers and on network disks.
         with tempfile.TemporaryFile(dir=target(path).parent):
             pass
@@ -103,7 +106,8 @@ def check_folder(path: Path, file: Path | None = None) -> None:
     """Refuse, before any work is done, an output folder that can neither be written to nor made, and one that is also
     the output `file`. Raises OutputError."""
     if file is not None and path.absolute() == file.absolute():
-        raise OutputError(FILE_AND_FOLDER(path=path))
+        reason = "it cannot be a file and a folder at once"
+        raise OutputError(CANNOT_WRITE(path=path, reason=reason, remedy="name another folder"))
     with reported(path), tempfile.TemporaryFile(dir=path if _exists(path) else path.parent):
         pass
 

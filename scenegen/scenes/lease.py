@@ -23,7 +23,7 @@ from typing import IO
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.errors import DataError, OutputError
-from scenegen.errors.files import CANNOT_WRITE_STORE, SET_IN_USE, SET_LOST
+from scenegen.errors.files import CANNOT_WRITE, SET_IN_USE, SET_LOST
 from scenegen.scenes.stores import Store, reason_of
 
 LOCK = ".lock"
@@ -93,7 +93,7 @@ def _locked(store: Store) -> Iterator[bool]:
                 "reason": reason_of(error),
                 "remedy": "see whether you may write there",
             }
-            raise OutputError(CANNOT_WRITE_STORE(file=LOCK, **facts)) from error
+            raise OutputError(CANNOT_WRITE(file=LOCK, **facts)) from error
         with file:
             if not _lock(file, store):
                 yield False

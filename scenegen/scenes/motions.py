@@ -5,6 +5,7 @@ Format `scenegen/motions`, version 1. What stands before the motions is as in sc
 
 from __future__ import annotations
 
+from operator import not_
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -12,14 +13,12 @@ from pydantic import (
     ConfigDict,
     Field,
     FiniteFloat,
-    SerializerFunctionWrapHandler,
-    model_serializer,
     model_validator,
 )
 
 from scenegen.pose import row_count
+from scenegen.scenes.blocks import check_numbers, objects_of
 from scenegen.scenes.data import CountData, ObjectData, RegionData, SceneFile, SpecRef, WorkspaceData, check_counts
-from scenegen.scenes.numbers import check_numbers, objects_of
 
 MOTIONS_FORMAT: Literal["scenegen/motions"] = "scenegen/motions"
 VERSION: Literal[1] = 1
@@ -67,7 +66,7 @@ class MotionFile(_StrictMotionModel):
     spec: SpecRef
     workspace: WorkspaceData
     objects: list[ObjectData]
-    counts: list[CountData] = Field(default_factory=list)
+    counts: list[CountData] = Field(default_factory=list, exclude_if=not_)
     regions: list[RegionData] = Field(default_factory=list)
     time: TimeData
     sampler: dict[str, Any]
@@ -92,11 +91,6 @@ class MotionFile(_StrictMotionModel):
     def coordinates(self) -> int:
         """How many numbers place the objects of a motion."""
         return (self.time.steps + 1) * row_count(len(self.objects))
-
-    @model_serializer(mode="wrap")
-    def _counts_where_they_are(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = dump(self)
-        return {name: value for name, value in data.items() if value or name != "counts"}
 
 
 AnyFile = SceneFile | MotionFile

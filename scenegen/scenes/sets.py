@@ -242,23 +242,6 @@ def shard_size(size: int | None, numbers: int, objects: int = 1, block: int = BL
     return size
 
 
-def make_shard(
-    store: Store,
-    number: int,
-    header: AnyFile,
-    labels: Sequence[str],
-    blocks: Iterable[Block],
-    *,
-    pieces: int,
-    rarity: Mapping[str, Rareness] | None = None,
-    made: ShardRequest | None = None,
-) -> Shard:
-    """Write a shard of one block or more; the same scenes give the same bytes. With `rarity` it says of each scene how
-    rare its phi is. Raises OutputError."""
-    with store.whole(shard_name(number)) as sink:
-        return pack_shard(sink, number, header, labels, blocks, pieces=pieces, rarity=rarity, made=made)
-
-
 def pack_shard(
     sink: Sink,
     number: int,
@@ -270,8 +253,8 @@ def pack_shard(
     rarity: Mapping[str, Rareness] | None = None,
     made: ShardRequest | None = None,
 ) -> Shard:
-    """Pass the bytes of a shard to a sink. Raises what
-    the sink raises."""
+    """Pass the bytes of a shard of one block or more to a sink; the same scenes give the same bytes. With `rarity` it
+    says of each scene how rare its phi is. Raises what the sink raises."""
     parts: list[Array] = []  # phi of the blocks
 
     def seen() -> Iterator[Block]:

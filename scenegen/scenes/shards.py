@@ -31,7 +31,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.errors.files import DAMAGED_RUN, FOLDER_IN_THE_WAY, FOLDER_LOCKED, OTHER_REQUEST, UNFINISHED_RUN
+from scenegen.errors.files import DAMAGED_SHARD, FOLDER_NOT_EMPTY, OTHER_REQUEST, SET_IN_USE, UNFINISHED_RUN
 from scenegen.scenes.blocks import Array, Block
 from scenegen.scenes.files import (
     FULL,
@@ -271,7 +271,7 @@ def open_shards(path: Path, request: Mapping[str, object], coordinates: int, *, 
 def _refuse_foreign(folder: Path) -> None:
     odd = [entry.name for entry in folder.iterdir() if entry.is_symlink() or not _OURS.fullmatch(entry.name)]
     if odd:
-        raise OutputError(FOLDER_IN_THE_WAY(folder=folder, odd=odd[0]))
+        raise OutputError(FOLDER_NOT_EMPTY(folder=folder, odd=odd[0]))
 
 
 def _load_manifest(folder: Path) -> _Manifest | None:
@@ -279,7 +279,7 @@ def _load_manifest(folder: Path) -> _Manifest | None:
     path = folder / MANIFEST
     if not path.exists():
         return None
-    damage = DAMAGED_RUN(path=folder, folder="it")
+    damage = DAMAGED_SHARD(path=folder, folder="it")
     try:
         manifest = _Manifest.model_validate_json(path.read_bytes())
     except ValidationError:
@@ -321,7 +321,7 @@ def _locked(folder: Path) -> Iterator[None]:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise OutputError(FOLDER_LOCKED(folder=folder)) from None
+                raise OutputError(SET_IN_USE(location=folder, file=True)) from None
             except OSError:
                 pass  # some network disks have no locks
         yield
@@ -344,7 +344,7 @@ def _save(file: IO[bytes], *tables: Array) -> _BlockFile:
 def _load(file: IO[bytes], stored: _BlockFile) -> Array:
     data = file.read(stored.bytes)
     if len(data) != stored.bytes or zlib.crc32(data) != stored.crc32:
-        raise DataError(DAMAGED_RUN(path=file.name, folder="the folder it is in"))
+        raise DataError(DAMAGED_SHARD(path=file.name, folder="the folder it is in"))
     table: Array = np.load(io.BytesIO(data), allow_pickle=False)
     return table
 

@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import DataError
-from scenegen.errors.files import MISSING_POSE, OTHER_SURFACE
+from scenegen.errors.files import OTHER_OBJECTS, OTHER_SURFACE
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.pose import FLAT, THETA, TWO_PI, flat
+from scenegen.scenes.blocks import objects_of
 from scenegen.scenes.data import (
     RAISED,
     ObjectData,
@@ -23,7 +24,6 @@ from scenegen.scenes.data import (
     check_sizes,
     footprint_of,
 )
-from scenegen.scenes.numbers import objects_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, has_picture
 from scenegen.things.outline import DRAWN, simplified
 from scenegen.things.palette import RGB, colors_of, of_regions, rgb_of
@@ -210,7 +210,7 @@ def poses_of(file: SceneFile) -> npt.NDArray[np.float64]:
     for number, scene in enumerate(file.scenes, start=1):
         missing = [name for name in objects_of(file, scene.counts or {}) if name not in scene.poses]
         if missing:
-            raise DataError(MISSING_POSE(scene=number, name=missing[0]))
+            raise DataError(OTHER_OBJECTS(scene=f"scene {number}", odd=missing[0], wanted=tuple(names)))
         rows.append([_row(scene.poses[name]) if name in scene.poses else ABSENT for name in names])
     poses = np.array(rows, dtype=np.float64).reshape(len(rows), len(names), len(FLAT))
     if not varying(file):

@@ -20,7 +20,7 @@ import pyarrow
 import pyarrow.fs
 
 from scenegen.errors import DataError, OutputError
-from scenegen.errors.files import CANNOT_READ_STORE, CANNOT_WRITE_STORE, UNKNOWN_STORE
+from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, UNKNOWN_STORE
 from scenegen.scenes.files import FULL, FlushingWriter, below, inside, whole_file
 from scenegen.scenes.locations import is_url
 from scenegen.scenes.shards import Parts, Sink
@@ -230,9 +230,7 @@ class Store:
             return str(below(Path(self.root), name)) if self.local else f"{self.root}/{inside(name)}"
         except ValueError as error:
             remedy = "was a manifest edited? it names files of its own folder alone"
-            raise DataError(
-                CANNOT_READ_STORE(file=name, location=self.location, reason=str(error), remedy=remedy)
-            ) from None
+            raise DataError(CANNOT_READ(file=name, location=self.location, reason=str(error), remedy=remedy)) from None
 
     def _reading(self, name: str, work: Callable[[], T]) -> T:
         try:
@@ -240,7 +238,7 @@ class Store:
         except FAILURES as error:
             remedy = "check the location" + ("" if self.local else " and your credentials")
             raise DataError(
-                CANNOT_READ_STORE(file=name, location=self.location, reason=reason_of(error), remedy=remedy)
+                CANNOT_READ(file=name, location=self.location, reason=reason_of(error), remedy=remedy)
             ) from error
 
     def _writing(self, name: str, work: Callable[[], object]) -> None:
@@ -258,7 +256,7 @@ class Store:
         known = ((full, "make room"), (not self.local and not final(error), "see whether the store is up"))
         remedy = next((words for holds, words in known if holds), "see whether you may write there")
         return OutputError(
-            CANNOT_WRITE_STORE(file=name, location=self.location, reason=reason_of(error), remedy=remedy, **facts)
+            CANNOT_WRITE(file=name, location=self.location, reason=reason_of(error), remedy=remedy, **facts)
         )
 
     def _attempts(self, name: str) -> RetriedWork:

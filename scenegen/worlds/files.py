@@ -22,7 +22,7 @@ import numpy as np
 from scenegen.api.scene_arrays import SceneArrays
 from scenegen.errors import OutputError, RequestError
 from scenegen.errors.declarations import ONE_FILE_MANY_NUMBERS
-from scenegen.errors.files import ENDING_OF_ANOTHER, FILE_FOR_FOLDER, NO_FORMAT, WRONG_ENDING
+from scenegen.errors.files import CANNOT_WRITE, ENDING_OF_ANOTHER, NO_FORMAT, WRONG_ENDING
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.needs import need
 from scenegen.scenes.blocks import Block, joined
@@ -76,7 +76,8 @@ def check_out(out: Path, to: str, *inputs: Path) -> None:
         return
     with reported(out):
         if out.is_file():
-            raise OutputError(FILE_FOR_FOLDER(path=out, format=to, places=_places(to)))
+            reason = f"it is a file, and a folder is made for {to}"
+            raise OutputError(CANNOT_WRITE(path=out, reason=reason, remedy=_places(to)))
     check_folder(out)
 
 

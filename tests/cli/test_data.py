@@ -98,7 +98,7 @@ def test_a_damaged_one_does_not_stop_the_rest(folder, scenegen, tmp_path):
     found = json.loads(said.out)
     assert said.status == 1 and found["failed"] == [f"{tmp_path}/a/", f"{tmp_path}/c/"]
     assert [bool(one["shards"][0]["fault"]) for one in found["sets"]] == [False, True, False]
-    assert "error[not-a-set]" in said.err and "error[faulty-shards]" in said.err and "error[some-failed]" in said.err
+    assert "error[not-a-set]" in said.err and "error[damaged-shard]" in said.err and "error[some-failed]" in said.err
 
 
 def test_a_folder_without_sets(scenegen, tmp_path):

@@ -132,7 +132,7 @@ def test_a_closed_standard_output_loses_no_scenes(here, snapshot):
         said, statuses = shell(f"$S {words} >&-")
         assert statuses == [1] and snapshot(here) == before
         assert said.strip().startswith(
-            "error[cannot-write-output]: cannot write to standard output: bad file descriptor\n = help: "
+            "error[cannot-write]: cannot write to standard output: bad file descriptor\n = help: "
         ), said
     assert shell("$S sample good.spec -n 2 --out s.json >&-")[1] == [0] and (here / "s.json").is_file()
 

@@ -12,7 +12,7 @@ import pyarrow.fs
 import pytest
 
 from scenegen.errors import OutputError
-from scenegen.errors.files import CANNOT_WRITE_STORE
+from scenegen.errors.files import CANNOT_WRITE
 from scenegen.sampling.engine import sets
 from scenegen.sampling.engine.engines import Local
 from scenegen.scenes import files, stores
@@ -65,7 +65,7 @@ def bucket(folder, fails, said=None):
 
 def one_diagnostic(caught, *words):
     (found,) = caught.value.diagnostics
-    assert found.code == "cannot-write-store"
+    assert found.code == "cannot-write"
     for word in words:
         assert word in f"{found.title}\n{found.help}"
 
@@ -123,7 +123,7 @@ def test_no_shard_is_left_out_when_the_manifest_cannot_be_written(what, plain, t
     def full(store, *args):
         calls.append(1)
         if len(calls) == 1:
-            raise OutputError(CANNOT_WRITE_STORE(file="x", location="y", reason="full", remedy="make room"))
+            raise OutputError(CANNOT_WRITE(file="x", location="y", reason="full", remedy="make room"))
         return write(store, *args)
 
     monkeypatch.setattr(sets, what, full)

@@ -211,7 +211,7 @@ def test_folders_that_cannot_be_resumed(what, run, tmp_path):
     elif what == "foreign":
         (folder / "thesis.tex").write_text("")
     before = {entry.name: entry.read_bytes() for entry in folder.iterdir()}
-    said = {"foreign": "is in the way: it holds `thesis.tex`", "busy": "another process is working"}
+    said = {"foreign": "is in the way: it holds `thesis.tex`", "busy": "another run is writing"}
     if what == "busy":
         import fcntl
 

@@ -244,7 +244,7 @@ def _check_ending(data: str) -> list[Diagnostic]:
     ending = as_path("data", data).suffix
     if not data.isascii() and data != data.encode(errors="replace").decode():
         return [WRONG_VALUE(argument="data", value=ascii(data), wanted="a name in UTF-8: a model file holds it")]
-    return [] if ending.lower() in FORMATS else [UNKNOWN_ENDING(path=data, name=ending, known=FORMATS)]
+    return [] if ending.lower() in FORMATS else [UNKNOWN_ENDING(path=data, name=ending, known=FORMATS, what="scene")]
 
 
 def _check_number(name: str, value: object) -> Diagnostic | None:

@@ -27,10 +27,9 @@ from scenegen.learn.training.dataset import Dataset, held_count, held_places, la
 from scenegen.learn.training.gathering import Gathering
 from scenegen.pose import row_count, rows_of
 from scenegen.scenes.arrange import as_core, check_scenes, order_of, refuse_numbers
-from scenegen.scenes.blocks import Block, SceneFileReading, counts_in, regrouped
+from scenegen.scenes.blocks import Block, SceneFileReading, counts_in, element, member_of, numbers_in, regrouped
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.formats.registry import format_of, read_scenes
-from scenegen.scenes.numbers import element, member_of, numbers_in
 
 # --------------------------------------------------------------------------------------------------------------------
 # Scenes of a file that differ in how many things there are, as training data of one number: a model has one.

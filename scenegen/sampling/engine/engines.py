@@ -30,7 +30,7 @@ from scenegen.sampling.engine.stream import BlockPacker
 from scenegen.sampling.plan import Index, Plan
 from scenegen.scenes.blocks import Array, Block, taken
 from scenegen.scenes.motions import AnyFile
-from scenegen.scenes.sets import Shard, make_shard
+from scenegen.scenes.sets import Shard, pack_shard, shard_name
 from scenegen.scenes.stores import Store, Tell
 
 SceneHandle = Any
@@ -65,7 +65,8 @@ class ShardWriter:
 
     def write(self, number: int, pieces: int, blocks: Iterable[Block]) -> Shard:
         """A shard of blocks that are `ready`."""
-        return make_shard(self.store, number, self.header, self.labels, blocks, pieces=pieces)
+        with self.store.whole(shard_name(number)) as sink:
+            return pack_shard(sink, number, self.header, self.labels, blocks, pieces=pieces)
 
     def ready(self, block: Block) -> Block:
         """A block as files hold it, checked."""

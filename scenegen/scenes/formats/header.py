@@ -10,10 +10,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from scenegen.errors import DataError, Diagnostic, Source, Span
-from scenegen.errors.files import DAMAGED_SCENES, NOT_JSON, NOT_SCENES, OBJECT_TWICE, OTHER_OBJECTS, SCENES_VERSION
-from scenegen.scenes.blocks import Block
+from scenegen.errors.files import DAMAGED_SCENES, NOT_JSON, NOT_SCENES, OTHER_OBJECTS
+from scenegen.scenes.blocks import Block, check_counts, objects_of
 from scenegen.scenes.data import FORMAT, RAISED, VERSION, SceneData, SceneFile
-from scenegen.scenes.numbers import check_counts, objects_of
 
 TAGS = ("pose", "resting")  # pydantic's names of the two kinds of poses, in the place of an error
 HEADING = ("format", "version")  # is checked first
@@ -60,14 +59,15 @@ def scene_file(raw: Any, text: str, name: str) -> SceneFile:
         raise DataError(NOT_SCENES(file=name, reason=f'its "format" is not "{FORMAT}"', poses=poses))
     if raw.get("version") not in (VERSION, RAISED):
         wanted = f"{VERSION} or {RAISED}"
-        raise DataError(SCENES_VERSION(file=name, found=repr(raw.get("version")), wanted=wanted))
+        reason = f"it has version {raw.get('version')!r} of the format"
+        raise DataError(NOT_SCENES(file=name, reason=reason, version=wanted))
     try:
         file = SceneFile.model_validate_json(text)
     except ValidationError as error:
         raise DataError(first_problem(name, error)) from None
     names = [one.name for one in file.objects]
     if len(set(names)) < len(names):
-        raise DataError(OBJECT_TWICE(file=name))
+        raise DataError(DAMAGED_SCENES(file=name, place="objects", reason="two of them have the same name"))
     return file
 
 

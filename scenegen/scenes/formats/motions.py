@@ -21,12 +21,11 @@ from pydantic import ValidationError
 from scenegen.errors import DataError
 from scenegen.errors.time import DAMAGED_MOTIONS, NO_HEADER_IN_CSV, NOT_MOTIONS
 from scenegen.pose import NAMES, X, as_rows
-from scenegen.scenes.blocks import COUNT, Block
+from scenegen.scenes.blocks import COUNT, Block, member_of, numbers_in
 from scenegen.scenes.data import RAISED, VERSION, RequestData, SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.header import parse
 from scenegen.scenes.motions import MOTIONS_FORMAT, MotionData, MotionFile
-from scenegen.scenes.numbers import member_of, numbers_in
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

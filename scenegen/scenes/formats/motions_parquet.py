@@ -17,13 +17,12 @@ import pyarrow.parquet as pq
 from scenegen.errors import DataError
 from scenegen.errors.time import DAMAGED_MOTIONS, NOT_MOTIONS
 from scenegen.pose import NAMES
-from scenegen.scenes.blocks import COUNT, PHI, Array, Block, joined
+from scenegen.scenes.blocks import COUNT, PHI, Array, Block, element, joined
 from scenegen.scenes.files import opened
 from scenegen.scenes.formats.header import parse
 from scenegen.scenes.formats.motions import FACTS, KINDS, MotionArrays, columns, motion_file, motions_of
 from scenegen.scenes.formats.parquet import KEY, arrow_sink, check_rows, is_number, open_parquet, refused
 from scenegen.scenes.motions import MotionFile
-from scenegen.scenes.numbers import element
 
 GROUP = 1 << 20  # moments of a row group
 

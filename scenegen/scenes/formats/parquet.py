@@ -23,9 +23,7 @@ from scenegen.errors import DataError, Diagnostic, ScenegenError
 from scenegen.errors.declarations import NUMBERS_DISAGREE
 from scenegen.errors.files import (
     COLUMN_NOT_A_NUMBER,
-    COLUMN_TYPE,
     DAMAGED_PARQUET,
-    LARGE_ROW_GROUP,
     NOT_SCENES,
     TOO_LARGE_TO_READ,
     WRONG_COLUMNS,
@@ -40,7 +38,7 @@ from scenegen.scenes.blocks import (
     Array,
     Block,
     SceneFileReading,
-    check_numbers,
+    check_finite,
     columns,
     counts_in,
     regrouped,
@@ -103,7 +101,7 @@ def write(
         pq.ParquetWriter(buffered, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer,
     ):
         for block in regrouped(blocks):
-            check_numbers(header, block)
+            check_finite(header, block)
             more = () if rarity is None else rarity(block.phi)
             numbers = counts_in(header, block.rows) if counts else ()
             rows = (*block.rows, *numbers, *block.phi, *more)
@@ -169,7 +167,7 @@ def group_sizes(path: Path) -> tuple[int, ...]:
         most = MOST // (header.coordinates + len(labels))
         if max(sizes, default=0) > most:
             facts = {"size": max(sizes), "unit": "scenes", "limit": most, "remedy": _SMALLER}
-            raise DataError(LARGE_ROW_GROUP(path=path, **facts))
+            raise DataError(TOO_LARGE_TO_READ(path=path, **facts))
         return sizes
 
 
@@ -213,7 +211,7 @@ def open_parquet(path: Path, file: Any) -> pq.ParquetFile:
     if max(groups, default=0) > LARGEST:  # a page, which is unpacked as a whole, can be as large as its group
         remedy = f"write the file with row groups of {BLOCK:,} scenes, as scenegen does"
         facts = {"size": max(groups), "unit": "bytes", "limit": LARGEST, "remedy": remedy}
-        raise DataError(LARGE_ROW_GROUP(path=path, **facts))
+        raise DataError(TOO_LARGE_TO_READ(path=path, **facts))
     return parquet
 
 
@@ -254,7 +252,7 @@ def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]
     for name in (*wanted, *labels):
         found = schema.field(name).type
         if found != (pa.int64() if name in counts else pa.float64()):
-            raise DataError(COLUMN_TYPE(column=name, path=path, found=found))
+            raise DataError(WRONG_COLUMNS(name=name, path=path, found=found))
     return tuple(name.removeprefix(PHI) for name in labels)
 
 

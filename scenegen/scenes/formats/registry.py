@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import NOT_SCENES, UNKNOWN_ENDING
 from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.errors.time import UNKNOWN_MOTION_ENDING
 from scenegen.scenes.files import whole_file
 
 if TYPE_CHECKING:
@@ -72,9 +71,15 @@ def format_of(path: Path, kind: str = SCENES) -> Any:
     known = FORMATS if kind == SCENES else MOTION_FORMATS
     if ending not in known:
         if kind == MOTIONS:
-            raise RequestError(UNKNOWN_MOTION_ENDING(path=path, name=path.suffix, known=known))
+            raise RequestError(UNKNOWN_ENDING(path=path, name=path.suffix, what="motion", known=known))
         export = path.with_suffix(".json") if ending in ENDINGS else None
-        facts = {"name": path.suffix, "known": known, "scenes": export, "instead": INSTEAD.get(ending[1:])}
+        facts = {
+            "what": "scene",
+            "name": path.suffix,
+            "known": known,
+            "scenes": export,
+            "instead": INSTEAD.get(ending[1:]),
+        }
         raise RequestError(UNKNOWN_ENDING(path=path, **facts))
     module, _, name = known[ending].partition(":")
     try:

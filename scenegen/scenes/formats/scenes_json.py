@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import IO
 
 from scenegen.errors import DataError, OutputError
-from scenegen.errors.files import JSON_TOO_LARGE, OTHER_LABELS
+from scenegen.errors.files import OTHER_LABELS, TOO_LARGE_TO_WRITE
 from scenegen.scenes.blocks import Block, SceneFileReading
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.header import HEADING, check_objects, labelled, parse, scene_file
-from scenegen.scenes.formats.lines import block_of, texts
+from scenegen.scenes.formats.jsonl import block_of, texts
 
 MOST_BYTES = 1 << 28  # of a file: reading it as a whole takes about thirty times as much memory
 BYTES = 32  # of a number with its name, approximately
@@ -34,7 +34,7 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
     for lines in texts(header, labels, blocks, "  ", ",\n"):
         size += len(between) + len(lines)
         if size > MOST_BYTES:
-            raise OutputError(JSON_TOO_LARGE(limit=MOST_BYTES))
+            raise OutputError(TOO_LARGE_TO_WRITE(limit=MOST_BYTES))
         sink.write(between)
         sink.write(lines)
         between = b",\n"

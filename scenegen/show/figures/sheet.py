@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
+from scenegen.scenes.blocks import element
 from scenegen.scenes.data import CountData, SceneData, SceneFile
-from scenegen.scenes.numbers import element
 from scenegen.scenes.stage import overlaps_of
 
 SHOWN = 64  # maximum number of scenes

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from xml.etree import ElementTree
 
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.files import NO_WORLD
+from scenegen.errors.files import NO_WORLD, TOO_LARGE_TO_WRITE
 
 Element = ElementTree.Element
 
@@ -62,7 +62,7 @@ def check_room(scenes: int, size: int) -> None:
 
 
 def _too_many(most: int) -> Diagnostic:
-    return NO_WORLD(most=most)
+    return TOO_LARGE_TO_WRITE(most=most)
 
 
 def check_names(names: Iterable[str]) -> None:

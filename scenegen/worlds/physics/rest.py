@@ -23,13 +23,11 @@ from scenegen.geometry.workspace import upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import as_poses, row_count, rows_of
-from scenegen.scenes.blocks import Block, counts_in, joined
+from scenegen.scenes.blocks import Block, counts_in, joined, member_of
 from scenegen.scenes.data import SceneFile, SettledHeader, SimulatorData
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import format_of
-from scenegen.scenes.formats.settled import write_settled
-from scenegen.scenes.formats.settled_blocks import MM, POSE, SettledBlock, Touch
-from scenegen.scenes.numbers import member_of
+from scenegen.scenes.formats.settled import MM, POSE, SettledBlock, Touch, write_settled
 from scenegen.validation import as_path, as_seconds
 from scenegen.worlds.export.world import NOTHING, Own, World, world_of
 from scenegen.worlds.physics.bodies import TABLE, Contact

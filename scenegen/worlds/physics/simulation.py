@@ -22,8 +22,8 @@ from scenegen.geometry.workspace import Floats, standing, turn_between
 from scenegen.needs import need
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
-from scenegen.scenes.formats.lines import block_of
-from scenegen.scenes.numbers import member_of
+from scenegen.scenes.blocks import member_of
+from scenegen.scenes.formats.jsonl import block_of
 from scenegen.validation import as_path
 from scenegen.worlds.export import mjcf, sdf
 from scenegen.worlds.export.world import NOTHING, World, world_of

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from scenegen.errors import RequestError
-from scenegen.errors.requests import ODD_FILE_NAME, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 
 # --------------------------------------------------------------------------------------------------------------------
 # Options: the fields of a request say themselves how they are given, and what they can be.
@@ -142,7 +142,7 @@ def as_path(name: str, value: object) -> Path:
         raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="the path of a file"))
     odd = "a NUL character" if "\0" in given else "" if _encodes(given) else "half of a character"
     if odd:
-        raise RequestError(ODD_FILE_NAME(argument=name, value=ascii(given), odd=odd))
+        raise RequestError(WRONG_VALUE(argument=name, value=ascii(given), wanted=f"a file name without {odd}"))
     return Path(given)
 
 

@@ -19,7 +19,7 @@ from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import TOO_MANY_FOR_MEMORY
+from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import as_poses, row_count
 from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, SampleRequest
 from scenegen.scenes.data import SceneFile
@@ -166,7 +166,7 @@ def _check_size(source: Spec | LearnedModel, n: int) -> None:
     spec = spec_of(source).drawn
     most = IN_MEMORY // (row_count(len(spec.objects)) + len(spec.labels))
     if most < n <= MAX_SCENES:  # of even more it is said that nobody can sample them
-        raise RequestError(TOO_MANY_FOR_MEMORY(n=n, objects=len(spec.objects), most=most))
+        raise RequestError(TOO_MANY(n=n, objects=len(spec.objects), most=most))
 
 
 def partial(shortfall: Diagnostic) -> Diagnostic:

@@ -13,7 +13,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
 from scenegen.errors import RequestError
 from scenegen.errors.files import ONLY_FOR_SETS
-from scenegen.errors.requests import TOO_MANY_FOR_JSON
+from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
 from scenegen.sampling.request import Progress, SampleRequest
 from scenegen.scenes.blocks import Block
@@ -104,7 +104,7 @@ def _check_json(n: int, spec: Spec) -> None:
     check_spec(spec)
     most = min(MAX_JSON, MOST_BYTES // (BYTES * (row_count(len(spec.objects)) + len(spec.labels))))
     if n > most:
-        raise RequestError(TOO_MANY_FOR_JSON(n=n, most=most))
+        raise RequestError(TOO_MANY(n=n, most=most))
 
 
 def met(scenes: SceneSet) -> dict[str, PhiSummary]:

@@ -57,16 +57,13 @@ INTERRUPTED = Kind(
 TRAINING_INTERRUPTED = Kind(
     "training-interrupted",
     (
+        "{late:?}time is up after {done} of {epochs} epochs; go on with `<resume=True> <out={path}>`",
         "interrupted while {account}; {kept:,} scenes are kept in {path}; go on with `<resume=True>`",
         "interrupted while {account}; nothing was written",
         "stopped after {done} of {epochs} epochs; go on with `<resume=True> <out={path}>`",
     ),
     severity="note",
-)
-TIME_IS_UP = Kind(
-    "time-is-up",
-    "time is up after {done} of {epochs} epochs; go on with `<resume=True> <out={path}>`",
-    severity="note",
+    formerly=("time-is-up",),
 )
 ALREADY_DONE = Kind(
     "already-done", "{epochs} epochs are already done; to train on, ask for more with <epochs>", severity="note"
@@ -87,12 +84,12 @@ NEW_RATE = Kind(
 # What goes wrong with the page of `scenegen view`: opening it, serving it, and what it wants.
 
 
-NOTHING_TO_OPEN = Kind(
-    "nothing-to-open",
-    "cannot open {name}: there is no such file",
-    help=(NEAREST, "name a spec, a scene file, a model or a folder; `scenegen specs` lists specs"),
+NOT_OPENED = Kind(
+    "not-opened",
+    "cannot open {file}: {reason}",
+    help=(NEAREST, "{known:?}name a spec, a scene file, a model or a folder; `scenegen specs` lists specs"),
+    formerly=("nothing-to-open",),
 )
-NOT_OPENED = Kind("not-opened", "cannot open {file}: {reason}")
 PUBLIC_ADDRESS = Kind(
     "public-address",
     "{host} is an address that other machines can reach",
@@ -118,13 +115,15 @@ TOO_MANY_SHOWN = Kind(
 )
 MOTION_TOO_LONG = Kind(
     "motion-too-long",
-    "a motion of {poses:,} poses, each object's at each moment, is too long for the page: {most:,} are the most",
-    help="`scenegen sample` draws it; on the page take fewer steps",
-)
-LONG_GIF = Kind(
-    "long-gif",
-    "a motion of {moments:,} moments takes too long to be drawn here: {most} are the most",
-    help="`scenegen render MOTIONS --out x.gif` draws it",
+    (
+        "a motion of {poses:,} poses, each object's at each moment, is too long for the page: {most:,} are the most",
+        "a motion of {moments:,} moments takes too long to be drawn here: {most} are the most",
+    ),
+    help=(
+        "{poses:?}`scenegen sample` draws it; on the page take fewer steps",
+        "`scenegen render MOTIONS --out x.gif` draws it",
+    ),
+    formerly=("long-gif",),
 )
 ANOTHER_SPEC = Kind(
     "another-spec",

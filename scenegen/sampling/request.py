@@ -21,19 +21,17 @@ from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.language import MORE_THAN_A_TURN
 from scenegen.errors.requests import (
     ALL_HELD,
+    ARGUMENT_SYNTAX,
     BEYOND_BOUNDS,
+    GIVEN_TWICE,
     HELD_BY_SPEC,
     HELD_OUTSIDE,
-    HELD_SYNTAX,
-    HELD_TWICE,
     LABEL_NOT_NAMED,
-    LABEL_TWICE,
     NOT_A_NUMBER,
     NOT_A_POSE,
     ONLY_AT_BOUND,
-    RANGE_END,
+    RANGE_NOT_A_PAIR,
     RANGE_REVERSED,
-    RANGE_SYNTAX,
     RANGE_WITHOUT_END,
     SINGLE_VALUE,
     UNKNOWN_LABEL,
@@ -107,7 +105,7 @@ def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "ph
         if name not in labels:
             raise RequestError(UNKNOWN_LABEL(here, name=name, known=labels))
         if name in phi:
-            raise RequestError(LABEL_TWICE(here, name=name))
+            raise RequestError(GIVEN_TWICE(here, what=f"the range of `{name}`"))
         phi[name] = _parse_range(rest, source, offset)
     return phi
 
@@ -117,7 +115,15 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
         alone = not colon and number(text) is not None
-        raise RequestError(RANGE_SYNTAX(whole, band=_band_text(text) if alone else None))
+        raise RequestError(
+            ARGUMENT_SYNTAX(
+                whole,
+                what="a range",
+                form="LO:HI, LO: or :HI",
+                band=_band_text(text) if alone else None,
+                example="0.05:0.2",
+            )
+        )
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
         amount, suffix = unit_of(part)
@@ -169,7 +175,7 @@ def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
     for label, wanted in by_name("ranges by label")(name, phi).items():
         for end in (wanted.low, wanted.high):
             if end is not None and not abs(end) <= LARGEST_PHI:
-                raise RequestError(RANGE_END(end=end, label=label))
+                raise RequestError(RANGE_NOT_A_PAIR(end=end, label=label))
         problem = empty_range(wanted)
         if problem is not None:
             raise RequestError(problem)
@@ -182,7 +188,8 @@ def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
 
 Array = npt.NDArray[np.float64]
 
-USAGE = "write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5 or plate=50cm,0.5,90deg"
+HELD = "plate=0.5,0.5 or plate=50cm,0.5,90deg"
+USAGE = f"write NAME=X,Y or NAME=X,Y,THETA, for instance {HELD}"
 COMPASS = {"EAST": 0, "NORTH": 90, "WEST": 180, "SOUTH": 270}
 UNITS = {"m": ("", "m", "cm", "mm"), "rad": ("", "rad", "deg", "turn")}
 
@@ -197,7 +204,9 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
         whole = Span(source, 0, len(text))
         parts = rest.split(",")
         if not equals or not name.strip() or len(parts) not in (len(PLACE), len(FLAT)):
-            raise RequestError(HELD_SYNTAX(whole))
+            raise RequestError(
+                ARGUMENT_SYNTAX(whole, what="what is held", form="NAME=X,Y or NAME=X,Y,THETA", example=HELD)
+            )
         values = []
         start = len(name) + 1
         for place, part in enumerate(parts):
@@ -205,7 +214,7 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
             values.append(value)
             start += len(part) + 1
         if name.strip() in found:
-            raise RequestError(HELD_TWICE(whole, name=name.strip()))
+            raise RequestError(GIVEN_TWICE(whole, what=f"the place of `{name.strip()}`"))
         found[name.strip()] = FixedPose(values[0], values[1], values[2] if len(values) == len(FLAT) else None, whole)
     return found
 

@@ -157,7 +157,7 @@ def test_a_long_motion_is_not_drawn(tmp_path):
     poses = [[[[0.2, 0.2, 0.0], [0.5, 0.5, 0.0], [0.8, 0.8, 0.0]]] * (MAX_PLAYED + 1)]
     with pytest.raises(RequestError) as error:
         do("download", tmp_path, text=text, format="gif", poses=poses, into=str(tmp_path), request={"n": 1})
-    assert error.value.diagnostics[0].code == "long-gif"
+    assert error.value.diagnostics[0].code == "motion-too-long"
 
 
 @pytest.mark.long

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.learning import DIVERGED, NO_DEVICE, NO_TIME_FOR_AN_EPOCH, OTHER_DATA_RESUMED, STATE_MISFIT
-from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TIME_IS_UP, TRAINING_INTERRUPTED
+from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TRAINING_INTERRUPTED
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import SceneModel, SpecLoss
@@ -434,7 +434,7 @@ def train(
             if not _run(session, out, listeners, on_step or _silent, gathering.until):
                 if not session.epoch:
                     raise RequestError(NO_TIME_FOR_AN_EPOCH(seconds=timeout, path=out))
-                say(TIME_IS_UP(done=session.epoch, epochs=config.epochs, path=out))
+                say(TRAINING_INTERRUPTED(late=True, done=session.epoch, epochs=config.epochs, path=out))
             elif session.epoch < config.epochs:
                 say(_stopped_early(session))
         if session.done:

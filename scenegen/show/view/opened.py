@@ -12,7 +12,7 @@ from scenegen.api.scene_arrays import SceneArrays, rows_of, stored_rows
 from scenegen.api.spec import MAX_BYTES, Spec, parse
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import WRONG_ENDING
-from scenegen.errors.program import NOT_OPENED, NOTHING_TO_OPEN
+from scenegen.errors.program import NOT_OPENED
 from scenegen.errors.requests import NO_SCENES
 from scenegen.errors.time import DAMAGED_MOTIONS
 from scenegen.lang.check.families import combinations, written
@@ -133,7 +133,7 @@ def open_(what: Path | None) -> OpenProject:
     shipped = shipped_specs()
     if str(what) in shipped:
         return OpenProject(Folder(Path.cwd().resolve()), shipped[str(what)].read_text(encoding="utf-8"), str(what))
-    raise DataError(NOTHING_TO_OPEN(name=str(what), known=shipped))
+    raise DataError(NOT_OPENED(file=what, reason="there is no such file", name=what, known=shipped))
 
 
 def _spec(file: Path) -> OpenProject:

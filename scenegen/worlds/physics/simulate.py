@@ -10,7 +10,7 @@ import numpy as np
 
 from scenegen.api.scenes import Scene
 from scenegen.errors import RequestError
-from scenegen.errors.requests import NOT_A_SCENE
+from scenegen.errors.requests import NEEDED_HERE
 from scenegen.needs import need
 from scenegen.scenes.formats.lines import block_of
 from scenegen.scenes.numbers import member_of
@@ -42,7 +42,7 @@ def load_pybullet(
     from scenegen.worlds.physics.load import load
 
     if not isinstance(scene, Scene):
-        raise RequestError(NOT_A_SCENE(value=repr(scene)))
+        raise RequestError(NEEDED_HERE(what="one scene", value=repr(scene), remedy="pick one of a set: scenes[0]"))
     header = member_of(scene.header, scene.counts) if scene.header.counts else scene.header
     own = NOTHING
     if meshes is not None:

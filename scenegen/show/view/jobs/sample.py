@@ -23,7 +23,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.errors.declarations import NEVER_SATISFIED
-from scenegen.errors.program import ANOTHER_SPEC, LONG_GIF, NO_MESSAGE, TOO_MANY_SHOWN
+from scenegen.errors.program import ANOTHER_SPEC, MOTION_TOO_LONG, NO_MESSAGE, TOO_MANY_SHOWN
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE
 from scenegen.errors.time import TOO_FEW_MOTIONS
 from scenegen.needs import need
@@ -281,6 +281,6 @@ def _motion_file(spec: Spec, message: dict[str, Any], wanted: str) -> str:
     if wanted != PLAYED:
         return found.save(into / f"motions.{wanted}").name
     if poses.shape[1] > MAX_PLAYED:
-        raise RequestError(LONG_GIF(moments=poses.shape[1], most=MAX_PLAYED))
+        raise RequestError(MOTION_TOO_LONG(moments=poses.shape[1], most=MAX_PLAYED))
     need("pybullet", "to draw pictures")
     return replace(found, poses=poses[:1]).animate(into / "motion.gif", 1, workers=1).name

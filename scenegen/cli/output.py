@@ -13,12 +13,12 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from scenegen.errors import Diagnostic, OutputError, render_all
 from scenegen.errors.files import CANNOT_WRITE_OUTPUT
@@ -156,6 +156,33 @@ def print_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         return " " + "  ".join(f"\x1b[1m{cell}\x1b[0m" if bold else cell for cell in padded) + " "
 
     print_error("\n".join([line(header, bold=use_color()), *map(line, rows)]))
+
+
+def print_json(data: Any) -> None:
+    """Data as one JSON document on standard output."""
+    from json import dumps
+
+    print(dumps(data, indent=1, ensure_ascii=False))
+
+
+def print_rows(header: Sequence[str], rows: Iterable[Sequence[object]], **formats: str) -> None:
+    """A table on standard output: on a terminal rounded, in the format of a column if it has one, and in a pipe
+    tab-separated with every digit."""
+    if not sys.stdout.isatty():
+        print("\n".join("\t".join(map(str, row)) for row in (header, *rows)))
+        return
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*header, box=None)
+    for row in rows:
+        each = (
+            (formats.get(name, "{:+.6f}" if isinstance(one, float) else "{}"), one)
+            for name, one in zip(header, row, strict=True)
+        )
+        table.add_row(*(Text(form.format(one)) for form, one in each))
+    Console().print(table)
 
 
 def detail(text: str) -> None:

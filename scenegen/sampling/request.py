@@ -40,7 +40,7 @@ from scenegen.errors.requests import (
 from scenegen.geometry.units import quantity
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
 from scenegen.sampling.methods import METHODS, methods_help
-from scenegen.validation import Option, as_list, as_seconds, by_name, one_of, options_of, whole_number
+from scenegen.validation import Option, as_list, by_name, options_of
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
@@ -170,9 +170,13 @@ def empty_range(wanted: Range) -> Diagnostic | None:
     return None
 
 
+def _check_fix(name: str, fix: object) -> Mapping[str, Any]:
+    return by_name(name, fix, 'poses by name: fix={"plate": (0.5, 0.5)}')
+
+
 def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
     """Raises RequestError for an end that is not finite, and for a reversed range."""
-    for label, wanted in by_name("ranges by label")(name, phi).items():
+    for label, wanted in by_name(name, phi, "ranges by label").items():
         for end in (wanted.low, wanted.high):
             if end is not None and not abs(end) <= LARGEST_PHI:
                 raise RequestError(RANGE_NOT_A_PAIR(end=end, label=label))
@@ -270,14 +274,15 @@ class SampleRequest:
         Option(
             "How many scenes; default: 16, with --fix-from as many as are given.",
             typed=int | None,
-            check=whole_number(1, MAX_SCENES),
+            least=1,
+            most=MAX_SCENES,
         ),
     ] = USUAL
-    seed: Annotated[int, Option("The same seed gives the same scenes.", check=whole_number(0, MAX_SEED))] = 0
-    method: Annotated[str, Option(methods_help(), choices=METHODS, panel=DRAWING)] = "auto"
+    seed: Annotated[int, Option("The same seed gives the same scenes.", most=MAX_SEED)] = 0
+    method: Annotated[str, Option(methods_help(), hints=METHODS, panel=DRAWING)] = "auto"
     spread: Annotated[
         str,
-        Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS, check=one_of(SPREADS)),
+        Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS),
     ] = "flat"
     fix: Annotated[
         Mapping[str, FixedPose | tuple[float, ...]],
@@ -287,7 +292,7 @@ class SampleRequest:
             "NAME=X,Y[,THETA]",
             typed=list[str] | None,
             parse=parse_fix,
-            check=by_name('poses by name: fix={"plate": (0.5, 0.5)}'),
+            check=_check_fix,
         ),
     ] = field(default_factory=dict)
     settle: Annotated[
@@ -297,9 +302,7 @@ class SampleRequest:
     workers: Annotated[
         int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING)
     ] = None
-    timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", check=as_seconds, panel=DRAWING)] = (
-        60.0
-    )
+    timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", panel=DRAWING)] = 60.0
     keep_partial: Annotated[bool, Option("Keep what was found when time is up.", panel=DRAWING)] = False
     raw: Annotated[
         bool,
@@ -316,7 +319,7 @@ class SampleRequest:
         str,
         Option(
             "What draws a set: local processes, or a ray cluster. The bytes are the same.",
-            choices=("local", "ray"),
+            hints=("local", "ray"),
             of=("sets",),
             panel=SETS,
         ),
@@ -329,8 +332,7 @@ class SampleRequest:
 
     def __post_init__(self) -> None:
         for name, option in _options().items():
-            if option.check is not None:
-                object.__setattr__(self, name, option.check(name, getattr(self, name)))
+            object.__setattr__(self, name, option.checked(name, getattr(self, name)))
 
     @classmethod
     def typed(cls, options: Mapping[str, Any], labels: Sequence[str]) -> SampleRequest:

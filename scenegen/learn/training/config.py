@@ -73,7 +73,7 @@ class TrainConfig:
     diagnostic per value that is out of its range.
     """
 
-    model: Annotated[str, Option("flow, energy, gan or aae.", "NAME", choices=MODELS)]
+    model: Annotated[str, Option("flow, energy, gan or aae.", "NAME", hints=MODELS)]
     recipe: Annotated[str, Option("default, or paper: the published networks and settings (gan, aae).")]
     epochs: Annotated[int, Option("Passes over the training scenes.", typed=int | None)]
     batch_size: Annotated[int, Option("Scenes per step.", typed=int | None)]

@@ -114,16 +114,13 @@ class Verbosity:
     started: float = field(default_factory=time.monotonic)
 
 
-voice: ContextVar[Verbosity] = ContextVar("voice")  # set for as long as a command runs
-
-
-def _voice() -> Verbosity:
-    return voice.get(Verbosity())
+USUAL = Verbosity()
+voice = ContextVar("voice", default=USUAL)  # set for as long as a command runs
 
 
 def elapsed() -> float:
     """Seconds since the command began."""
-    return time.monotonic() - _voice().started
+    return time.monotonic() - voice.get().started
 
 
 def left(timeout: float) -> float:
@@ -143,19 +140,19 @@ def use_color() -> bool:
 
 def print_error(text: str) -> None:
     """What a command did, or a note: on standard error, unless -q was given."""
-    if not _voice().quiet:
+    if not voice.get().quiet:
         print_message(text)
 
 
 def print_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A small table under a header, unless -q was given; without rich, which takes a while to load."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-
-    def line(cells: Sequence[str], bold: bool = False) -> str:
-        padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True)]
-        return " " + "  ".join(f"\x1b[1m{cell}\x1b[0m" if bold else cell for cell in padded) + " "
-
-    print_error("\n".join([line(header, bold=use_color()), *map(line, rows)]))
+    bold = use_color()
+    for row in (header, *rows):
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
+        if bold and row is header:
+            cells = [f"\x1b[1m{cell}\x1b[0m" for cell in cells]
+        print_error(f" {'  '.join(cells)} ")
 
 
 def print_json(data: Any) -> None:
@@ -187,7 +184,7 @@ def print_rows(header: Sequence[str], rows: Iterable[Sequence[object]], **format
 
 def detail(text: str) -> None:
     """What is being done, with the time so far: only where -v was given."""
-    now = _voice()
+    now = voice.get()
     if now.verbose:
         print_message(f"[{time.monotonic() - now.started:6.2f} s] {text}")
 
@@ -219,7 +216,7 @@ def complain(*diagnostics: Diagnostic) -> None:
 
 def note(*diagnostics: Diagnostic) -> None:
     """What is worth knowing, unless -q was given."""
-    if not _voice().quiet:
+    if not voice.get().quiet:
         for one in diagnostics:
             complain(one)
 
@@ -234,7 +231,7 @@ def console() -> Console:
     """A rich console on standard error; it prints nothing where -q was given."""
     from rich.console import Console
 
-    screen = Console(stderr=True, highlight=False, soft_wrap=True, quiet=_voice().quiet)
+    screen = Console(stderr=True, highlight=False, soft_wrap=True, quiet=voice.get().quiet)
     screen.width = max(screen.width, NARROWEST)
     return screen
 

@@ -90,11 +90,6 @@ NOT_OPENED = Kind(
     help=(NEAREST, "{known:?}name a spec, a scene file, a model or a folder; `scenegen specs` lists specs"),
     formerly=("nothing-to-open",),
 )
-PUBLIC_ADDRESS = Kind(
-    "public-address",
-    "{host} is an address that other machines can reach",
-    help="everyone with the link can then read and write specs in the opened folder; add --public if you mean it",
-)
 SERVED_IN_PUBLIC = Kind(
     "served-in-public",
     "the page is served on {host}: other machines can reach it, over a connection that is not encrypted",

@@ -25,7 +25,9 @@ CONFLICTING_ARGUMENTS = Kind(
     help="give one of them",
     formerly=("raw-with-fixed", "raw-settled"),
 )
-OUT_OF_PLACE = Kind("out-of-place", "{option} {rule}", help="{remedy}", formerly=("resume-without-file",))
+OUT_OF_PLACE = Kind(
+    "out-of-place", "{option} {rule}", help="{remedy}", formerly=("resume-without-file", "public-address")
+)
 WITHOUT_MODEL = Kind(
     "without-model",
     "{argument:argument} {rule}, and no model takes part here",
@@ -36,7 +38,7 @@ ARGUMENT_SYNTAX = Kind(
     "argument-syntax",
     "{what} is written {form}",
     help=("write a band: {band}", "for instance {example}"),
-    formerly=("setting-syntax", "size-syntax", "held-syntax", "range-syntax"),
+    formerly=("setting-syntax", "size-syntax", "held-syntax", "range-syntax", "range-without-end"),
 )
 GIVEN_TWICE = Kind(
     "given-twice", "{what} is given twice", help="give it once", formerly=("setting-twice", "label-twice", "held-twice")
@@ -111,9 +113,6 @@ LABEL_NOT_NAMED = Kind(
     ("say which label: `<phi={first}={text}>`", "name it: `<phi={first}=lowest:highest>`"),
 )
 NOT_A_NUMBER = Kind("not-a-number", "`{text}` is not a number", help="{usage}")
-RANGE_WITHOUT_END = Kind(
-    "range-without-end", "this range has no end", help="write LO:HI, LO: or :HI, or leave <phi> out"
-)
 RANGE_NOT_A_PAIR = Kind(
     "range-not-a-pair",
     ("{end} cannot end a range of phi of `{label}`", "the range of phi of `{label}` is {value}"),

@@ -32,7 +32,6 @@ from scenegen.errors.requests import (
     ONLY_AT_BOUND,
     RANGE_NOT_A_PAIR,
     RANGE_REVERSED,
-    RANGE_WITHOUT_END,
     SINGLE_VALUE,
     UNKNOWN_LABEL,
     UNKNOWN_OBJECT,
@@ -57,6 +56,7 @@ MAX_SCENES = 1_000_000_000
 LARGEST_PHI = 1e12
 MAX_SEED = 2**63 - 1
 PHI_UNITS = ("", "m", "cm", "mm", "rad", "deg")
+RANGE = {"what": "a range", "form": "LO:HI, LO: or :HI"}
 PHI_USAGE = "write a range such as 0.05:0.2, in metres and radians, or with units: 5cm:20cm"
 
 
@@ -116,13 +116,7 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
     if not colon or ":" in high:
         alone = not colon and number(text) is not None
         raise RequestError(
-            ARGUMENT_SYNTAX(
-                whole,
-                what="a range",
-                form="LO:HI, LO: or :HI",
-                band=_band_text(text) if alone else None,
-                example="0.05:0.2",
-            )
+            ARGUMENT_SYNTAX(whole, **RANGE, band=_band_text(text) if alone else None, example="0.05:0.2")
         )
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
@@ -134,7 +128,7 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
         value = value if value is None else quantity(amount, suffix)[0]
         ends.append(value)
     if ends == [None, None]:
-        raise RequestError(RANGE_WITHOUT_END(whole))
+        raise RequestError(ARGUMENT_SYNTAX(whole, **RANGE, example="0.05:0.2; or leave the option out"))
     result = Range(ends[0], ends[1], whole)
     problem = empty_range(result)
     if problem is not None:

@@ -18,8 +18,7 @@ from scenegen.errors.requests import (
 )
 from scenegen.errors.time import NOT_FOR_MOTIONS
 from scenegen.needs import need
-from scenegen.sampling.methods import METHODS
-from scenegen.sampling.request import Range, SampleRequest, Spread
+from scenegen.sampling.request import METHODS, Range, SampleRequest, Spread
 from scenegen.scenes.data import RequestData
 from scenegen.validation import as_list
 

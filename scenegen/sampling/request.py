@@ -38,7 +38,6 @@ from scenegen.errors.requests import (
 )
 from scenegen.geometry.units import quantity
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
-from scenegen.sampling.methods import METHODS, methods_help
 from scenegen.validation import Option, as_list, by_name, options_of
 
 if TYPE_CHECKING:
@@ -235,6 +234,37 @@ def _amount(part: str, base: str, here: Span) -> float:
 
 
 # --------------------------------------------------------------------------------------------------------------------
+# The sampling methods: one table for the command line, the Python API and `auto`.
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """`make` is "module:function". It makes a plan from a problem and a budget; if `proposes`, also from a proposer.
+    Raises RequestError if there is no scene, or if time is up before there is a plan."""
+
+    make: str
+    good_for: str
+    proposes: bool = False
+    over_time: bool = False  # draws motions, too
+
+
+METHODS: Mapping[str, Method] = {
+    "auto": Method("scenegen.sampling.choose:choose", "takes the method below that needs least time", over_time=True),
+    "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests", over_time=True),
+    "growth": Method("scenegen.sampling.growth.sampler:make_plan", "full tables"),
+    "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets", over_time=True),
+    "model": Method("scenegen.learn.guided:make_plan", "a model file", proposes=True),
+}
+
+
+def methods_help() -> str:
+    """The help of `--method`: `auto, rejection or splitting (a spec), model (a model file)`."""
+    *most, last = [name for name, method in METHODS.items() if not method.proposes]
+    proposing = [f"{name} (a model file)" for name, method in METHODS.items() if method.proposes]
+    return ", ".join([f"{', '.join(most)} or {last} (a spec)", *proposing]) + "."
+
+
+# --------------------------------------------------------------------------------------------------------------------
 # The request. Its fields are the options of `scenegen sample`, of Python's `sample` and of the page.
 
 
@@ -247,7 +277,7 @@ class SampleRequest:
     depends on the spec is checked by `api.request.check_request` and `within_reach`.
 
     `phi` are the ranges by label. `fix` has the poses of fixed objects by name: (x, y) or (x, y, theta), in metres and
-    radians. `method` is one of `sampling.methods.METHODS`. `timeout` (seconds) and `workers` (processes; None: as many
+    radians. `method` is one of METHODS. `timeout` (seconds) and `workers` (processes; None: as many
     as save time) change no scene, nor do `resume`, `engine`, `address` and `shard_size`, which say how scenes are
     written. A range that phi reaches only at its bound, with probability 0, is replaced by a band beside it, with a
     warning; with `strict` it is refused, for those who promise the range and show no warnings.

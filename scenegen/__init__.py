@@ -32,7 +32,7 @@ _PUBLIC = {
     "load_pybullet": "scenegen.worlds.physics.simulation",
     "rarity": "scenegen.api.rarity",
     "sample": "scenegen.api.sample",
-    "sample_to": "scenegen.api.sample",
+    "sample_to": "scenegen.api.stream",
     "settle": "scenegen.worlds.physics.rest",
     "SettledScenes": "scenegen.worlds.physics.rest",
     "Written": "scenegen.api.sample",
@@ -89,10 +89,11 @@ if TYPE_CHECKING:
     from scenegen.api.pairs import pairs
     from scenegen.api.rarity import rarity
     from scenegen.api.reading import read_scenes
-    from scenegen.api.sample import Written, sample, sample_to
+    from scenegen.api.sample import Written, sample
     from scenegen.api.scenes import Scene, SceneSet
     from scenegen.api.spec import Spec, load, parse
     from scenegen.api.stored import StoredSet, open_set
+    from scenegen.api.stream import sample_to
     from scenegen.editors.grammars.grammar import grammar_of
     from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError, SpecError
     from scenegen.learn.model import Model, ModelFamily, load_model

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from scenegen.errors import RequestError
-from scenegen.errors.requests import ODD_FILE_NAME, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 
 # --------------------------------------------------------------------------------------------------------------------
 # Options: the fields of a request say themselves how they are given, and what they can be.
@@ -24,21 +24,38 @@ class Option:
     """A field of a request as an option of commands: `Annotated[int, Option(...)]`.
 
     `help` and `metavar` are shown; `typed` is the type of what is typed where that is another than the field's, and
-    `parse` makes the field's value of it and of the labels of the spec. `check` takes the name and a value, and
-    returns the value to keep; it raises RequestError. `choices` are its values, where they are few. `unit` is "s" for
-    a span of time. `of` is what the option means something for: scenes, motions, files, sets; `panel` is the part of
-    a help text where it stands.
+    `parse` makes the field's value of it and of the labels of the spec. What the value can be: a whole number from
+    `least` to `most`, one of `choices`, a span of time where `unit` is "s", or what `check` returns of its name and the
+    value. `hints` are values that a shell completes. `of` is what the option means something for: scenes, motions,
+    files, sets; `panel` is the part of a help text where it stands.
     """
 
     help: str
     metavar: str | None = None
     typed: Any = None
     parse: Callable[[Any, tuple[str, ...]], Any] | None = None
-    check: Callable[[str, Any], Any] | None = None
+    least: int = 0
+    most: int | None = None
     choices: Collection[str] = ()
     unit: str = ""
+    check: Callable[[str, Any], Any] | None = None
+    hints: Collection[str] = ()
     of: tuple[str, ...] = ("scenes", "motions")
     panel: str | None = None
+
+    def checked(self, name: str, value: Any) -> Any:
+        """The value as it is kept. Raises RequestError for what it cannot be."""
+        if self.most is not None:
+            number = as_int(name, value)
+            if not self.least <= number <= self.most:
+                most = f"{self.most:,}" if self.most < 1 << 60 else f"{self.most}"
+                raise RequestError(OUT_OF_RANGE(argument=name, value=number, wanted=f"from {self.least} to {most}"))
+            return number
+        if self.choices and value not in tuple(self.choices):
+            raise RequestError(UNKNOWN_CHOICE(what=name, name=value, known=self.choices))
+        if self.unit == "s":
+            return as_seconds(name, value)
+        return value if self.check is None else self.check(name, value)
 
 
 def options_of(kind: type) -> dict[str, tuple[Any, Option]]:
@@ -48,39 +65,11 @@ def options_of(kind: type) -> dict[str, tuple[Any, Option]]:
     return {name: (hint[0], hint[1]) for name, hint in each.items() if isinstance(hint[1], Option)}
 
 
-def whole_number(least: int, most: int) -> Callable[[str, object], int]:
-    """The check of a whole number within bounds."""
-
-    def check(name: str, value: object) -> int:
-        number = as_int(name, value)
-        if not least <= number <= most:
-            shown = f"{most:,}" if most < 1 << 60 else f"{most}"
-            raise RequestError(OUT_OF_RANGE(argument=name, value=number, wanted=f"from {least} to {shown}"))
-        return number
-
-    return check
-
-
-def one_of(known: Collection[str]) -> Callable[[str, object], str]:
-    """The check of a word among some."""
-
-    def check(name: str, value: object) -> str:
-        if value not in tuple(known):
-            raise RequestError(UNKNOWN_CHOICE(what=name, name=value, known=known))
-        return str(value)
-
-    return check
-
-
-def by_name(example: str) -> Callable[[str, object], Mapping[str, Any]]:
-    """The check of values by name."""
-
-    def check(name: str, value: object) -> Mapping[str, Any]:
-        if not isinstance(value, Mapping):
-            raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted=example))
-        return value
-
-    return check
+def by_name(name: str, value: object, wanted: str) -> Mapping[str, Any]:
+    """Values by name. Raises RequestError."""
+    if not isinstance(value, Mapping):
+        raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted=wanted))
+    return value
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -143,7 +132,7 @@ def as_path(name: str, value: object) -> Path:
         raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="the path of a file"))
     odd = "a NUL character" if "\0" in given else "" if _encodes(given) else "half of a character"
     if odd:
-        raise RequestError(ODD_FILE_NAME(argument=name, value=ascii(given), odd=odd))
+        raise RequestError(WRONG_VALUE(argument=name, value=ascii(given), wanted=f"a file name without {odd}"))
     return Path(given)
 
 

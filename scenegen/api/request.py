@@ -10,19 +10,16 @@ from typing import TYPE_CHECKING, TypeAlias
 from scenegen.api.spec import LearnedModel, Spec, refuse_choices, spec_of
 from scenegen.errors import RequestError
 from scenegen.errors.requests import (
+    CONFLICTING_ARGUMENTS,
     LABEL_NOT_NAMED,
-    METHOD_WITHOUT_MODEL,
     RANGE_NOT_A_PAIR,
-    RAW_SETTLED,
-    RAW_WITH_FIXED,
-    RAW_WITHOUT_MODEL,
     UNKNOWN_CHOICE,
+    WITHOUT_MODEL,
 )
 from scenegen.errors.time import NOT_FOR_MOTIONS
 from scenegen.needs import need
 from scenegen.processes.pool import check_workers
-from scenegen.sampling.methods import METHODS
-from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.request import METHODS, Range, SampleRequest
 from scenegen.validation import as_list
 
 if TYPE_CHECKING:
@@ -81,15 +78,19 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
         raise RequestError(UNKNOWN_CHOICE(what="method", name=method, known=known))
     proposes = METHODS[method].proposes
     if proposes and not learned:
-        raise RequestError(METHOD_WITHOUT_MODEL(method=method))
+        raise RequestError(WITHOUT_MODEL(argument="method", rule=f"`{method}` needs a trained model"))
     if request.raw and not proposes:
-        raise RequestError(RAW_WITHOUT_MODEL())
+        raise RequestError(WITHOUT_MODEL(argument="raw", rule="is a model's own output"))
     if request.workers is not None:
         check_workers(request.workers)
     if request.raw and request.fix:
-        raise RequestError(RAW_WITH_FIXED())
+        raise RequestError(
+            CONFLICTING_ARGUMENTS(one="raw", other="fix", reason="a model does not know of objects that are held")
+        )
     if request.raw and request.settle:
-        raise RequestError(RAW_SETTLED())
+        raise RequestError(
+            CONFLICTING_ARGUMENTS(one="raw", other="settle", reason="raw scenes are all of a model's output")
+        )
     if request.settle:
         need("pybullet", "to settle scenes")
     return request if method == request.method else replace(request, method=method)

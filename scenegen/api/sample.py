@@ -1,7 +1,8 @@
 """Sampling: a spec or a model and a range of phi in, verified scenes out.
 
-`sample`, `sample_to` and `sample_motions` have a parameter for each option of `SampleRequest` that means something for
-them, by the same name and with the same default; `tests/api/test_request.py` holds them against its fields.
+`sample`, `sample_to` (stream.py) and `sample_motions` (motions.py) have a parameter for each option of `SampleRequest`
+that means something for them, by the same name and with the same default: tests/api/test_request.py says where one is
+missing.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
 from scenegen.api.scenes import SceneSet, scenes_of
 from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import TOO_MANY_FOR_MEMORY
+from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
 from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, SampleRequest
 
@@ -85,51 +86,6 @@ def sample(
     return draw_scenes(source, request, progress=progress, on_note=on_note)
 
 
-def sample_to(
-    path: str | Path,
-    source: Spec | LearnedModel,
-    phi: Phi | None = None,
-    n: int = 16,
-    *,
-    seed: int = 0,
-    method: str = "auto",
-    spread: str = "flat",
-    timeout: float = 60.0,
-    raw: bool = False,
-    keep_partial: bool = False,
-    fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
-    settle: bool = False,
-    workers: int | None = None,
-    resume: bool = False,
-    engine: str = "local",
-    address: str | None = None,
-    shard_size: int | None = None,
-    progress: Progress | None = None,
-    on_note: Note | None = None,
-) -> Written:
-    """The scenes of `sample(...)`, the very same in the same order, in a .parquet, .jsonl or .json file, or as a set;
-    of a spec over time the motions of `sample_motions(...)`, also in a .csv file.
-
-    A path that ends in a slash and a URL (s3://bucket/set/) are places of a set: Parquet files of
-    `shard_size` scenes each, and a manifest. `engine` is "local" or "ray", whose cluster is at `address`; both give the
-    same bytes.
-
-    They are written block by block: memory stays flat, so n may be a billion (a million in .json, which is read as a
-    whole). They grow in a folder beside the file, `scenes.parquet.part/`, and are joined at the end. After an
-    interrupt, a timeout or `kill -9` at any moment, the same call with `resume` goes on from there and ends with the
-    same bytes as an unbroken run; without, such a folder is refused. Raises what `sample` raises, OutputError for a
-    file that cannot be written, and DataError for a damaged folder.
-    """
-    from scenegen.api.stream import write_scenes
-
-    request = SampleRequest(
-        read_phi(source, phi), n, seed=seed, method=method, spread=spread, fix={} if fix is None else fix,
-        settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial, resume=resume,
-        engine=engine, address=address, shard_size=shard_size,
-    )  # fmt: skip
-    return write_scenes(path, source, request, progress=progress, on_note=on_note)
-
-
 def draw_scenes(
     source: Spec | LearnedModel,
     request: SampleRequest,
@@ -175,7 +131,7 @@ def _check_size(source: Spec | LearnedModel, n: int) -> None:
     spec = spec_of(source).drawn
     most = IN_MEMORY // (row_count(len(spec.objects)) + len(spec.labels))
     if most < n <= MAX_SCENES:  # of even more it is said that nobody can sample them
-        raise RequestError(TOO_MANY_FOR_MEMORY(n=n, objects=len(spec.objects), most=most))
+        raise RequestError(TOO_MANY(n=n, objects=len(spec.objects), most=most))
 
 
 def partial(shortfall: Diagnostic) -> Diagnostic:

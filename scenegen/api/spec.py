@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from scenegen.errors import Diagnostic, RequestError, Source, Span, SpecError
 from scenegen.errors.declarations import COUNT_OUT_OF_RANGE, COUNT_SYNTAX, NUMBERS_NOT_HERE, UNKNOWN_COUNT, UNKNOWN_PICK
 from scenegen.errors.language import PHI_TOO_LARGE
-from scenegen.errors.requests import CHOICES_NOT_HERE, NOT_A_SPEC, NOT_A_TEXT, WRONG_VALUE
+from scenegen.errors.requests import CHOICES_NOT_HERE, NEEDED_HERE, WRONG_VALUE
 from scenegen.errors.time import NOT_OVER_TIME, TIME_NOT_HERE
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.checker import check_file, check_text
@@ -256,16 +256,25 @@ def refuse_choices(spec: Spec, what: str) -> None:
         raise RequestError(CHOICES_NOT_HERE(what=what, name=spec.objects[which]))
 
 
+LOAD_FIRST = "load it first: scenegen.load(FILE) reads a spec, scenegen.load_model(FILE) a model, which has a `spec`"
+
+
 def check_spec(spec: object, what: str = "a Spec") -> None:
     """Raises RequestError for what is no Spec: most often the path of one."""
     if not isinstance(spec, Spec):
-        raise RequestError(NOT_A_SPEC(what=what, value=repr(spec)))
+        raise RequestError(NEEDED_HERE(what=what, value=repr(spec), remedy=LOAD_FIRST))
 
 
 def parse(text: str, name: str = "<spec>") -> Spec:
     """Check a spec's text. Raises SpecError; `name` is what its diagnostics call the text."""
     if not isinstance(text, str):
-        raise RequestError(NOT_A_TEXT(value=repr(text)))
+        raise RequestError(
+            NEEDED_HERE(
+                what="the text of a spec",
+                value=repr(text),
+                remedy="write the spec itself; scenegen.load(FILE) reads a file",
+            )
+        )
     return Spec(check_text(text, name))
 
 

@@ -6,16 +6,16 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.api.request import Note, check_request, plan_of
+from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
 from scenegen.api.sample import PhiSummary, Written, partial
 from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
 from scenegen.errors import RequestError
 from scenegen.errors.files import ONLY_FOR_SETS
-from scenegen.errors.requests import TOO_MANY_FOR_JSON
+from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
-from scenegen.sampling.request import Progress, SampleRequest
+from scenegen.sampling.request import FixedPose, Progress, SampleRequest
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
@@ -28,6 +28,49 @@ if TYPE_CHECKING:
     from scenegen.scenes.motions import AnyFile
 
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
+
+
+def sample_to(
+    path: str | Path,
+    source: Spec | LearnedModel,
+    phi: Phi | None = None,
+    n: int = 16,
+    *,
+    seed: int = 0,
+    method: str = "auto",
+    spread: str = "flat",
+    timeout: float = 60.0,
+    raw: bool = False,
+    keep_partial: bool = False,
+    fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
+    settle: bool = False,
+    workers: int | None = None,
+    resume: bool = False,
+    engine: str = "local",
+    address: str | None = None,
+    shard_size: int | None = None,
+    progress: Progress | None = None,
+    on_note: Note | None = None,
+) -> Written:
+    """The scenes of `sample(...)`, the very same in the same order, in a .parquet, .jsonl or .json file, or as a set;
+    of a spec over time the motions of `sample_motions(...)`, also in a .csv file.
+
+    A path that ends in a slash and a URL (s3://bucket/set/) are places of a set: Parquet files of
+    `shard_size` scenes each, and a manifest. `engine` is "local" or "ray", whose cluster is at `address`; both give the
+    same bytes.
+
+    They are written block by block: memory stays flat, so n may be a billion (a million in .json, which is read as a
+    whole). They grow in a folder beside the file, `scenes.parquet.part/`, and are joined at the end. After an
+    interrupt, a timeout or `kill -9` at any moment, the same call with `resume` goes on from there and ends with the
+    same bytes as an unbroken run; without, such a folder is refused. Raises what `sample` raises, OutputError for a
+    file that cannot be written, and DataError for a damaged folder.
+    """
+    request = SampleRequest(
+        read_phi(source, phi), n, seed=seed, method=method, spread=spread, fix={} if fix is None else fix,
+        settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial, resume=resume,
+        engine=engine, address=address, shard_size=shard_size,
+    )  # fmt: skip
+    return write_scenes(path, source, request, progress=progress, on_note=on_note)
 
 
 def write_scenes(
@@ -110,7 +153,7 @@ def _check_json(n: int, spec: Spec) -> None:
     check_spec(spec)
     most = min(MAX_JSON, MOST_BYTES // (BYTES * (row_count(len(spec.objects)) + len(spec.labels))))
     if n > most:
-        raise RequestError(TOO_MANY_FOR_JSON(n=n, most=most))
+        raise RequestError(TOO_MANY(n=n, most=most))
 
 
 def met(scenes: SceneSet | MotionSet) -> dict[str, PhiSummary]:

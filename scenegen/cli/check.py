@@ -16,7 +16,7 @@ import typer
 from scenegen.api.outline import FormulaTree, Line, Outline, OutlinePart
 from scenegen.api.spec import Spec
 from scenegen.cli.options import COUNT, ROOT, SPEC_FILES, named, option, parse_counts
-from scenegen.cli.output import complain, detail, flag, tree
+from scenegen.cli.output import complain, detail, flag, print_json, tree
 from scenegen.errors import ScenegenError, Source, to_json
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.syntax import ast
@@ -89,9 +89,7 @@ def check(
         diagnostics = [_as_json(one) for one in problems]
         reports.append({"file": named(path), "ok": ok, "diagnostics": diagnostics, **_facts(spec)})
     if json:
-        from json import dumps
-
-        typer.echo(dumps(reports, indent=1, ensure_ascii=False))
+        print_json(reports)
     return int(failed)
 
 

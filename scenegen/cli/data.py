@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from scenegen.cli.many import exit_status, folder_for, names_of, say_why
 from scenegen.cli.options import (
     ADDRESS,
@@ -22,7 +20,7 @@ from scenegen.cli.options import (
     seconds,
     spec_names,
 )
-from scenegen.cli.output import complain, print_error, print_message, progress_bar
+from scenegen.cli.output import complain, print_error, print_json, print_message, progress_bar
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import DAMAGED_SHARD, DATA_ARGUMENTS
 from scenegen.errors.requests import OUT_OF_PLACE
@@ -155,10 +153,8 @@ def _report(places: list[str], how: ReportOptions, *, json: bool) -> int:
             whole = len(report.shards)
             complain(DAMAGED_SHARD(count=len(report.faults), total=whole, file=first.file, reason=first.fault))
     if json:
-        from json import dumps
-
         several = {"format": "scenegen/data", "version": 1, "sets": documents, "failed": failed}
-        typer.echo(dumps(documents[0] if len(found) == 1 else several, indent=1, ensure_ascii=False))
+        print_json(documents[0] if len(found) == 1 else several)
     elif len(found) > 1:
         print(f"\n{len(found)} sets: {scenes:,} scenes, {size / 1e6:,.1f} MB; {len(failed)} damaged")
     return exit_status(failed, len(found)) if len(found) > 1 else int(bool(failed))

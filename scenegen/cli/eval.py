@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from math import isfinite
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from scenegen.cli.options import JSON, ROOT, SPEC_FILE, argument, option
-from scenegen.cli.output import complain, note, print_error, tree
+from scenegen.cli.output import complain, note, print_error, print_json, print_rows, tree
 from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.program import PHI_NOT_COMPARED
 from scenegen.errors.requests import NO_SUCH_SCENE_NUMBER, OUT_OF_PLACE
 from scenegen.errors.time import NO_SUCH_MOTION
+from scenegen.lang.formula.core import REQUIRE
 
 if TYPE_CHECKING:
     from scenegen.api.outline import Line, Outline
@@ -27,7 +25,6 @@ if TYPE_CHECKING:
     from scenegen.lang.formula.timed import TimedValues
 
 
-REQUIRED = "require"  # lang.core.REQUIRE, which is loaded only when the command runs
 EVERY = 10_000  # sub-formulas of a label that --json has at most
 
 
@@ -73,18 +70,18 @@ def evaluate(
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
-    from scenegen.lang.formula.core import REQUIRE
     from scenegen.scenes.formats.plain import is_plain
 
-    checked, options = load(spec, root), TrajectoryOptions(resample, motion, figure)
+    checked = load(spec, root)
     if checked.horizon is not None:
         if scene is not None:
             rule, remedy = "shows one scene, and this is a spec of motions", "leave it out"
             raise RequestError(OUT_OF_PLACE(option="--scene", rule=rule, remedy=remedy))
-        return evaluate_trajectories(checked, scenes, options, json=json)
-    for name in options.given:
-        rule, remedy = "is for trajectories, and this is a spec of scenes", "leave it out"
-        raise RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy=remedy))
+        return evaluate_trajectories(checked, scenes, resample, motion, figure, json=json)
+    for name, given in {"--resample": resample or None, "--motion": motion, "--figure": figure}.items():
+        if given is not None:
+            rule, remedy = "is for trajectories, and this is a spec of scenes", "leave it out"
+            raise RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy=remedy))
     found = read_scenes(scenes, spec=checked if is_plain(scenes) else None)
     check_count(found)
     note(*found.warnings)
@@ -94,9 +91,7 @@ def evaluate(
         raise RequestError(NO_SUCH_SCENE_NUMBER(number=scene, file=scenes, count=len(found)))
     one = (scene or 1) if explain and (scene is not None or len(found) == 1) else None
     if json:
-        from json import dumps
-
-        typer.echo(dumps(as_json(checked, found, explain, one), indent=1, ensure_ascii=False))
+        print_json(as_json(checked, found, explain, one))
         return _compare(checked, found, scenes)
     if one is not None:
         _explain(checked, found, one)
@@ -110,20 +105,12 @@ def evaluate(
     required = requirement(checked.drawn, found)
     if required is not None:
         columns[REQUIRE] = required.tolist()
-    if sys.stdout.isatty():
-        _table(columns)
-    else:
-        lines = ["\t".join(["scene", *columns])]
-        for number, row in enumerate(zip(*columns.values(), strict=True), 1):
-            lines.append("\t".join([str(number), *map(str, row)]))
-        typer.echo("\n".join(lines))
+    print_rows(("scene", *columns), zip(range(1, len(found) + 1), *columns.values(), strict=True))
     return _compare(checked, found, scenes)
 
 
 def _explain(spec: Spec, scenes: SceneSet, number: int) -> None:
     """The formulas of a scene, each sub-formula with its value."""
-    from scenegen.lang.formula.core import REQUIRE
-
     outline, values = _values(spec, scenes, number)
     typer.echo(f"scene {number} of {len(scenes)}")
     for label in outline.labels:
@@ -148,7 +135,7 @@ def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | Non
         at = number - 1
         row: dict[str, Any] = {"scene": number, "phi": {label: float(values[at]) for label, values in phi.items()}}
         if required is not None:
-            row[REQUIRED] = float(required[at]) if isfinite(required[at]) else None
+            row[REQUIRE] = _finite(float(required[at]))
         if explain:
             row["decided_by"] = {label: texts[at] for label, texts in atoms.items()}
         rows.append(row)
@@ -178,18 +165,6 @@ def _values(spec: Spec, scenes: SceneSet, number: int) -> tuple[Outline, list[fl
     return outline, list(interpret(outline.core, part.rows[:, 0].tolist()))
 
 
-def _table(columns: dict[str, list[float] | list[str]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table("scene", *columns, box=None)
-    for number, row in enumerate(zip(*columns.values(), strict=True), 1):
-        cells = (cell if isinstance(cell, str) else f"{cell:+.6f}" for cell in row)
-        table.add_row(str(number), *map(Text, cells))
-    Console().print(table)
-
-
 def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
     """0 where the stored values are those of the spec, or of another spec altogether."""
     from scenegen.api.scenes import compare
@@ -209,61 +184,47 @@ def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
 # `scenegen eval` of a spec over time: phi of trajectories, and what decides it, when.
 
 
-@dataclass(frozen=True, slots=True)
-class TrajectoryOptions:
-    """Options of `scenegen eval` that are about trajectories."""
-
-    resample: bool
-    motion: int | None
-    figure: Path | None
-
-    @property
-    def given(self) -> list[str]:
-        """The names of those that are given."""
-        values = {"--resample": self.resample, "--motion": self.motion is not None, "--figure": self.figure is not None}
-        return [name for name, value in values.items() if value]
-
-
-def evaluate_trajectories(spec: Spec, path: Path, options: TrajectoryOptions, *, json: bool) -> int:
+def evaluate_trajectories(
+    spec: Spec, path: Path, resample: bool, motion: int | None, figure: Path | None, *, json: bool
+) -> int:
     """Print phi of every motion and label, with the atom and the moment that decide it; the status of the program."""
     from scenegen.api.monitor import read_trajectories, score_trajectory
 
-    if options.figure is not None:
-        _check_figure(options.figure, path)
-    motions, notes = read_trajectories(spec, path, resample=options.resample)
-    if options.motion is not None:
-        if options.motion not in motions:
+    if figure is not None:
+        _check_figure(figure, path)
+    motions, notes = read_trajectories(spec, path, resample=resample)
+    if motion is not None:
+        if motion not in motions:
             numbers = [number for number in motions if number is not None]
             ends = {"first": min(numbers), "last": max(numbers)} if numbers else {}
-            raise RequestError(NO_SUCH_MOTION(number=options.motion, file=path, **ends))
-        motions = {options.motion: motions[options.motion]}
-    if options.figure is not None and len(motions) > 1:
+            raise RequestError(NO_SUCH_MOTION(number=motion, file=path, **ends))
+        motions = {motion: motions[motion]}
+    if figure is not None and len(motions) > 1:
         rule = f"draws one motion, and {path} has {len(motions):,}"
         raise RequestError(OUT_OF_PLACE(option="--figure", rule=rule, remedy="choose one with --motion"))
     assert spec.horizon is not None
     scored = {number: score_trajectory(spec, poses) for number, poses in motions.items()}
     tables = {number: _rows(one, spec.horizon.dt) for number, one in scored.items()}
     if json:
-        from json import dumps
-
         found: dict[str, Any] = {"labels": list(spec.labels)}
         each = [{"phi": rows, "over_time": _over_time(scored[number])} for number, rows in tables.items()]
         if None in tables:
             found |= each[0]
         else:
             found["motions"] = [{"motion": number, **one} for number, one in zip(tables, each, strict=True)]
-        typer.echo(dumps(found, indent=1))
+        print_json(found)
     else:
-        _trajectory_table(tables)
+        several = None not in tables
+        head = ("motion", "label", "phi", "decided by", "moment", "t")[not several :]
+        lines = [(number, name, *row.values()) for number, rows in tables.items() for name, row in rows.items()]
+        print_rows(head, [line[not several :] for line in lines], t="{:g} s")
     note(*notes)
-    if options.figure is not None:
-        _draw(options.figure, next(iter(scored.values())), spec)
+    if figure is not None:
+        _draw(figure, next(iter(scored.values())), spec)
     return 0
 
 
 def _rows(scored: TimedValues, dt: float) -> dict[str, dict[str, Any]]:
-    from scenegen.lang.formula.core import REQUIRE
-
     phi: dict[str | None, float] = dict(scored.phi.items())
     if scored.required is not None:
         phi[None] = float(scored.required.min())
@@ -276,8 +237,6 @@ def _rows(scored: TimedValues, dt: float) -> dict[str, dict[str, Any]]:
 
 
 def _over_time(scored: TimedValues) -> dict[str, list[float | None]]:
-    from scenegen.lang.formula.core import REQUIRE
-
     found = dict(scored.signals)
     if scored.required is not None:
         found[REQUIRE] = scored.required
@@ -304,25 +263,3 @@ def _draw(figure: Path, scored: TimedValues, spec: Spec) -> None:
     times = [moment * spec.horizon.dt for moment in range(spec.horizon.moments)]
     write_whole(figure, phi_chart(times, {name: row.tolist() for name, row in scored.signals.items()}))
     print_error(f"phi over time in {figure}")
-
-
-def _trajectory_table(tables: Mapping[int | None, dict[str, dict[str, Any]]]) -> None:
-    import sys
-
-    several = None not in tables
-    head = (*(("motion",) if several else ()), "label", "phi", "decided by", "moment", "t")
-    lines = [(number, name, row) for number, rows in tables.items() for name, row in rows.items()]
-    if not sys.stdout.isatty():
-        typer.echo("\t".join(head))
-        for number, name, row in lines:
-            typer.echo("\t".join(map(str, (*((number,) if several else ()), name, *row.values()))))
-        return
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(*head, box=None)
-    for number, name, row in lines:
-        cells = (name, f"{row['phi']:+.6f}", row["decided_by"], str(row["moment"]), f"{row['t']:g} s")
-        table.add_row(*map(Text, (*((str(number),) if several else ()), *cells)))
-    Console().print(table)

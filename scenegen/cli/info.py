@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from scenegen.cli.options import JSON, argument
+from scenegen.cli.output import print_json
 
 
 def info(
@@ -30,10 +31,8 @@ def info(
     found = load_model(model)
     each = [(model_file(model, numbers), one) for numbers, one in found.each]
     if json:
-        from json import dumps
-
         told = [as_json(one, path) for path, one in each]
-        typer.echo(dumps({"models": told} if found.spec.counts else told[0], indent=1, ensure_ascii=False))
+        print_json({"models": told} if found.spec.counts else told[0])
         return
     for path, one in each:
         facts = [

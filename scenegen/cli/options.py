@@ -73,8 +73,8 @@ def field_option(kind: type, name: str, help: str | None = None, **changes: Any)
     usual = {one.name: one.default for one in dataclasses.fields(kind)}[name]
     _, given = options_of(kind)[name]
     more: dict[str, Any] = {"default": None if usual is dataclasses.MISSING or given.typed is not None else usual}
-    if given.choices:
-        more["autocompletion"] = choices(*given.choices)
+    if hints := given.choices or given.hints:
+        more["autocompletion"] = choices(*hints)
     if given.unit == "s":
         more["parser"] = seconds
     metavar = "SECONDS" if given.unit == "s" else given.metavar

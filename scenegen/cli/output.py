@@ -13,12 +13,12 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from scenegen.errors import Diagnostic, OutputError, render_all
 from scenegen.errors.files import CANNOT_WRITE
@@ -114,16 +114,13 @@ class Verbosity:
     started: float = field(default_factory=time.monotonic)
 
 
-voice: ContextVar[Verbosity] = ContextVar("voice")  # set for as long as a command runs
-
-
-def _voice() -> Verbosity:
-    return voice.get(Verbosity())
+USUAL = Verbosity()
+voice = ContextVar("voice", default=USUAL)  # set for as long as a command runs
 
 
 def elapsed() -> float:
     """Seconds since the command began."""
-    return time.monotonic() - _voice().started
+    return time.monotonic() - voice.get().started
 
 
 def left(timeout: float) -> float:
@@ -143,24 +140,51 @@ def use_color() -> bool:
 
 def print_error(text: str) -> None:
     """What a command did, or a note: on standard error, unless -q was given."""
-    if not _voice().quiet:
+    if not voice.get().quiet:
         print_message(text)
 
 
 def print_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A small table under a header, unless -q was given; without rich, which takes a while to load."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    bold = use_color()
+    for row in (header, *rows):
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
+        if bold and row is header:
+            cells = [f"\x1b[1m{cell}\x1b[0m" for cell in cells]
+        print_error(f" {'  '.join(cells)} ")
 
-    def line(cells: Sequence[str], bold: bool = False) -> str:
-        padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True)]
-        return " " + "  ".join(f"\x1b[1m{cell}\x1b[0m" if bold else cell for cell in padded) + " "
 
-    print_error("\n".join([line(header, bold=use_color()), *map(line, rows)]))
+def print_json(data: Any) -> None:
+    """Data as one JSON document on standard output."""
+    from json import dumps
+
+    print(dumps(data, indent=1, ensure_ascii=False))
+
+
+def print_rows(header: Sequence[str], rows: Iterable[Sequence[object]], **formats: str) -> None:
+    """A table on standard output: on a terminal rounded, in the format of a column if it has one, and in a pipe
+    tab-separated with every digit."""
+    if not sys.stdout.isatty():
+        print("\n".join("\t".join(map(str, row)) for row in (header, *rows)))
+        return
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*header, box=None)
+    for row in rows:
+        each = (
+            (formats.get(name, "{:+.6f}" if isinstance(one, float) else "{}"), one)
+            for name, one in zip(header, row, strict=True)
+        )
+        table.add_row(*(Text(form.format(one)) for form, one in each))
+    Console().print(table)
 
 
 def detail(text: str) -> None:
     """What is being done, with the time so far: only where -v was given."""
-    now = _voice()
+    now = voice.get()
     if now.verbose:
         print_message(f"[{time.monotonic() - now.started:6.2f} s] {text}")
 
@@ -192,7 +216,7 @@ def complain(*diagnostics: Diagnostic) -> None:
 
 def note(*diagnostics: Diagnostic) -> None:
     """What is worth knowing, unless -q was given."""
-    if not _voice().quiet:
+    if not voice.get().quiet:
         for one in diagnostics:
             complain(one)
 
@@ -207,7 +231,7 @@ def console() -> Console:
     """A rich console on standard error; it prints nothing where -q was given."""
     from rich.console import Console
 
-    screen = Console(stderr=True, highlight=False, soft_wrap=True, quiet=_voice().quiet)
+    screen = Console(stderr=True, highlight=False, soft_wrap=True, quiet=voice.get().quiet)
     screen.width = max(screen.width, NARROWEST)
     return screen
 

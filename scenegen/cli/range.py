@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from scenegen.cli.options import COUNT, JSON, ROOT, SPEC_FILE, named, option, parse_counts, seconds
-from scenegen.cli.output import complain, detail, left, print_error, use_color
+from scenegen.cli.output import complain, detail, left, print_error, print_json, use_color
 from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 
@@ -61,9 +61,7 @@ def range_(
     found = rarity(checked, label, seed=seed, timeout=None if timeout is None else left(timeout))
     detail(f"measured {len(found.labels)} labels in {found.evaluations:,} evaluations")
     if json:
-        from json import dumps
-
-        typer.echo(dumps(as_json(named(spec), found), indent=1, ensure_ascii=False))
+        print_json(as_json(named(spec), found))
     else:
         _print(spec, found, "scene" if checked.over_time is None else "motion", count or [])
     complain(*found.warnings)

@@ -13,7 +13,7 @@ from scenegen.cli.options import ADDRESS, ENGINE, MESHES, PICTURES, POSES_OF, ar
 from scenegen.cli.output import note, note_others, print_error, progress_bar
 from scenegen.errors import RequestError, Source, Span
 from scenegen.errors.program import NOT_ITS_MODEL
-from scenegen.errors.requests import OUT_OF_PLACE, OUT_OF_RANGE, SIZE_SYNTAX
+from scenegen.errors.requests import ARGUMENT_SYNTAX, OUT_OF_PLACE, OUT_OF_RANGE
 from scenegen.errors.time import NOT_ONE_MOTION
 from scenegen.scenes.formats.registry import is_motions
 
@@ -188,7 +188,7 @@ def parse_size(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text, re.ASCII)
     if match is None:
         here = Span(Source("size", text, argument=True), 0, len(text))
-        raise RequestError(SIZE_SYNTAX(here))
+        raise RequestError(ARGUMENT_SYNTAX(here, what="a size", form="WIDTHxHEIGHT", example="640x480"))
     return int(match[1]), int(match[2])
 
 

@@ -24,9 +24,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     OUT_OF_PLACE,
-    RESUME_WITHOUT_FILE,
-    SPEC_OF_SPEC,
-    STEPS_OF_SPEC,
+    WITHOUT_MODEL,
 )
 from scenegen.errors.time import NOT_FOR_MOTIONS
 from scenegen.sampling.request import OF_MODELS, Range, SampleRequest
@@ -125,7 +123,9 @@ def sample(
     manifest, a card. It may have any number of scenes. With several specs each gets a set in DIR/; a bad one is
     reported by its name, the others are made, and the exit status is 1."""
     if out is None and typed["resume"]:
-        raise RequestError(RESUME_WITHOUT_FILE())
+        raise RequestError(
+            OUT_OF_PLACE(option="--resume", rule="goes on with a file, and none is named", remedy="name it with --out")
+        )
     if satisfied and violated:
         raise RequestError(CONFLICTING_ARGUMENTS(one="satisfied", other="violated"))
     if pictures is not None and render is None:
@@ -194,7 +194,7 @@ def _load(options: SampleOptions) -> Spec | Model:
 
         subject = load_model(source, None if options.spec is None else load(options.spec, root))
     elif options.spec is not None:
-        raise RequestError(SPEC_OF_SPEC())
+        raise RequestError(WITHOUT_MODEL(argument="spec", rule="says which spec a model must be of"))
     else:
         subject = load(source, root)
     subject = subject.with_counts(parse_counts(options.count)) if options.count else subject
@@ -203,7 +203,7 @@ def _load(options: SampleOptions) -> Spec | Model:
     from scenegen.learn.model import Model
 
     if not isinstance(subject, Model):
-        raise RequestError(STEPS_OF_SPEC())
+        raise RequestError(WITHOUT_MODEL(argument="steps", rule="says how a model makes its scenes"))
     return subject.in_steps(options.steps)
 
 

@@ -10,8 +10,8 @@ from scenegen.cli.options import argument, option
 from scenegen.cli.output import complain, print_error
 from scenegen.errors import RequestError
 from scenegen.errors.files import CANNOT_READ
-from scenegen.errors.program import PUBLIC_ADDRESS, SERVED_IN_PUBLIC
-from scenegen.errors.requests import NOT_INSTALLED
+from scenegen.errors.program import SERVED_IN_PUBLIC
+from scenegen.errors.requests import NOT_INSTALLED, OUT_OF_PLACE
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -46,7 +46,14 @@ def view(
     from scenegen.show.view.project import open_
 
     if host not in LOOPBACK and not public:
-        raise RequestError(PUBLIC_ADDRESS(host=host))
+        raise RequestError(
+            OUT_OF_PLACE(
+                option=f"--host {host}",
+                rule="is an address that other machines can reach",
+                remedy="everyone with the link can then read and write specs in the opened folder; add --public if you "
+                "mean it",
+            )
+        )
     opened = open_(what)
     if export is not None:
         import shlex

@@ -55,16 +55,13 @@ INTERRUPTED = Kind(
 TRAINING_INTERRUPTED = Kind(
     "training-interrupted",
     (
+        "{late:?}time is up after {done} of {epochs} epochs; go on with `<resume=True> <out={path}>`",
         "interrupted while {account}; {kept:,} scenes are kept in {path}; go on with `<resume=True>`",
         "interrupted while {account}; nothing was written",
         "stopped after {done} of {epochs} epochs; go on with `<resume=True> <out={path}>`",
     ),
     severity="note",
-)
-TIME_IS_UP = Kind(
-    "time-is-up",
-    "time is up after {done} of {epochs} epochs; go on with `<resume=True> <out={path}>`",
-    severity="note",
+    formerly=("time-is-up",),
 )
 ALREADY_DONE = Kind(
     "already-done", "{epochs} epochs are already done; to train on, ask for more with <epochs>", severity="note"
@@ -90,11 +87,6 @@ NOT_OPENED = Kind(
     ("cannot open {name}: there is no such file", "cannot open {file}: {reason}"),
     help=(NEAREST, "{name:?}name a spec, a scene file, a model or a folder; `scenegen specs` lists specs"),
     formerly=("nothing-to-open",),
-)
-PUBLIC_ADDRESS = Kind(
-    "public-address",
-    "{host} is an address that other machines can reach",
-    help="everyone with the link can then read and write specs in the opened folder; add --public if you mean it",
 )
 SERVED_IN_PUBLIC = Kind(
     "served-in-public",

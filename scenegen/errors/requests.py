@@ -15,6 +15,7 @@ WRONG_VALUE = Kind(
         "not-a-strategy",
         "not-an-environment",
         "number-of-seeds",
+        "odd-file-name",
         "wrong-autoreset",
     ),
 )
@@ -23,9 +24,6 @@ OUT_OF_RANGE = Kind(
     "{argument:argument} is {value}",
     help="it must be {wanted}[[; {hint}]]",
     formerly=("label-not-there",),
-)
-ODD_FILE_NAME = Kind(
-    "odd-file-name", "{argument:argument} is {value}", help="no file name can hold {odd}; leave it out"
 )
 UNKNOWN_CHOICE = Kind(
     "unknown-choice",
@@ -37,6 +35,49 @@ NO_VALID_SCENE = Kind(
     "no scene was found that meets what {file} requires, so there is nothing to say about any",
     help="`scenegen check` names the requirements that clash",
 )
+CONFLICTING_ARGUMENTS = Kind(
+    "conflicting-arguments",
+    "{one:argument} and {other:argument} contradict each other[[: {reason}]]",
+    help="give one of them",
+    formerly=("raw-with-fixed", "raw-settled"),
+)
+OUT_OF_PLACE = Kind(
+    "out-of-place", "{option} {rule}", help="{remedy}", formerly=("resume-without-file", "public-address")
+)
+WITHOUT_MODEL = Kind(
+    "without-model",
+    "{argument:argument} {rule}, and no model takes part here",
+    help="name a model file, or leave {argument:argument} out",
+    formerly=("raw-without-model", "method-without-model", "steps-of-spec", "spec-of-spec"),
+)
+ARGUMENT_SYNTAX = Kind(
+    "argument-syntax",
+    "{what} is written {form}",
+    help=("write a band: {band}", "for instance {example}"),
+    formerly=("setting-syntax", "size-syntax", "held-syntax", "range-syntax", "range-without-end"),
+)
+GIVEN_TWICE = Kind(
+    "given-twice", "{what} is given twice", help="give it once", formerly=("setting-twice", "label-twice", "held-twice")
+)
+NEEDED_HERE = Kind(
+    "needed-here",
+    "{what} is needed here, not {value}",
+    help="{remedy}",
+    formerly=("not-a-spec", "not-a-text", "not-a-scene"),
+)
+TOO_MANY = Kind(
+    "too-many",
+    (
+        "{n:,} scenes of {objects} objects are too many for memory",
+        "a .json file cannot hold {n:,} scenes: readers need all of it in memory",
+    ),
+    help=(
+        "{objects:?}write them to a file with `<out=scenes.parquet>` (in Python: sample_to), or ask for at most "
+        "{most:,}",
+        "write .jsonl or .parquet, or ask for at most {most:,}",
+    ),
+    formerly=("too-many-for-memory", "too-many-for-json"),
+)
 UNKNOWN_SETTING = Kind(
     "unknown-setting", "[[{path}: ]]{owner} has no setting `{name}`", help=(NEAREST, "its settings are {known:quoted}")
 )
@@ -45,28 +86,7 @@ WRONG_SETTING = Kind(
     ("[[{path}: ]]setting `{name}` of {owner}: {reason}", "{owner}: {reason}"),
     help=("by default `{name}` is {usual}", "its settings are {known:quoted}"),
 )
-SETTING_SYNTAX = Kind(
-    "setting-syntax",
-    "a setting is written NAME=VALUE, and its value is a number",
-    help="for instance width=128",
-)
-SETTING_TWICE = Kind("setting-twice", "`{name}` is set twice", help="give each setting once")
 MISSING_ARGUMENT = Kind("missing-argument", "{argument:argument} is missing: {question}")
-CONFLICTING_ARGUMENTS = Kind(
-    "conflicting-arguments", "{one:argument} and {other:argument} contradict each other", help="give one of them"
-)
-OUT_OF_PLACE = Kind("out-of-place", "{option} {rule}", help="{remedy}")
-NOT_A_SPEC = Kind(
-    "not-a-spec",
-    "{what} is needed here, not {value}",
-    help="load it first: scenegen.load(FILE) reads a spec, scenegen.load_model(FILE) a model, which has a `spec`",
-)
-NOT_A_TEXT = Kind(
-    "not-a-text",
-    "the text of a spec is needed here, not {value}",
-    help="write the spec itself; scenegen.load(FILE) reads a file",
-)
-NOT_A_SCENE = Kind("not-a-scene", "one scene is needed here, not {value}", help="pick one of a set: scenes[0]")
 NOT_AN_INDEX = Kind(
     "not-an-index",
     "{value} does not pick scenes",
@@ -83,59 +103,17 @@ UNKNOWN_SHIPPED_SPEC = Kind(
 NO_SUCH_SCENE_NUMBER = Kind(
     "no-such-scene-number", "there is no scene {number}", help="{file} holds the scenes 1 to {count}"
 )
-SIZE_SYNTAX = Kind("size-syntax", "a size is written WIDTHxHEIGHT", help="for instance: `<size=640x480>`")
 NO_SCENES = Kind("no-scenes", "there are no scenes[[ in {file}]][[ with {counted}]]", help="sample some first")
-TOO_MANY_FOR_MEMORY = Kind(
-    "too-many-for-memory",
-    "{n:,} scenes of {objects} objects are too many for memory",
-    help="write them to a file with `<out=scenes.parquet>` (in Python: sample_to), or ask for at most {most:,}",
-)
-TOO_MANY_FOR_JSON = Kind(
-    "too-many-for-json",
-    "a .json file cannot hold {n:,} scenes: readers need all of it in memory",
-    help="write .jsonl or .parquet, or ask for at most {most:,}",
-)
 NOT_INSTALLED = Kind("not-installed", "{package} is needed {purpose}, and is not installed", help="{command}")
 NO_ENCODER = Kind(
     "no-encoder",
     "PyAV on this machine cannot write H.264: its FFmpeg lacks {encoder}",
     help="install the wheel of PyAV from PyPI (`pip install --force-reinstall av`), or draw a GIF",
 )
-RAW_WITH_FIXED = Kind(
-    "raw-with-fixed",
-    "<raw> is a model's own output, and a model does not know of objects that are held",
-    help="leave <raw> or <fix> out",
-)
-RAW_SETTLED = Kind(
-    "raw-settled", "<raw> is a model's own output, whether it settles or not", help="leave <raw> or <settle> out"
-)
-RAW_WITHOUT_MODEL = Kind(
-    "raw-without-model",
-    "<raw> is a model's own output, and no model takes part here",
-    help="name a model file, or leave <raw> out",
-)
-METHOD_WITHOUT_MODEL = Kind(
-    "method-without-model",
-    "the method `{method}` needs a trained model, not a spec",
-    help="name a model file",
-)
-STEPS_OF_SPEC = Kind(
-    "steps-of-spec",
-    "<steps> says how a model makes its scenes, and this is a spec",
-    help="leave <steps> out, or name a model file",
-)
 STEPS_FIXED = Kind(
     "steps-fixed",
     "a scene of the {model} is one evaluation of its network: there are no steps to choose",
     help="leave <steps> out, or take a flow",
-)
-SPEC_OF_SPEC = Kind(
-    "spec-of-spec",
-    "<spec> says which spec a model must be of, and this is no model",
-    help="name a model file, or leave <spec> out",
-)
-RESUME_WITHOUT_FILE = Kind(
-    "resume-without-file", "<resume> goes on with a file, and none is named", help="name it with <out>"
 )
 
 # labels and ranges of phi
@@ -150,23 +128,14 @@ LABEL_NOT_NAMED = Kind(
     "of which label?",
     ("say which label: `<phi={first}={text}>`", "name it: `<phi={first}=lowest:highest>`"),
 )
-LABEL_TWICE = Kind("label-twice", "there are two ranges of phi for `{name}`", help="give one range per label")
 NOT_A_NUMBER = Kind("not-a-number", "`{text}` is not a number", help="{usage}")
-RANGE_SYNTAX = Kind(
-    "range-syntax",
-    "a range is written LO:HI, LO: or :HI",
-    help=("write a band: {band}", "for instance 0.05:0.2"),
-)
-RANGE_WITHOUT_END = Kind(
-    "range-without-end", "this range has no end", help="write LO:HI, LO: or :HI, or leave <phi> out"
-)
 RANGE_NOT_A_PAIR = Kind(
     "range-not-a-pair",
-    "the range of phi of `{label}` is {value}",
+    ("{end} cannot end a range of phi of `{label}`", "the range of phi of `{label}` is {value}"),
     help="write (lowest, highest), with None for an open end",
+    formerly=("range-end",),
 )
 RANGE_REVERSED = Kind("range-reversed", "this range[[ of phi of `{label}`]] is reversed", help="write {high:g}:{low:g}")
-RANGE_END = Kind("range-end", "{end} cannot end a range of phi of `{label}`", help="use None for open")
 BEYOND_BOUNDS = Kind(
     "beyond-bounds",
     "no scene can have phi of `{label}` in {range}",
@@ -191,12 +160,6 @@ SINGLE_VALUE = Kind(
 UNKNOWN_OBJECT = Kind(
     "unknown-object", "the spec has no object `{name}`", help=(NEAREST, "the spec has {known:quoted8}")
 )
-HELD_SYNTAX = Kind(
-    "held-syntax",
-    "an object is held as NAME=X,Y[,THETA]",
-    help="write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5 or plate=50cm,0.5,90deg",
-)
-HELD_TWICE = Kind("held-twice", "`{name}` is held twice", help="give one place per object")
 HELD_BY_SPEC = Kind(
     "held-by-spec",
     "`{name}` is held in place by the spec already",

@@ -21,28 +21,24 @@ from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.language import MORE_THAN_A_TURN
 from scenegen.errors.requests import (
     ALL_HELD,
+    ARGUMENT_SYNTAX,
     BEYOND_BOUNDS,
+    GIVEN_TWICE,
     HELD_BY_SPEC,
     HELD_OUTSIDE,
-    HELD_SYNTAX,
-    HELD_TWICE,
     LABEL_NOT_NAMED,
-    LABEL_TWICE,
     NOT_A_NUMBER,
     NOT_A_POSE,
     ONLY_AT_BOUND,
-    RANGE_END,
+    RANGE_NOT_A_PAIR,
     RANGE_REVERSED,
-    RANGE_SYNTAX,
-    RANGE_WITHOUT_END,
     SINGLE_VALUE,
     UNKNOWN_LABEL,
     UNKNOWN_OBJECT,
 )
 from scenegen.geometry.units import quantity
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
-from scenegen.sampling.methods import METHODS, methods_help
-from scenegen.validation import Option, as_int, as_list, as_seconds, by_name, one_of, options_of, whole_number
+from scenegen.validation import Option, as_int, as_list, by_name, options_of
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
@@ -59,6 +55,7 @@ MAX_SCENES = 1_000_000_000
 LARGEST_PHI = 1e12
 MAX_SEED = 2**63 - 1
 PHI_UNITS = ("", "m", "cm", "mm", "rad", "deg")
+RANGE = {"what": "a range", "form": "LO:HI, LO: or :HI"}
 PHI_USAGE = "write a range such as 0.05:0.2, in metres and radians, or with units: 5cm:20cm"
 
 
@@ -107,7 +104,7 @@ def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "ph
         if name not in labels:
             raise RequestError(UNKNOWN_LABEL(here, name=name, known=labels))
         if name in phi:
-            raise RequestError(LABEL_TWICE(here, name=name))
+            raise RequestError(GIVEN_TWICE(here, what=f"the range of `{name}`"))
         phi[name] = _parse_range(rest, source, offset)
     return phi
 
@@ -117,7 +114,9 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
         alone = not colon and number(text) is not None
-        raise RequestError(RANGE_SYNTAX(whole, band=_band_text(text) if alone else None))
+        raise RequestError(
+            ARGUMENT_SYNTAX(whole, **RANGE, band=_band_text(text) if alone else None, example="0.05:0.2")
+        )
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
         amount, suffix = unit_of(part)
@@ -128,7 +127,7 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
         value = value if value is None else quantity(amount, suffix)[0]
         ends.append(value)
     if ends == [None, None]:
-        raise RequestError(RANGE_WITHOUT_END(whole))
+        raise RequestError(ARGUMENT_SYNTAX(whole, **RANGE, example="0.05:0.2; or leave the option out"))
     result = Range(ends[0], ends[1], whole)
     problem = empty_range(result)
     if problem is not None:
@@ -164,12 +163,16 @@ def empty_range(wanted: Range) -> Diagnostic | None:
     return None
 
 
+def _check_fix(name: str, fix: object) -> Mapping[str, Any]:
+    return by_name(name, fix, 'poses by name: fix={"plate": (0.5, 0.5)}')
+
+
 def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
     """Raises RequestError for an end that is not finite, and for a reversed range."""
-    for label, wanted in by_name("ranges by label")(name, phi).items():
+    for label, wanted in by_name(name, phi, "ranges by label").items():
         for end in (wanted.low, wanted.high):
             if end is not None and not abs(end) <= LARGEST_PHI:
-                raise RequestError(RANGE_END(end=end, label=label))
+                raise RequestError(RANGE_NOT_A_PAIR(end=end, label=label))
         problem = empty_range(wanted)
         if problem is not None:
             raise RequestError(problem)
@@ -182,7 +185,8 @@ def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
 
 Array = npt.NDArray[np.float64]
 
-USAGE = "write NAME=X,Y or NAME=X,Y,THETA, for instance plate=0.5,0.5 or plate=50cm,0.5,90deg"
+HELD = "plate=0.5,0.5 or plate=50cm,0.5,90deg"
+USAGE = f"write NAME=X,Y or NAME=X,Y,THETA, for instance {HELD}"
 COMPASS = {"EAST": 0, "NORTH": 90, "WEST": 180, "SOUTH": 270}
 UNITS = {"m": ("", "m", "cm", "mm"), "rad": ("", "rad", "deg", "turn")}
 
@@ -197,7 +201,9 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
         whole = Span(source, 0, len(text))
         parts = rest.split(",")
         if not equals or not name.strip() or len(parts) not in (len(PLACE), len(FLAT)):
-            raise RequestError(HELD_SYNTAX(whole))
+            raise RequestError(
+                ARGUMENT_SYNTAX(whole, what="what is held", form="NAME=X,Y or NAME=X,Y,THETA", example=HELD)
+            )
         values = []
         start = len(name) + 1
         for place, part in enumerate(parts):
@@ -205,7 +211,7 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
             values.append(value)
             start += len(part) + 1
         if name.strip() in found:
-            raise RequestError(HELD_TWICE(whole, name=name.strip()))
+            raise RequestError(GIVEN_TWICE(whole, what=f"the place of `{name.strip()}`"))
         found[name.strip()] = FixedPose(values[0], values[1], values[2] if len(values) == len(FLAT) else None, whole)
     return found
 
@@ -232,6 +238,37 @@ def _optional_int(name: str, value: object) -> int | None:
 
 
 # --------------------------------------------------------------------------------------------------------------------
+# The sampling methods: one table for the command line, the Python API and `auto`.
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """`make` is "module:function". It makes a plan from a problem and a budget; if `proposes`, also from a proposer.
+    Raises RequestError if there is no scene, or if time is up before there is a plan."""
+
+    make: str
+    good_for: str
+    proposes: bool = False
+    over_time: bool = False  # draws motions, too
+
+
+METHODS: Mapping[str, Method] = {
+    "auto": Method("scenegen.sampling.choice:choose", "takes the method below that needs least time", over_time=True),
+    "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests", over_time=True),
+    "growth": Method("scenegen.sampling.growth.sampler:make_plan", "full tables"),
+    "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets", over_time=True),
+    "model": Method("scenegen.learn.guided:make_plan", "a model file", proposes=True),
+}
+
+
+def methods_help() -> str:
+    """The help of `--method`: `auto, rejection or splitting (a spec), model (a model file)`."""
+    *most, last = [name for name, method in METHODS.items() if not method.proposes]
+    proposing = [f"{name} (a model file)" for name, method in METHODS.items() if method.proposes]
+    return ", ".join([f"{', '.join(most)} or {last} (a spec)", *proposing]) + "."
+
+
+# --------------------------------------------------------------------------------------------------------------------
 # The request. Its fields are the options of `scenegen sample`, of Python's `sample` and of the page.
 
 
@@ -244,7 +281,7 @@ class SampleRequest:
     depends on the spec is checked by `api.request.check_request` and `within_reach`.
 
     `phi` are the ranges by label. `fix` has the poses of fixed objects by name: (x, y) or (x, y, theta), in metres and
-    radians. `method` is one of `sampling.methods.METHODS`. `timeout` (seconds) and `workers` (processes; None: as many
+    radians. `method` is one of METHODS. `timeout` (seconds) and `workers` (processes; None: as many
     as save time) change no scene, nor do `resume`, `engine`, `address` and `shard_size`, which say how scenes are
     written. A range that phi reaches only at its bound, with probability 0, is replaced by a band beside it, with a
     warning; with `strict` it is refused, for those who promise the range and show no warnings.
@@ -265,14 +302,15 @@ class SampleRequest:
         Option(
             "How many scenes; default: 16, with --fix-from as many as are given.",
             typed=int | None,
-            check=whole_number(1, MAX_SCENES),
+            least=1,
+            most=MAX_SCENES,
         ),
     ] = USUAL
-    seed: Annotated[int, Option("The same seed gives the same scenes.", check=whole_number(0, MAX_SEED))] = 0
-    method: Annotated[str, Option(methods_help(), choices=METHODS, panel=DRAWING)] = "auto"
+    seed: Annotated[int, Option("The same seed gives the same scenes.", most=MAX_SEED)] = 0
+    method: Annotated[str, Option(methods_help(), hints=METHODS, panel=DRAWING)] = "auto"
     spread: Annotated[
         str,
-        Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS, check=one_of(SPREADS)),
+        Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS),
     ] = "flat"
     fix: Annotated[
         Mapping[str, FixedPose | tuple[float, ...]],
@@ -282,7 +320,7 @@ class SampleRequest:
             "NAME=X,Y[,THETA]",
             typed=list[str] | None,
             parse=parse_fix,
-            check=by_name('poses by name: fix={"plate": (0.5, 0.5)}'),
+            check=_check_fix,
         ),
     ] = field(default_factory=dict)
     settle: Annotated[
@@ -292,9 +330,7 @@ class SampleRequest:
     workers: Annotated[
         int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING)
     ] = None
-    timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", check=as_seconds, panel=DRAWING)] = (
-        60.0
-    )
+    timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", panel=DRAWING)] = 60.0
     keep_partial: Annotated[bool, Option("Keep what was found when time is up.", panel=DRAWING)] = False
     raw: Annotated[
         bool,
@@ -315,7 +351,7 @@ class SampleRequest:
         str,
         Option(
             "What draws a set: local processes, or a ray cluster. The bytes are the same.",
-            choices=("local", "ray"),
+            hints=("local", "ray"),
             of=("sets",),
             panel=SETS,
         ),
@@ -328,8 +364,7 @@ class SampleRequest:
 
     def __post_init__(self) -> None:
         for name, option in _options().items():
-            if option.check is not None:
-                object.__setattr__(self, name, option.check(name, getattr(self, name)))
+            object.__setattr__(self, name, option.checked(name, getattr(self, name)))
 
     @classmethod
     def typed(cls, options: Mapping[str, Any], labels: Sequence[str]) -> SampleRequest:

@@ -82,7 +82,7 @@ def test_objects_may_stand_in_another_order(scenegen, scenes, here):
 
 
 def test_a_rounded_table_for_people(scenegen, scenes, monkeypatch):
-    monkeypatch.setattr("scenegen.cli.eval.sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("scenegen.cli.output.sys.stdout.isatty", lambda: True, raising=False)
     outcome = scenegen("eval", "two.spec", "s.json")
     assert outcome.status == 0
     header, first = (line.split() for line in outcome.out.splitlines()[:2])

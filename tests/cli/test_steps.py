@@ -16,7 +16,7 @@ def test_a_flow_in_any_number_of_jumps(scenegen, refused, here):
     assert poses["1"] != poses["3"]
     for wrong in ("0", "1001"):
         assert "must be from 1 to 1,000" in refused("sample", "m.safetensors", "--steps", wrong)
-    assert "this is a spec" in refused("sample", "good.spec", "--steps", "2")
+    assert "no model takes part" in refused("sample", "good.spec", "--steps", "2")
 
 
 def test_models_without_steps(scenegen, refused, here):

@@ -235,7 +235,7 @@ BAD_SETTINGS = [
     ({"share": math.nan}, "out-of-range"),
     ({"moves": "fly"}, "unknown-choice"),
     ({"reward": "dense"}, "unknown-choice"),
-    ({"phi": (math.nan, 1.0)}, "range-end"),
+    ({"phi": (math.nan, 1.0)}, "range-not-a-pair"),
     ({"phi": {"order": (0.0, 1.0)}}, "unknown-label"),
     ({"source": 3}, "wrong-value"),
     ({"source": "nowhere.jsonl"}, "cannot-read"),

@@ -12,9 +12,8 @@ import pytest
 
 import scenegen
 from scenegen.api.request import check_request, plan_of
-from scenegen.sampling.methods import METHODS
 from scenegen.sampling.problem import Budget
-from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.request import METHODS, Range, SampleRequest
 
 WAVE = "sin(20 * theta({})) >= 0.9"
 TEXT = "object mug, plate, cup\nrequire farFrom(mug, plate, 0.1)\ntask: leftOf(mug, plate) & closeTo(cup, mug, 0.3)\n"

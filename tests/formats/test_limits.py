@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from scenegen.api.reading import read_scenes
-from scenegen.api.sample import sample_to
 from scenegen.api.spec import parse
+from scenegen.api.stream import sample_to
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.scenes import blocks
 from scenegen.scenes.formats import jsonl, parquet, scenes_json

@@ -35,7 +35,7 @@ def test_forms():
         (["plate=1,2,3,4"], "NAME=X,Y", 1),
         (["plate=0.5,here"], "`here` is not a number", 11),
         (["plate=nan,0"], "`nan` is not a number", 7),
-        (["plate=0,0", "plate=1,1"], "held twice", 1),
+        (["plate=0,0", "plate=1,1"], "given twice", 1),
     ],
 )
 def test_what_cannot_be_read(texts, said, place):

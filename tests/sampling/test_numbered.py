@@ -94,7 +94,7 @@ def test_groups_of_cells_have_equal_shares_whatever_they_reach():
         ({"fix": {"block[4]": (0.5, 0.5)}}, "held-may-be-missing"),
         ({"fix": {"blok": (0.5, 0.5)}}, "unknown-object"),
         ({"n": 0}, "out-of-range"),
-        ({"method": "model"}, "method-without-model"),
+        ({"method": "model"}, "without-model"),
         ({"phi": {"other": (0.0, 1.0)}}, "unknown-label"),
     ],
 )

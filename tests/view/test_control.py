@@ -6,7 +6,7 @@ import pytest
 
 from scenegen.cli.output import flag
 from scenegen.errors import RequestError
-from scenegen.errors.requests import RANGE_WITHOUT_END
+from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.show.view.jobs.source import refusal
 from scenegen.show.view.limits import FIELDS, control, without_command_line
 
@@ -35,9 +35,9 @@ def test_fields_are_those_of_the_page():
 
 
 def test_refusal_speaks_of_the_page():
-    found = refusal(RequestError(RANGE_WITHOUT_END()))
-    assert "--phi of the command line" in found["help"] and found["help"] in found["text"]
-    assert "`phi`" not in found["text"] and flag("phi") in found["text"]
+    found = refusal(RequestError(NO_TIME_TO_CHECK()))
+    assert "--timeout of the command line" in found["help"] and found["help"] in found["text"]
+    assert "`timeout`" not in found["text"] and flag("timeout") in found["text"]
 
 
 def test_ranges_are_told_in_words():

@@ -21,7 +21,6 @@ from scenegen.errors.learning import NOT_A_TASK, NOT_POSES
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     NOT_A_POSE,
-    RANGE_END,
     RANGE_NOT_A_PAIR,
     RANGE_REVERSED,
     SINGLE_VALUE,
@@ -139,13 +138,13 @@ def _ends(name: str, ends: object, points: bool) -> tuple[float, float]:
         low = -math.inf if pair[0] is None else float(pair[0])
         high = math.inf if pair[1] is None else float(pair[1])
     except OverflowError:
-        raise refused(RANGE_END(end="a number that large", label=name), error.InvalidBound) from None
+        raise refused(RANGE_NOT_A_PAIR(end="a number that large", label=name), error.InvalidBound) from None
     if math.isnan(low) or math.isnan(high):
-        raise refused(RANGE_END(end="NaN", label=name), error.InvalidBound)
+        raise refused(RANGE_NOT_A_PAIR(end="NaN", label=name), error.InvalidBound)
     if low > high:
         raise refused(RANGE_REVERSED(label=name, low=low, high=high), error.InvalidBound)
     if low == high and math.isinf(low):
-        raise refused(RANGE_END(end=f"{low:g} at both sides", label=name), error.InvalidBound)
+        raise refused(RANGE_NOT_A_PAIR(end=f"{low:g} at both sides", label=name), error.InvalidBound)
     if low == high and not points:
         band = f"{low - BAND:g}:{low + BAND:g}"
         raise refused(SINGLE_VALUE(label=name, value=low, band=band), error.InvalidBound)

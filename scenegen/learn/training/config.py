@@ -20,11 +20,11 @@ from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.files import UNKNOWN_ENDING
 from scenegen.errors.learning import UNKNOWN_DEVICE
 from scenegen.errors.requests import (
+    ARGUMENT_SYNTAX,
     CONFLICTING_ARGUMENTS,
+    GIVEN_TWICE,
     MISSING_ARGUMENT,
     OUT_OF_RANGE,
-    SETTING_SYNTAX,
-    SETTING_TWICE,
     UNKNOWN_CHOICE,
     WRONG_VALUE,
 )
@@ -117,9 +117,11 @@ def parse_settings(options: Sequence[str]) -> dict[str, float]:
         value = number(rest)
         here = Span(Source("hyper", text, argument=True), len(name) + 1 if equals else 0, len(text))
         if value is None or not name.strip():
-            raise RequestError(SETTING_SYNTAX(here))
+            raise RequestError(
+                ARGUMENT_SYNTAX(here, what="a setting", form="NAME=VALUE, with a number", example="width=128")
+            )
         if name.strip() in found:
-            raise RequestError(SETTING_TWICE(here, name=name.strip()))
+            raise RequestError(GIVEN_TWICE(here, what=f"the setting `{name.strip()}`"))
         found[name.strip()] = int(value) if value.is_integer() else value
     return found
 
@@ -136,7 +138,7 @@ class TrainConfig:
     diagnostic per value that is out of its range.
     """
 
-    model: Annotated[str, Option("flow, energy, gan or aae.", "NAME", choices=MODELS)]
+    model: Annotated[str, Option("flow, energy, gan or aae.", "NAME", hints=MODELS)]
     recipe: Annotated[str, Option("default, or paper: the published networks and settings (gan, aae).")]
     epochs: Annotated[int, Option("Passes over the training scenes.", typed=int | None)]
     batch_size: Annotated[int, Option("Scenes per step.", typed=int | None)]

@@ -16,7 +16,7 @@ import torch
 
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.learning import NO_TIME_TO_TRAIN, UNKNOWN_DEVICE
-from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TIME_IS_UP, TRAINING_INTERRUPTED
+from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TRAINING_INTERRUPTED
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.checkpoint import TrainedModel, load_model
@@ -177,7 +177,7 @@ def train(
             if not _run(session, out, listeners, on_step or _silent, gathering.until):
                 if not session.epoch:
                     raise RequestError(NO_TIME_TO_TRAIN(seconds=timeout, out=out))
-                say(TIME_IS_UP(done=session.epoch, epochs=config.epochs, path=out))
+                say(TRAINING_INTERRUPTED(late=True, done=session.epoch, epochs=config.epochs, path=out))
             elif session.epoch < config.epochs:
                 say(_stopped_early(session))
         if session.done:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from scenegen.errors import RequestError
-from scenegen.errors.requests import NOT_A_SCENE, UNKNOWN_CHOICE
+from scenegen.errors.requests import NEEDED_HERE, UNKNOWN_CHOICE
 from scenegen.geometry.workspace import Floats, standing, turn_between
 from scenegen.needs import need
 from scenegen.processes.pool import Pool, check_workers
@@ -250,7 +250,7 @@ def load_pybullet(
     from scenegen.worlds.physics.bullet import load
 
     if not isinstance(scene, Scene):
-        raise RequestError(NOT_A_SCENE(value=repr(scene)))
+        raise RequestError(NEEDED_HERE(what="one scene", value=repr(scene), remedy="pick one of a set: scenes[0]"))
     header = member_of(scene.header, scene.counts) if scene.header.counts else scene.header
     own = NOTHING
     if meshes is not None:

@@ -136,7 +136,7 @@ def _parameters(definition: ast.Definition, source: Source) -> Iterator[Diagnost
 
 
 def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, constant: bool) -> Iterator[Diagnostic]:
-    for node, visible in ast.walk(root, frozenset(bound), lambda node: not _is_dotted_coordinate(node)):
+    for node, visible in ast.walk(root, frozenset(bound), _is_no_coordinate):
         match node:
             case ast.Member(base, member) if member.id in NAMES:
                 yield NO_SUCH_PART(node.span(source), axis=member.id, base=print_expr(base))
@@ -150,8 +150,8 @@ def _expression(root: ast.Expr, bound: set[str], scope: Scope, source: Source, c
                 yield from _variables(node, visible, source)
 
 
-def _is_dotted_coordinate(node: ast.Expr | ast.Argument) -> bool:
-    return isinstance(node, ast.Member) and node.member.id in NAMES
+def _is_no_coordinate(node: ast.Expr | ast.Argument) -> bool:
+    return not isinstance(node, ast.Member) or node.member.id not in NAMES
 
 
 def _variables(node: ast.Quantifier, visible: frozenset[str], source: Source) -> Iterator[Diagnostic]:

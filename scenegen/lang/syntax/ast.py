@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
 
 from scenegen.errors import Source, Span
 
@@ -379,3 +379,22 @@ def expressions(statement: Statement) -> tuple[Expr, ...]:
             return ()
         case _:
             return (statement.formula,)
+
+
+def same(one: Module, other: Module) -> bool:
+    """Whether two modules say the same; unlike `==` without recursion."""
+    stack: list[tuple[Any, Any]] = [((one.statements, one.bare), (other.statements, other.bare))]
+    while stack:
+        first, second = stack.pop()
+        if type(first) is not type(second):
+            return False
+        if isinstance(first, tuple):
+            if len(first) != len(second):
+                return False
+            stack.extend(zip(first, second, strict=True))
+        elif isinstance(first, Node):
+            names = (item.name for item in fields(first) if item.compare)
+            stack.extend((getattr(first, name), getattr(second, name)) for name in names)
+        elif first != second:
+            return False
+    return True

@@ -9,8 +9,8 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 from scenegen.errors import Source, SpecError
 from scenegen.lang.syntax import ast
@@ -499,7 +499,7 @@ def format_source(source: Source) -> str:
             again = parse(Source(source.name, formatted))
         except SpecError as error:
             raise AssertionError("the formatted text of this spec does not parse") from error
-        if not _same(again, module) or _remarks(_read(formatted)) != _remarks(text):
+        if not ast.same(again, module) or _remarks(_read(formatted)) != _remarks(text):
             raise AssertionError("formatting would change the meaning of this spec or lose a comment")
     return formatted
 
@@ -554,25 +554,6 @@ def _grouping(tokens: Sequence[Token], keywords: AbstractSet[str]) -> set[int]:
 
 def _remarks(text: _Text) -> list[str]:
     return sorted(comment.text for gap in text.comments for comment in gap)
-
-
-def _same(one: ast.Module, other: ast.Module) -> bool:
-    """Whether two modules say the same; unlike `==` without recursion."""
-    stack: list[tuple[Any, Any]] = [((one.statements, one.bare), (other.statements, other.bare))]
-    while stack:
-        first, second = stack.pop()
-        if type(first) is not type(second):
-            return False
-        if isinstance(first, tuple):
-            if len(first) != len(second):
-                return False
-            stack.extend(zip(first, second, strict=True))
-        elif isinstance(first, ast.Node):
-            names = (item.name for item in fields(first) if item.compare)
-            stack.extend((getattr(first, name), getattr(second, name)) for name in names)
-        elif first != second:
-            return False
-    return True
 
 
 def _lines(module: ast.Module, text: _Text, raw: str) -> list[str]:

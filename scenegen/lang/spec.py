@@ -5,17 +5,20 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
-from scenegen.geometry import Footprint
+from scenegen.geometry.footprint import Footprint
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.formula.core import Core
-from scenegen.lang.formula.timed import Timed
 from scenegen.pose import span_of
 from scenegen.things import Shape, shape_of
+
+if TYPE_CHECKING:
+    from scenegen.lang.formula.core import Core
+    from scenegen.lang.formula.timed import Timed
 
 Pose = tuple[float, float, float]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
 from scenegen.things.cabinet import WIDTH, Cabinet
 from scenegen.things.palette import RGB, shade, stable
 

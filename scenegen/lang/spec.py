@@ -7,17 +7,20 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.errors import Diagnostic
-from scenegen.geometry import Footprint
+from scenegen.geometry.footprint import Footprint
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.formula.core import Core
-from scenegen.lang.formula.timed import Timed
 from scenegen.pose import X, row_of, rows_of, span_of
 from scenegen.things import Shape, shape_of
+
+if TYPE_CHECKING:
+    from scenegen.lang.formula.core import Core
+    from scenegen.lang.formula.timed import Timed
 
 Pose = tuple[float, float, float]
 Array = npt.NDArray[np.float64]

@@ -1,6 +1,6 @@
 """What objects look like: footprints, heights, colours and meshes of the things that stand on tables."""
 
-from scenegen.geometry import Box, Circle
+from scenegen.geometry.footprint import Box, Circle
 from scenegen.things.library import (
     ASSETS,
     PLAIN,

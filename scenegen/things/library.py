@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
 from scenegen.things.furniture import WIDTH, Cabinet, Crate, Drawer, Form, Rack, RoundSolid, ShelfUnit, Vessel
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.geometry import Footprint
-from scenegen.geometry.footprint import Circle, measures
+from scenegen.geometry.footprint import Circle, Footprint, measures
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, children, last_uses
 
 Array = npt.NDArray[Any]

@@ -151,7 +151,7 @@ class Actions(Protocol):
         """B actions as an array. Raises gymnasium.error.InvalidAction."""
 
 
-class Rules(Protocol):
+class EpisodeRules(Protocol):
     """What all environments of a spec share."""
 
     @property
@@ -159,7 +159,7 @@ class Rules(Protocol):
         """What an agent does."""
 
 
-R = TypeVar("R", bound=Rules)
+R = TypeVar("R", bound=EpisodeRules)
 S = TypeVar("S", bound=Starts)
 
 

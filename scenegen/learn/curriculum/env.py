@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, Self, TypeVar
 
 import gymnasium
 import numpy as np
@@ -117,6 +117,8 @@ class StepOutcome:
 class Starts(Protocol):
     """Where episodes start. One is shared by all tables; a stream of it is one table's own."""
 
+    spec: Spec
+
     @property
     def space(self) -> PhiBox:
         """The range of phi for a curriculum."""
@@ -149,35 +151,36 @@ class Actions(Protocol):
         """B actions as an array. Raises gymnasium.error.InvalidAction."""
 
 
-class Episodes(ABC):
+class EpisodeRules(Protocol):
+    """What all environments of a spec share."""
+
+    @property
+    def moves(self) -> Actions:
+        """What an agent does."""
+
+
+R = TypeVar("R", bound=EpisodeRules)
+S = TypeVar("S", bound=Starts)
+
+
+class Episodes(ABC, Generic[R, S]):
     """Episodes on B tables side by side. `names` are the D labels whose phi is recorded; `labels`, the first of these,
     are those of a curriculum's range; `about` is the entry of an info that has phi of a start."""
 
-    scenes: Spec
     names: Sequence[str]
     labels: Sequence[str]
     about: ClassVar[str]
     flags: ClassVar[tuple[str, ...]]  # those of `StepOutcome`
 
-    def __init__(self, tables: int) -> None:
-        self.tables = tables
+    def __init__(self, rules: R, starts: S, tables: int = 1) -> None:
+        self.rules, self.starts, self.tables = rules, starts, tables
         self.tasks = np.zeros((len(self.names), tables, 2))
         self.unflagged = {flag: np.zeros(tables, dtype=np.bool_) for flag in self.flags}
         self._streams: list[Any] = [None] * tables
 
-    @abstractmethod
-    def many(self, tables: int) -> Episodes:
+    def many(self, tables: int) -> Self:
         """The same on another number of tables."""
-
-    @property
-    @abstractmethod
-    def starts(self) -> Starts:
-        """Where they start."""
-
-    @property
-    @abstractmethod
-    def moves(self) -> Actions:
-        """What an agent does."""
+        return type(self)(self.rules, self.starts, tables)
 
     @property
     @abstractmethod
@@ -225,7 +228,8 @@ class Episodes(ABC):
             found[table] = start
             tasks.append(starts.task(request))
         for table, task in zip(found, tasks, strict=True):
-            self.tasks[:, table] = task
+            for place, ends in enumerate(task):
+                self.tasks[place, table] = ends
         self._put(found)
 
 
@@ -241,10 +245,11 @@ class TableEnv(gymnasium.Env[Observations, Any]):
 
     metadata = {"render_modes": list(MODES), "render_fps": 10}  # noqa: RUF012 - gymnasium's
 
-    def __init__(self, episodes: Episodes, easel: SceneRenderer) -> None:
+    def __init__(self, episodes: Episodes[Any, Any], easel: SceneRenderer) -> None:
         self.episodes, self.easel = episodes, easel
-        self.scenes, self.starts, self.moves = episodes.scenes, episodes.starts, episodes.moves
-        self.action_space, self.observation_space = episodes.moves.space(), episodes.observation_space()
+        self.starts: Starts
+        self.scenes, self.starts, self.moves = episodes.starts.spec, episodes.starts, episodes.rules.moves
+        self.action_space, self.observation_space = episodes.rules.moves.space(), episodes.observation_space()
         self.render_mode = easel.mode
         self._begun, self._over = False, PLAYING
 
@@ -299,12 +304,14 @@ def _single(figures: Mapping[str, npt.NDArray[Any]], names: Sequence[str]) -> di
     return found
 
 
-def _pictures(episodes: Episodes, easel: SceneRenderer, begun: bool) -> tuple[npt.NDArray[np.uint8], ...] | None:
+def _pictures(
+    episodes: Episodes[Any, Any], easel: SceneRenderer, begun: bool
+) -> tuple[npt.NDArray[np.uint8], ...] | None:
     if easel.mode is None:
         return None
     if not begun:
         raise refused(NO_EPISODE(state="there is nothing to draw yet", remedy="call reset()"), error.ResetNeeded)
-    return tuple(easel.draw(episodes.scenes.declared, row) for row in episodes.rows.T)
+    return tuple(easel.draw(episodes.starts.spec.declared, row) for row in episodes.rows.T)
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -366,32 +366,20 @@ def make_motion_rules(scenes: Spec, goal: tuple[str, ...], moves: str, share: fl
     return MotionRules(timed, problem, goal, made, reward == "final", views, nodes, seen)
 
 
-class MotionEpisodes(Episodes):
+class MotionEpisodes(Episodes[MotionRules, MotionStarts]):
     """Motions, each at a moment of its own: steps, bounds of phi and observations are computed together."""
 
     about = "start"
     flags = ("blocked", "violated")
 
     def __init__(self, rules: MotionRules, starts: MotionStarts, tables: int = 1) -> None:
-        self.scenes, self.rules, self._starts = starts.spec, rules, starts
-        self.names = self.labels = self.scenes.labels
-        super().__init__(tables)
-        timed, (low, high) = rules.timed, self.scenes.declared.box()
+        self.names = self.labels = starts.spec.labels
+        super().__init__(rules, starts, tables)
+        timed, (low, high) = rules.timed, starts.spec.declared.box()
         self._watches = BatchMonitor(timed, low, high, True, tables)
         self._poses = np.zeros((timed.horizon.moments, len(low), tables))  # from the last moment seen on the same
         self._paid = np.zeros(tables)
         self.phi = np.zeros((len(self.names), tables))
-
-    def many(self, tables: int) -> MotionEpisodes:
-        return MotionEpisodes(self.rules, self._starts, tables)
-
-    @property
-    def starts(self) -> MotionStarts:
-        return self._starts
-
-    @property
-    def moves(self) -> MotionMoves:
-        return self.rules.moves
 
     def observation_space(self) -> Space[Any]:
         return spaces.Box(-1.0, 1.0, (len(self.rules.names),), np.float32)
@@ -403,7 +391,7 @@ class MotionEpisodes(Episodes):
     def motion(self, table: int) -> Array:
         """The poses so far, (moments, N, 3), metres and radians."""
         moments = int(self._watches.seen[table])
-        return self._poses[:moments, :, table].reshape(moments, len(self.scenes.objects), -1).copy()
+        return self._poses[:moments, :, table].reshape(moments, len(self.starts.spec.objects), -1).copy()
 
     def _put(self, starts: Mapping[int, Start]) -> None:
         for table, (row, phi, _) in starts.items():
@@ -415,7 +403,7 @@ class MotionEpisodes(Episodes):
     def act(self, actions: npt.NDArray[Any], over: Mask) -> StepOutcome:
         who = np.flatnonzero(~over)
         watches, before = self._watches, self._poses[-1][:, who]
-        rows = self.moves.after(before, actions[who])
+        rows = self.rules.moves.after(before, actions[who])
         watches.add(rows, who)
         blocked, violated = np.zeros_like(over), np.zeros_like(over)
         bad = ~watches.possible[who]

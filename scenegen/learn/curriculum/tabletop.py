@@ -242,8 +242,8 @@ class SceneStarts:
     def task(self, request: StartRequest) -> list[tuple[float, float]]:
         """The lowest and highest requested phi of each label."""
         ranges = everything(self._target) if request.scene is not None else self._ranges(request)
-        ends = (tuple(0.0 if abs(end) < TINY else end for end in side) for side in (ranges.low, ranges.high))
-        return list(zip(*ends, strict=True))
+        ends = zip(ranges.low, ranges.high, strict=True)
+        return [(0.0 if -TINY < low < TINY else low, 0.0 if -TINY < high < TINY else high) for low, high in ends]
 
     def _given(self, rows: Array) -> Start:
         """A scene (3N, 1) that was verified when it was read."""
@@ -281,7 +281,7 @@ class SceneStarts:
 # The environments.
 
 
-class SceneEpisodes(Episodes):
+class SceneEpisodes(Episodes[Rules, SceneStarts]):
     """Episodes that end when the goal is satisfied, or an object leaves its table."""
 
     about = "phi"
@@ -289,22 +289,10 @@ class SceneEpisodes(Episodes):
 
     def __init__(self, rules: Rules, starts: SceneStarts, tables: int = 1) -> None:
         target = rules.target
-        self.scenes, self.rules, self._starts = starts.spec, rules, starts
         self.names, self.labels = target.names, target.names[: target.labels]
-        super().__init__(tables)
-        shape = row_count(len(self.scenes.drawn.core.objects)), len(self.names)
+        super().__init__(rules, starts, tables)
+        shape = row_count(len(starts.spec.drawn.core.objects)), len(self.names)
         self._now = Tables(np.zeros((shape[0], tables)), np.zeros((shape[1], tables)), np.zeros(tables))
-
-    def many(self, tables: int) -> SceneEpisodes:
-        return SceneEpisodes(self.rules, self._starts, tables)
-
-    @property
-    def starts(self) -> SceneStarts:
-        return self._starts
-
-    @property
-    def moves(self) -> ActionMoves:
-        return self.rules.moves
 
     def observation_space(self) -> Space[Any]:
         return self.rules.views.space()

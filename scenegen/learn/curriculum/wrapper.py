@@ -30,7 +30,7 @@ class _Record:
     """The episodes on B tables, as their strategy hears of them: the `task` of each, None for one that the strategy did
     not choose; phi of its first scene, the sum of its rewards and its steps."""
 
-    def __init__(self, episodes: Episodes, strategy: Strategy) -> None:
+    def __init__(self, episodes: Episodes[Any, Any], strategy: Strategy) -> None:
         self._episodes, self._strategy, self._fits = episodes, strategy, False
         self._names, self._about = episodes.labels, episodes.about
         self.tasks: list[PhiBox | None] = [None] * episodes.tables

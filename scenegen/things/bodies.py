@@ -8,15 +8,14 @@ what rolls in life rests in a simulator.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
-from scenegen.geometry import Box, Circle, Polygon
 from scenegen.geometry.footprint import Point, signed_area
 from scenegen.things.furniture import SIDES, Crate, RoundSolid, Slab, Vessel
 from scenegen.things.library import Asset, Shape, entry_of, own_size, stretch_of
 from scenegen.things.mesh import Mesh, box, loft, prism
-from scenegen.things.outline import simplified
+from scenegen.things.outline import corners_of
 from scenegen.things.surfaces import GRIP, slabs_of
 
 DENSITY = 500.0  # kg/m^3 of what is not in the library: of wood, and of tableware that is half air
@@ -54,16 +53,8 @@ def collision_of(shape: Shape) -> tuple[Mesh, ...]:
     return tuple(piece.scaled(*stretch_of(shape)) for piece in pieces)
 
 
-def _corners(shape: Shape) -> list[Point]:
-    match shape.footprint:
-        case Circle(radius):
-            turns = [math.tau * k / RIM_SIDES for k in range(RIM_SIDES)]
-            return [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
-        case Box(length, width):
-            x, y = length / 2.0, width / 2.0
-            return [(-x, -y), (x, -y), (x, y), (-x, y)]
-        case Polygon(vertices):
-            return list(simplified(vertices, CORNERS))
+def _corners(shape: Shape) -> Sequence[Point]:
+    return corners_of(shape.footprint, RIM_SIDES, CORNERS)
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -140,6 +140,20 @@ def _outermost(points: Floats) -> Floats:
     return np.unique(points[~inside], axis=0)
 
 
+def corners_of(footprint: Footprint, sides: int, most: int | None = None) -> Sequence[Point]:
+    """The corners of a footprint, counter-clockwise; of a circle those of a regular polygon in it. A polygon with more
+    than `most` is replaced by one round it."""
+    match footprint:
+        case Circle(radius):
+            turns = [math.tau * k / sides for k in range(sides)]
+            return [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
+        case Box(length, width):
+            x, y = length / 2.0, width / 2.0
+            return [(-x, -y), (x, -y), (x, y), (-x, y)]
+        case Polygon(vertices):
+            return vertices if most is None else simplified(vertices, most)
+
+
 def simplified(corners: Sequence[Point], most: int) -> tuple[Point, ...]:
     """A convex polygon with at most `most` >= 4 corners round one with more, both counter-clockwise.
 

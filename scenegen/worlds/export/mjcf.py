@@ -18,7 +18,7 @@ import numpy as np
 from scenegen.things.mesh import Mesh
 from scenegen.worlds.export.looks import SceneLook, TexturedColor
 from scenegen.worlds.export.meshes import drawn_obj
-from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, BodyForm, Patch, World, piece_of
+from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, BodyForm, ConvexPiece, Patch, World, piece_of
 from scenegen.worlds.export.xml import Element, check_room, document, node, numbers, short
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -268,13 +268,7 @@ def _table(parent: Element, world: World, dressed: SceneLook | None) -> None:
 
 def _board(table: Element, number: int, patch: Patch) -> None:
     """What bodies meet of a region at a height."""
-    slippery = {"friction": f"{SLIPPERY}"}
-    whole = piece_of(patch.mesh())
-    if whole.box is None:
-        node(table, "geom", class_="solid", mesh=f"region_{number}", **slippery)
-    else:
-        center, half = short(whole.box[0]), short(size / 2 for size in whole.box[1])
-        node(table, "geom", class_="solid", type="box", pos=center, size=half, **slippery)
+    _piece_geom(table, piece_of(patch.mesh()), f"region_{number}", f"{SLIPPERY}")
 
 
 def _body(parent: Element, body: Body) -> Element:
@@ -302,12 +296,16 @@ def _solid(parent: Element, body: Body) -> Element:
 def _pieces(element: Element, body: Body) -> None:
     """What a body collides with."""
     for number, piece in enumerate(body.form.pieces, start=1):
-        friction = short([body.friction, 0.005, 0.0001])
-        if piece.box is None:
-            node(element, "geom", class_="solid", mesh=_piece(body.form, number), friction=friction)
-        else:
-            center, half = short(piece.box[0]), short(size / 2 for size in piece.box[1])
-            node(element, "geom", class_="solid", type="box", pos=center, size=half, friction=friction)
+        _piece_geom(element, piece, _piece(body.form, number), short([body.friction, 0.005, 0.0001]))
+
+
+def _piece_geom(parent: Element, piece: ConvexPiece, mesh: str, friction: str) -> None:
+    """A convex piece: a box, or a mesh by its name."""
+    if piece.box is None:
+        node(parent, "geom", class_="solid", mesh=mesh, friction=friction)
+    else:
+        center, half = short(piece.box[0]), short(size / 2 for size in piece.box[1])
+        node(parent, "geom", class_="solid", type="box", pos=center, size=half, friction=friction)
 
 
 def _part(form: BodyForm, number: int) -> str:

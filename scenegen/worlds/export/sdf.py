@@ -18,7 +18,7 @@ import numpy as np
 from scenegen.things.mesh import Floats
 from scenegen.things.palette import RGB
 from scenegen.worlds.export.meshes import drawn_obj, plain_obj, stl
-from scenegen.worlds.export.world import TALL, WOODEN, Body, BodyForm, World, piece_of
+from scenegen.worlds.export.world import TALL, WOODEN, Body, BodyForm, ConvexPiece, World, piece_of
 from scenegen.worlds.export.xml import Element, document, gathered, node, numbers, short
 
 Hulls = Literal["obj", "stl"]
@@ -133,12 +133,18 @@ def _table(parent: Element, world: World, folder: str) -> None:
         _color(element, patch.color)
         if patch.solid:
             whole = piece_of(patch.mesh())
-            element = node(link, "collision", name=f"board_{number}")
-            if whole.box is None:
-                _mesh(element, f"{folder}/region_{number}.obj")
-            else:
-                node(element, "pose", short([*whole.box[0], 0.0, 0.0, 0.0]))
-                node(node(node(element, "geometry"), "box"), "size", short(whole.box[1]))
+            _collision(link, f"board_{number}", whole, f"{folder}/region_{number}.obj")
+
+
+def _collision(link: Element, name: str, piece: ConvexPiece, path: str) -> Element:
+    """A convex piece, a box or the mesh in a file."""
+    element = node(link, "collision", name=name)
+    if piece.box is None:
+        _mesh(element, path)
+    else:
+        node(element, "pose", short([*piece.box[0], 0.0, 0.0, 0.0]))
+        node(node(node(element, "geometry"), "box"), "size", short(piece.box[1]))
+    return element
 
 
 def _slab(link: Element, number: int, center: Sequence[float], sizes: Sequence[float], color: RGB) -> None:
@@ -160,13 +166,8 @@ def _body(parent: Element, body: Body, folder: str, hulls: Hulls) -> Element:
     link = node(model, "link", name="link")
     _inertial(link, body.form.inertia.center, body.moments, body.mass)
     for number, piece in enumerate(body.form.pieces, start=1):
-        element = node(link, "collision", name=f"collision_{number}")
-        if piece.box is None:
-            _mesh(element, f"{folder}/{_hull(body.form, number, hulls)}")
-        else:
-            node(element, "pose", short([*piece.box[0], 0.0, 0.0, 0.0]))
-            node(node(node(element, "geometry"), "box"), "size", short(piece.box[1]))
-        _friction(element, body.friction)
+        path = f"{folder}/{_hull(body.form, number, hulls)}"
+        _friction(_collision(link, f"collision_{number}", piece, path), body.friction)
     for number, color in enumerate(body.colors, start=1):
         element = node(link, "visual", name=f"visual_{number}")
         _mesh(element, f"{folder}/{_part(body.form, number)}")

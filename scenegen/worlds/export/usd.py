@@ -29,6 +29,7 @@ from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, BodyForm, Q
 from scenegen.worlds.export.xml import check_room
 
 Triple = Sequence[float]
+MATERIALS, SHADER = "Looks", "surface"  # names of prims
 KEPT = "scenegen"  # the key of what we say in a prim's customData
 CORNERS = [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]  # of a cube of size 1
 
@@ -88,22 +89,22 @@ class UsdStage:
         )
         primvar.Set(_vectors(np.array([color])))
 
-    def material(self, path: str, shader: str) -> None:
-        """A material whose surface is that of UsdPreviewSurface, the prim `shader` below it; see `inputs`."""
+    def material(self, path: str) -> None:
+        """A material whose surface is that of UsdPreviewSurface, the prim `SHADER` below it; see `inputs`."""
         made = UsdShade.Material.Define(self._stage, path)
-        surface = UsdShade.Shader.Define(self._stage, f"{path}/{shader}")
+        surface = UsdShade.Shader.Define(self._stage, f"{path}/{SHADER}")
         surface.CreateIdAttr("UsdPreviewSurface")
         made.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
 
-    def inputs(self, shader: str, values: Mapping[str, float | RGB]) -> None:
-        """Numbers and colours that a shader takes, here or in a file that is referred to."""
+    def inputs(self, material: str, values: Mapping[str, float | RGB]) -> None:
+        """Numbers and colours that a material's surface takes, here or in a file that is referred to."""
         types = Sdf.ValueTypeNames
         for name, value in values.items():
             kind, given = (types.Float, value) if isinstance(value, float) else (types.Color3f, Gf.Vec3f(*value))
-            self._prim(shader).CreateAttribute(f"inputs:{name}", kind, custom=False).Set(given)
+            self._prim(f"{material}/{SHADER}").CreateAttribute(f"inputs:{name}", kind, custom=False).Set(given)
 
-    def image(self, material: str, shader: str, file: str, color: RGB) -> None:
-        """Let the colour of a material's surface, its prim `shader`, come from a picture, times `color`; it repeats,
+    def image(self, material: str, file: str, color: RGB) -> None:
+        """Let the colour of a material's surface come from a picture, times `color`; it repeats,
         by the coordinates that `covered` gives a mesh."""
         reader, picture = f"{material}/coordinates", f"{material}/picture"
         st = UsdShade.Shader.Define(self._stage, reader)
@@ -117,7 +118,7 @@ class UsdStage:
         made.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
         made.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*color, 1.0))
         made.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(st.ConnectableAPI(), "result")
-        surface = UsdShade.Shader(self._stage.GetPrimAtPath(f"{material}/{shader}"))
+        surface = UsdShade.Shader(self._stage.GetPrimAtPath(f"{material}/{SHADER}"))
         surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(made.ConnectableAPI(), "rgb")
 
     def quad(self, path: str, corners: Floats, coordinates: Floats) -> None:
@@ -143,9 +144,10 @@ class UsdStage:
         made = UsdShade.Material(self._stage.GetPrimAtPath(material))
         binding.Bind(made, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose)
 
-    def scope(self, path: str) -> None:
-        """A place for materials."""
-        UsdGeom.Scope.Define(self._stage, path)
+    def materials(self, root: str) -> str:
+        """The place for the materials of what is below `root`."""
+        UsdGeom.Scope.Define(self._stage, f"{root}/{MATERIALS}")
+        return f"{root}/{MATERIALS}"
 
     def guide(self, path: str) -> None:
         """A frame of things that are not drawn, unless somebody asks for guides."""
@@ -329,7 +331,6 @@ def _vectors(rows: Floats) -> Any:
 # How USD files look: materials, lights and cameras.
 
 
-MATERIALS, SHADER = "Looks", "surface"  # names of the prims
 FOCUS, SHAPE = 24.0, 16.0 / 9.0  # mm; width to height of pictures
 FIELD = 45.0  # degrees, from the lower edge of a picture to the upper
 # Degrees about x and y. The sun is as bright as a new light in Isaac Sim; the other one brightens its shadows.
@@ -338,18 +339,11 @@ ANGLE = 1.0  # degrees: the width of both
 USUAL_SUN, USUAL_FILL = 0.46, 0.60  # intensity and ambient light of a look that are as bright as these
 
 
-def materials(stage: UsdStage, root: str) -> str:
-    """The place for the materials of what is below `root`."""
-    place = f"{root}/{MATERIALS}"
-    stage.scope(place)
-    return place
-
-
 def material(stage: UsdStage, root: str, name: str, color: RGB) -> None:
     """A material below `root`, for `cover`: as rough as a table, and no metal."""
     path = f"{root}/{MATERIALS}/{name}"
-    stage.material(path, SHADER)
-    stage.inputs(f"{path}/{SHADER}", {"diffuseColor": color, "roughness": 0.6, "metallic": 0.0})
+    stage.material(path)
+    stage.inputs(path, {"diffuseColor": color, "roughness": 0.6, "metallic": 0.0})
 
 
 def cover(stage: UsdStage, root: str, part: str, name: str, color: RGB) -> None:
@@ -360,7 +354,7 @@ def cover(stage: UsdStage, root: str, part: str, name: str, color: RGB) -> None:
 
 def recolor(stage: UsdStage, root: str, part: str, name: str, color: RGB) -> None:
     """Another colour for a part and its material, which are in the file that `root` refers to."""
-    stage.inputs(f"{root}/{MATERIALS}/{name}/{SHADER}", {"diffuseColor": color})
+    stage.inputs(f"{root}/{MATERIALS}/{name}", {"diffuseColor": color})
     stage.tint(part, color)
 
 
@@ -368,7 +362,7 @@ def covering(stage: UsdStage, root: str, name: str, what: TexturedColor) -> None
     """A material below `root` for a rectangle of `cover_rectangle`."""
     material(stage, root, name, what.color)
     if what.file:
-        stage.image(f"{root}/{MATERIALS}/{name}", SHADER, f"./{FOLDER}/{what.file}", what.color)
+        stage.image(f"{root}/{MATERIALS}/{name}", f"./{FOLDER}/{what.file}", what.color)
 
 
 def cover_rectangle(stage: UsdStage, root: str, part: str, name: str, wall: Wall, what: TexturedColor) -> None:
@@ -394,13 +388,6 @@ def lights(stage: UsdStage, root: str, dressed: SceneLook | None) -> None:
     stage.light(f"{root}/sun", intensity=strength, angle=ANGLE, turns=turns, color=look.light_color)
     strength, about_x, about_y = FILL[0] * look.light_ambient / USUAL_FILL, *FILL[1:]
     stage.light(f"{root}/fill", intensity=strength, angle=ANGLE, turns=(about_x, about_y, 0.0), color=look.light_color)
-
-
-def camera_of(stage: UsdStage, path: str, dressed: SceneLook) -> None:
-    """The camera of a look."""
-    width, height = dressed.camera.size
-    high = 2.0 * FOCUS * math.tan(math.radians(dressed.look.camera_fov) / 2.0)
-    stage.camera_by(path, dressed.camera.view, (FOCUS, high * width / height, high))
 
 
 def cameras(stage: UsdStage, root: str, table: tuple[float, float, float, float]) -> None:
@@ -472,7 +459,7 @@ def body_file(body: Body) -> bytes:
     stage = UsdStage(root, "component")
     moments, axes = principal(body.moments)
     stage.rigid(root, body.mass, body.form.inertia.center.tolist(), moments, axes)
-    place = materials(stage, root)
+    place = stage.materials(root)
     contact = f"{place}/{CONTACT}"
     stage.contact(contact, body.friction)
     stage.xform(f"{root}/visuals")
@@ -484,7 +471,7 @@ def body_file(body: Body) -> bytes:
         paint = body.form.paints.get(number)
         if paint is not None:
             stage.places(path, paint.places[mesh.faces.ravel()])
-            stage.image(f"{place}/{name}", SHADER, f"./{picture(body.form, number)}", color)
+            stage.image(f"{place}/{name}", f"./{picture(body.form, number)}", color)
     stage.guide(f"{root}/collisions")
     for number, piece in enumerate(body.form.pieces, start=1):
         path = f"{root}/collisions/piece_{number}"
@@ -572,7 +559,7 @@ class UsdScenes:
     def _table(self, stage: UsdStage, path: str, dressed: SceneLook | None) -> None:
         """The table, the regions on it, which are only drawn, and those at heights, which carry."""
         stage.xform(path, "component")
-        contact = f"{materials(stage, path)}/{CONTACT}"
+        contact = f"{stage.materials(path)}/{CONTACT}"
         stage.contact(contact, SLIPPERY, LARGER)
         color = WOODEN if dressed is None else dressed.table.mean
         material(stage, path, "wood", color)
@@ -606,7 +593,7 @@ def _environment(stage: UsdStage, world: World, dressed: SceneLook | None) -> No
     x0, y0, x1, y1 = world.table
     x, y = (x0 + x1) / 2.0, (y0 + y1) / 2.0
     stage.box(floor, (x, y, -TALL - DEEP / 2.0), (WIDE, WIDE, DEEP))
-    contact = f"{materials(stage, AROUND)}/{CONTACT}"
+    contact = f"{stage.materials(AROUND)}/{CONTACT}"
     stage.contact(contact, SLIPPERY, LARGER)
     stage.collider(floor, contact, hull=False)
     stone = STONE if dressed is None else dressed.ground.mean
@@ -614,7 +601,9 @@ def _environment(stage: UsdStage, world: World, dressed: SceneLook | None) -> No
     cover(stage, AROUND, floor, "stone", stone)
     if dressed is None:
         return
-    camera_of(stage, f"{AROUND}/look", dressed)
+    width, height = dressed.camera.size
+    high = 2.0 * FOCUS * math.tan(math.radians(dressed.look.camera_fov) / 2.0)
+    stage.camera_by(f"{AROUND}/look", dressed.camera.view, (FOCUS, high * width / height, high))
     if dressed.ground.file:
         ground = Wall((x, y, ABOVE - TALL), (1.0, 0.0, 0.0), WIDE, WIDE, (0.0, 1.0, 0.0))
         covering(stage, AROUND, "ground", dressed.ground)

@@ -17,7 +17,7 @@ import numpy as np
 
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_WORLD
-from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.geometry import Footprint
 from scenegen.geometry.footprint import Rectangle, clipped, signed_area
 from scenegen.geometry.workspace import BOARD, LARGEST
 from scenegen.lang.checker import check_text
@@ -30,6 +30,7 @@ from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, parts_of
 from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of
 from scenegen.things.mesh import Floats, Mesh, prism
 from scenegen.things.meshfile import ColoredMesh
+from scenegen.things.outline import corners_of
 from scenegen.things.palette import LINEN, RGB, colors_of, of_regions, rgb_of
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export.xml import check_names, printable
@@ -461,7 +462,7 @@ def boards_of(regions: Sequence[Region]) -> tuple[Patch, ...]:
 def _corners(footprint: Footprint, pose: tuple[float, float, float]) -> list[tuple[float, float]]:
     x, y, theta = pose
     cos, sin = math.cos(theta), math.sin(theta)
-    return [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in _outline(footprint)]
+    return [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in corners_of(footprint, DRAWN)]
 
 
 def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ...]:
@@ -477,18 +478,6 @@ def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ..
     return tuple(patches)
 
 
-def _outline(footprint: Footprint) -> Sequence[tuple[float, float]]:
-    match footprint:
-        case Circle(radius):
-            turns = [k * math.tau / DRAWN for k in range(DRAWN)]
-            return [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
-        case Box(length, width):
-            x, y = length / 2.0, width / 2.0
-            return [(-x, -y), (x, -y), (x, y), (-x, y)]
-        case Polygon(vertices):
-            return vertices
-
-
 def _table(header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], places: Floats) -> Rectangle:
     """The workspace, extended to contain all objects. Raises DataError if that is too far."""
     (x0, x1), (y0, y1) = header.workspace.x, header.workspace.y
@@ -500,7 +489,7 @@ def _table(header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], pla
         if away.max() > FARTHEST:
             facts = {"distance": away.max(), "scene": int(away.argmax()) + 1, "limit": FARTHEST}
             raise DataError(NO_WORLD(name=name, **facts))
-        reach = max(math.hypot(u, v) for u, v in _outline(shape.footprint))
+        reach = max(math.hypot(u, v) for u, v in corners_of(shape.footprint, DRAWN))
         least = np.minimum(least, place[:, :2].min(axis=0) - reach)
         most = np.maximum(most, place[:, :2].max(axis=0) + reach)
     (left, front), (right, back) = (least - MARGIN).tolist(), (most + MARGIN).tolist()

@@ -203,7 +203,7 @@ class Referent:
 
 
 @dataclass(frozen=True, slots=True)
-class Area:
+class PddlArea:
     """A region that the spec needs, as text; its `box` where that is along the axes; whether it is a `board`, which has
     a height."""
 
@@ -226,7 +226,7 @@ class Setting:
     furniture: dict[str, Furniture] = field(default_factory=dict)
     poses: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     without: list[str] = field(default_factory=list)  # things without a body
-    used: dict[str, Area] = field(default_factory=dict)
+    used: dict[str, PddlArea] = field(default_factory=dict)
     notes: dict[str, str] = field(default_factory=dict)
 
     def classify(self) -> None:
@@ -354,7 +354,7 @@ class Setting:
             left, right, bottom, top = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
             right, top = max(right, left + 0.001), max(top, bottom + 0.001)
             box = (left, bottom, right, top)
-            self.used[made] = Area(f"region {made} = rect({', '.join(map(_n, box))})", _rounded(box))
+            self.used[made] = PddlArea(f"region {made} = rect({', '.join(map(_n, box))})", _rounded(box))
             line = self.problem.source.position(region.node.span.start)[0]
             self.notes[made] = f"line {line}: (:ranges ...) of {region.name}"
             names.append(made)
@@ -427,7 +427,7 @@ def _solid(shape: Shape) -> str:
             return "block"
 
 
-def _area(name: str, board: Board, pose: tuple[float, float, float]) -> Area:
+def _area(name: str, board: Board, pose: tuple[float, float, float]) -> PddlArea:
     x, y, turn = pose
     cos, sin = math.cos(turn), math.sin(turn)
     x0, y0, x1, y1 = board.outline
@@ -436,9 +436,9 @@ def _area(name: str, board: Board, pose: tuple[float, float, float]) -> Area:
     height = f"at {_n(board.height)} m"
     if abs(math.sin(2 * turn)) < 1e-6:
         box = (min(xs), min(ys), max(xs), max(ys))
-        return Area(f"region {name} = rect({', '.join(map(_n, box))}) {height}", _rounded(box), board=True)
+        return PddlArea(f"region {name} = rect({', '.join(map(_n, box))}) {height}", _rounded(box), board=True)
     outline = ", ".join(f"({_n(u)}, {_n(v)})" for u, v in corners)
-    return Area(f"region {name} = polygon([{outline}]) {height}", None, board=True)
+    return PddlArea(f"region {name} = polygon([{outline}]) {height}", None, board=True)
 
 
 def _rounded(box: Rectangle) -> Rectangle:

@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.geometry import Polygon
 from scenegen.geometry.footprint import Point, centroid, signed_area
 from scenegen.things import Shape
 from scenegen.things.bodies import DENSITY
 from scenegen.things.mesh import Floats, Mesh
-from scenegen.things.outline import simplified
+from scenegen.things.outline import corners_of
 from scenegen.worlds.export import world
 from scenegen.worlds.export.meshes import stl
 
@@ -125,7 +125,8 @@ def _robot(body: InertialBody, pieces: Sequence[str | Brick]) -> str:
 
 def prism_of(shape: Shape, *, fixed: bool = False) -> InertialBody:
     """The homogeneous prism of an object of this shape, without mass if it is fixed."""
-    corners = _corners(shape.footprint)
+    # Round objects that do not overlap are not pushed apart: the polygon is up to 0.5 % of the radius too small.
+    corners = corners_of(shape.footprint, SIDES, MOST)
     x, y = centroid(Polygon(tuple(corners)))
     centred = [(u - x, v - y) for u, v in corners]
     along, across, mixed = _moments(centred)
@@ -140,20 +141,6 @@ def prism_of(shape: Shape, *, fixed: bool = False) -> InertialBody:
     ends = np.array([(u, v, z) for z in (-half, half) for u, v in outline])
     piece = Mesh(ends, np.empty((0, 3), dtype=np.int64))
     return InertialBody((piece,), (x, y, half), turn, mass, inertia, math.sqrt(FRICTION))
-
-
-def _corners(footprint: Footprint) -> Sequence[Point]:
-    match footprint:
-        case Circle(radius):
-            # Inscribed, so that round objects that do not overlap are not pushed apart; up to 0.5 % of the radius too
-            # small.
-            turns = [k * math.tau / SIDES for k in range(SIDES)]
-            return [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
-        case Box(length, width):
-            x, y = length / 2.0, width / 2.0
-            return [(-x, -y), (x, -y), (x, y), (-x, y)]
-        case Polygon(vertices):
-            return simplified(vertices, MOST)
 
 
 def _moments(corners: Sequence[Point]) -> tuple[float, float, float]:

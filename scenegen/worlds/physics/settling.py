@@ -19,12 +19,12 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import OUT_OF_RANGE, UNSETTLED
+from scenegen.errors import Diagnostic
+from scenegen.errors.requests import UNSETTLED
 from scenegen.lang.spec import levels
 from scenegen.needs import need
 from scenegen.pose import as_poses, flat
-from scenegen.processes.pool import Pool
+from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.scenes.blocks import BLOCK
@@ -70,7 +70,7 @@ class Settler:
 
     `fixed` are the indices of the objects that cannot be moved. `declared`: a spec declares what things stand on, and
     `settle` gets their heights. `boards` are those of the spec. `workers` is by default one per core. Raises
-    RequestError for fewer than 1, and if pybullet is not installed.
+    RequestError for another number than 1 to 256, and if pybullet is not installed.
     """
 
     def __init__(
@@ -82,8 +82,7 @@ class Settler:
         boards: Sequence[Patch] = (),
         workers: int | None = None,
     ) -> None:
-        if workers is not None and workers < 1:
-            raise RequestError(OUT_OF_RANGE(argument="workers", value=workers, wanted="1 or more"))
+        workers = cores() if workers is None else check_workers(workers)
         need("pybullet", "to settle scenes")
         self._shapes = shapes
         self._opened = ExitStack()
@@ -97,7 +96,7 @@ class Settler:
             bodies += [board_of(board, sdf.ROUGH) for board in boards]
             made = PybulletSetup(bodies, self._opened.enter_context(piece_files(bodies)), len(boards))
         self._pool: Pool[Floats, Floats] = Pool(
-            DropJob(made), workers or cores(), what="a process that drops scenes", unit="round"
+            DropJob(made), workers, what="a process that drops scenes", unit="round"
         )
 
     def __enter__(self) -> Settler:

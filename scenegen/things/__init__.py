@@ -10,7 +10,6 @@ from scenegen.things.library import (
     asset_of,
     has_picture,
     meant_by,
-    parts_of,
     shape_of,
     stem,
 )
@@ -26,7 +25,6 @@ __all__ = [
     "asset_of",
     "has_picture",
     "meant_by",
-    "parts_of",
     "shape_of",
     "stem",
 ]

@@ -1,4 +1,4 @@
-"""What simulators need to know of an object: its mass, its friction, convex pieces to collide with.
+"""The meshes of objects for pictures, and what simulators need to know of them: mass, friction, convex pieces.
 
 Everything is in the object's own frame: metres, z = 0 its lowest point, heading along +x. Pieces follow the pictures'
 meshes to a few millimetres; what is thin or soft (cutlery, napkins) stays a prism. All stand flat on the table, so that
@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib import import_module
 from itertools import pairwise
 
-from scenegen.geometry.footprint import Point, signed_area
+from scenegen.geometry.footprint import Point, Polygon, signed_area
 from scenegen.things.furniture import SIDES, Crate, RoundSolid, Slab, Vessel
-from scenegen.things.library import Asset, Shape, entry_of, own_size, stretch_of
-from scenegen.things.mesh import Mesh, box, loft, prism
+from scenegen.things.library import ASSETS, PLAIN, RGB, UNKNOWN, Asset, Shape, entry_of, own_size, stretch_of
+from scenegen.things.mesh import Mesh, Part, box, loft, plain, prism
 from scenegen.things.outline import corners_of
 from scenegen.things.surfaces import GRIP, slabs_of
 
@@ -22,6 +24,34 @@ DENSITY = 500.0  # kg/m^3 of what is not in the library: of wood, and of tablewa
 FRICTION = 0.5  # of what is not in the library
 RIM_SIDES = 24  # of prisms that stand for round things
 CORNERS = 64  # of a prism at most
+
+
+def parts_of_asset(asset: Asset, color: RGB | None = None) -> tuple[Part, ...]:
+    """Coloured closed meshes in the object's frame: centre of the footprint at the origin, z = 0 the table, heading
+    along +x. `color` takes the place of the main colour. Every call makes new meshes."""
+    module, _, function = asset.build.partition(":")
+    made: tuple[Part, ...] = getattr(import_module(f"scenegen.things.{module}"), function)(color or asset.color)
+    return made
+
+
+def parts_of(shape: Shape, color: RGB) -> tuple[Part, ...]:
+    """What is drawn of an object: closed meshes of its own size in its own frame, z = 0 the table.
+
+    An entry of the library is stretched to the shape's footprint and height; a plain shape is made to measure (of a
+    file: its outline, extruded); what is neither is a block, or a prism where the footprint is a polygon.
+    """
+    footprint = shape.footprint
+    if shape.asset in PLAIN or isinstance(footprint, Polygon):
+        return plain(footprint, shape.height, color)
+    (length, width), (own_length, own_width, own_height) = footprint.extent, own_size(shape)
+    scale = length / own_length, width / own_width, shape.height / own_height
+    if shape.open:
+        from scenegen.things.storage import cabinet
+
+        parts = cabinet(color, shape.open)
+    else:
+        parts = parts_of_asset(ASSETS.get(shape.asset, ASSETS[UNKNOWN]), color)
+    return tuple(replace(part, mesh=part.mesh.scaled(*scale)) for part in parts)
 
 
 def mass_of(shape: Shape) -> float:

@@ -19,8 +19,8 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.things.colored_mesh import FARTHEST, WHITE, ColoredMesh, MeshBudget, tidy
 from scenegen.things.library import RGB
-from scenegen.things.meshfile import FARTHEST, WHITE, ColoredMesh, MeshBudget, tidy
 from scenegen.things.outline import Floats, Indices, MeshError
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -7,15 +7,10 @@ of their stem. A name that the library does not know gets a block in a colour of
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
 from scenegen.things.furniture import WIDTH, Cabinet, Crate, Drawer, Form, Rack, RoundSolid, ShelfUnit, Vessel
-
-if TYPE_CHECKING:
-    from scenegen.things.mesh import Part
 
 RGB = tuple[float, float, float]
 
@@ -70,13 +65,6 @@ class Asset:
     rim: Circle | None = None
     flat: bool = False
     bulging: bool = False
-
-    def parts(self, color: RGB | None = None) -> tuple[Part, ...]:
-        """Coloured closed meshes in the object's frame: centre of the footprint at the origin, z = 0 the table, heading
-        along +x. `color` takes the place of the main colour. Every call makes new meshes."""
-        module, _, function = self.build.partition(":")
-        made: tuple[Part, ...] = getattr(import_module(f"scenegen.things.{module}"), function)(color or self.color)
-        return made
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,28 +220,6 @@ def shape_of(name: str) -> Shape:
     """The shape that an object's name picks."""
     asset = asset_of(name)
     return Shape(asset.name, asset.footprint, asset.height)
-
-
-def parts_of(shape: Shape, color: RGB) -> tuple[Part, ...]:
-    """What is drawn of an object: closed meshes of its own size in its own frame, z = 0 the table.
-
-    An entry of the library is stretched to the shape's footprint and height; a plain shape is made to measure (of a
-    file: its outline, extruded); what is neither is a block, or a prism where the footprint is a polygon.
-    """
-    footprint = shape.footprint
-    if shape.asset in PLAIN or isinstance(footprint, Polygon):
-        from scenegen.things.mesh import plain
-
-        return plain(footprint, shape.height, color)
-    (length, width), (own_length, own_width, own_height) = footprint.extent, own_size(shape)
-    scale = length / own_length, width / own_width, shape.height / own_height
-    if shape.open:
-        from scenegen.things.storage import cabinet
-
-        parts = cabinet(color, shape.open)
-    else:
-        parts = ASSETS.get(shape.asset, ASSETS[UNKNOWN]).parts(color)
-    return tuple(replace(part, mesh=part.mesh.scaled(*scale)) for part in parts)
 
 
 def own_size(shape: Shape) -> tuple[float, float, float]:

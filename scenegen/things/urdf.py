@@ -16,20 +16,10 @@ from xml.parsers import expat
 import numpy as np
 
 from scenegen.geometry import Box, Circle, Footprint
+from scenegen.things.colored_mesh import WHITE, ColoredMesh, MeshBudget, refuse_layers
 from scenegen.things.library import RGB
 from scenegen.things.mesh import Mesh, box, disc, revolve
-from scenegen.things.meshfile import (
-    PLAIN,
-    WHITE,
-    ColoredMesh,
-    MeshBudget,
-    Read,
-    beside,
-    ending_of,
-    mesh_points,
-    mesh_surfaces,
-    refuse_layers,
-)
+from scenegen.things.meshfile import PLAIN, Read, beside, ending_of, mesh_points, mesh_surfaces
 from scenegen.things.outline import Floats, MeshError, Shadow
 
 # --------------------------------------------------------------------------------------------------------------------

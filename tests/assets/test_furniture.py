@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scenegen.geometry import Box, Circle, Polygon
-from scenegen.things import ASSETS, parts_of, shape_of
-from scenegen.things.bodies import collision_of, mass_of
+from scenegen.things import ASSETS, shape_of
+from scenegen.things.bodies import collision_of, mass_of, parts_of
 from scenegen.things.furniture import PITCH, Cabinet
 from scenegen.things.library import cabinet_shape
 from scenegen.things.palette import colors_of

@@ -7,6 +7,7 @@ import pytest
 
 from scenegen.scenes.data import ShapeData, footprint_data, footprint_of
 from scenegen.things import ASSETS, Box, Circle, asset_of, has_picture, shape_of, stem
+from scenegen.things.bodies import parts_of_asset
 from scenegen.things.palette import colors_of
 
 
@@ -28,7 +29,7 @@ def test_the_stem_drops_numbers_only_at_the_end():
 
 @pytest.mark.parametrize("asset", ASSETS.values(), ids=lambda asset: asset.name)
 def test_meshes_are_closed_and_stay_within_footprint_and_height(asset):
-    parts = asset.parts()
+    parts = parts_of_asset(asset)
     assert len(parts) >= 2  # one colour alone is not recognisable
     vertices = np.concatenate([part.mesh.vertices for part in parts])
     assert np.isfinite(vertices).all()
@@ -54,7 +55,7 @@ def test_every_asset_shows_its_heading(asset):
     def corners(vertices, sign):
         return {tuple(row) for row in (vertices * (sign, sign, 1)).round(5).tolist()}
 
-    assert any(corners(part.mesh.vertices, 1) != corners(part.mesh.vertices, -1) for part in asset.parts())
+    assert any(corners(part.mesh.vertices, 1) != corners(part.mesh.vertices, -1) for part in parts_of_asset(asset))
 
 
 def test_shapes_are_what_scene_files_hold():
@@ -67,9 +68,9 @@ def test_shapes_are_what_scene_files_hold():
 
 def test_the_main_color_can_be_chosen():
     for asset in ASSETS.values():
-        own, other = asset.parts(), asset.parts((0.1, 0.8, 0.3))
+        own, other = parts_of_asset(asset), parts_of_asset(asset, (0.1, 0.8, 0.3))
         assert sum(a.color != b.color for a, b in zip(own, other, strict=True)) >= 1, asset.name
-        assert [part.color for part in asset.parts(asset.color)] == [part.color for part in own]
+        assert [part.color for part in parts_of_asset(asset, asset.color)] == [part.color for part in own]
 
 
 def test_an_unknown_name_keeps_its_color():

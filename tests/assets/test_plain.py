@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from scenegen.geometry import Box, Circle, Polygon
 from scenegen.geometry.footprint import convex_hull
-from scenegen.things import ASSETS, Shape, parts_of
+from scenegen.things import ASSETS, Shape
+from scenegen.things.bodies import parts_of, parts_of_asset
 from scenegen.things.palette import colors_of
 
 from ..laws import examples
@@ -97,7 +98,7 @@ def test_an_asset_with_a_polygon_is_a_prism_and_with_another_size_is_stretched()
     ):
         assert np.array_equal(a.mesh.vertices, b.mesh.vertices)
     stretched = parts_of(Shape("mug", Circle(0.124), 0.095), ASSETS["mug"].color)
-    for part, own in zip(stretched, ASSETS["mug"].parts(), strict=True):
+    for part, own in zip(stretched, parts_of_asset(ASSETS["mug"]), strict=True):
         assert np.allclose(part.mesh.vertices, own.mesh.vertices * (2.0, 2.0, 1.0))
 
 

@@ -11,7 +11,8 @@ import scenegen
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.resources import shipped_specs
 from scenegen.scenes.data import footprint_of
-from scenegen.things import parts_of, shape_of
+from scenegen.things import shape_of
+from scenegen.things.bodies import parts_of
 from tests.export.worlds import crates, library, scenes_of, tower
 
 

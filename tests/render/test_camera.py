@@ -7,7 +7,8 @@ from PIL import Image
 from scenegen.scenes.stage import poses_of, stage_of
 from scenegen.show.looks.camera import VIEWS, frame
 from scenegen.show.render.scenes import render_scenes
-from scenegen.things import ASSETS, parts_of
+from scenegen.things import ASSETS
+from scenegen.things.bodies import parts_of, parts_of_asset
 
 from .scenefiles import scene_file
 
@@ -147,7 +148,7 @@ def test_a_shape_of_another_size_scales_the_asset():
     data = file.model_dump()
     data["objects"][0]["shape"] = shape
     (thing,) = stage_of(type(file).model_validate(data)).things
-    own, drawn = ASSETS["block"].parts(thing.color), parts_of(thing.shape, thing.color)
+    own, drawn = parts_of_asset(ASSETS["block"], thing.color), parts_of(thing.shape, thing.color)
     for before, after in zip(own, drawn, strict=True):
         assert np.allclose(after.mesh.vertices, before.mesh.vertices * (2.0, 1.0, 4.0))
         assert after.color == before.color

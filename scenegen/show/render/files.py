@@ -20,7 +20,7 @@ from scenegen.scenes.data import SceneFile
 from scenegen.scenes.stage import MARGIN, TALLEST
 from scenegen.show.looks.camera import PLACES, VIEWS
 from scenegen.show.looks.look import SEEDS, VIEW
-from scenegen.things.meshfile import ColoredMesh
+from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.palette import PALETTE
 from scenegen.validation import as_int, as_words
 

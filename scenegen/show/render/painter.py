@@ -27,9 +27,10 @@ from scenegen.show.looks.look import VIEW, Look, Tint
 from scenegen.show.looks.textures import Textures
 from scenegen.show.render.files import FIRST, Image, Model, Picture, PictureOptions, RenderedView
 from scenegen.show.render.light import TOWARDS, Lighting, landscape_camera, light_camera
-from scenegen.things import PLAIN, parts_of
+from scenegen.things import PLAIN
+from scenegen.things.bodies import parts_of
+from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.mesh import Floats, Mesh, box, plain, shaded
-from scenegen.things.meshfile import ColoredMesh
 from scenegen.things.palette import RGB, mix
 
 Bodies = npt.NDArray[np.int32]

@@ -43,7 +43,8 @@ from scenegen.show.render.files import (
     usual_size,
 )
 from scenegen.show.render.worker import RenderJob
-from scenegen.things.meshfile import check_texture, mesh_surfaces
+from scenegen.things.colored_mesh import check_texture
+from scenegen.things.meshfile import mesh_surfaces
 from scenegen.things.outline import MeshError
 from scenegen.things.urdf import robot_surfaces
 

@@ -26,10 +26,10 @@ from scenegen.pose import as_poses, flat, row_count
 from scenegen.scenes.blocks import Block, counts_in, member_of
 from scenegen.scenes.data import RegionData, SceneFile, ShapeData, check_sizes, footprint_of
 from scenegen.scenes.stage import heights_of
-from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, parts_of
-from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of
+from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape
+from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of, parts_of
+from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.mesh import Floats, Mesh, prism
-from scenegen.things.meshfile import ColoredMesh
 from scenegen.things.outline import corners_of
 from scenegen.things.palette import LINEN, RGB, colors_of, of_regions, rgb_of
 from scenegen.things.surfaces import base_heights

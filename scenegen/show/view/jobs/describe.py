@@ -23,7 +23,8 @@ from scenegen.scenes.stage import TALLEST, TALLEST_DECLARED, WOOD, PictureObject
 from scenegen.show.view.jobs import evaluate, motions
 from scenegen.show.view.jobs.source import header_of, stage_of_spec
 from scenegen.show.view.limits import most_scenes
-from scenegen.things import Shape, parts_of
+from scenegen.things import Shape
+from scenegen.things.bodies import parts_of
 from scenegen.things.mesh import shaded
 from scenegen.things.palette import mix
 

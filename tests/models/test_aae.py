@@ -4,8 +4,8 @@ import math
 
 import torch
 
-from scenegen.learn.models.aae import AAE, AAEHyper, Encoder, directions
 from scenegen.learn.models.card import Layout
+from scenegen.learn.models.games import AAE, AAEHyper, Encoder, directions
 
 LAYOUT = Layout(objects=2, labels=1, positions=(0, 1, 3), angles=(2, 5), branches=3)
 

@@ -7,7 +7,7 @@ import torch
 from torch.nn.functional import softplus
 
 from scenegen.learn.models.card import Layout
-from scenegen.learn.models.gan import Critic, contest
+from scenegen.learn.models.games import Critic, contest
 
 LAYOUT = Layout(objects=2, labels=1, positions=(0, 1, 3), branches=3)
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from scenegen.learn.models.gan import START
+from scenegen.learn.models.games import START
 
 
 def pushes(make, done, **hyper):

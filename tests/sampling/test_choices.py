@@ -12,7 +12,7 @@ from scenegen.api.scenes import evaluate
 from scenegen.curriculum import TableTop
 from scenegen.errors import DataError, RequestError
 from scenegen.lang.spec import levels
-from scenegen.learn.training.scenefile import whole_file
+from scenegen.learn.training.feed import whole_file
 from scenegen.pose import row_count
 from scenegen.show.figures.sweep import sweep
 

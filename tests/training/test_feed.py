@@ -13,8 +13,8 @@ from scenegen.api.scenes import SceneSet
 from scenegen.errors import DataError, RequestError
 from scenegen.learn.models.codec import survey
 from scenegen.learn.models.published import PublishedGAN
+from scenegen.learn.training import feed
 from scenegen.learn.training import feed as feeds
-from scenegen.learn.training import scenefile
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.feed import MemoryFeed, Windows, make_feed, ranked, sorted_into
 from scenegen.learn.training.loop import Interrupted, train
@@ -40,7 +40,7 @@ def file(tmp_path, exp1, monkeypatch):
 @pytest.fixture
 def small(monkeypatch):
     """Nothing fits into memory; a window holds four batches of 32."""
-    monkeypatch.setattr(scenefile, "WHOLE", 0)
+    monkeypatch.setattr(feed, "WHOLE", 0)
     monkeypatch.setattr(feeds, "WINDOW", 8 * 32 * 4 + 5)
 
 
@@ -62,7 +62,7 @@ def ordered(rows):
 
 def test_windows_hold_the_scenes_that_memory_would(file, exp1, small, monkeypatch):
     streamed = make_feed(exp1, config(file))
-    monkeypatch.setattr(scenefile, "WHOLE", 10**9)
+    monkeypatch.setattr(feed, "WHOLE", 10**9)
     whole = make_feed(exp1, config(file))
     assert isinstance(streamed, Windows) and isinstance(whole, MemoryFeed)
     assert (streamed.scenes, streamed.steps) == (whole.scenes, whole.steps) == (855, 27)
@@ -86,7 +86,7 @@ def test_batches_are_full_and_start_anywhere(file, exp1, small):
 
 def test_the_choice_keeps_the_extremes(file, exp1, small, monkeypatch):
     full = make_feed(exp1, config(file))
-    monkeypatch.setattr("scenegen.learn.training.scenefile.CHOSEN", 8 * 95)
+    monkeypatch.setattr("scenegen.learn.training.feed.CHOSEN", 8 * 95)
     some = make_feed(exp1, config(file))
     assert len(some.fitting) < 130 < len(full.fitting)
     for end in (torch.amin, torch.amax):

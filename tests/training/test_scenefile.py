@@ -12,8 +12,8 @@ from scenegen.api.scenes import SceneSet
 from scenegen.errors import DataError, RequestError
 from scenegen.lang.checker import check_text
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training import scenefile
-from scenegen.learn.training.scenefile import whole_file
+from scenegen.learn.training import feed
+from scenegen.learn.training.feed import whole_file
 from scenegen.scenes.data import RequestData
 
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"
@@ -70,7 +70,7 @@ def test_too_few_and_too_many(scenes, tmp_path, monkeypatch):
     path = scenes.save(tmp_path / "s.json")
     with pytest.raises(DataError, match="holds 40 scenes, fewer than the 41 of `scenes`"):
         whole_file(spec, path, 41)
-    monkeypatch.setattr(scenefile, "WHOLE", 7 * 39)
+    monkeypatch.setattr(feed, "WHOLE", 7 * 39)
     with pytest.raises(RequestError, match="more scenes than fit into memory"):
         whole_file(spec, path, None)
     assert len(whole_file(spec, path, 39)) == 39

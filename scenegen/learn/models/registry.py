@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 # Text, not classes: `scenegen train --help` lists them without importing torch.
 MODELS: dict[str, str] = {
-    "gan": "scenegen.learn.models.gan:GAN",
-    "aae": "scenegen.learn.models.aae:AAE",
+    "gan": "scenegen.learn.models.games:GAN",
+    "aae": "scenegen.learn.models.games:AAE",
     "energy": "scenegen.learn.models.energy:Energy",
     "flow": "scenegen.learn.models.flow:Flow",
 }

@@ -29,7 +29,7 @@ _PUBLIC = {
     "Monitor": "scenegen.api.monitor",
     "sample_motions": "scenegen.api.motions",
     "pairs": "scenegen.api.pairs",
-    "load_pybullet": "scenegen.worlds.physics.simulation",
+    "load_pybullet": "scenegen.worlds.physics.rest",
     "rarity": "scenegen.api.rarity",
     "sample": "scenegen.api.sample",
     "sample_to": "scenegen.api.stream",
@@ -98,8 +98,7 @@ if TYPE_CHECKING:
     from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError, SpecError
     from scenegen.learn.model import Model, ModelFamily, load_model
     from scenegen.learn.train import train
-    from scenegen.worlds.physics.rest import SettledScenes, settle
-    from scenegen.worlds.physics.simulation import load_pybullet
+    from scenegen.worlds.physics.rest import SettledScenes, load_pybullet, settle
     from scenegen.worlds.planning import export_problems, import_problem
 
 

@@ -128,7 +128,7 @@ def train(
     need("torch", "to train a model")
     from scenegen.api.spec import load
     from scenegen.learn.evaluation.card import check_card, write_card
-    from scenegen.learn.evaluation.describe import faults
+    from scenegen.learn.faults import faults
     from scenegen.learn.train import train as run
     from scenegen.learn.training.progress import TrainingProgress
     from scenegen.sampling.request import parse_phi
@@ -214,7 +214,7 @@ class Training:
     def __call__(self, task: Task) -> JobMessages:
         from scenegen.api.spec import load
         from scenegen.learn.evaluation.card import card_paths, check_card, write_card
-        from scenegen.learn.evaluation.describe import faults
+        from scenegen.learn.faults import faults
         from scenegen.learn.train import train
         from scenegen.learn.training.state import begun
         from scenegen.sampling.request import parse_phi

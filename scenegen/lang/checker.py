@@ -12,10 +12,11 @@ from scenegen.errors.language import NO_FORMULA, NOT_CONSTANT, WRONG_OVERRIDE
 from scenegen.errors.time import LOOKS_BEYOND, NO_PLACE_OVER_TIME, TIME_MISSING
 from scenegen.geometry.units import ANGLE, BARE, LENGTH
 from scenegen.lang.check.draft import Draft, Look
-from scenegen.lang.check.expressions import Lowering
+from scenegen.lang.check.expressions import FormulaLowering
 from scenegen.lang.check.families import always_the_same, family, is_category, refuse_surfaces
 from scenegen.lang.check.functions import horizon, meant, movers
 from scenegen.lang.check.imports import Project, inline
+from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.names import resolve, unused
 from scenegen.lang.check.objects import canonical, categories, name_objects, pose, shape, unlikely
 from scenegen.lang.check.regions import areas, level_clash, workspace
@@ -96,7 +97,7 @@ def declare_names(draft: Draft) -> None:
     draft.problems.extend([*problems, *resolve(draft.placed, draft.module.bare, draft.scope)])
     sources = {one.source.name: len(one.source.text) for one in draft.placed}
     characters = len(draft.source.text) + sum(sources.values())
-    draft.lowering = Lowering(draft.scope, CoreBuilder(()), characters)
+    draft.lowering = FormulaLowering(draft.scope, CoreBuilder(()), characters)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -449,7 +450,7 @@ def _spec(draft: Draft) -> CheckedSpec:
     )
     alone = {one.name: one.least for one in scope.counts.values() if one.least == one.most}
     drawn = tuple(one for one in scope.counts.values() if one.name not in draft.counts and one.name not in alone)
-    noted = (*unused(draft), *unlikely(draft))
+    noted = (*unused(draft.scope, draft.placed, draft.module.bare, draft.used, draft.lowering.used), *unlikely(draft))
     raised = bool(lowering.supports or lowering.choices)
     return CheckedSpec(
         draft.source.name,

@@ -202,7 +202,7 @@ Array = npt.NDArray[np.float64]
 
 def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: bool) -> tuple[Diagnostic, ...]:
     """Warnings about scenes (3N, n) that a model made for a request; None where they are no longer in memory."""
-    from scenegen.learn.evaluation.describe import (  # most requests are not of models
+    from scenegen.learn.faults import (  # most requests are not of models
         concerned,
         faults,
         measured,

@@ -272,7 +272,7 @@ def methods_help() -> str:
 # The request. Its fields are the options of `scenegen sample`, of Python's `sample` and of the page.
 
 
-DRAWING, SETS, OF_MODELS = "How scenes are drawn", "Sets of scenes: --out DIR/ or a URL", "Models"  # panels of the help
+DRAWING, SETS, OF_MODELS = "How scenes are drawn", "Sets of scenes", "Models"  # panels of the help
 
 
 @dataclass(frozen=True, slots=True)

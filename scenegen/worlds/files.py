@@ -147,7 +147,7 @@ def _crate(text: bytes) -> bytes:
 # All formats: which one is meant, and what it takes.
 
 
-PLANNERS = "pddl"
+PLANNERS, PROBLEMS = "pddl", "scenegen.worlds.planning"  # the format, and the module of it
 NAMES = {ending.removeprefix("."): ending for ending in FORMATS}  # formats of scene files
 
 
@@ -228,9 +228,7 @@ def export(
         return write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes, given, scenes.rest)
     scenes.refuse_rest(to)
     if to == PLANNERS:
-        from scenegen.worlds.planning import of_scenes
-
-        return of_scenes(scenes, out).problems
+        return tuple(importlib.import_module(PROBLEMS).of_scenes(scenes, out).problems)
     return (scenes.save(out),)
 
 

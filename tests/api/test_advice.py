@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.learn.evaluation.describe import concerned, faults
+from scenegen.learn.faults import concerned, faults
 from scenegen.learn.model import advice
 from scenegen.learn.models.card import LabelData, QualityData, RangeData
 from scenegen.sampling.request import Range

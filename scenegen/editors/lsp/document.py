@@ -10,8 +10,8 @@ from pathlib import Path
 from scenegen.editors.lsp import names
 from scenegen.editors.lsp.names import Binding, NameIndex, Occurrence, index
 from scenegen.errors import Diagnostic, Source, Span, SpecError
-from scenegen.lang.check.expressions import Lowering
 from scenegen.lang.check.imports import MAX_FILES, Project
+from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.scope import BUILT_IN
 from scenegen.lang.checker import check_module
 from scenegen.lang.spec import CheckedSpec

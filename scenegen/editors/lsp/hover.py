@@ -14,7 +14,7 @@ from scenegen.editors.lsp.names import Binding, Occurrence
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import Box, Circle, Footprint, Interval
 from scenegen.geometry.units import ANGLE, LENGTH, Unit, quantity
-from scenegen.lang.check.expressions import Lowering
+from scenegen.lang.check.expressions import FormulaLowering
 from scenegen.lang.check.imports import inline
 from scenegen.lang.check.objects import name_objects
 from scenegen.lang.check.regions import areas
@@ -53,7 +53,7 @@ class Extent:
     count: int
 
 
-class _RecordingLowering(Lowering):
+class _RecordingLowering(FormulaLowering):
     """Keeps the values of the nodes in `recorded`, by the identity of the node."""
 
     def __init__(self, scope: Scope, builder: CoreBuilder) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.families import Category, Variants
 from scenegen.lang.check.imports import Project, SourcedStatement
+from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.scope import LABEL, DeclaredObject, Scope
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.timed import Movers, Timed
@@ -18,10 +18,7 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import MOST_ERRORS
 from scenegen.things import Shape
 
-if TYPE_CHECKING:
-    from scenegen.lang.check.expressions import Lowering
-
-Look = Callable[["Lowering"], None]
+Look = Callable[[Lowering], None]
 
 
 class Problems(list[Diagnostic]):

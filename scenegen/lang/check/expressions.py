@@ -7,31 +7,21 @@ wrote it, so a mistake that shows deep inside the prelude is reported at the arg
 from __future__ import annotations
 
 import math
-import sys
-import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
-from types import MappingProxyType, TracebackType
 from typing import Any, TypeGuard
 
-from scenegen.errors import Diagnostic, Kind, Span, SpecError
+from scenegen.errors import Span
 from scenegen.errors.declarations import NO_OBJECTS, WORKSPACE_OF_ITSELF
 from scenegen.errors.language import (
     EQUALITY,
     MISPLACED_VALUE,
-    MORE_THAN_A_TURN,
-    NOT_A_WHOLE_NUMBER,
-    NOT_CONSTANT,
     NOT_TWO_COORDINATES,
     NUMBER_TOO_LARGE,
-    UNIT_MISMATCH,
     WRONG_DIVISOR,
     WRONG_NAME,
-    WRONG_UNIT,
 )
-from scenegen.geometry import PRIMITIVES, Footprint, UnitMismatch
-from scenegen.geometry.units import ANGLE, BARE, LENGTH, Unit, agree, quantity
-from scenegen.geometry.workspace import Workspace
+from scenegen.geometry.units import LENGTH, quantity
 from scenegen.lang.check.functions import (
     OF_SUPPORT,
     function,
@@ -42,17 +32,14 @@ from scenegen.lang.check.functions import (
     temporal,
 )
 from scenegen.lang.check.heights import height_function, index, member
+from scenegen.lang.check.lowering import Environment, Lowering
 from scenegen.lang.check.names import bind
-from scenegen.lang.check.quantifiers import MAX_STEPS, MOST_FORESEEN, quantify, too_many
-from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Declared, Scope
-from scenegen.lang.check.template import FIRST, DependsOnValue, placeholders
+from scenegen.lang.check.quantifiers import quantify
+from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Declared
+from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (
-    MOST_VARIABLES,
     AnyValue,
-    Area,
     CallFrame,
-    ChosenValue,
-    Coercion,
     FormulaValue,
     ListValue,
     NumberValue,
@@ -65,13 +52,8 @@ from scenegen.lang.check.values import (
     check_alike,
     key_of,
 )
-from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLarge
-from scenegen.lang.formula.timed import Horizon
-from scenegen.lang.spec import Support, SurfaceChoice
+from scenegen.lang.formula.builder import FALSE, TRUE
 from scenegen.lang.syntax import ast
-from scenegen.lang.syntax.tokens import UNITS_OF_TIME
-from scenegen.pose import TWO_PI
-from scenegen.things import Shape
 
 # --------------------------------------------------------------------------------------------------------------------
 # What a name stands for: a bound value, objects, a region, a constant or a label.
@@ -196,140 +178,11 @@ def _expand(
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# Formulas as deep as the parser lets them be.
-
-
-class _DeepRecursion:
-    """Python's limit of recursion, lifted while some thread expands a formula, and then as it was. Calls from Python to
-    Python take no room on the C stack; how much is expanded at all is limited below."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._inside = 0
-        self._usual = 0
-
-    def __enter__(self) -> None:
-        with self._lock:
-            if not self._inside:
-                self._usual = sys.getrecursionlimit()
-                sys.setrecursionlimit(MOST_FRAMES)
-            self._inside += 1
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        with self._lock:
-            self._inside -= 1
-            if not self._inside:
-                sys.setrecursionlimit(self._usual)
-
-
-_DEEP = _DeepRecursion()
-
-# --------------------------------------------------------------------------------------------------------------------
 # Expressions, each with its kind and unit.
 
 
-Environment = Mapping[str, Value]
-
-MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
-
-MAX_WORK = 4_000_000  # expressions to expand
-MAX_INSIDE = 150_000  # of these, in rounds of quantifiers and in definitions; two or three seconds
-FOR_A_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
-
-MOST_FRAMES = 4 * MAX_WORK  # of Python: no expression takes more
-
-_ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
-
-
-class Lowering:
-    """Expands the expressions of one spec into one builder.
-
-    The declarations are evaluated first and fill in `areas` (regions and `workspace`), the shapes of the objects, and
-    the poses of those that are held in place. `length` is that of the texts, in characters.
-    """
-
-    def __init__(self, scope: Scope, builder: CoreBuilder, length: int = 0) -> None:
-        self.scope = scope
-        self.builder = self.root = builder
-        self.coerce = Coercion(scope, builder, _ANY)
-        self.used: set[str] = set()  # definitions, constants and regions that something used
-        self.areas: dict[str, Area] = {}
-        self.space = Workspace()
-        self.levels: dict[str, int] = {}  # how many regions stand under the name of several
-        self.shapes: Sequence[Shape] = ()  # of the objects
-        self.supports: Mapping[int, Support] = {}  # what objects were declared to stand on
-        self.choices: Mapping[int, SurfaceChoice] = {}  # likewise, where it is one of several
-        # of the objects' lowest points, once they are known; None where a choice says how high
-        self.heights: Sequence[float | None] | None = None
-        self.steps = 0  # rounds of quantifiers so far
-        self.inside = 0  # expressions expanded in them and in definitions
-        self.most_inside = MAX_INSIDE + FOR_A_CHARACTER * length
-        self.made = 0  # steps of templates taken for rounds
-        self.placeholders = placeholders()
-        self.expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see key_of
-        self._work = 0  # expressions expanded so far
-        self.values: dict[str, Value] = {}
-        self.horizon: Horizon | None = None
-        self.noticed: list[Diagnostic] = []  # warnings
-        self.calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
-
-    def rounds(self, more: int, node: ast.Quantifier, frame: CallFrame, foreseen: int = 0) -> None:
-        """Raises SpecError where a quantifier takes too many rounds, with what is foreseen for those around it."""
-        if self.steps + more > MAX_STEPS or foreseen > MOST_FORESEEN:
-            raise too_many(self, node.domain, frame)
-
-    def spend(self, steps: int, frame: CallFrame) -> None:
-        """Counts what is expanded. Raises FormulaTooLarge."""
-        self._work += steps
-        if self._work > MAX_WORK:
-            raise FormulaTooLarge(f"takes more than {MAX_WORK:,} steps to expand")
-        if frame.where or frame.text:
-            self.inside += steps
-            if self.inside > self.most_inside:
-                self.foresee(0)
-
-    def foresee(self, more: int) -> None:
-        """Raises FormulaTooLarge where so many more expressions are too many."""
-        if self.inside + more > self.most_inside:
-            raise FormulaTooLarge(
-                f"takes more than {self.most_inside:,} steps to expand its quantifiers and definitions"
-            )
-
-    def use(self, builder: CoreBuilder) -> None:
-        """Expands into another builder from now on."""
-        self.builder = self.coerce.builder = builder
-
-    # ---- where to put the blame
-
-    def spans(self, node: ast.Node, frame: CallFrame) -> tuple[Span, ...]:
-        """The user's places for a node, innermost first: the prelude's own lines are of no help to anybody."""
-        places = (node.span(frame.source), *frame.calls)
-        own = tuple(span for span in places if span.source is not self.scope.prelude)
-        return (own or places)[:MOST_CALLS]
-
-    def origin(self, node: ast.Node, frame: CallFrame) -> Span:
-        """The user's innermost place for a node."""
-        if frame.source is self.scope.prelude and frame.calls:
-            return frame.calls[0]
-        return Span(frame.source, node.start, node.end)
-
-    def error(self, kind: Kind, node: ast.Node, frame: CallFrame, /, **facts: Any) -> SpecError:
-        """A mistake at a node, told at the user's own place, with the way that led there and what the variables of
-        quantifiers stand for."""
-        places = self.spans(node, frame)
-        called = places[1].place if len(places) > 1 else None
-        where = [f"{name} = {self.text(value)}" for choice in frame.where for name, value in choice.items()]
-        shown = ", ".join(where[-MOST_VARIABLES:])
-        return SpecError(kind(places[0], expansion=frame.text, where=shown, called=called, **facts))
-
-    # ---- expressions
-
-    def evaluate(self, node: ast.Expr, frame: CallFrame, env: Environment = MappingProxyType({})) -> Value:
-        """The value of an expression, however deep. Raises SpecError, and FormulaTooLarge."""
-        with _DEEP:
-            return self.lower(node, env, frame)
+class FormulaLowering(Lowering):
+    """Expands expressions of every kind."""
 
     def lower(self, node: ast.Expr, env: Environment, frame: CallFrame) -> Value:
         """The value of an expression inside of another. Raises SpecError, and FormulaTooLarge."""
@@ -414,25 +267,6 @@ class Lowering:
             case _:
                 return None
 
-    def constant(
-        self, value: Value, node: ast.Expr, frame: CallFrame, what: str, /, *units: Unit, **facts: Any
-    ) -> float:
-        """A number that no scene decides, in one of some units. Raises SpecError; `facts` say more of a wrong unit."""
-        number = self.coerce.number(value, what)
-        amount = self.builder.value(number.node)
-        if amount is None:
-            raise self.error(NOT_CONSTANT, node, frame, what=what)
-        if number.unit not in units:
-            raise self.error(WRONG_UNIT, node, frame, **{"what": what, "found": number.unit.words, **facts})
-        return amount
-
-    def count(self, value: Value, node: ast.Expr, frame: CallFrame, what: str) -> int:
-        """A whole number without a unit. Raises SpecError."""
-        amount = self.constant(value, node, frame, what, BARE)
-        if amount != int(amount):
-            raise self.error(NOT_A_WHOLE_NUMBER, node, frame, what=what, value=amount)
-        return int(amount)
-
     def _quantity(self, node: ast.Quantity, frame: CallFrame) -> NumberValue:
         amount, unit = quantity(node.number, node.unit)
         if not math.isfinite(amount):
@@ -449,8 +283,6 @@ class Lowering:
             self.agree(node, frame, "used as", number.unit, LENGTH)
             numbers.append(number.node)
         return PointValue(*numbers, origin=self.origin(node, frame))
-
-    # ---- arithmetic and comparisons
 
     def _arithmetic(self, node: ast.Negative | ast.Binary, env: Environment, frame: CallFrame) -> Value:
         parts = [node.value] if isinstance(node, ast.Negative) else [node.left, node.right]
@@ -474,48 +306,6 @@ class Lowering:
                 raise self.error(WRONG_DIVISOR, parts[1], frame, zero=True)
         units = [number.unit for number in numbers]
         return self.apply(name, units, [number.node for number in numbers], (), node, frame)
-
-    def apply(
-        self,
-        name: str,
-        units: Sequence[Unit],
-        args: Sequence[int],
-        shapes: tuple[Footprint, ...],
-        node: ast.Node,
-        frame: CallFrame,
-    ) -> NumberValue:
-        try:
-            unit = PRIMITIVES[name].unit(*units)
-            result = self.builder.apply(name, args, shapes)
-        except UnitMismatch as mismatch:
-            if len(units) == 1 or PRIMITIVES[name].spatial:
-                left, right = mismatch.left.words, mismatch.right.words
-                raise self.error(WRONG_UNIT, node, frame, name=name, wanted=right, found=left) from None
-            raise self._mismatch(mismatch, "combined with", node, frame) from None
-        except OverflowError:
-            raise self.error(NUMBER_TOO_LARGE, node, frame) from None
-        return NumberValue(result, unit, origin=self.origin(node, frame))
-
-    def _mismatch(self, mismatch: UnitMismatch, verb: str, node: ast.Node, frame: CallFrame) -> SpecError:
-        facts = {"left": mismatch.left.words, "verb": verb, "right": mismatch.right.words}
-        if mismatch.left.time or mismatch.right.time:
-            facts["times"] = UNITS_OF_TIME
-        return self.error(UNIT_MISMATCH, node, frame, **facts)
-
-    def refuse_degrees(self, numbers: Sequence[NumberValue]) -> None:
-        """A bare number beside an angle counts in radians; one beyond a turn was meant in degrees."""
-        if not any(number.unit == ANGLE for number in numbers):
-            return
-        for number in numbers:
-            amount = self.builder.value(number.node) if number.unit == BARE else None
-            if amount is not None and abs(amount) > TWO_PI:
-                raise SpecError(MORE_THAN_A_TURN(number.origin, amount=amount))
-
-    def agree(self, node: ast.Node, frame: CallFrame, verb: str, *units: Unit) -> Unit:
-        try:
-            return agree(*units)
-        except UnitMismatch as mismatch:
-            raise self._mismatch(mismatch, verb, node, frame) from None
 
     def _different(self, node: ast.Compare, env: Environment, frame: CallFrame) -> Value:
         """`a != b`: whether two things, or two constants, are different ones. Names say that, not scenes."""
@@ -561,28 +351,6 @@ class Lowering:
             except OverflowError:
                 raise self.error(NUMBER_TOO_LARGE, node, frame) from None
         return FormulaValue(self.builder.junction("min", atoms), origin=places[0])
-
-    def text(self, value: Value) -> str:
-        """A value as an argument is shown in the text of an atom."""
-        match value:
-            case ObjectValue(place):
-                return self.builder.objects[place]
-            case RegionValue(name, _):
-                return name
-            case SurfaceValue(place, surface):
-                return f"{self.builder.objects[place]}.{surface.name}"
-            case ChosenValue(chooser, _):
-                return f"base({self.builder.objects[chooser]})"
-            case PointValue(x, y):
-                return f"({self.builder.text(x)}, {self.builder.text(y)})"
-            case NumberValue(node, _):
-                return self.builder.text(node)
-            case ListValue(items) if len(items) <= 3:
-                return f"[{', '.join(map(self.text, items))}]"
-            case ListValue(items):
-                return f"[{self.text(items[0])}, ..., {self.text(items[-1])}]"
-            case _:
-                return "..."
 
 
 def _by_name(value: Value) -> TypeGuard[FormulaValue]:

@@ -43,7 +43,7 @@ from scenegen.lang.syntax.printer import print_expr
 from scenegen.pose import NAMES, THETA
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.expressions import Lowering
+    from scenegen.lang.check.lowering import Lowering
 
 
 def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, frame: CallFrame) -> Value:

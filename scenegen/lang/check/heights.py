@@ -52,7 +52,7 @@ from scenegen.things.furniture import SupportSurface
 from scenegen.things.surfaces import fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.expressions import Lowering
+    from scenegen.lang.check.lowering import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------

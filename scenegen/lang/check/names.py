@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from scenegen.errors import Diagnostic, Source, Span, quoted
 from scenegen.errors.language import (
@@ -37,9 +37,6 @@ from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import TEMPORAL
 from scenegen.pose import NAMES
 from scenegen.things.library import PLAIN
-
-if TYPE_CHECKING:
-    from scenegen.lang.check.draft import Draft
 
 BUILT = ("cabinet",)  # objects of the library that are made to order
 SHAPES = (*PLAIN, *BUILT, "category")  # what an object can be
@@ -317,10 +314,15 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
 # Warnings: names that are never used, or hide something else.
 
 
-def unused(draft: Draft) -> list[Diagnostic]:
-    """The warnings of the spec's own statements, in the order of the text."""
-    scope, placed, bare = draft.scope, draft.placed, draft.module.bare
-    by_formulas, by_anything = draft.used, draft.lowering.used  # what definitions use is no use of formulas
+def unused(
+    scope: Scope,
+    placed: Sequence[SourcedStatement],
+    bare: ast.Expr | None,
+    by_formulas: set[str],
+    by_anything: set[str],
+) -> list[Diagnostic]:
+    """The warnings of the spec's own statements, in the order of the text. What formulas use is told from what anything
+    uses: that a definition uses a name is no use of it."""
     out: list[Diagnostic] = []
     for one in placed:
         if not scope.is_own(one.source):

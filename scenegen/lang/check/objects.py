@@ -52,8 +52,8 @@ from scenegen.things.surfaces import narrowest
 
 if TYPE_CHECKING:
     from scenegen.lang.check.draft import Draft
-    from scenegen.lang.check.expressions import Lowering
     from scenegen.lang.check.imports import Project
+    from scenegen.lang.check.lowering import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------

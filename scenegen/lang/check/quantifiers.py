@@ -33,7 +33,7 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.expressions import Lowering
+    from scenegen.lang.check.lowering import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -216,7 +216,7 @@ class QuantifierRounds:
         cost = template.cost
         if lowering.made + cost * left > MAX_MADE:
             raise FormulaTooLarge(f"takes more than {MAX_MADE:,} steps to expand the rounds of its quantifiers")
-        lowering.rounds(inner * left, self.node, self.frame)
+        count_rounds(lowering, inner * left, self.node, self.frame)
         return InstantiatedTemplate(template, result, inner, cost)
 
     # ---- rounds over numbers, of which the hardest are enough
@@ -309,7 +309,7 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
         return FormulaValue(lowering.coerce.formula(value, ""), origin=origin)
     count, choices = _choices(lowering, domain, node, frame)
     around = frame.rounds * count
-    lowering.rounds(count, node, frame, around)
+    count_rounds(lowering, count, node, frame, around)
     lowering.steps += count
     inside = CallFrame(frame.source, frame.calls, frame.text, frame.body, frame.where, around)
     rounds = QuantifierRounds(lowering, node, env, inside, count)
@@ -326,6 +326,12 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
     text = frame.text if node is frame.body else f"{node.kind} {', '.join(names)} in {shown}"
     kind: Literal["min", "max"] = "min" if node.kind == "forall" else "max"
     return FormulaValue(lowering.builder.junction(kind, formulas, text), origin=origin)
+
+
+def count_rounds(lowering: Lowering, more: int, node: ast.Quantifier, frame: CallFrame, foreseen: int = 0) -> None:
+    """Raises SpecError where a quantifier takes too many rounds, with what is foreseen for those around it."""
+    if lowering.steps + more > MAX_STEPS or foreseen > MOST_FORESEEN:
+        raise too_many(lowering, node.domain, frame)
 
 
 def too_many(lowering: Lowering, node: ast.Expr, frame: CallFrame) -> SpecError:

@@ -41,7 +41,7 @@ from scenegen.lang.syntax import ast
 from scenegen.things.library import NAMED, hex_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.expressions import Lowering
+    from scenegen.lang.check.lowering import Lowering
 
 
 # --------------------------------------------------------------------------------------------------------------------

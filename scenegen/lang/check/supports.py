@@ -44,7 +44,7 @@ from scenegen.things.furniture import SupportSurface
 from scenegen.things.surfaces import fits, reach_of, surfaces_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.check.expressions import Lowering
+    from scenegen.lang.check.lowering import Lowering
 
 ROUNDING = 1e-9  # metres: sizes and poses in a text are rounded
 SWITCH = (0.0, 1.0)  # the range of a choice's number

@@ -14,8 +14,9 @@ import numpy.typing as npt
 
 from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE, gated
-from scenegen.learn.evaluation.describe import describe, faults
+from scenegen.learn.evaluation.describe import describe
 from scenegen.learn.evaluation.fidelity import Fidelity, fidelity, ks_distance
+from scenegen.learn.faults import faults
 from scenegen.learn.models.card import QualityData, RangeData
 from scenegen.learn.models.checkpoint import save_model
 from scenegen.sampling.problem import Budget, make_problem

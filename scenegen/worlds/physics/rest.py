@@ -9,23 +9,26 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.reading import reading_of
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scenes import Scene, SceneSet
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
-from scenegen.errors.requests import NO_SCENES, WRONG_VALUE
+from scenegen.errors.requests import NEEDED_HERE, NO_SCENES, WRONG_VALUE
 from scenegen.geometry.workspace import upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
+from scenegen.needs import need
 from scenegen.pose import as_poses, row_count, rows_of
 from scenegen.scenes.blocks import Block, counts_in, joined, member_of
 from scenegen.scenes.data import SceneFile, SettledHeader, SimulatorData
 from scenegen.scenes.files import check_writable
+from scenegen.scenes.formats.jsonl import block_of
 from scenegen.scenes.formats.registry import format_of
 from scenegen.scenes.formats.settled import MM, POSE, SettledBlock, Touch, write_settled
 from scenegen.validation import as_path, as_seconds
@@ -368,3 +371,42 @@ def _by_numbers(
             for scene, touches in zip(part.tolist(), found.contacts, strict=True):
                 contacts[scene] = touches
     return SettledBlock(poses, shift, turn, moved, phi, tuple(contacts), on)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A scene in a PyBullet that is running.
+
+
+def load_pybullet(
+    scene: Scene, client: Any = 0, *, table: bool = True, meshes: str | Path | None = None
+) -> dict[str, int]:
+    """Add a scene, such as `scenes[3]`, to a running PyBullet: objects with mass, inertia, friction and collision
+    shapes, on a table unless `table` is false; no floor, no gravity, no camera.
+
+        client = pybullet.connect(pybullet.DIRECT)
+        bodies = scenegen.load_pybullet(scenes[3], client)
+        where, turn = pybullet.getBasePositionAndOrientation(bodies["mug"], client)
+
+    `client` is what `pybullet.connect` returned, or a BulletClient. Returns the number of each object's body. PyBullet
+    speaks of a body's centre of mass: an object's own frame, in the middle of its footprint at its lowest point, lies
+    by its local inertial position (`getDynamicsInfo(...)[3]`) below that. The table's top is z = 0.
+
+    Raises RequestError where PyBullet is not installed or the client is not connected, DataError where an object stands
+    beyond any table, and for files in `meshes` that cannot be used: the folder that the spec was in, from which objects
+    with a mesh or URDF file then have convex pieces, mass and friction.
+    """
+    need("pybullet", "for `load_pybullet()`")
+    from scenegen.worlds.physics.bullet import load
+
+    if not isinstance(scene, Scene):
+        raise RequestError(NEEDED_HERE(what="one scene", value=repr(scene), remedy="pick one of a set: scenes[0]"))
+    header = member_of(scene.header, scene.counts) if scene.header.counts else scene.header
+    own = NOTHING
+    if meshes is not None:
+        from scenegen.worlds.own_body import own_bodies_of
+
+        own = own_bodies_of(header, as_path("meshes", meshes))
+    world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), own)
+    if scene.rest is not None:
+        world = replace(world, rest=scene.rest[None, ~np.isnan(scene.rest[:, 0])])
+    return load(world, getattr(client, "_client", client), table=table)

@@ -1,4 +1,4 @@
-"""Scenes in simulators, PyBullet and MuJoCo: on several processes, and in a PyBullet that is running.
+"""Scenes in simulators, PyBullet and MuJoCo, on several processes.
 
 The objects are those of files for simulators (`export.world`): convex pieces, mass, friction. They start where the
 scene has them, on an infinite table with the spec's boards, under gravity. Fixed objects cannot be moved.
@@ -9,24 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from scenegen.errors import RequestError
-from scenegen.errors.requests import NEEDED_HERE, UNKNOWN_CHOICE
+from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.geometry.workspace import Floats, standing, turn_between
 from scenegen.needs import need
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
-from scenegen.scenes.blocks import member_of
-from scenegen.scenes.formats.jsonl import block_of
-from scenegen.validation import as_path
 from scenegen.worlds.export import mjcf, sdf
-from scenegen.worlds.export.world import NOTHING, World, world_of
+from scenegen.worlds.export.world import World
 from scenegen.worlds.physics.bodies import (
     NEAR,
     STEP,
@@ -41,7 +37,6 @@ from scenegen.worlds.physics.bodies import (
 )
 
 if TYPE_CHECKING:
-    from scenegen.api.scenes import Scene
     from scenegen.worlds.physics.bullet import PybulletWorld
 
 # name -> its package. Names are those of packages, for which `needs` says how to install them.
@@ -220,44 +215,3 @@ def check_simulator(name: str) -> None:
 def version_of(simulator: str) -> str:
     """The version that is installed."""
     return version(simulator)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A scene in a PyBullet that is running.
-
-
-def load_pybullet(
-    scene: Scene, client: Any = 0, *, table: bool = True, meshes: str | Path | None = None
-) -> dict[str, int]:
-    """Add a scene, such as `scenes[3]`, to a running PyBullet: objects with mass, inertia, friction and collision
-    shapes, on a table unless `table` is false; no floor, no gravity, no camera.
-
-        client = pybullet.connect(pybullet.DIRECT)
-        bodies = scenegen.load_pybullet(scenes[3], client)
-        where, turn = pybullet.getBasePositionAndOrientation(bodies["mug"], client)
-
-    `client` is what `pybullet.connect` returned, or a BulletClient. Returns the number of each object's body. PyBullet
-    speaks of a body's centre of mass: an object's own frame, in the middle of its footprint at its lowest point, lies
-    by its local inertial position (`getDynamicsInfo(...)[3]`) below that. The table's top is z = 0.
-
-    Raises RequestError where PyBullet is not installed or the client is not connected, DataError where an object stands
-    beyond any table, and for files in `meshes` that cannot be used: the folder that the spec was in, from which objects
-    with a mesh or URDF file then have convex pieces, mass and friction.
-    """
-    from scenegen.api.scenes import Scene
-
-    need("pybullet", "for `load_pybullet()`")
-    from scenegen.worlds.physics.bullet import load
-
-    if not isinstance(scene, Scene):
-        raise RequestError(NEEDED_HERE(what="one scene", value=repr(scene), remedy="pick one of a set: scenes[0]"))
-    header = member_of(scene.header, scene.counts) if scene.header.counts else scene.header
-    own = NOTHING
-    if meshes is not None:
-        from scenegen.worlds.own_body import own_bodies_of
-
-        own = own_bodies_of(header, as_path("meshes", meshes))
-    world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), own)
-    if scene.rest is not None:
-        world = replace(world, rest=scene.rest[None, ~np.isnan(scene.rest[:, 0])])
-    return load(world, getattr(client, "_client", client), table=table)

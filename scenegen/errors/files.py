@@ -106,7 +106,11 @@ DAMAGED_SCENES = Kind(
 )
 OTHER_OBJECTS = Kind(
     "other-objects",
-    ("{scene} does not place the file's objects: `{odd}`", "{scene} does not place the objects of its spec"),
+    (
+        "{scene} has no pose for `{missing}`",
+        "{scene} does not place the file's objects: `{odd}`",
+        "{scene} does not place the objects of its spec",
+    ),
     help="every scene places {wanted:quoted}",
     formerly=("missing-pose",),
 )

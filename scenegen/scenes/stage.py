@@ -210,7 +210,7 @@ def poses_of(file: SceneFile) -> npt.NDArray[np.float64]:
     for number, scene in enumerate(file.scenes, start=1):
         missing = [name for name in objects_of(file, scene.counts or {}) if name not in scene.poses]
         if missing:
-            raise DataError(OTHER_OBJECTS(scene=f"scene {number}", odd=missing[0], wanted=tuple(names)))
+            raise DataError(OTHER_OBJECTS(scene=f"scene {number}", missing=missing[0], wanted=tuple(names)))
         rows.append([_row(scene.poses[name]) if name in scene.poses else ABSENT for name in names])
     poses = np.array(rows, dtype=np.float64).reshape(len(rows), len(names), len(FLAT))
     if not varying(file):

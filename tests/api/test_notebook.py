@@ -11,7 +11,8 @@ import pytest
 from PIL import Image
 
 import scenegen
-from scenegen.show import notebook, render
+from scenegen.show import notebook
+from scenegen.show.render import scenes as pictures
 
 
 @pytest.fixture
@@ -24,13 +25,13 @@ def scenes():
 def calls(monkeypatch):
     """What was drawn: (scenes, size) of each call. The pictures themselves are small."""
     made = []
-    draw = render.render_scenes
+    draw = pictures.render_scenes
 
     def spy(file, out, **options):
         made.append((len(file.scenes), options["size"]))
         return draw(file, out, **options | {"size": (32, 24), "workers": 1})
 
-    monkeypatch.setattr(render, "render_scenes", spy)
+    monkeypatch.setattr(pictures, "render_scenes", spy)
     return made
 
 

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from scenegen.errors import Source, SpecError
-from scenegen.lang.check import expressions
+from scenegen.lang.check import lowering
 from scenegen.lang.checker import check_text
 from scenegen.lang.syntax.parse import parse_tolerant
 
@@ -82,6 +82,6 @@ PARAMETERS = ", ".join(f"p{k}" for k in range(101))
     ],
 )
 def test_a_spec_that_is_too_large_is_told_so(text, said, monkeypatch):
-    monkeypatch.setattr(expressions, "MAX_INSIDE", 50_000)
+    monkeypatch.setattr(lowering, "MAX_INSIDE", 50_000)
     with pytest.raises(SpecError, match=said):
         check_text(text)

@@ -61,7 +61,7 @@ test-browser: $(STAMP) ## the page of `scenegen view` in headless Chromium; pict
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || echo "There is no Chromium here: all tests will be skipped (apt-get install chromium)"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
 	@test -d page/node_modules/axe-core || ! command -v npm >/dev/null || (cd page && npm ci --silent) || echo "npm cannot install axe-core: its checks are left out"
-	$(BIN)/python -m pytest tests/view/test_bundle.py
+	$(BIN)/python -m pytest tests/show/view/test_bundle.py
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m browser $(BROWSER_TESTS)
 
 test-cluster: $(STAMP) ## sets on a Ray cluster of three nodes and in an object store: CLUSTER_SCENES=1000000 CLUSTER_KILLS=20
@@ -71,12 +71,12 @@ test-cluster: $(STAMP) ## sets on a Ray cluster of three nodes and in an object 
 RTAMT_PAIRS ?= 100000
 test-monitors: $(STAMP) ## phi over time against rtamt, in 15 minutes: RTAMT_PAIRS=100000
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[monitors]"
-	OMP_NUM_THREADS=1 RTAMT_PAIRS=$(RTAMT_PAIRS) $(BIN)/python -m pytest -s tests/robustness/test_against_rtamt.py
+	OMP_NUM_THREADS=1 RTAMT_PAIRS=$(RTAMT_PAIRS) $(BIN)/python -m pytest -s tests/learn/robustness/test_against_rtamt.py
 
 # beside .venv, whose mujoco is newer than robosuite's
 test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our scenes
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade --target build/robosuite "robosuite>=1.5.2,<1.6" "mujoco>=3.3,<3.4"
-	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/robosuite
+	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/worlds/robosuite
 
 OLD ?= ../base
 compare: $(STAMP) ## what this checkout writes against an older one, byte by byte, in minutes: OLD=../base

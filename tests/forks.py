@@ -1,7 +1,8 @@
 """Worker processes of pools, forked from one process that has numpy, pybullet and the samplers loaded: starting Python
 and importing them takes half a second of CPU each time, and the tests start hundreds. What runs in them is the same.
 
-Tests of the processes themselves (tests/engine, tests/packaging, whatever starts a program) start real ones."""
+Tests of the processes themselves (tests/sampling/engine, tests/packaging, whatever starts a program) start real ones.
+"""
 
 from __future__ import annotations
 

@@ -1,14 +1,23 @@
-"""Stored sets: read in parts, streamed to several readers, merged, split, filtered, reported."""
+"""Stored sets: read in parts, streamed to several readers, merged, split, filtered, reported. Sets of scenes that
+differ in how many things there are, and in which asset of a category: made, read, edited. Manifests that were
+edited or damaged: one diagnostic that names the field, or the same scenes.
+"""
 
+import copy
+import json
 import pickle
+import shutil
 
 import numpy as np
 import pytest
+import torch
 
 import scenegen
+from scenegen.api.dataset import make_dataset
 from scenegen.api.set_edit import filter_set, merge_sets, split_set
 from scenegen.api.set_report import set_report
-from scenegen.errors import DataError, RequestError
+from scenegen.api.sets import card
+from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.sampling.request import Range
 from scenegen.scenes.blocks import BLOCK
 
@@ -275,3 +284,203 @@ def test_a_manifest_that_does_not_fit_its_shards(change, said, tmp_path):
     assert len(caught.value.diagnostics) == 1
     with pytest.raises(DataError):
         merge_sets([scenegen.open_set(tmp_path / "other"), scenegen.open_set(tmp_path / "set")], f"{tmp_path}/both/")
+
+
+ASSETS = '[asset("red", box(10 cm, 10 cm, 10 cm)), asset("blue", box(20 cm, 10 cm, 10 cm))]'
+SPEC = f'object block[2..4], mug of category("mug", {ASSETS}), plate\nnear: forall b in block: leftOf(b, plate)\n'
+COUNT_NUMBERS = BLOCK + 500
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("drawn") / "set"
+    scenegen.sample_to(f"{place}/", scenegen.parse(SPEC), n=COUNT_NUMBERS, seed=3, shard_size=BLOCK, workers=1)
+    return place
+
+
+@pytest.fixture(scope="module")
+def stored_numbers(folder):
+    return scenegen.open_set(folder)
+
+
+def parts_of(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.suffix in (".parquet", ".json")}
+
+
+@pytest.mark.long
+def test_workers_and_resuming_make_the_same_bytes(folder, tmp_path):
+    again = tmp_path / "again"
+    make = {"n": COUNT_NUMBERS, "seed": 3, "shard_size": BLOCK}
+    scenegen.sample_to(f"{again}/", scenegen.parse(SPEC), workers=2, **make)
+    assert parts_of(again) == parts_of(folder)
+    manifest = json.loads((again / "manifest.json").read_text())
+    manifest |= {"shards": manifest["shards"][:1], "complete": False}  # as a run that was killed leaves it
+    (again / "manifest.json").write_text(json.dumps(manifest))
+    (again / "part-000001.parquet").unlink()
+    scenegen.sample_to(f"{again}/", scenegen.parse(SPEC), workers=1, resume=True, **make)
+    assert parts_of(again) == parts_of(folder)
+
+
+@pytest.mark.long
+def test_reading_says_what_is_there(stored_numbers):
+    scenes = stored_numbers.read(BLOCK - 300, BLOCK + 300)
+    assert np.array_equal(~np.isnan(scenes.poses).any(axis=2), scenes.present)
+    assert scenes.present.sum(axis=1).tolist() == (scenes.counts["block"] + 2).tolist()
+
+
+@pytest.mark.long
+def test_streams_have_nan_where_nothing_is(stored_numbers):
+    seen = 0
+    for poses, phi in stored_numbers.stream(batch=4096, shuffle=True, seed=1):
+        there = ~torch.isnan(poses).any(dim=2)
+        names = list(stored_numbers.objects)
+        red, blue = names.index("mug:red"), names.index("mug:blue")
+        assert torch.all(there[:, red] ^ there[:, blue]) and torch.all(there[:, names.index("block[2]")])
+        assert phi.isfinite().all()
+        seen += len(poses)
+    assert seen == COUNT_NUMBERS
+
+
+@pytest.mark.long
+def test_parts_of_a_split_merge_into_the_whole(stored_numbers, tmp_path):
+    parts = split_set(stored_numbers, {"train": 0.7, "test": 0.3}, 0, f"{tmp_path}/parts/")
+    assert sum(part.scenes for part in parts.values()) == COUNT_NUMBERS
+    opened = [scenegen.open_set(tmp_path / "parts" / name) for name in parts]
+    merge_sets(opened, f"{tmp_path}/whole/")
+    whole = scenegen.open_set(tmp_path / "whole").read()
+    mine, theirs = (np.sort(one.phi["near"]) for one in (stored_numbers.read(), whole))
+    assert np.array_equal(mine, theirs)
+    assert np.bincount(whole.counts["block"]).tolist() == np.bincount(stored_numbers.read().counts["block"]).tolist()
+
+
+@pytest.mark.long
+def test_a_filter_keeps_numbers_with_their_poses(stored_numbers, tmp_path):
+    made = filter_set(stored_numbers, {"near": Range(0.0, None)}, f"{tmp_path}/near/")
+    kept = scenegen.open_set(tmp_path / "near").read()
+    before = stored_numbers.read()
+    chosen = before.phi["near"] >= 0.0
+    assert made.scenes == int(chosen.sum()) > 0
+    assert np.array_equal(kept.poses, before.poses[chosen], equal_nan=True)
+    assert np.array_equal(kept.counts["mug"], before.counts["mug"][chosen])
+
+
+@pytest.mark.long
+def test_nothing_is_left_of_a_merge_that_fails(folder, stored_numbers, tmp_path):
+    import shutil
+
+    torn = tmp_path / "torn"
+    shutil.copytree(folder, torn)
+    (torn / "part-000001.parquet").unlink()
+    with pytest.raises(ScenegenError, match="part-000001"):
+        merge_sets([stored_numbers, scenegen.open_set(torn)], f"{tmp_path}/both/")
+    left = [path.name for path in (tmp_path / "both").iterdir() if not path.name.startswith(".")]
+    assert left == []
+
+
+@pytest.mark.long
+def test_the_report_says_what_was_drawn(stored_numbers, folder):
+    from scenegen.api.set_report import set_report
+
+    report = set_report(
+        stored_numbers, map_jobs=lambda job, items: (job(item) for item in items), verify=True, timeout=0
+    )
+    scenes = stored_numbers.read()
+    assert report.drawn["block"] == {str(k): int((scenes.counts["block"] == k).sum()) for k in (2, 3, 4)}
+    assert report.drawn["mug"] == {
+        "red": int((scenes.counts["mug"] == 1).sum()),
+        "blue": COUNT_NUMBERS - report.drawn["mug"]["red"],
+    }
+    assert not report.faults
+    card = (folder / "README.md").read_text()
+    assert "`count.block`, `count.mug`" in card
+
+
+TWO_MANIFESTS = (
+    "region mat = rect(0.2, 0.2, 0.6, 0.6)\nobject mug, plate\na: leftOf(mug, plate)\nb: closeTo(mug, plate, 0.25)\n"
+)
+ODD = [None, -1, 0, "", "zz", [], {}, 1e308, True, "x" * 100_000]
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A set of one request, and one of a data set: its shards have requests of their own."""
+    home = tmp_path_factory.mktemp("manifests")
+    (home / "two.spec").write_text(TWO_MANIFESTS)
+    scenegen.sample_to(f"{home}/set/", scenegen.parse(TWO_MANIFESTS), {"a": (0.0, 0.2)}, n=20, workers=1)
+    make_dataset(f"{home}/data/", [("two", home / "two.spec")], 24, workers=1)
+    return {"set": home / "set", "data": home / "data" / "two"}
+
+
+def fields(value, path=()):
+    """The places of all fields in a JSON value; of the elements of a list those of the first."""
+    items = value.items() if isinstance(value, dict) else enumerate(value[:1]) if isinstance(value, list) else ()
+    for key, inner in items:
+        yield (*path, key)
+        yield from fields(inner, (*path, key))
+
+
+def replaced(manifest, path, value):
+    changed = copy.deepcopy(manifest)
+    place = changed
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    return changed
+
+
+@pytest.mark.parametrize("kind", ["set", "data"])
+def test_any_field_of_a_manifest_may_be_anything(kind, folders, tmp_path):
+    folder = tmp_path / "set"
+    shutil.copytree(folders[kind], folder)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    scenes = scenegen.open_set(folder).read()
+    tried = 0
+    for path in fields(manifest):
+        for value in ODD:
+            (folder / "manifest.json").write_text(json.dumps(replaced(manifest, path, value)))
+            tried += 1
+            try:
+                stored = scenegen.open_set(folder)
+                found, again = stored.read(), scenegen.read_scenes(folder)
+                told = set_report(stored, map_jobs=lambda job, items: map(job, items), timeout=0.0)
+                assert card(stored.manifest)
+            except ScenegenError as error:
+                assert len(error.diagnostics) == 1 and len(str(error)) < 1500, (path, value)
+                continue
+            np.testing.assert_array_equal(found.poses, scenes.poses)
+            np.testing.assert_array_equal(again.poses, scenes.poses)
+            assert told.scenes == len(scenes) and not told.faults, (path, value)
+    assert tried > 500
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda m: m["request"].update(n=3), "`request.n` is 3, and in `header` it is 20"),
+        (lambda m: m["request"].update(phi={"a": [0.0, 0.3]}), "`request.phi` is"),
+        (lambda m: m["request"].update(phi={"c": [0.0, 0.3]}), "`request.phi` is"),
+        (lambda m: m["request"].update(spec="0" * 64), "`request.spec` is"),
+        (lambda m: m["request"].update(spread="base"), "`request.spread` is"),
+        (lambda m: m["request"].update(seed=-1), "`request.seed` in manifest.json"),
+        (lambda m: m["shards"][0].update(sha256="zz"), "`shards.0.sha256` in manifest.json"),
+        (lambda m: m["shards"][0].update(file=""), "`file` of a shard is ``"),
+        (lambda m: m["shards"][0].update(scenes=10**9), "more `scenes` than the `shard_size`"),
+        (lambda m: m["shards"].append(m["shards"][0]), "two shards have the same `file`"),
+        (lambda m: m.update(shard_size=0), "`shard_size` in manifest.json"),
+        (lambda m: m["header"]["spec"].pop("sha256"), "`spec.sha256`: field required"),
+        (lambda m: m["header"]["regions"][0].update(name="rug"), "its regions are not those of the manifest"),
+        (lambda m: m["header"]["workspace"].update(x=[0.0, 2.0]), "its workspace is not that of the manifest"),
+        (lambda m: (m["request"].update(n=3), m["header"]["request"].update(n=3)), "its shards have 20 scenes"),
+    ],
+)
+def test_a_manifest_that_contradicts_itself(change, said, folders, tmp_path):
+    shutil.copytree(folders["set"], tmp_path / "set")
+    path = tmp_path / "set" / "manifest.json"
+    manifest = json.loads(path.read_text())
+    change(manifest)
+    path.write_text(json.dumps(manifest))
+    with pytest.raises(DataError) as caught:
+        scenegen.open_set(tmp_path / "set").read()
+    assert len(caught.value.diagnostics) == 1 and said in str(caught.value)
+    with pytest.raises(DataError):
+        scenegen.read_scenes(tmp_path / "set")

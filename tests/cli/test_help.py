@@ -1,8 +1,18 @@
-"""Help that teaches: what the program says of itself, held still."""
+"""Help that teaches: what the program says of itself, held still. Colours on a terminal, plain text in a pipe, and the
+two variables by which people overrule either. Specs by name: those that ship, those in the current folder, and one
+to start from.
+"""
+
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
 
 import pytest
 
-from scenegen.cli.app import ALONE, COMMANDS
+from scenegen.cli.app import ALONE, COMMANDS, run
 from scenegen.show.scenes import FIGURES
 
 
@@ -99,3 +109,142 @@ def test_texts_of_the_program_point_to_nothing_that_an_installation_lacks(root):
             entry.means,
         ]
         assert "docs/" not in " ".join(texts), entry.kind.code
+
+
+BAD = "object mug, plate\ntask: leftOf(mug plate)\nsafe: leftOf(mug,\n"
+ESCAPE = re.compile(r"\x1b\[[\d;]*m")
+
+
+@pytest.fixture
+def bad(tmp_path, monkeypatch):
+    """A spec with two mistakes, in a terminal whose variables say nothing about colours."""
+    (tmp_path / "bad.spec").write_text(BAD)
+    for name in ("NO_COLOR", "FORCE_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    return tmp_path / "bad.spec"
+
+
+@pytest.fixture
+def terminal():
+    """The two sides of a pseudo-terminal: what the first reads is written to the second."""
+    ours, theirs = pty.openpty()
+    yield ours, theirs
+    os.close(ours)
+
+
+def everything(ours, theirs):
+    """What was written, once the other side is closed."""
+    os.close(theirs)
+    said = b""
+    while chunk := _read(ours):
+        said += chunk
+    return said.decode().replace("\r\n", "\n")
+
+
+def _read(handle):
+    try:
+        return os.read(handle, 65536)
+    except OSError:  # how Linux says that the other side of a terminal is gone
+        return b""
+
+
+@pytest.mark.parametrize(
+    ("on_terminal", "variables", "colored"),
+    [
+        (True, {}, True),
+        (False, {}, False),
+        (True, {"NO_COLOR": "1"}, False),
+        (True, {"NO_COLOR": ""}, True),
+        (True, {"TERM": "dumb"}, False),
+        (False, {"FORCE_COLOR": "1"}, True),
+        (True, {"FORCE_COLOR": "1", "NO_COLOR": "1"}, False),
+    ],
+)
+def test_colors(bad, terminal, monkeypatch, capfd, on_terminal, variables, colored):
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    if on_terminal:
+        with monkeypatch.context() as patch, open(terminal[1], "w", closefd=False) as stderr:
+            patch.setattr(sys, "stderr", stderr)
+            status = run(["check", str(bad)])
+        said = everything(*terminal)
+    else:
+        status = run(["check", str(bad)])
+        said = capfd.readouterr().err
+        os.close(terminal[1])
+    assert status == 1 and ("\x1b[1;31merror" in said) == bool(ESCAPE.search(said)) == colored
+    assert ESCAPE.sub("", said).count("error[") == 2
+
+
+@pytest.mark.long
+def test_the_program_itself_on_a_terminal(bad, terminal):
+    command = [sys.executable, "-m", "scenegen", "check", str(bad)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=terminal[1], timeout=60)
+    said = everything(*terminal)
+    assert (done.returncode, done.stdout) == (1, b"") and "\x1b[1;31merror" in said
+
+
+def test_every_shipped_spec_is_listed_with_a_line(scenegen, root):
+    lines = scenegen("specs").out.splitlines()
+    names = [path.stem for path in sorted((root / "specs").glob("*.spec"))]
+    assert [line.split()[0] for line in lines] == names
+    assert all(len(line.split(maxsplit=1)[1]) > 20 for line in lines)
+
+
+def test_the_text_of_one(scenegen, root):
+    assert scenegen("specs", "first").out == (root / "specs" / "first.spec").read_text()
+
+
+def test_a_name_that_none_has(refused):
+    assert "did you mean `first`" in refused("specs", "frist")
+
+
+def test_a_shipped_spec_by_its_name(scenegen, here):
+    outcome = scenegen("check", "table_setting")
+    assert outcome.status == 0 and outcome.out.startswith("table_setting: ok\n  A table set for one")
+    outcome = scenegen("sample", "first", "--phi", "0:0.2", "-n", "2", "--out", "s.json")
+    assert outcome.status == 0
+    assert scenegen("eval", "first", "s.json", "--json").status == 0
+
+
+@pytest.mark.parametrize("name", ["first", "first.spec"])
+def test_a_file_of_that_name_comes_first(scenegen, here, name):
+    (here / name).write_text("# my own\ntask: leftOf(fork, spoon)\n")
+    assert "my own" in scenegen("check", "first").out
+
+
+def test_an_ending_may_be_left_out(scenegen, here):
+    assert scenegen("check", "good").out.startswith("good.spec: ok\n")
+
+
+def test_a_name_of_nothing(refused):
+    said = refused("check", "table_seting")
+    assert "no file table_seting, nor table_seting.spec" in said and "did you mean `table_setting`, which ships" in said
+    assert "`scenegen specs` lists" in refused("range", "nothing_like_it")
+
+
+def test_no_shipped_spec_is_rewritten(refused, root):
+    assert "cannot read first" in refused("fmt", "first")
+
+
+def test_new_writes_a_spec_that_works(scenegen, here):
+    outcome = scenegen("new", "mine")
+    assert (outcome.status, outcome.out) == (0, "") and "scenegen check mine.spec" in outcome.err
+    text = (here / "mine.spec").read_text()
+    assert text.count("#") >= 8
+    outcome = scenegen("check", "mine.spec")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert scenegen("fmt", "--check", "mine.spec").status == 0, "it is in canonical form"
+    outcome = scenegen("sample", "mine.spec", "--satisfied", "-n", "4", "--out", "s.json")
+    assert outcome.status == 0 and len(json.loads((here / "s.json").read_text())["scenes"]) == 4
+
+
+@pytest.mark.parametrize("name", ["good", "good.spec", "dangling"])
+def test_new_overwrites_nothing(refused, here, name):
+    (here / "dangling.spec").symlink_to(here / "elsewhere")
+    assert "is there already" in refused("new", name)
+
+
+def test_new_where_there_is_no_folder(refused):
+    assert "cannot write nowhere/mine.spec" in refused("new", "nowhere/mine")

@@ -94,7 +94,7 @@ def test_all_additions_go_together_and_are_tidy(tmp_path):
 @pytest.mark.slow
 def test_a_primitive(extended):
     project = extended("A primitive")
-    run_tests(project, "tests/primitives", "-k", "roughGap")
+    run_tests(project, "tests/geometry", "-k", "roughGap")
     (project / "my.spec").write_text("object fork, knife\ntask: roughGap(fork, knife) >= 10 cm\n")
     assert "roughGap(fork, knife)" in scenegen(project, "check", "my.spec")
     for method in ("rejection", "splitting"):
@@ -120,7 +120,7 @@ print(len(tape.differences), mark.start, mark.end)
 @pytest.mark.slow
 def test_an_object(extended):
     project = extended("An object")
-    run_tests(project, "tests/assets", "-k", "coaster")
+    run_tests(project, "tests/things", "-k", "coaster")
     assert "coaster" in scenegen(project, "assets", "coaster")
 
 
@@ -141,10 +141,10 @@ def test_a_shape(extended):
 @pytest.mark.slow
 def test_a_sampler(extended):
     project = extended("A sampler")
-    goldens = ("tests/cli/test_help.py", "tests/cli/test_bad_request.py", "-k", "sample or misspelt")
+    goldens = ("tests/cli/test_help.py", "tests/cli/test_bad_requests.py", "-k", "sample or misspelt")
     run_tests(project, "--regenerate", *goldens)
     run_tests(project, *goldens)
-    run_tests(project, "tests/engine/test_plans_travel.py", "-k", "new_process")
+    run_tests(project, "tests/sampling/engine/test_plans_travel.py", "-k", "new_process")
     request = ("sample", "first", "--phi", "0:0.2", "-n", "2000", "--method", "plain", "--timeout", "30")
     for workers in ("1", "2"):
         scenegen(project, *request, "--workers", workers, "--out", f"s{workers}.jsonl")
@@ -182,7 +182,7 @@ def test_a_figure(extended):
 @pytest.mark.slow
 def test_a_model(extended):
     project = extended("A model")
-    run_tests(project, "tests/models/test_contract.py", "-k", "default-plain")
+    run_tests(project, "tests/learn/models/test_contract.py", "-k", "default-plain")
     run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "train")
     run_tests(project, "tests/cli/test_help.py", "-k", "train")
     options = ("--model", "plain", "--epochs", "1", "--scenes", "512", "--hyper", "width=32", "--no-card")
@@ -193,8 +193,8 @@ def test_a_model(extended):
 @pytest.mark.slow
 def test_a_strategy(extended):
     project = extended("A strategy")
-    run_tests(project, "tests/curriculum/test_strategies.py", "-k", "in_turn")
-    run_tests(project, "tests/curriculum/test_strategies_help.py", "-k", "in_turn or judged")
+    run_tests(project, "tests/learn/curriculum/test_strategies.py", "-k", "in_turn")
+    run_tests(project, "tests/learn/curriculum/test_strategies_help.py", "-k", "in_turn or judged")
 
 
 @pytest.mark.slow
@@ -209,7 +209,7 @@ def test_a_command(extended):
 @pytest.mark.slow
 def test_a_file_format(extended):
     project = extended("A file format")
-    run_tests(project, "tests/formats/test_formats.py", "tests/cli/test_formats.py", "-k", "ndjson")
+    run_tests(project, "tests/scenes/test_formats.py", "tests/cli/test_files.py", "-k", "ndjson")
     scenegen(project, "sample", "first", "-n", "5", "--out", "s.ndjson")
     scenegen(project, "export", "s.ndjson", "--out", "s.jsonl")
     run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "export")
@@ -220,7 +220,7 @@ def test_a_file_format(extended):
 @pytest.mark.slow
 def test_a_simulators_format(extended):
     project = extended("A simulator's format")
-    run_tests(project, "tests/export/test_worlds.py", "-k", "bodies or ending")
+    run_tests(project, "tests/worlds/export/test_worlds.py", "-k", "bodies or ending")
     scenegen(project, "sample", "first", "-n", "2", "--out", "s.json")
     scenegen(project, "export", "s.json", "--to", "bodies", "--out", "worlds")
     assert (project / "worlds" / "scene_0002.bodies").exists()
@@ -229,6 +229,6 @@ def test_a_simulators_format(extended):
 @pytest.mark.slow
 def test_an_experiment(extended):
     project = extended("An experiment")
-    run_tests(project, "tests/experiments/test_table.py", "-k", "halves")
+    run_tests(project, "tests/experiments/test_reports.py", "-k", "halves")
     python(project, "-m", "experiments", "halves", "--quick", "--out", "out")
     assert "| seed" in (project / "out" / "halves.md").read_text()

@@ -1,16 +1,30 @@
-"""The fuzzer's first inputs of a fixed seed, and the fuzzer itself: `make fuzz` runs it for as long as one likes."""
+"""The fuzzer's first inputs of a fixed seed, and the fuzzer itself: `make fuzz` runs it for as long as one likes.
+Nothing proves that a planted scene cannot be. Hostile scene files, the first of a fixed seed; `python -m
+tests.fuzz` goes on with others. The first random tables of a seed, and whether faults are found: `make fuzz-tables`
+samples a hundred.
+"""
 
 import random
+import time
 from types import SimpleNamespace
 
 import pytest
 
+import scenegen
+from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
+from scenegen.scenes.formats import header
 
 from . import judge as judging
+from . import scenefiles, tables_run
 from .generate import Case
+from .judge import Fault
 from .minimise import minimise
+from .planted import PROOFS, planted, wrong_proofs
 from .run import Bench, corpus, make
+from .scenefiles import good_file, hostile, judge_file
+from .tables import FEWEST, Table, table
+from .tables_run import FULL, PROOF, SCENES, SCENES_CAME, Run, run, summary
 
 SEED, COUNT = 20, 60
 
@@ -99,3 +113,136 @@ def test_inputs_with_a_fault_become_small():
     lines[17] = "l: leftOf(a, @b)"
     small = minimise(Case("\n".join(lines).encode(), {"x.spec": b""}), lambda case: b"@" in case.main)
     assert small == Case(b"@", {})
+
+
+QUICK, MANY, SAMPLED = range(1, 5), range(100, 400), range(1000, 1060)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", QUICK)
+def test_no_proof_against_a_planted_scene(seed):
+    assert wrong_proofs(planted(seed), 1e5) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", MANY)
+def test_no_proof_against_many_planted_scenes(seed):
+    assert wrong_proofs(planted(seed)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SAMPLED)
+def test_planted_scenes_are_found_or_not_found(seed):
+    """Whole runs of `sample`: scenes, or that none were found, in time; never that there are none."""
+    made = planted(seed)
+    spec = scenegen.parse(made.text)
+    asked = {name: (0.0, None) for name in spec.labels if made.phi[name] >= 0.0}
+    try:
+        scenegen.sample(spec, asked, n=10, timeout=3.0)
+    except RequestError as error:
+        assert not made.numbers or error.diagnostics[0].code != "no-number-possible"
+        assert error.diagnostics[0].kind not in PROOFS
+
+
+def test_discs_that_may_overlap_are_not_counted_as_area():
+    """Each of ten plates keeps clear of a coin; among each other only their centres are apart."""
+    spec = scenegen.parse(
+        "object plate[10] = cylinder(0.45, 0.05)\nobject coin = cylinder(0.02, 0.05)\n"
+        "require forall p in plate: gap(p, coin) >= 0\ntask: forall p, q in plate: farFrom(p, q, 1 cm)\n"
+    )
+    scenes = scenegen.sample(spec, (0.0, None), n=5, method="growth")
+    assert len(scenes.poses) == 5
+
+
+COUNT_SCENEFILES = 24
+
+
+@pytest.fixture(scope="module")
+def good():
+    return good_file()
+
+
+@pytest.mark.long
+def test_read_or_refused_in_time(good, tmp_path):
+    read = 0
+    for number in range(COUNT_SCENEFILES):
+        read += judge_file(random.Random(f"files:{number}"), good, tmp_path)
+    assert 0 < read < COUNT_SCENEFILES * 0.9
+
+
+def test_the_same_number_is_the_same_file(good):
+    assert hostile(random.Random("7"), good) == hostile(random.Random("7"), good)
+
+
+@pytest.mark.long
+def test_it_finds_what_is_wrong_scenefiles(good, tmp_path, monkeypatch):
+    """A reader that takes its time over keys that stand twice, as ours did: it counted every key."""
+
+    def slow(pairs):
+        if len(dict(pairs)) < len(pairs):
+            until = time.process_time() + 1.0
+            while time.process_time() < until:
+                pass
+            raise header._DuplicateKey(pairs[0][0])
+        return dict(pairs)
+
+    monkeypatch.setattr(header, "_unique", slow)
+    monkeypatch.setattr(scenefiles, "SECONDS", 0.9)
+    monkeypatch.setattr(scenefiles, "EACH", 0.0)
+    with pytest.raises(Fault, match="bytes took"):
+        for number in range(10 * COUNT_SCENEFILES):
+            judge_file(random.Random(f"files:{number}"), good, tmp_path)
+
+
+QUICK_TABLES = 0, 13  # one with many boxes left by pruning, one with few
+EASY = "object a[3] = cylinder(0.02, 0.05)\nrequire noOverlap()\ntask: leftOf(a[1], a[2])\n"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", QUICK_TABLES)
+def test_quick_tables_are_answered_with_scenes(number):
+    one = run(0, number, 60.0)
+    assert not one.fault, one
+    assert one.kind == SCENES_CAME
+
+
+def test_tables_are_valid_and_do_not_change():
+    for number in range(16):
+        case = table(0, number, number > 7)
+        assert case == table(0, number, number > 7)
+        spec = scenegen.parse(case.text)
+        assert set(spec.labels) == set(case.ranges)
+        assert len(spec.objects) >= FEWEST
+    assert len({table(seed, 0).text for seed in range(8)}) == 8
+
+
+def test_wrong_scenes_are_found(tmp_path):
+    out = tmp_path / "scenes.json"
+    scenegen.sample_to(out, scenegen.parse(EASY), {"task": (0.0, None)}, SCENES)
+    ranges = {"task": (0.0, None)}
+    assert tables_run._verify(Table(EASY, ranges), out) == ("rejection", "")
+    assert "out of range" in tables_run._verify(Table(EASY, {"task": (0.5, None)}), out)[1]
+    closer = EASY.replace("noOverlap()", "noOverlap() & closeTo(a[1], a[2], 1 cm)")
+    assert "requires" in tables_run._verify(Table(closer, ranges), out)[1]
+
+
+def test_scenes_that_were_overlooked_are_found(monkeypatch):
+    monkeypatch.setattr(tables_run, "PLAIN", 0.1)
+    assert "plain rejection finds" in tables_run._plain(Table(EASY, {"task": (0.0, None)}))
+    assert tables_run._plain(Table(EASY, {"task": (0.999, None)})) == ""
+
+
+@pytest.mark.long
+def test_answers_are_told_apart(monkeypatch):
+    """A proof is an answer; an error that nobody knows is a fault."""
+    monkeypatch.setattr(tables_run, "PLAIN", 0.1)
+    hopeless = Table(EASY + "safe: x(a[1]) >= 2\n", {"safe": (0.0, None)})
+    monkeypatch.setattr(tables_run, "table", lambda *_: hopeless)
+    one = run(0, 0, 60.0)
+    assert (one.kind, one.fault) == (PROOF, "")
+    broken = Table("object a\ntask: leftOf(a, \n", {"task": (0.0, None)})
+    monkeypatch.setattr(tables_run, "table", lambda *_: broken)
+    assert run(0, 0, 60.0).fault == "an unknown answer"
+    lines = summary([one, Run(1, FULL, "-", 1.0, 1.0, 1, "")])
+    assert "1 of 2 proof" in lines
+    assert "faults: none" in lines

@@ -1,4 +1,4 @@
-"""Reads tests/golden/relations: scenes for each relation of the prelude, with phi worked out on paper.
+"""Reads tests/golden/lang/relations: scenes for each relation of the prelude, with phi worked out on paper.
 
 A file opens with what phi is in words. A scene opens with `== title`; a spec of one label `task` follows, in which
 `at` says where each object stands in this scene (x and y in metres, heading in degrees). What follows the task is
@@ -20,7 +20,7 @@ from pathlib import Path
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 
-FOLDER = Path(__file__).resolve().parents[1] / "golden" / "relations"
+FOLDER = Path(__file__).resolve().parents[1] / "golden" / "lang" / "relations"
 SLIP = 1e-12
 
 _AT = re.compile(r"^(object (\w+).*?)\s+at \(([^()]*)\)$")

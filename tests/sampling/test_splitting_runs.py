@@ -22,7 +22,7 @@ RARE = {"task": Range(0.05, 0.06)}
 
 @pytest.fixture(scope="module", autouse=True)
 def few_chains():
-    """An eighth of the usual chains; tests/slow and tests/sampling/test_exactness_fast.py take all of them."""
+    """An eighth of the usual chains; tests/slow and tests/sampling/test_verify.py take all of them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 1024)
         yield

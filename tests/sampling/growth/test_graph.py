@@ -1,13 +1,25 @@
-"""Clauses, pairs, choices and parts of specs that are small enough to say them by hand."""
+"""Clauses, pairs, choices and parts of specs that are small enough to say them by hand. What formulas imply: no value
+of phi changes, and rows are scored before their last object comes. Flat spread and several labels: equal shares of
+the cells, and the right scenes within each. Resampling: unbiased, as even as it can be, within groups.
+"""
+
+import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
+from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import POINT, Circle
-from scenegen.sampling.growth.graph import components, make_graph
-from scenegen.sampling.request import Range
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi
+from scenegen.sampling.growth.graph import components, make_graph, with_implied
+from scenegen.sampling.growth.machine import resample
+from scenegen.sampling.growth.sampler import Growth, plan_growth
+from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.request import Range, SampleRequest
 
-from .made import machine_of, posed
+from .made import anywhere, everything_placed, machine_of, posed
 
 DISCS = "object a = cylinder(0.05, 0.1), b = cylinder(0.06, 0.1), c = cylinder(0.07, 0.1)\n"
 
@@ -105,3 +117,117 @@ def test_a_disc_held_in_place_is_held_whatever_its_heading():
     turned = graph_of(DISCS.replace("cylinder(0.05, 0.1)", "box(0.1, 0.1, 0.1)") + "require noOverlap()\n"
                       "task: leftOf(b, c)", fixed={"a": (0.2, 0.3)})  # fmt: skip
     assert turned.objects == {0, 1, 2} and 2 in turned.rows and 0 not in turned.rows
+
+
+ROW = "object c[5] = box(0.1, 0.1, 0.1)\ntask: evenlySpaced(c, 2 cm) & leftOf(c[1], c[2])\n"
+
+
+def test_phi_stays_and_there_is_more_to_meet():
+    core = check_text(ROW).core
+    more = with_implied(core)
+    assert len(more.nodes) > len(core.nodes)
+    rows = list(anywhere(posed(ROW, {}), 2000))
+    one, two = (phi(part, rows, NUMPY)["task"] for part in (core, more))
+    np.testing.assert_allclose(one, two, atol=1e-15)
+
+
+def test_a_core_without_means_stays_itself():
+    core = check_text("leftOf(a, b) & closeTo(b, c, 0.2)").core
+    assert with_implied(core) is core
+
+
+@pytest.mark.parametrize("size", [4, 6])
+def test_rows_are_scored_from_the_third_object_on(size):
+    machine = machine_of(f"object c[{size}] = box(0.1, 0.1, 0.1)\ntask: evenlySpaced(c, 2 cm)\n")
+    sizes = {len(clause.objects) for clause in machine.graph.clauses}
+    assert min(sizes) == 3 and max(sizes) == size
+
+
+def planned(text, ranges, n, seed=0, spread="flat"):
+    plan = plan_growth(make_problem(check_text(text), SampleRequest(ranges, n=n, seed=seed, spread=spread)), Budget())
+    assert isinstance(plan, Growth)
+    return plan
+
+
+def test_all_cells_get_equal_shares_and_the_probability_adds_up():
+    plan = planned("leftOf(a, b)", {"task": Range(0.1, 0.9)}, 3200)
+    made = plan.draw(0)
+    counts = np.bincount(made.cell, minlength=32)
+    assert made.cell.min() >= 0 and len(counts) == 32 and np.ptp(counts) <= 8
+    islands, total, square = made.facts[:3]
+    truth = (0.9**2 - 0.1**2) / 2
+    error = math.sqrt((square / islands - (total / islands) ** 2) / (islands - 1)) + 1e-3
+    assert abs(total / islands - truth) < 5 * error
+    # the density of a difference d of two uniform places is 1 - d; the left one is uniform in what it leaves
+    apart = made.rows[3] - made.rows[0]
+    low = 0.1 + 0.025 * made.cell
+    within = ((1 - low) ** 2 - (1 - apart) ** 2) / ((1 - low) ** 2 - (1 - low - 0.025) ** 2)
+    assert stats.kstest(within, "uniform").pvalue > 1e-3
+    assert stats.kstest(made.rows[0] / (1 - apart), "uniform").pvalue > 1e-3
+    for row in (1, 2, 4, 5):  # rows that nothing reads
+        assert stats.kstest(made.rows[row] / (2 * math.pi if row % 3 == 2 else 1), "uniform").pvalue > 1e-3
+
+
+def test_several_labels_have_a_product_of_cells():
+    text = "left: leftOf(a, b)\nbelow: belowOf(a, b)\nfree: closeTo(a, b, 0.3)"
+    plan = planned(text, {"left": Range(0.1, 0.5), "below": Range(0.2, 0.6)}, 256 * 4)
+    made = plan.draw(0)
+    counts = np.bincount(made.cell, minlength=256)
+    assert (counts >= 4).all()
+    phi = made.phi
+    assert ((phi[0] >= 0.1) & (phi[0] <= 0.5) & (phi[1] >= 0.2) & (phi[1] <= 0.6)).all()
+    np.testing.assert_allclose(phi[0], made.rows[3] - made.rows[0])
+    assert abs(made.facts[1] / made.facts[0] / ((0.9**2 - 0.5**2) / 2 * (0.8**2 - 0.4**2) / 2) - 1) < 0.1
+
+
+def test_cells_that_no_scene_reaches_are_left_out():
+    """With both differences over 0.1875, mug and plate are over 0.265 apart."""
+    text = "task: leftOf(mug, plate) & aboveOf(mug, plate)\nsafe: !closeTo(mug, plate, 0.25)"
+    plan = planned(text, {"task": Range(0.0, 0.2), "safe": Range(0.0, 0.2)}, 1000)
+    assert set(plan.reached) >= set(range(240)) - {cell for cell in range(256) if cell % 16 == 0}
+    assert len(plan.reached) == 255
+
+
+def test_the_deciding_atom_is_one_more_choice():
+    """min(d1, d2) in a band: which of the two is the smaller one comes in equal shares."""
+    plan = planned("leftOf(a, b) & leftOf(b, c)", {"task": Range(0.1, 0.12)}, 2000, spread="base")
+    assert len(plan.machine.graph.choices) == 1
+    made = plan.draw(1)  # larger than the first
+    x = made.rows[0::3]
+    first = x[1] - x[0] < x[2] - x[1]
+    assert abs(first.mean() - 0.5) < 4 * 0.5 / math.sqrt(len(first) / plan.recipe.effect)
+    # P(min >= t) of the gaps of three ordered points is (1 - 2 t)^3 / 6
+    truth = ((1 - 0.2) ** 3 - (1 - 0.24) ** 3) / 6
+    assert abs(made.facts[1] / made.facts[0] / truth - 1) < 0.2
+
+
+def test_copies_are_as_many_as_weights_say_on_average_and_nearly_so_always():
+    weights = np.array([0.0, 0.3, 1.2, 0.1, 2.4, 1.0, 0.5, 0.5])
+    group, rng, runs = np.zeros(8, dtype=np.intp), np.random.default_rng(0), 4000
+    wanted = weights / weights.mean()
+    counts = np.zeros((runs, 8))
+    for run in range(runs):
+        keep, mean = resample(weights, group, rng)
+        counts[run] = np.bincount(keep, minlength=8)
+        assert len(keep) == 8 and (mean == weights.mean()).all()
+    assert (np.abs(counts - wanted) < 1.0 + 1e-9).all()
+    error = counts.std(axis=0) / np.sqrt(runs)
+    assert (np.abs(counts.mean(axis=0) - wanted) < 4 * error + 1e-12).all()
+
+
+def test_groups_keep_to_themselves_and_the_dead_are_left_out():
+    weights = np.array([1.0, 0.0, 0.0, 0.0, 3.0, 1.0, 2.0, 2.0])
+    group = np.array([0, 0, 1, 1, 2, 2, 3, 3])
+    keep, mean = resample(weights, group, np.random.default_rng(1))
+    assert keep[:2].tolist() == [0, 0] and (group[keep] == [0, 0, 2, 2, 3, 3]).all()
+    assert keep[4:].tolist() == [6, 7]  # equal weights: everyone goes on as they are
+    assert mean.tolist() == [0.5, 0.5, 0.0, 0.0, 2.0, 2.0, 2.0, 2.0]
+
+
+def test_copies_know_their_ancestors():
+    machine = machine_of("leftOf(a, b) & leftOf(b, c)")
+    particles = everything_placed(machine, anywhere(machine.problem, 5))
+    before = particles.scenes.copy()
+    particles.take(np.array([1, 1, 3, 1, 4]))
+    assert (particles.scenes == before[:, [1, 1, 3, 1, 4]]).all()
+    assert particles.families[0].tolist() == [1, 1, 3, 1, 4]

@@ -1,13 +1,33 @@
-"""Each kind of move keeps the uniform distribution: scenes of plain rejection stay scenes of plain rejection."""
+"""Each kind of move keeps the uniform distribution: scenes of plain rejection stay scenes of plain rejection. Lifting
+objects off the table: how often it is worth it, and that copies part by it. How long a population is moved, and
+which part of it is taken. Growth changes what things stand on, and moves what carries together with what it
+carries, without a bias.
+"""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import stats
 
+import scenegen
 from scenegen.sampling.growth import moves
 from scenegen.sampling.growth.insertion import attempt, scored
 from scenegen.sampling.growth.machine import MoveTally
 from scenegen.sampling.growth.moves import MoveSettings, cluster, jump, reinsert, relocate, sweep
+from scenegen.sampling.growth.population import (
+    ALIKE,
+    MOST_TRIES,
+    REDRAWN,
+    RELOCATED,
+    SURE,
+    AncestorEffect,
+    apart,
+    lifted,
+    part_of,
+    partners,
+    settle,
+)
 from scenegen.sampling.request import Range
 
 from .made import POSITIVE, anywhere, everything_placed, machine_of, plain, ways_held
@@ -216,3 +236,157 @@ def test_before_its_last_object_a_choice_counts_by_its_chance(text, move):
     one, two = (np.array([*rows[placed], rows[0] - rows[3], rows[1] - rows[4]]) for rows in (particles.scenes, truth))
     p = [stats.ks_2samp(*pair, method="asymp").pvalue for pair in zip(one, two, strict=True)]
     assert min(p) * len(p) > 1e-3
+
+
+TWO_SETTINGS = """
+object plate[2] = cylinder(0.13, 0.02), fork[2] = box(0.02, 0.2, 0.01)
+require noOverlap()
+task: forall i in 1..2: leftOf(fork[i], plate[i]) & closeTo(fork[i], plate[i], 0.2)
+"""
+
+
+def test_many_places_are_tried_where_few_are_free():
+    often, tries = zip(*(lifted(free, RELOCATED) for free in (1.0, 0.3, 0.05, 0.01)), strict=True)
+    assert tries[0] == 1 and list(tries) == sorted(tries) and tries[-1] <= MOST_TRIES
+    assert often == (RELOCATED,) * 4
+    assert 0.0 < lifted(0.001, RELOCATED)[0] < RELOCATED  # seldom
+    assert lifted(1e-5, RELOCATED)[0] == 0.0  # not at all
+
+
+@pytest.mark.long
+def test_copies_part_by_lifts_and_stay_alike_without():
+    """800 copies of 20 scenes: what ten sweeps leave of a design effect of 40."""
+    machine = machine_of(TWO_SETTINGS, POSITIVE)
+    few = plain(machine.problem, 20, 1)
+    redraws, relocations = (dict.fromkeys(machine.order, lifted(0.15, often)) for often in (REDRAWN, RELOCATED))
+    effects = []
+    for kinds in (("redraw", "shift", "turn", "relocate"), ("shift", "turn")):
+        particles = everything_placed(machine, few[:, np.arange(800) % 20])
+        particles.families = [np.arange(800) % 20]
+        for _ in range(10):
+            sweep(particles, MoveSettings({}, kinds, redraws, relocations))
+        effects.append(AncestorEffect(machine)(particles))
+    assert effects[0] < 3.0 < 12.0 < effects[1]
+
+
+def copies(index):
+    """Particles of which some are copies of others."""
+    machine = machine_of("leftOf(a, b) & leftOf(b, c)")
+    particles = everything_placed(machine, anywhere(machine.problem, max(index) + 1))
+    particles.take(np.array(index))
+    return particles
+
+
+def test_scenes_that_share_a_place_are_told():
+    particles = copies([0, 0, 0, 1, 2, 2])
+    assert partners(particles) == pytest.approx((3 * 2 + 0 + 2 * 1) / 6)
+    assert apart(particles, np.arange(6)).tolist() == [0, 3, 4]
+    assert apart(particles, np.array([2, 5, 1, 3])).tolist() == [2, 5, 3]
+    # one object that has moved is not enough, all must
+    particles.scenes[[0, 1, 2], 1] += 0.1
+    assert apart(particles, np.arange(6)).tolist() == [0, 3, 4]
+    particles.scenes[3:, 1] += 0.1
+    assert apart(particles, np.arange(6)).tolist() == [0, 1, 3, 4]
+    assert partners(particles) == pytest.approx((2 * 1 + 0 + 2 * 1) / 6)
+
+
+def test_a_place_that_went_to_another_object_is_still_shared():
+    particles = copies([0, 0])
+    particles.scenes[[0, 1, 3, 4], 1] = particles.scenes[[3, 4, 0, 1], 1]
+    particles.scenes[6:, 1] += 0.1
+    assert partners(particles) == 1.0 and len(apart(particles, np.arange(2))) == 1
+
+
+def test_a_part_has_as_many_scenes_of_each_cell_and_asks_for_nothing_else():
+    rng, cell = np.random.default_rng(0), np.repeat([0, 1, 2], [40, 40, 20])
+    taken = np.zeros(100)
+    for _ in range(400):
+        some = part_of(cell, 5.0, rng)
+        assert len(set(some)) == 20 and np.ptp(np.bincount(cell[some])) <= 1
+        taken[some] += 1
+    for number, share in ((0, 20 / 3 / 40), (1, 20 / 3 / 40), (2, 20 / 3 / 20)):  # everyone of a cell equally often
+        counts = taken[cell == number]
+        assert np.abs(counts / 400 - share).max() < 5 * np.sqrt(share / 400)
+    assert sorted(part_of(cell, 1.0, rng)) == list(range(100))
+
+
+def run(effects, count=500, wanted=100.0, grown=100.0):
+    """`settle` where the design effect falls as told and a sweep takes one evaluation."""
+    machine = SimpleNamespace(work=0.0)
+    particles = SimpleNamespace(machine=machine, count=count, placed=(), scenes=np.zeros((3, count)))
+    machine.graph = SimpleNamespace(rows=frozenset())
+
+    def sweep():
+        machine.work += 1.0
+
+    return settle(particles, sweep, lambda _: effects(machine.work), grown, wanted)
+
+
+def test_sweeps_end_once_the_particles_are_enough():
+    best, now = run(lambda work: 2.0)
+    assert best.sweeps == now.sweeps == 4 and now.thin == pytest.approx(1.0 / (ALIKE - 1.0))
+    assert now.left == pytest.approx(ALIKE)
+
+
+def test_sweeps_that_help_go_on_and_those_that_do_not_end_early():
+    falling, _ = run(lambda work: 1.0 + 30.0 * np.exp(-work / 20.0), wanted=2000.0)
+    flat, now = run(lambda work: 8.0, wanted=2000.0)
+    assert falling.sweeps > 40 and falling.thin < 3.0
+    assert flat.sweeps == 4 and flat.thin == pytest.approx(7.0 / (ALIKE - 1.0))  # the fewest: more bring nothing
+    assert now.sweeps > 4
+
+
+def test_sweeps_that_bring_little_for_long_end():
+    """The effect falls by a half in 16 sweeps, which is less than they cost: 17 are enough to see that."""
+    slow = lambda work: 1.0 + 8.0 * 0.5 ** (work / 16.0)  # noqa: E731
+    best, now = run(slow, wanted=4000.0, grown=1.0)
+    assert best.sweeps == 4 and now.sweeps == 17
+    # where growing costs more, the same sweeps are worth it
+    best, now = run(slow, wanted=4000.0, grown=1000.0)
+    assert best.sweeps > 17
+
+
+def test_of_trusted_numbers_of_sweeps_the_cheapest_is_taken():
+    """Scenes that come apart in the end: a slightly larger population is cheaper than four times the sweeps."""
+    best, now = run(lambda work: 1.6 if work < 45.0 else 1.4, wanted=5000.0)
+    assert now.sweeps >= 45 and now.thin == 1.0
+    assert SURE <= best.sweeps < 20 and best.thin == pytest.approx(0.6 / (ALIKE - 1.0))
+
+
+RACK = """object rack at (0.5, 0.7, SOUTH)
+object bottle[3] on any of [rack.slot[1], rack.slot[2], rack.slot[3], rack.slot[4], rack.slot[5], rack.slot[6]]
+require noCollision()
+task: leftOf(bottle[1], bottle[2])"""
+CARRIED = """workspace [0, 0.8] x [0, 0.8]
+object tray, plate on any of [tray, workspace], apple on any of [plate, tray, workspace]
+require noCollision()
+task: restsOn(apple, plate)"""
+
+
+def drawn(text, method, n, **options):
+    return scenegen.sample(scenegen.parse(text), n=n, seed=5, method=method, **options)
+
+
+def shares(scenes, chooser, surfaces):
+    """How often an object with a choice stands on each of its surfaces."""
+    return np.bincount(scenes.on[:, chooser].astype(int) - 1, minlength=surfaces) / len(scenes)
+
+
+@pytest.mark.long
+def test_slots_of_a_rack_are_equally_likely_and_bottles_anywhere_in_them():
+    scenes = drawn(RACK, "growth", 1200)
+    for bottle in range(3):
+        np.testing.assert_allclose(shares(scenes, bottle, 6), 1.0 / 6.0, atol=0.055)  # 5 standard errors
+
+
+@pytest.mark.long
+def test_what_is_carried_by_choice_is_as_rejection_has_it():
+    grown, drawn_alone = (drawn(CARRIED, method, 1000) for method in ("growth", "rejection"))
+    for chooser, surfaces in ((0, 2), (1, 3)):
+        one, other = (shares(scenes, chooser, surfaces) for scenes in (grown, drawn_alone))
+        assert (other > 0.01).sum() >= 2  # some stand elsewhere
+        np.testing.assert_allclose(one, other, atol=0.1)  # 4 standard errors, if a scene of growth is worth half of one
+    tray = [scenes.poses[:, list(scenes.objects).index("tray")] for scenes in (grown, drawn_alone)]
+    for axis in range(2):
+        quarters = [np.quantile(poses[:, axis], (0.25, 0.5, 0.75)) for poses in tray]
+        np.testing.assert_allclose(*quarters, atol=0.06)

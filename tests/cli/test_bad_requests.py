@@ -1,0 +1,282 @@
+"""Requests that cannot be: ranges of phi, counts, times, names. `sample --satisfied` and `--violated`: short for the
+ranges that are asked for most. `--steps`: a flow is trained once and taken in any number of jumps. -h, -q, -v, and
+what a shell completes.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+# name -> (the words of --phi, the place that the caret points to)
+RANGES = {
+    "reversed": (["0.2:0"], "1:1"),
+    "reversed_of_a_label": (["task=0.2:0"], "1:6"),
+    "not_a_number": (["low:0.5"], "1:1"),
+    "not_a_number_at_the_end": (["task=0.1:high"], "1:10"),
+    "nan": (["nan:1"], "1:1"),
+    "infinite": (["0:1e999"], "1:3"),
+    "single_value": (["0.1:0.1"], "1:1"),
+    "single_number": (["0.1"], "1:1"),
+    "word": (["easy"], "1:1"),
+    "nothing": ([""], "1:1"),
+    "open_at_both_ends": ([":"], "1:1"),
+    "three_ends": (["0:1:2"], "1:1"),
+    "misspelt_label": (["tsak=0:1"], "1:1"),
+    "unknown_label": (["difficulty=0:1"], "1:1"),
+    "no_label_before_the_sign": (["=0:1"], "1:1"),
+    "label_twice": (["task=0:1", "task=0:0.5"], "1:1"),
+    "out_of_reach": (["1.5:2"], "1:1"),
+    "out_of_reach_below": ([":-1.01"], "1:1"),
+}
+# name -> other words of `sample good.spec`
+OTHERS = {
+    "n_zero": ["-n", "0"],
+    "n_negative": ["-n", "-3"],
+    "n_enormous": ["-n", "100000000000"],
+    "n_no_number": ["-n", "abc"],
+    "n_fraction": ["-n", "1.5"],
+    "seed_negative": ["--seed", "-1"],
+    "seed_no_number": ["--seed", "x"],
+    "n_too_many_for_json": ["-n", "2000000"],
+    "workers_zero": ["--workers", "0"],
+    "workers_no_number": ["--workers", "all"],
+    "raw_and_resume": ["--raw", "--resume"],
+    "timeout_zero": ["--timeout", "0"],
+    "timeout_nan": ["--timeout", "nan"],
+    "timeout_no_number": ["--timeout", "soon"],
+    "method_misspelt": ["--method", "rejektion"],
+    "method_without_model": ["--method", "model"],
+    "raw_without_model": ["--raw"],
+    "spread_misspelt": ["--spread", "flatt"],
+    "spec_without_model": ["--spec", "two.spec"],
+    "ending_unknown": ["--out", "o.xlsx"],
+    "ending_misspelt": ["--out", "o.jsn"],
+    "ending_missing": ["--out", "scenes"],
+}
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_range(name, refused, golden):
+    texts, place = RANGES[name]
+    said = refused("sample", "good.spec", "--out", "o.json", *(word for text in texts for word in ("--phi", text)))
+    assert said.splitlines()[1].strip() == f"--> --phi:{place}"
+    golden(f"cli/errors/phi_{name}.txt", said)
+
+
+def test_a_range_needs_its_label_where_there_are_two(refused, golden):
+    said = refused("sample", "two.spec", "--phi", "0:0.1")
+    assert "--> --phi:1:1" in said
+    golden("cli/errors/phi_of_which_label.txt", said)
+
+
+def test_nothing_to_resume_on_standard_output(refused, golden):
+    golden("cli/errors/sample_resume_without_out.txt", refused("sample", "good.spec", "--resume"))
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_option(name, refused, golden):
+    golden(f"cli/errors/sample_{name}.txt", refused("sample", "good.spec", "--out", "o.json", *OTHERS[name]))
+
+
+TRAIN = {
+    "model": ["--model", "gann"],
+    "epochs": ["--epochs", "0"],
+    "epochs_no_number": ["--epochs", "many"],
+    "recipe": ["--recipe", "papr"],
+    "model_of_recipe": ["--recipe", "paper", "--model", "energy"],
+    "data": ["--data", "boostd"],
+    "device": ["--device", "gpu"],
+    "hyper": ["--hyper", "widht=64"],
+    "hyper_no_number": ["--hyper", "width=wide"],
+    "hyper_twice": ["--hyper", "width=64", "--hyper", "width=32"],
+    "hyper_range": ["--hyper", "width=0"],
+    "nothing_to_resume": ["--resume"],
+}
+
+
+@pytest.mark.parametrize("name", TRAIN)
+def test_train_option(name, refused, golden):
+    words = ["train", "good.spec", "--model", "gan", "--out", "m.safetensors", *TRAIN[name]]
+    golden(f"cli/errors/train_{name}.txt", refused(*words))
+
+
+@pytest.mark.parametrize("size", ["640", "640x", "axb", "0x0", "100000x5", "640X480x3"])
+def test_render_size(size, refused, scenegen):
+    scenegen("sample", "good.spec", "-n", "1", "--out", "s.json")
+    refused("render", "s.json", "--out", "pictures", "--size", size)
+
+
+def test_render_size_points_at_the_option(refused, scenegen, golden):
+    scenegen("sample", "good.spec", "-n", "1", "--out", "s.json")
+    golden("cli/errors/render_size.txt", refused("render", "s.json", "--out", "pictures", "--size", "wide"))
+    golden("cli/errors/render_size_small.txt", refused("render", "s.json", "--out", "pictures", "--size", "5x5"))
+    golden("cli/errors/render_workers.txt", refused("render", "s.json", "--out", "pictures", "--workers", "0"))
+
+
+USAGE = {
+    "unknown_option": ["sample", "good.spec", "--nonsense"],
+    "option_misspelt": ["check", "good.spec", "--jsn"],
+    "missing_argument": ["sample", "--phi", "0:1"],
+    "missing_second_argument": ["eval", "good.spec"],
+    "missing_option": ["train", "good.spec", "--model", "gan"],
+    "missing_value": ["sample", "good.spec", "-n"],
+    "extra_argument": ["eval", "good.spec", "a.json", "b.json"],
+    "unknown_command": ["sampel", "good.spec"],
+}
+
+
+@pytest.mark.parametrize("name", USAGE)
+def test_wrong_usage_is_status_2(name, scenegen, here, golden):
+    outcome = scenegen(*USAGE[name])
+    assert (outcome.status, outcome.out) == (2, "")
+    assert sorted(path.name for path in here.iterdir()) == ["forks.spec", "good.spec", "two.spec"]
+    golden(f"cli/errors/usage_{name}.txt", outcome.err)
+
+
+def test_an_unknown_model_is_refused_before_anything_is_loaded(here):
+    """It took as long as loading torch, 17 seconds on a slow disk."""
+    import subprocess
+    import sys
+
+    program = (
+        "import sys; from scenegen.cli.app import run; status = run(sys.argv[1:]);"
+        "print(status, [name for name in ('torch', 'lark') if name in sys.modules])"
+    )
+    words = ["train", "good.spec", "--model", "diffusion", "--out", "m.safetensors"]
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "1 []\n" and "`energy`" in done.stderr and "did you mean" not in done.stderr
+
+
+def test_a_format_that_is_not_there(refused, scenegen, here):
+    assert scenegen("sample", "good.spec", "-n", "1", "--out", "s.json").status == 0
+    said = refused("export", "s.json", "--to", "gltf", "--out", "worlds")
+    assert "the formats are `mjcf`, `sdf`" in said and "did you mean" not in said
+
+
+@pytest.mark.long
+def test_no_range_is_blamed_for_what_the_spec_requires(refused, here):
+    text = "object a[4] = box(0.48, 0.48, 0.1)\nrequire noOverlap() & insideWorkspace()\ntask: leftOf(a[1], a[2])\n"
+    (here / "tight.spec").write_text(text)
+    words = ("--phi", "0:", "-n", "4", "--method", "rejection", "--timeout", "1.5", "--out", "x.json")
+    said = refused("sample", "tight.spec", *words)
+    assert "phi of `require` was outside" in said and "= help: require less" in said and "widen" not in said
+
+
+FLAGS = {
+    "--satisfied": {"task": (0.0, None), "safe": (0.0, None)},
+    "--violated": {"task": (None, 0.0), "safe": (None, 0.0)},
+    "--satisfied --phi task=-0.2:0": {"task": (-0.2, 0.0), "safe": (0.0, None)},
+    "--violated --phi safe=0:": {"task": (None, 0.0), "safe": (0.0, None)},
+}
+
+
+@pytest.mark.parametrize(("words", "wanted"), FLAGS.items())
+def test_every_label_that_is_not_named(scenegen, here, words, wanted):
+    outcome = scenegen("sample", "two.spec", *words.split(), "-n", "8", "--out", "s.json")
+    assert outcome.status == 0
+    data = json.loads((here / "s.json").read_text())
+    assert data["request"]["phi"] == {name: list(ends) for name, ends in wanted.items()}
+    for scene in data["scenes"]:
+        for name, (low, high) in wanted.items():
+            assert (low is None or scene["phi"][name] >= low) and (high is None or scene["phi"][name] <= high)
+
+
+def test_short_for_phi(scenegen, here):
+    for words in (["--satisfied"], ["--phi", "task=0:"]):
+        assert scenegen("sample", "good.spec", *words, "-n", "4", "--out", f"{len(words)}.json").status == 0
+    assert (here / "1.json").read_bytes() == (here / "2.json").read_bytes()
+
+
+def test_both_contradict(refused):
+    assert "contradict each other" in refused("sample", "good.spec", "--satisfied", "--violated")
+
+
+def test_a_flow_in_any_number_of_jumps(scenegen, refused, here):
+    trained = ["--model", "flow", "--epochs", "1", "--scenes", "128", "--data", "uniform", "--no-card", "--out"]
+    assert scenegen("train", "good.spec", *trained, "m.safetensors").status == 0
+    poses = {}
+    for steps in ("1", "3"):
+        asked = ["sample", "m.safetensors", "--phi=-0.5:0.5", "-n", "4", "--raw", "--out", "s.json"]
+        assert scenegen(*asked, "--steps", steps).status == 0
+        found = json.loads((here / "s.json").read_text())
+        assert found["sampler"]["steps"] == int(steps)
+        poses[steps] = [scene["poses"] for scene in found["scenes"]]
+    assert poses["1"] != poses["3"]
+    for wrong in ("0", "1001"):
+        assert "must be from 1 to 1,000" in refused("sample", "m.safetensors", "--steps", wrong)
+    assert "no model takes part" in refused("sample", "good.spec", "--steps", "2")
+
+
+def test_models_without_steps(scenegen, refused, here):
+    trained = ["--model", "gan", "--recipe", "paper", "--epochs", "1", "--scenes", "64", "--no-card", "--out"]
+    assert scenegen("train", "good.spec", *trained, "m.safetensors").status == 0
+    assert "one evaluation of its network" in refused("sample", "m.safetensors", "--steps", "2")
+
+
+SAMPLE = ("sample", "good.spec", "--phi", "0:0.2", "-n", "2", "--out", "s.json")
+
+
+def test_short_help(scenegen):
+    assert scenegen("check", "-h").out == scenegen("check", "--help").out
+    assert scenegen("-h").out == scenegen("--help").out
+
+
+def test_quiet_says_nothing_of_success(scenegen, here):
+    assert scenegen(*SAMPLE).err != ""
+    for words in ((*SAMPLE, "-q"), ("--quiet", *SAMPLE)):
+        outcome = scenegen(*words)
+        assert (outcome.status, outcome.out, outcome.err) == (0, "", "")
+
+
+def test_quiet_still_says_what_is_wrong(scenegen, here):
+    assert scenegen("check", "-q", "missing.spec").err.startswith("error[cannot-read]: cannot read missing.spec")
+    (here / "spare.spec").write_text("object mug, plate\nconst SPARE = 3\ntask: leftOf(mug, plate)\n")
+    assert scenegen("check", "-q", "spare.spec").err.startswith("warning[")
+
+
+def test_quiet_is_over_with_the_command(scenegen, here):
+    scenegen(*SAMPLE, "-q")
+    assert "2 scenes" in scenegen(*SAMPLE).err
+
+
+def test_verbose_says_what_is_done_and_when(scenegen, here):
+    lines = [line for line in scenegen(*SAMPLE, "-v").err.splitlines() if line.startswith("[")]
+    assert len(lines) >= 2 and all(re.match(r"\[ *\d+\.\d\d s\] \w", line) for line in lines)
+    assert "task=0:0.2" in lines[0]
+
+
+def test_both_contradict_options(refused):
+    assert "-q and -v contradict each other" in refused("check", "good.spec", "-q", "-v")
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("scenegen sa", ["sample"]),
+        ("scenegen sample --sat", ["--satisfied"]),
+        ("scenegen sample table_set", ["table_setting", "table_setting_published"]),
+        ("scenegen sample goo", []),  # a file of that name: the shell completes it
+        ("scenegen sample x --method rej", ["rejection"]),
+        ("scenegen train x --model f", ["flow"]),
+    ],
+)
+def test_what_a_shell_completes(scenegen, here, monkeypatch, capfd, line, wanted):
+    for name, value in (("_SCENEGEN_COMPLETE", "complete_bash"), ("COMP_WORDS", line)):
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("COMP_CWORD", str(len(line.split()) - 1))
+    with pytest.raises(SystemExit) as done:
+        scenegen()
+    assert done.value.code == 0
+    assert capfd.readouterr().out.split() == wanted
+
+
+def test_a_shell_gets_its_script(root):
+    """As `--show-completion` prints it, which looks for the shell among the processes above."""
+    words = [sys.executable, "-m", "scenegen"]
+    shell = {**os.environ, "_SCENEGEN_COMPLETE": "source_bash"}
+    done = subprocess.run(words, env=shell, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and "complete -o default -F" in done.stdout and "scenegen" in done.stdout

@@ -447,6 +447,7 @@ def test_textures_are_as_large_as_they_should_be(looks_looks, tmp_path):
 def test_usd_has_the_camera_the_light_and_textures_that_are_there(looks_looks, tmp_path):
     pytest.importorskip("pxr")
     from pxr import Gf, UsdGeom, UsdLux, UsdShade
+
     from tests.worlds.export.stages import faults, frame, opened, things
 
     scenes = tower()

@@ -146,5 +146,5 @@ def test_file_names_that_are_no_text(tmp_path):
     made = scenegen.train(scenegen.load(path), "gan", scenes=64, **settings)
     assert made.trained.card.spec.name.endswith("/\\udcff.spec")
     data = scenegen.sample(scenegen.load(path), n=20).save(path.replace(".spec", ".json"))
-    with pytest.raises(scenegen.RequestError, match="rename the file"):
+    with pytest.raises(scenegen.RequestError, match="a name in UTF-8"):
         scenegen.train(scenegen.load(path), "gan", data=data, **settings)

@@ -394,7 +394,7 @@ def test_furniture_has_one_height_in_files_arrays_pictures_and_gazebo(furnished,
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("which", ["scenes", "furnished"])
+@pytest.mark.parametrize("which", ["scenes_heights", "furnished"])
 def test_mujoco_has_the_same_heights_and_finds_no_collision(which, request, tmp_path):
     """The convex pieces of simulators, at the heights of the file, reach into each other by no more than 0.1 mm."""
     mujoco = pytest.importorskip("mujoco")
@@ -402,7 +402,7 @@ def test_mujoco_has_the_same_heights_and_finds_no_collision(which, request, tmp_
 
     scenes = request.getfixturevalue(which)
     world = world_of(scenes.header, next(scenes.blocks()))
-    heights = HEIGHTS if which == "scenes" else [FURNITURE[name] for name in scenes.objects]
+    heights = HEIGHTS if which == "scenes_heights" else [FURNITURE[name] for name in scenes.objects]
     assert world.poses[..., 2] == pytest.approx(np.tile(heights, (len(scenes), 1)), abs=1e-6)
     scenes.export(tmp_path, "mjcf")
     for number, path in enumerate(sorted(tmp_path.rglob("*.xml"))):

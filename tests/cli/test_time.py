@@ -60,7 +60,7 @@ def test_motions_into_a_set(scenegen, here):
 @pytest.mark.long
 @pytest.mark.usefixtures("passing")
 def test_motions_that_begin_settled(scenegen, here):
-    from scenegen.worlds.physics.settling import settle_scenes
+    from tests.worlds.physics.drops import settle_scenes
 
     for options in ("--out x.jsonl", "--out y.jsonl --resume", "--out z/"):
         outcome = scenegen("sample", "pass.spec", "--phi", "task=0:", "-n", "20", "--settle", *options.split())

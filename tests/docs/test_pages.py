@@ -198,6 +198,7 @@ def copy(folder):
     for name in (
         "tests/conftest.py",
         "tests/forks.py",
+        "tests/laws.py",
         "tests/lang/test_relations.py",
         "tests/lang/relation_scenes.py",
     ):

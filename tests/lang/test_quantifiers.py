@@ -287,9 +287,9 @@ def test_the_text_says_how_many_rounds_it_stands_for():
 )
 def test_small_texts_with_many_rounds(text, monkeypatch):
     """Two hundred thousand rounds in five seconds, so these here in less than one."""
-    from scenegen.lang.check import expressions
+    from scenegen.lang.check import lowering
 
-    monkeypatch.setattr(expressions, "MAX_INSIDE", 10_000)
+    monkeypatch.setattr(lowering, "MAX_INSIDE", 10_000)
     began = time.process_time()
     problems(text)
     assert time.process_time() - began < 6.0

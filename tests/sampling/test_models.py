@@ -62,7 +62,7 @@ def test_rejection_from_a_model_file_uses_its_spec(model):
 
 @pytest.mark.long
 def test_raw_scenes_are_not_settled(model):
-    with pytest.raises(scenegen.RequestError, match="leave `raw` or `settle` out"):
+    with pytest.raises(scenegen.RequestError, match="`raw` and `settle` contradict each other"):
         scenegen.sample(model, WANTED, raw=True, settle=True)
 
 

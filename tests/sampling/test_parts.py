@@ -16,6 +16,7 @@ from scenegen.api.request import plan_of
 from scenegen.api.scenes import evaluate
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
+from scenegen.lang.formula.core import Junction
 from scenegen.sampling import choice
 from scenegen.sampling import problem as module
 from scenegen.sampling.engine.run import draw, in_memory
@@ -318,7 +319,12 @@ def test_conditions_are_those_of_the_range():
     missed = planned("task: leftOf(box[1], box[2]) | closeTo(box[1], box[3])\n", {"task": Range(None, -0.1)})
 
     def of_task(problem):
-        own = module_staged._arguments(problem.core, problem.core.labels["require"], "min")
+        own, waiting = set(), [problem.core.labels["require"]]
+        while waiting:
+            node = problem.core.nodes[waiting.pop()]
+            if isinstance(node, Junction) and len(node.args) < module_staged.FEWEST_GAPS:
+                own |= {*node.args}
+                waiting += node.args
         return [one for one in module_staged._conditions(problem) if one.node not in own]
 
     assert [one.low for one in of_task(both)] == [0.0, 0.0, -np.inf]

@@ -25,9 +25,9 @@ class Option:
 
     `help` and `metavar` are shown; `typed` is the type of what is typed where that is another than the field's, and
     `parse` makes the field's value of it and of the labels of the spec. What the value can be: a whole number from
-    `least` to `most`, one of `choices`, a span of time where `unit` is "s", or what `check` returns of its name and the
-    value. `hints` are values that a shell completes. `of` is what the option means something for: scenes, motions,
-    files, sets; `panel` is the part of a help text where it stands.
+    `least` to `most` (checked where there is a `most`), one of `choices`, a span of time where `unit` is "s", or what
+    `check` returns of its name and the value. `hints` are values that a shell completes. `of` is what the option
+    means something for: scenes, motions, files, sets; `panel` is the part of a help text where it stands.
     """
 
     help: str

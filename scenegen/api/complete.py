@@ -88,7 +88,7 @@ def complete(spec: Spec | LearnedModel, request: SampleRequest, fix: Any, draw: 
     be completed in time, unless `keep_partial`."""
     began = time.monotonic()
     if not isinstance(spec, Spec):
-        raise RequestError(OUT_OF_PLACE(option="fix", rule="of many scenes is for specs", remedy="give a spec"))
+        raise RequestError(OUT_OF_PLACE(argument="fix", rule="of many scenes is for specs", remedy="give a spec"))
     checked = spec.checked
     given = given_poses(checked, fix)
     if not len(given):
@@ -100,7 +100,7 @@ def complete(spec: Spec | LearnedModel, request: SampleRequest, fix: Any, draw: 
     ):
         if odd:
             rule = "does not go with given scenes, of which each is completed once"
-            raise RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy="leave it out"))
+            raise RequestError(OUT_OF_PLACE(argument=name, rule=rule, remedy="leave it out"))
     request = check_request(spec, replace(request, n=len(given), fix={}))
     problem = make_problem(checked, request, Budget(request.timeout))
     held = _held(problem, given)

@@ -105,7 +105,7 @@ def open_scenes(path: Path, spec: AnySpec | None = None) -> SceneFileReading | S
 
 def _says_itself(path: str | Path) -> RequestError:
     rule = f"is for files of poses alone, and {path} says itself of what spec it is"
-    return RequestError(OUT_OF_PLACE(option="spec", rule=rule, remedy="leave it out"))
+    return RequestError(OUT_OF_PLACE(argument="spec", rule=rule, remedy="leave it out"))
 
 
 def reading_of(path: Path, spec: AnySpec | None = None) -> SceneFileReading:

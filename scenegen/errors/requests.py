@@ -42,7 +42,10 @@ CONFLICTING_ARGUMENTS = Kind(
     formerly=("raw-with-fixed", "raw-settled"),
 )
 OUT_OF_PLACE = Kind(
-    "out-of-place", "{option} {rule}", help="{remedy}", formerly=("resume-without-file", "public-address")
+    "out-of-place",
+    ("{argument:argument} {rule}", "{option} {rule}"),
+    help="{remedy}",
+    formerly=("resume-without-file", "public-address"),
 )
 WITHOUT_MODEL = Kind(
     "without-model",

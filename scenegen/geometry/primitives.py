@@ -41,14 +41,17 @@ class Primitive:
     result leaves, see scenegen.geometry.interval; None: the arguments stay as they are.
 
     What else readers ask, and what is lost where a trait is left out:
-    `of_angle`: its number is an angle: a bare one is in radians, and a turn more makes no difference (a wrong warning);
+    `of_angle`: its number is an angle: a bare one is in radians, and a turn more makes no difference (a wrong
+    warning);
     `relative`: of two places it needs only how they lie to each other (weaker pruning);
-    `smooth`: no set of scenes with a volume has one value of it (more work to prove that a value cannot be);
+    `smooth` (of places): no set of scenes with a volume has one value of it (more work to prove that a value cannot
+    be);
     `vanishes`: it is 0 where both halves of its arguments are the same (a formula keeps what is 0);
-    `exact`: all namespaces round it alike; `monotone`: it grows with each argument; `slopes`: it is linear (quantifiers
-    over many numbers take longer);
-    `drawn`: how a picture shows its value: a line between centres, across the gap, out to the rim of what contains;
-    a turn; or, as an edge, with the place that it is added to (no picture).
+    `exact`: all namespaces round it alike;
+    `monotone`: it grows with each argument;
+    `slopes`: it is linear (quantifiers over many numbers take longer);
+    `drawn` (of places): how a picture shows its value: a line between centres, across the gap, out to the rim of what
+    contains; a turn; or, as an edge, with the place that it is added to (no picture).
     """
 
     name: str

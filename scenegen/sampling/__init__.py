@@ -1,1 +1,1 @@
-"""Drawing scenes for a range of phi: pruned rejection, or any proposer whose scenes are refined; all verified."""
+"""Drawing scenes for a range of phi: requests, plans, the exact samplers, and the engine that runs them."""

@@ -1,1 +1,1 @@
-"""Where scenes live: the workspace, and the pydantic models of scene files."""
+"""Scenes as arrays; their files, sets and stores."""

@@ -21,6 +21,7 @@ import pytest
 from scenegen.lang.checker import check_text
 
 ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = ("scenegen", "experiments", "benchmarks", "tests", "docs", "examples")
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(\w*)[ ]*([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -126,6 +127,18 @@ def test_links_lead_somewhere(page):
     links = re.findall(r"\]\(([^)#]+)[^)]*\)", BLOCK.sub("", page.read_text()))
     missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]
     assert missing == []
+
+
+OTHERS = {"layout_pool_serialization.py"}  # of Isaac Lab-Arena
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.parent.name != "adr"], ids=name_of)
+def test_every_module_that_a_page_names_exists(page):
+    text = re.sub(r"^( *)```.*?^\1```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    named = set(re.findall(r"`([\w./-]+\.py)`", text)) - OTHERS
+    there = {str(path.relative_to(ROOT)) for top in FOLDERS for path in (ROOT / top).rglob("*.py")}
+    whole = {name for name in named if "NAME" not in name}
+    assert not [name for name in whole if not any(f"/{one}".endswith(f"/{name}") for one in there)]
 
 
 def test_every_make_target_of_the_pages_exists():

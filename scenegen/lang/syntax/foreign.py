@@ -64,7 +64,7 @@ _RELATIONS = {
         "write leftOf({a}, {b})",
     ("right", "rightof", "onright", "onrightof", "torightof", "onrightsideof", "rightside", "eastof"):
         "write rightOf({a}, {b})",
-    ("distance", "dist", "distanceto", "distancebetween", "euclidean", "euclideandistance", "norm", "hypot"):
+    ("distance", "dist", "distanceto", "distancebetween", "euclidean", "euclideandistance", "norm"):
         "write dist({a}, {b})",
     ("far", "faraway", "farfrom", "awayfrom", "farawayfrom", "distant", "distantfrom"):
         "write farFrom({a}, {b}, 30 cm)",

@@ -200,7 +200,7 @@ class Plan(ABC):
 
     @property
     def seconds(self) -> float:
-        """What is left to do for the whole request, in seconds of CPU by the constants of bounds.effort; infinite where
+        """What is left to do for the whole request, in seconds of CPU by the constants of search.effort; infinite where
         nothing is chosen by it."""
         return math.inf
 

@@ -30,7 +30,7 @@ from scenegen.search.effort import per_scene
 Array = npt.NDArray[np.float64]
 
 SHOWN = 4096  # candidates scored to find out which atom fails most
-LOOK = 1 << 22  # maximum work (see bounds.effort) for this: a tenth of a second, because time is up
+LOOK = 1 << 22  # maximum work (see search.effort) for this: a tenth of a second, because time is up
 
 
 def summed_up(plan: Plan, tally: Tally) -> tuple[dict[str, object], tuple[Diagnostic, ...]]:

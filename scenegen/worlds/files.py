@@ -1,6 +1,6 @@
 """Scenes in other formats: files of scenes, of simulators and of planners.
 
-`SIMULATORS` is the table of simulators' formats: name -> module with
+`EXPORTS` is the table of simulators' formats: name -> module with
 
     ENDING                               of its files
     meshes(world)                        (name, bytes) of the mesh files that they need
@@ -38,7 +38,7 @@ from scenegen.worlds.export.world import Own, recorded, worlds_of
 if TYPE_CHECKING:
     from scenegen.worlds.export.looks import SceneLooks
 
-SIMULATORS: dict[str, str] = {
+EXPORTS: dict[str, str] = {
     "mjcf": "scenegen.worlds.export.mjcf",
     "sdf": "scenegen.worlds.export.sdf",
     "usd": "scenegen.worlds.export.usd",
@@ -100,7 +100,7 @@ def write_worlds(
 
     Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
     """
-    module: Any = importlib.import_module(SIMULATORS[to])
+    module: Any = importlib.import_module(EXPORTS[to])
     if not scenes.count:
         raise RequestError(NO_SCENES())
     own: Own = {}
@@ -161,7 +161,7 @@ CALLED = {  # what formats are called elsewhere, mostly after what reads them
 
 def chosen(to: str | None, out: Path) -> str:
     """The format that is asked for, by its name or else by the ending of `out`. Raises RequestError."""
-    known = (*SIMULATORS, PLANNERS, *NAMES)
+    known = (*EXPORTS, PLANNERS, *NAMES)
     if to is None:
         ending = out.suffix.lower()
         if ending in ENDINGS:
@@ -178,7 +178,7 @@ def chosen(to: str | None, out: Path) -> str:
 
 def check_export(out: Path, to: str, *inputs: Path) -> None:
     """Refuse, before any work is done, what cannot be written. Raises RequestError, OutputError."""
-    if to in SIMULATORS or to == PLANNERS:
+    if to in EXPORTS or to == PLANNERS:
         check_out(out, to, *inputs)
         return
     if out.suffix.lower() != NAMES[to]:
@@ -190,7 +190,7 @@ def check_export(out: Path, to: str, *inputs: Path) -> None:
 
 def check_meshes(to: str, meshes: Path | None, option: str = "meshes") -> None:
     """Raises RequestError where a folder of meshes is given for a format without bodies."""
-    if meshes is not None and to not in SIMULATORS:
+    if meshes is not None and to not in EXPORTS:
         raise RequestError(
             OUT_OF_PLACE(option=option, rule="gives bodies to simulators", remedy="take mjcf, sdf or usd")
         )
@@ -220,7 +220,7 @@ def export(
     check_export(out, to)
     check_meshes(to, meshes)
     check_looks(out, to, looks)
-    if to in SIMULATORS:
+    if to in EXPORTS:
         from scenegen.worlds.export.looks import dressing_of
 
         given = None if looks is None else dressing_of(scenes.file(), looks, seed)
@@ -241,7 +241,7 @@ def convert(source: Path, out: Path, to: str | None = None, meshes: Path | None 
     check_export(out, to, source)
     check_meshes(to, meshes)
     reading = table.read_scenes(source)
-    if to in SIMULATORS:
+    if to in EXPORTS:
         scenes = reading.whole()
         files = write_worlds(out, to, reading.header, scenes, reading.labels, meshes)
         return scenes.count, files

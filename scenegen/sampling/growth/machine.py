@@ -287,7 +287,7 @@ class Machine:
 
     @property
     def seconds(self) -> float:
-        """What was done so far, in seconds of CPU by the constants of bounds.effort."""
+        """What was done so far, in seconds of CPU by the constants of search.effort."""
         return GROWN * self.each * self.work + STEPPED * self.steps_done
 
     @property

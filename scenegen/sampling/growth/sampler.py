@@ -158,7 +158,7 @@ class Recipe:
     """What pieces follow: `count` scenes for `cells`, `steps` for each object, then `settle` sweeps, and one scene in
     `thin` is taken; of these `share` fill the cells evenly. `effect` is the design effect of common ancestors that is
     left among these, `evaluations` the cost of the plan, `piece` of a piece; `seconds` are those of CPU that a
-    population and a piece take, see bounds.effort. The first pieces are `populations` of their own, of the given
+    population and a piece take, see search.effort. The first pieces are `populations` of their own, of the given
     `size`; those that are known are in `taken`."""
 
     steps: tuple[Step, ...]

@@ -166,7 +166,7 @@ def _work(core: Core, full: GapMinima, tops: Sequence[int], known: Collection[in
 LIVE = 1 << 22  # numbers in memory at a time while candidates are scored
 CHUNK = 16_384  # maximum number of candidates drawn and scored at a time: intermediates then stay in cache
 WORK = 1 << 26  # candidates times nodes of one exploration
-PIECE, PART = 1 << 24, 1 << 22  # work (see bounds.effort) of a piece and of a chunk: a third and a tenth of a second
+PIECE, PART = 1 << 24, 1 << 22  # work (see search.effort) of a piece and of a chunk: a third and a tenth of a second
 EXPLORE = 4  # chunks drawn from the common cover to see which cells they hit
 PILOT = 512  # candidates that show which conditions are best checked first
 ENOUGH = 16  # hits after which a cell's rate is known well enough

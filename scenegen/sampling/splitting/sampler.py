@@ -266,7 +266,7 @@ class Splitting(Plan):
 
 def plan_splitting(problem: Problem, budget: Budget, *, longest: float = math.inf) -> Splitting | SplittingStalled:
     """The plan of a problem; SplittingStalled if its range is not reached. There must be something to move: see
-    `moves`. The descent may take `longest` seconds, by the constants of bounds.effort."""
+    `moves`. The descent may take `longest` seconds, by the constants of search.effort."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
         most = longest / (MOVED * per_scene(problem.core.nodes)[0])
         plan = make_schedule(problem, budget, most)

@@ -12,7 +12,7 @@ from scenegen.scenes import files as folders
 from scenegen.scenes.data import CircleFootprint, PolygonFootprint
 from scenegen.scenes.formats.registry import ENDINGS, FORMATS
 from scenegen.worlds.export.world import world_of
-from scenegen.worlds.files import SIMULATORS
+from scenegen.worlds.files import EXPORTS
 from tests.worlds.export.stages import opened, things
 from tests.worlds.export.worlds import crates, scenes_of
 
@@ -48,13 +48,11 @@ def renamed(scenes, name, title="A title."):
 
 def test_every_format_has_an_ending():
     assert (
-        set(SIMULATORS) == set(FILES)
-        and set(ENDINGS.values()) == {*SIMULATORS, "pddl"}
-        and not set(ENDINGS) & set(FORMATS)
+        set(EXPORTS) == set(FILES) and set(ENDINGS.values()) == {*EXPORTS, "pddl"} and not set(ENDINGS) & set(FORMATS)
     )
 
 
-@pytest.mark.parametrize("to", SIMULATORS)
+@pytest.mark.parametrize("to", EXPORTS)
 def test_the_same_bytes_again(to, tmp_path):
     made = []
     for name in ("one", "two"):
@@ -64,7 +62,7 @@ def test_the_same_bytes_again(to, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("to", SIMULATORS)
+@pytest.mark.parametrize("to", EXPORTS)
 @pytest.mark.parametrize("target", ["folder", "file"])
 @pytest.mark.parametrize("there", [False, True])
 def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
@@ -88,7 +86,7 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("to", SIMULATORS)
+@pytest.mark.parametrize("to", EXPORTS)
 @pytest.mark.parametrize("name", ['a "quoted" <name> & more', "mes\u00e1 \U0001f35c", "table", "floor"])
 def test_names_of_any_kind(to, name, tmp_path):
     scenes = renamed(scenes_of(PAIR, PLACES), name, "A title\x00 \x1b with <odd> letters")
@@ -101,7 +99,7 @@ def test_names_of_any_kind(to, name, tmp_path):
         assert model.body(name).mass == pytest.approx(0.35)
 
 
-@pytest.mark.parametrize("to", SIMULATORS)
+@pytest.mark.parametrize("to", EXPORTS)
 @pytest.mark.parametrize("name", ["world", "__mug__", "a::b", "a\x00b", "a\nb", ""])
 def test_names_that_cannot_be(to, name, tmp_path):
     with pytest.raises(DataError, match="an object's name") as caught:
@@ -109,7 +107,7 @@ def test_names_that_cannot_be(to, name, tmp_path):
     assert caught.value.diagnostics[0].help and list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("to", SIMULATORS)
+@pytest.mark.parametrize("to", EXPORTS)
 def test_scenes_that_no_table_holds(to, tmp_path):
     scenes = scenes_of(PAIR, PLACES, PLACES | {"plate": (0.5, -1e6, 0.0)})
     with pytest.raises(DataError, match="`plate` stands 1e\\+06 m off the workspace in scene 2"):
@@ -132,7 +130,7 @@ def test_the_table_holds_everything(tmp_path):
     np.testing.assert_allclose(data.body("mug").xpos, [1.8, -0.7, 0.0], atol=1e-3)
 
 
-@pytest.mark.parametrize("to", SIMULATORS)
+@pytest.mark.parametrize("to", EXPORTS)
 def test_regions_end_where_the_table_does(to, tmp_path):
     text = """object mug, plate
 region reach = circle((0.5, 0), 0.5)
@@ -164,7 +162,7 @@ def test_files_of_the_user_stand_as_their_outline(tmp_path):
     np.testing.assert_allclose(model.body("toy").ipos, [0.0, 0.0, 0.05], atol=1e-9)
 
 
-@pytest.mark.parametrize("to", SIMULATORS)
+@pytest.mark.parametrize("to", EXPORTS)
 def test_a_link_stays_and_what_it_points_to_is_written(to, tmp_path):
     (tmp_path / "there").mkdir()
     link, target = tmp_path / FILES[to], tmp_path / "there" / "target"
@@ -232,7 +230,7 @@ def _odd_spec(header):
     return {"spec": header.spec.model_copy(update={"source": source, "sha256": sha256})}
 
 
-@pytest.mark.parametrize("to", SIMULATORS)
+@pytest.mark.parametrize("to", EXPORTS)
 @pytest.mark.parametrize("change", [_giant, _dust, _sliver, _space, _nowhere, _odd_spec])
 def test_files_that_no_spec_makes(change, to, tmp_path):
     """Scene files may hold any number: each is told from sense by one diagnostic."""

@@ -218,8 +218,8 @@ def test_a_file_format(extended):
 
 
 @pytest.mark.slow
-def test_a_simulators_format(extended):
-    project = extended("A simulator's format")
+def test_an_export_format(extended):
+    project = extended("An export format")
     run_tests(project, "tests/worlds/export/test_worlds.py", "-k", "bodies or ending")
     scenegen(project, "sample", "first", "-n", "2", "--out", "s.json")
     scenegen(project, "export", "s.json", "--to", "bodies", "--out", "worlds")

@@ -259,7 +259,7 @@ def test_poses_alone_go_everywhere_with_one_option(scenegen, here):
     assert scenegen("eval", "w.spec", "s.parquet").out == scored.out
     assert sorted(path.name for path in (here / "worlds").glob("*.xml")) == ["scene_0001.xml", "scene_0002.xml"]
     refused = scenegen("export", "s.parquet", "--spec", "w.spec", "--out", "t.json")
-    assert refused.status == 1 and "error[out-of-place]: spec" in refused.err
+    assert refused.status == 1 and "error[out-of-place]: --spec" in refused.err
     assert scenegen("export", "s.parquet", "--mirrored", "--out", "m.json").status == 0
     values = [float(line.split("\t")[1]) for line in scenegen("eval", "w.spec", "m.json").out.splitlines()[1:]]
     assert values == [pytest.approx(-0.4), pytest.approx(0.1)]
@@ -279,7 +279,7 @@ def test_a_file_of_scenes_is_completed(scenegen, here):
         (["--fix-from", "a.json", "--fix", "can", "--out", "set/"], "error[out-of-place]: --fix-from"),
         (["--fix-from", "none.json", "--fix", "can"], "error[cannot-read]"),
         (["--fix-from", "a.json", "--fix", "can=0.5,0.5"], "error[out-of-place]: --fix can=0.5,0.5 has no place"),
-        (["--fix-from", "a.json", "--fix", "can", "-n", "16"], "error[out-of-place]: n does not go with given scenes"),
+        (["--fix-from", "a.json", "--fix", "can", "-n", "16"], "error[out-of-place]: -n does not go with given scenes"),
     ):
         refused = scenegen("sample", "w.spec", "--satisfied", *words)
         assert refused.status == 1 and refused.err.startswith(said), refused.err

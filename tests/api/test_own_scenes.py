@@ -248,7 +248,7 @@ def test_given_scenes_that_cannot_be():
     near = first.poses.copy()
     near[1, 1] = near[1, 0] + (0.15, 0.0, 0.0)
     near[:, 2:] = math.nan
-    with pytest.raises(RequestError, match="n does not go with given scenes"):
+    with pytest.raises(RequestError, match="`n` does not go with given scenes"):
         scenegen.sample(spec, (0.0, None), n=5, fix=near)
 
 

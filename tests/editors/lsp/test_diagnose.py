@@ -191,9 +191,9 @@ def test_importers_are_checked_again(monkeypatch, tmp_path):
     from lsprotocol import types
     from pygls.workspace import Workspace
 
-    from scenegen.editors.lsp.server import Server
+    from scenegen.editors.lsp import server as program
 
-    monkeypatch.setattr("scenegen.editors.lsp.server.PAUSE", 0.0)
+    monkeypatch.setattr(program, "PAUSE", 0.0)
     main, table = ((tmp_path / f"{name}.spec").as_uri() for name in ("main", "table"))
     asked = []
 
@@ -202,7 +202,7 @@ def test_importers_are_checked_again(monkeypatch, tmp_path):
         return []
 
     async def session():
-        server = Server()
+        server = program.Server()
         server.protocol._workspace = Workspace(None, types.TextDocumentSyncKind.Full)
         server._analyses.ask = ask
         for uri, written in ((main, 'import "table.spec"\nt: near(a, b)'), (table, "const A = 1")):

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.learn.evaluation.fidelity import deviations, summed_distances, whitened
 from scenegen.pose import THETA, TWO_PI, X, Y, along, is_angle, object_count
 from scenegen.scenes.coverage import (
-    Array,
     centred,
     checked,
     checked_pair,

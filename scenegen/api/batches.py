@@ -10,9 +10,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.scenes.blocks import Block, joined
-
-Array = npt.NDArray[np.float64]
 
 MIXED = 4  # row groups whose scenes are mixed: 262,144 scenes
 STREAM = 11  # the stream of random numbers of readers; sampling/engine/blocks.py and sampling/problem.py have others

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scenegen.api.request import check_request
 from scenegen.api.scenes import SceneSet, scenes_of
 from scenegen.api.spec import LearnedModel, Spec
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import (
     ALL_HELD,
@@ -36,9 +37,7 @@ from scenegen.scenes.arrange import check_held
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
 
-Array = npt.NDArray[np.float64]
 Draw = Callable[[Spec, SampleRequest], SceneSet]
-Index = npt.NDArray[np.intp]
 
 STREAM = 17  # the stream of random numbers of completed scenes
 ROUND = 65_536  # candidates that are scored together

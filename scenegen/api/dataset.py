@@ -15,7 +15,7 @@ import numpy as np
 
 from scenegen.api.rarity import SATISFIED, LabelRarity, rarity
 from scenegen.api.scene_arrays import make_header
-from scenegen.api.sets import quoted, size_category
+from scenegen.api.sets import front_matter
 from scenegen.api.spec import Spec, load, parse
 from scenegen.errors import RequestError
 from scenegen.errors.files import FINISHED_SET, NO_PART
@@ -418,7 +418,7 @@ def dataset_card(manifests: Mapping[str, Manifest], failed: Sequence[str], licen
     """The text of the card. It names what is missing: parts that no scene can have, and parts that failed."""
     scenes = sum(one.scenes for one in manifests.values())
     there = {name: one for name, one in manifests.items() if one.shards}
-    configs = "\n".join(f"- config_name: {name}\n  data_files: {name}/part-*.parquet" for name in there)
+    configs = {name: f"{name}/part-*.parquet" for name in there}
     rows = "\n".join(_row(name, one) for name, one in there.items())
     missing = [f"* {name}: {why}" for name, one in manifests.items() for why in one.missing or ()]
     missing += [f"* {name}: nothing was made" for name in failed]
@@ -427,18 +427,7 @@ def dataset_card(manifests: Mapping[str, Manifest], failed: Sequence[str], licen
         for name, one in manifests.items()
         if not one.complete
     ]
-    return f"""---
-pretty_name: {quoted("Table-top scenes at every difficulty")}
-license: {license}
-tags:
-- robotics
-- scene-generation
-- scenegen
-size_categories:
-- {size_category(scenes)}
-configs:
-{configs}
----
+    return f"""{front_matter("Table-top scenes at every difficulty", license, scenes, configs)}
 
 # Table-top scenes at every difficulty
 

@@ -7,8 +7,8 @@ import re
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError, Span
 from scenegen.errors.declarations import (
     ALWAYS_SATISFIED,
@@ -19,12 +19,10 @@ from scenegen.errors.declarations import (
 )
 from scenegen.errors.requests import TABLE_TOO_FULL
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, Atom, Core, children, gated, part_of
+from scenegen.lang.formula.core import REQUIRE, Atom, Core, atoms_below, gated, part_of
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec, combinations, written
 from scenegen.search import node_bounds, spec_bounds
-
-Array = npt.NDArray[np.float64]
 
 ENDS = (0.0, math.inf)  # satisfied
 SCENES, LIVE = 256, 1 << 22  # scenes of the first look, and numbers that it may hold at a time
@@ -152,7 +150,7 @@ def _idle(spec: CheckedSpec) -> dict[tuple[str, Span], Diagnostic]:
     for name, root in core.labels.items():
         low, high = float(bounds[root].lo), float(bounds[root].hi)
         if high < 0.0 or (low >= 0.0 and name != REQUIRE):
-            mine = _atoms(core, root)
+            mine = atoms_below(core, root)
             told.update(mine)  # what can never be, `doubts` tells
             if 0.0 <= low < high:
                 first = core.nodes[min(mine)]
@@ -167,22 +165,6 @@ def _idle(spec: CheckedSpec) -> dict[tuple[str, Span], Diagnostic]:
         assert isinstance(first, Atom)
         ends = {"least": low} if low > 0.0 else {"most": high}
         found["", span] = ALWAYS_SATISFIED(span, part=span.text, **ends, **_unit(first, span, spec))
-    return found
-
-
-def _atoms(core: Core, root: int) -> set[int]:
-    found, stack = set[int](), [root]
-    seen = set[int]()
-    while stack:
-        index = stack.pop()
-        if index in seen:
-            continue
-        seen.add(index)
-        node = core.nodes[index]
-        if isinstance(node, Atom):
-            found.add(index)
-        else:
-            stack.extend(children(node))
     return found
 
 
@@ -221,7 +203,7 @@ def _too_full(spec: CheckedSpec, label: str) -> UnsatisfiedLabel | None:
     nodes = problem.core.nodes
     here = next(
         one.spans[0]
-        for index in sorted(_atoms(problem.core, problem.core.labels[label]))
+        for index in sorted(atoms_below(problem.core, problem.core.labels[label]))
         if isinstance(one := nodes[index], Atom)
     )
     return UnsatisfiedLabel(label, True, replace(TABLE_TOO_FULL(here, **proof), severity="warning"))

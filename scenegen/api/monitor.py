@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.spec import Spec, check_spec
+from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import HELD_ELSEWHERE, TABLE_UNUSED
 from scenegen.errors.requests import UNKNOWN_OBJECT, WRONG_VALUE
@@ -18,10 +19,8 @@ from scenegen.lang.formula.timed import Timed, TimedValues, score
 from scenegen.pose import SIZE, as_rows
 from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
 from scenegen.scenes.arrange import held, held_elsewhere
-from scenegen.scenes.formats.plain import motion, read_tables
+from scenegen.scenes.formats.tables import motion, read_tables
 from scenegen.validation import as_path
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

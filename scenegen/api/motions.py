@@ -16,6 +16,7 @@ from scenegen.api.sample import run_in_memory
 from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, check_spec
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.time import NOT_OVER_TIME
 from scenegen.pose import X
@@ -29,8 +30,6 @@ from scenegen.validation import as_path
 
 if TYPE_CHECKING:
     from scenegen.sampling.motions.schedule import Watch
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet, evaluate, scene_set
+from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.declarations import NUMBERS_DISAGREE
 from scenegen.errors.files import (
@@ -34,13 +34,11 @@ from scenegen.scenes.data import ObjectData, Pose, RequestData, SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.header import not_scenes, parse
-from scenegen.scenes.formats.plain import Table, doubts, is_plain, read_table
 from scenegen.scenes.formats.scenes_json import MOST_BYTES, REMEDY
 from scenegen.scenes.formats.settled import is_settled, read_settled
+from scenegen.scenes.formats.tables import Table, doubts, is_plain, read_table
 from scenegen.scenes.locations import as_location, is_set
 from scenegen.validation import as_int, as_path
-
-Array = npt.NDArray[np.float64]
 
 ON = "on"
 WANTED = 'poses by name, {"mug": (x, y, theta), ...}, columns mug.x, mug.y, mug.theta, or an array (n, %d, 3)'

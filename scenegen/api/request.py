@@ -34,8 +34,6 @@ Phi: TypeAlias = Mapping[str, Ends | Range] | Ends | Range
 
 Note = Callable[[str], None]
 
-MOTION_METHODS = ("auto", "rejection", "splitting")
-
 
 def read_phi(source: Spec | LearnedModel, phi: Phi | None) -> dict[str, Range]:
     """The ranges by label. Raises RequestError, also for a lone range where there are several labels."""

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
@@ -29,8 +28,6 @@ if TYPE_CHECKING:
     from scenegen.sampling.motions.schedule import Watch
     from scenegen.sampling.plan import Plan
     from scenegen.scenes.motions import AnyFile
-
-Array = npt.NDArray[np.float64]
 
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB

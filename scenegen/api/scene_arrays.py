@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NOT_INSTALLED, OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.geometry.workspace import turned
@@ -51,8 +52,6 @@ if TYPE_CHECKING:
     from scenegen.sampling.problem import Problem
     from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 
-
-Array = npt.NDArray[np.float64]
 
 NAMED = 10  # objects that a set names when it speaks of itself
 

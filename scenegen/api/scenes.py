@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api import scene_arrays
-from scenegen.api.scene_arrays import Array, SceneArrays, header_of, parts_of, stored_rows
+from scenegen.api.scene_arrays import SceneArrays, header_of, parts_of, stored_rows
+from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, WRONG_VALUE

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from scenegen.api.scenes import evaluate, scene_set
 from scenegen.api.stored import StoredSet
+from scenegen.arrays import Array
 from scenegen.errors import DataError, ScenegenError, SpecError
 from scenegen.errors.files import DAMAGED_SHARD
 from scenegen.lang.spec import CheckedSpec
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from scenegen.scenes.sets import Shard
     from scenegen.scenes.stores import Store
 
-Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 
 BINS = 32  # of the histograms of phi

@@ -145,19 +145,8 @@ spec requires."""
     moving = header["format"] == MOTIONS
     what = "motions" if moving else "scenes"
     rows_are = "Each row is a moment of a motion, at `t` seconds" if moving else "Each row is a scene"
-    return f"""---
-pretty_name: {quoted(title)}
-license: {request.get("license", "unknown")}
-tags:
-- robotics
-- scene-generation
-- scenegen
-size_categories:
-- {size_category(scenes)}
-configs:
-- config_name: default
-  data_files: part-*.parquet
----
+    front = front_matter(title, request.get("license", "unknown"), scenes, {"default": "part-*.parquet"})
+    return f"""{front}
 
 # {title}
 
@@ -191,6 +180,23 @@ SIZES = (
     (1_000_000_000, "100M<n<1B"),
     (math.inf, "n>1B"),
 )
+
+
+def front_matter(title: str, license: str, scenes: int, configs: Mapping[str, str]) -> str:
+    """What data hubs read at the top of a card; `configs` are the files of each part by its name."""
+    parts = "\n".join(f"- config_name: {name}\n  data_files: {files}" for name, files in configs.items())
+    return f"""---
+pretty_name: {quoted(title)}
+license: {license}
+tags:
+- robotics
+- scene-generation
+- scenegen
+size_categories:
+- {size_category(scenes)}
+configs:
+{parts}
+---"""
 
 
 def size_category(scenes: int) -> str:

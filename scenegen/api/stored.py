@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from scenegen.api.batches import RowGroup, SceneBatches
 from scenegen.api.scenes import SceneSet, scene_set
+from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.geometry.workspace import turned
@@ -23,8 +21,6 @@ from scenegen.scenes.open_store import open_store
 from scenegen.scenes.sets import Manifest, Shard
 from scenegen.scenes.stores import Store
 from scenegen.validation import as_int
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

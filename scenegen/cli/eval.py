@@ -70,7 +70,7 @@ def evaluate(
     from scenegen.api.scenes import evaluate as score
     from scenegen.api.scenes import explain as why
     from scenegen.api.spec import load
-    from scenegen.scenes.formats.plain import is_plain
+    from scenegen.scenes.formats.tables import is_plain
 
     checked = load(spec, root)
     if checked.horizon is not None:

@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.arrays import Array
 from scenegen.geometry import clearance
 from scenegen.geometry import interval as iv
 from scenegen.geometry.footprint import Circle, Footprint, Measures, half_width, measures
-from scenegen.geometry.interval import Array, Interval, Intervals, quiet
+from scenegen.geometry.interval import Interval, Intervals, quiet
 from scenegen.geometry.namespace import NUMPY
 
 ERROR = 2.0**-46  # 128 roundings: more than in a value and its bound together, relative to all lengths involved

@@ -15,9 +15,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.pose import TWO_PI
-
-Array = npt.NDArray[np.float64]
 
 
 class Interval(NamedTuple):

@@ -25,8 +25,7 @@ from scenegen.lang.check.supports import choices, clashing, empty, heights, rela
 from scenegen.lang.check.values import AnyValue, CallFrame, NumberValue, Value, whole
 from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.core import Coord, Junction, Node, Temporal, children
-from scenegen.lang.formula.headings import headings_compared
-from scenegen.lang.formula.interpret import phi
+from scenegen.lang.formula.interpret import headings_compared, phi
 from scenegen.lang.formula.timed import MOST_VALUES, endless, split
 from scenegen.lang.spec import CheckedSpec, Region, Support
 from scenegen.lang.syntax import ast

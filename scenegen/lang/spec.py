@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic
 from scenegen.geometry.footprint import Footprint
 from scenegen.geometry.workspace import Workspace
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from scenegen.lang.formula.timed import Timed
 
 Pose = tuple[float, float, float]
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)

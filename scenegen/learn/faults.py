@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic
 from scenegen.errors.learning import POOR_MODEL
 from scenegen.learn.guided import occurring
@@ -19,7 +19,6 @@ MOST_DISTANCE = 0.2  # KS, of a thousand scenes: exact ones have up to 0.09
 GOOD_PART = 0.2
 FAULTS_SHOWN = 3
 
-Array = npt.NDArray[np.float64]
 Ends = Mapping[str, tuple[float | None, float | None]]
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Index
 from scenegen.errors import RequestError
 from scenegen.processes.pool import one_thread
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
@@ -30,9 +30,6 @@ from scenegen.search.effort import NEVER, Stop
 if TYPE_CHECKING:
     from torch import Tensor
 
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 
 # --------------------------------------------------------------------------------------------------------------------
 # Target values of phi.

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.spec import LearnedModel, Spec, check_spec, load
+from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.learning import (
     BEYOND_TRAINING,
@@ -195,9 +196,6 @@ def family_files(spec: Spec, folder: Path) -> list[tuple[dict[str, int], Spec, P
 
 # --------------------------------------------------------------------------------------------------------------------
 # Notes and warnings about a model's scenes, from the figures measured when it was trained.
-
-
-Array = npt.NDArray[np.float64]
 
 
 def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: bool) -> tuple[Diagnostic, ...]:

@@ -9,19 +9,16 @@ the exact gradient, which converges.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from scenegen.arrays import Array
 from scenegen.geometry.workspace import Workspace
 from scenegen.learn.robustness import Robustness
 from scenegen.pose import LENGTHS, THETA, TWO_PI, along, object_count
 
 # --------------------------------------------------------------------------------------------------------------------
 # The base distribution: every free object's centre uniform over the workspace, its heading over the circle.
-
-
-Array = npt.NDArray[np.float64]
 
 
 def piece_generator(seed: int, piece: int, stream: int = 0) -> torch.Generator:

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.request import Cells
@@ -72,8 +72,6 @@ def digest(*values: Any) -> str:
 # Verification of every scene before it is returned.
 
 
-Array = npt.NDArray[np.float64]
-
 AGREE = 1e-9  # maximum difference of two evaluators of phi
 CHUNK = 16_384  # scenes at a time, which stay in cache
 LIVE = 1 << 22  # numbers in memory at a time; specs of thousands of atoms get smaller chunks
@@ -103,8 +101,6 @@ def verify(problem: Problem, rows: Array, phi: Array) -> None:
 
 
 MANY_PIECES = 1 << 30  # more than there are processes
-
-Index = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NO_SUCH_SCENE, NO_TIME_TO_CHECK, TOO_IMPROBABLE
 from scenegen.geometry import NUMPY
@@ -54,8 +55,6 @@ from scenegen.search.tape import Tape, make_tape
 PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k) in any process
 LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
 
-
-Array = npt.NDArray[np.float64]
 
 # random streams, beside that of the base draws (stream 0)
 PILOT, GUIDED, PLAN, REJECTION, PAIRED = 2, 3, 4, 5, 7

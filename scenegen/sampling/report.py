@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic
 from scenegen.errors.requests import (
     NO_TIME_TO_TELL,
@@ -26,8 +26,6 @@ from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.request import Range
 from scenegen.search.effort import per_scene
-
-Array = npt.NDArray[np.float64]
 
 SHOWN = 4096  # candidates scored to find out which atom fails most
 LOOK = 1 << 22  # maximum work (see search.effort) for this: a tenth of a second, because time is up

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, cast, get_
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.language import MORE_THAN_A_TURN
 from scenegen.errors.requests import (
@@ -182,8 +183,6 @@ def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
 # --------------------------------------------------------------------------------------------------------------------
 # Objects that a request fixes: `--fix plate=0.5,0.5` completes a given scene.
 
-
-Array = npt.NDArray[np.float64]
 
 HELD = "plate=0.5,0.5 or plate=50cm,0.5,90deg"
 USAGE = f"write NAME=X,Y or NAME=X,Y,THETA, for instance {HELD}"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError, quoted
 from scenegen.errors.declarations import NUMBERS_IN_FILE
 from scenegen.errors.files import HELD_ELSEWHERE, NO_SURFACE_GIVEN, OTHER_SPEC, SCENE_NOT_ALLOWED
@@ -16,8 +16,6 @@ from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, TWO_PI, X, along, row_count, row_of, rows_of, span_of
 from scenegen.scenes.data import SceneFile
-
-Array = npt.NDArray[np.float64]
 
 HELD = 1e-9  # metres and radians by which an object that is held in place may be off in a file
 OUTSIDE = 1e-6  # metres by which a centre may lie outside of the workspace: files of other programs round

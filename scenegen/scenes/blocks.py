@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array, Index
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.files import COLUMN_TWICE, TOO_MANY_TO_READ
 from scenegen.pose import EVERY, NAMES, X, along, row_count
@@ -17,7 +18,6 @@ from scenegen.pose import EVERY, NAMES, X, along, row_count
 if TYPE_CHECKING:  # with it comes pydantic, 0.1 s of every worker's start; workers that draw know no headers
     from scenegen.scenes.data import CountData, ObjectData, SceneData, SceneFile
 
-Array = npt.NDArray[np.float64]
 
 BLOCK = 65_536  # scenes of a block, and of a row group of a Parquet file
 MOST = 1 << 26  # coordinates and values of phi that are read into memory at once: 537 MB
@@ -173,7 +173,6 @@ def columns(header: SceneFile, labels: Sequence[str]) -> list[str]:
 # Of an array with counts the first elements are there, `block[1]` to `block[5]`: numbers and poses say the same.
 
 
-Index = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
 

@@ -12,15 +12,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.learning import ARRAY_NOT_FINITE, DIFFERENT_OBJECTS, TOO_FEW_SCENES, WRONG_SHAPE
 from scenegen.pose import SIZE, THETA, TWO_PI, X, Y, along, axis_of, object_count
 
 # --------------------------------------------------------------------------------------------------------------------
 # Scenes as points: the Euclidean space in which the metrics measure the distance of scenes.
-
-
-Array = npt.NDArray[np.float64]
 
 
 def checked(rows: npt.ArrayLike) -> Array:

@@ -106,9 +106,7 @@ class SceneData(_StrictSceneModel):
     things is drawn, `counts` has it, and objects that are not there have no pose."""
 
     counts: dict[str, Annotated[int, Field(ge=1)]] | None = Field(default=None, exclude_if=not_)
-    poses: dict[
-        str, Annotated[Annotated[RestingPose, Tag("resting")] | Annotated[Pose, Tag("pose")], Discriminator(_kind)]
-    ]
+    poses: dict[str, AnyPose]
     phi: dict[str, FiniteFloat]
 
 

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import (
     DAMAGED_SHARD,
@@ -33,7 +34,7 @@ from scenegen.errors.files import (
     UNFINISHED_RUN,
 )
 from scenegen.errors.time import NOT_MOTIONS
-from scenegen.scenes.blocks import BLOCK, MOST, Array, Block, SceneFileReading, joined
+from scenegen.scenes.blocks import BLOCK, MOST, Block, SceneFileReading, joined
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import UNFINISHED, inside
 from scenegen.scenes.formats import parquet

@@ -30,9 +30,10 @@ from typing import IO, Any, Literal, Protocol
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import DAMAGED_SHARD, FOLDER_NOT_EMPTY, OTHER_REQUEST, SET_IN_USE, UNFINISHED_RUN
-from scenegen.scenes.blocks import Array, Block
+from scenegen.scenes.blocks import Block
 from scenegen.scenes.files import (
     FULL,
     begin_writing,

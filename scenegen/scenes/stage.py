@@ -25,8 +25,9 @@ from scenegen.scenes.data import (
     footprint_of,
 )
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, has_picture
+from scenegen.things.library import RGB
 from scenegen.things.outline import DRAWN, simplified
-from scenegen.things.palette import RGB, colors_of, of_regions, rgb_of
+from scenegen.things.palette import colors_of, of_regions, rgb_of
 from scenegen.things.surfaces import base_heights, overlapping
 
 # --------------------------------------------------------------------------------------------------------------------

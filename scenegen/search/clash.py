@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, Kind, Span
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import Atom, Coord, Core, Junction
+from scenegen.lang.formula.core import Atom, Coord, Core, Junction, atoms_below
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.search.contract import EVERYTHING, Ends, alternatives, both, contract, impose, push_down, size_of, start
 from scenegen.search.effort import PYTHON, Effort, scoring
@@ -23,7 +23,6 @@ from scenegen.search.grid import open_nodes
 from scenegen.search.prune import Reachability, find
 from scenegen.search.tape import Tape, make_tape, weight
 
-Array = npt.NDArray[np.float64]
 Conjunct = tuple[int, float, float]
 """Formula node of the core, lowest and highest value: one end is infinite."""
 
@@ -128,18 +127,10 @@ def _span(core: Core, index: int) -> Span | None:
 def _atoms(core: Core, index: int) -> list[Atom]:
     """The atoms below a formula node, in order, each text once."""
     found: dict[str, Atom] = {}
-    stack = [index]
-    seen: set[int] = set()
-    while stack:
-        at = stack.pop()
-        if at in seen:
-            continue
-        seen.add(at)
-        node = core.nodes[at]
-        if isinstance(node, Atom):
-            found.setdefault(node.text, node)
-        elif isinstance(node, Junction):
-            stack.extend(reversed(node.args))
+    for one in atoms_below(core, index):
+        atom = core.nodes[one]
+        assert isinstance(atom, Atom)
+        found.setdefault(atom.text, atom)
     return list(found.values())
 
 

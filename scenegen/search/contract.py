@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.geometry import Interval
 from scenegen.lang.formula.core import Apply, Coord, Core, Junction, Node
 from scenegen.lang.spec import CheckedSpec
@@ -102,8 +103,6 @@ def alternatives(
         if all(low <= high for low, high in demand.values()):
             yield push_down(core, demand), apart
 
-
-Array = npt.NDArray[np.float64]
 
 ROUNDS = 4
 LEAST = 0.02  # a sweep that takes less than this share off every box is the last

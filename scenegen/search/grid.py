@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array, Index
 from scenegen.lang.formula.core import Coord, Node
 from scenegen.search.contract import ROUNDS, SLACK, Ends, contract, forward
 from scenegen.search.effort import PYTHON, Effort
@@ -23,10 +24,6 @@ from scenegen.search.tape import BatchedTape, Tape, make_batches
 
 # --------------------------------------------------------------------------------------------------------------------
 # Drawing from a finite distribution in constant time (Walker 1977; the tables as in Vose 1991).
-
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)

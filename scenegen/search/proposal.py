@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.lang.formula.core import Coord, Junction, restricted
 from scenegen.pose import PLACE, row_of
 from scenegen.search.effort import PYTHON, Effort
@@ -45,8 +46,6 @@ from scenegen.search.tape import Tape
 # g has the survival function ((L - g) / L)^n, and the others share what it leaves (spacings of uniform samples: Pyke
 # 1965).
 
-
-Array = npt.NDArray[np.float64]
 
 NEAR = 1e-5  # of the room: how much the rooms may differ, for contraction loosens every gap a little
 NETWORK = 12  # numbers that are sorted by comparing and swapping rows

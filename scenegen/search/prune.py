@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction
 from scenegen.lang.formula.interpret import evaluate
@@ -24,9 +24,6 @@ from scenegen.search.grid import Grids, Open, open_nodes
 from scenegen.search.proposal import Proposal, propose
 from scenegen.search.surfaces import Stand
 from scenegen.search.tape import Tape, make_tape, weight
-
-Array = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 PARTS = 256  # alternatives of a cover at most
 PILOT = 1024  # scenes drawn from a part to see what is wasted

@@ -17,6 +17,7 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool
 from scenegen.geometry import PRIMITIVES
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, corners, measures
 from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction
@@ -30,8 +31,6 @@ from scenegen.search.tape import Tape
 # Patches of surfaces, each in the frame of what carries it: where the centre of an object can be on them, for each
 # slice of its headings, and drawing a place on one of many.
 
-
-Array = npt.NDArray[np.float64]
 
 SLICES = 128  # of the circle of headings
 
@@ -358,8 +357,6 @@ def _turns(stand: Stand, ends: Callable[[int], Ends]) -> bool:
 # box that holds several choices has every height between them, so phi seems to pass through values that it jumps
 # over.
 
-
-Bool = npt.NDArray[np.bool_]
 
 MOST = 64  # boxes
 SEAM = 1e-8  # taken off either side of a cut: there both surfaces would do, in scenes that have probability 0

@@ -12,8 +12,8 @@ from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import PRIMITIVES, Interval
 from scenegen.geometry.footprint import Circle
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children
@@ -28,10 +28,6 @@ from scenegen.search.effort import PYTHON, Effort, bounding
 # one kind: as one batch, their rule is called once, with the nodes as a further axis before that of the boxes. In
 # small tapes each node is a batch.
 
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
-Bool = npt.NDArray[np.bool_]
 
 FEWEST = 500  # nodes from which on batches are made; smaller tapes are walked node by node
 WORTH = 4  # nodes that a batch must have on average: long chains of nodes gain nothing

@@ -13,9 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
+from scenegen.arrays import Array
 from scenegen.errors import ScenegenError
 from scenegen.scenes.data import SceneFile
 
@@ -23,7 +21,6 @@ if TYPE_CHECKING:
     from scenegen.api.outline import SpecHolder
     from scenegen.api.scene_arrays import SceneArrays
 
-Array = npt.NDArray[np.float64]
 
 SHOWN = 8  # scenes of a sheet
 WIDTH = 320  # pixels of one of its pictures, where the workspace is square

@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
 from scenegen.api.outline import chosen_label
 from scenegen.api.scene_arrays import SceneArrays, parts_of
+from scenegen.arrays import Array
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.time import NO_SUCH_MOTION, TIME_NOT_HERE, WHICH_MOTION
@@ -257,8 +257,6 @@ FIGURES: dict[str, Callable[[Job], dict[str, bytes]]] = {
 # --------------------------------------------------------------------------------------------------------------------
 # Figures of motions: an animation, a strip of moments, phi over time.
 
-
-Array = npt.NDArray[np.float64]
 
 KINDS = ("gif", "mp4", "strip", "phi")
 MOVING = (".gif", ".mp4")  # endings of files with one motion

@@ -14,10 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Polygon, centroid
-from scenegen.things.outline import DRAWN, simplified
-from scenegen.things.outline import Floats as Floats
-from scenegen.things.outline import Indices as Indices
-from scenegen.things.palette import RGB, mix
+from scenegen.things.library import RGB
+from scenegen.things.outline import DRAWN, Floats, Indices, simplified
+from scenegen.things.palette import mix
 
 CREASE = math.radians(35.0)  # edges sharper than this are drawn as edges, flatter ones as a smooth surface
 

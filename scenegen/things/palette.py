@@ -8,8 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-from scenegen.things.library import ASSETS, PLAIN, UNKNOWN, known_as
-from scenegen.things.library import RGB as RGB
+from scenegen.things.library import ASSETS, PLAIN, RGB, UNKNOWN, known_as
 
 
 def rgb_of(color: str) -> RGB:

@@ -31,7 +31,7 @@ from scenegen.scenes.files import check_folder, check_writable, reported, scene_
 from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.registry import ENDINGS, FORMATS
 from scenegen.show.looks.look import LOOKS
-from scenegen.things.mesh import Floats
+from scenegen.things.outline import Floats
 from scenegen.worlds.export.world import FOLDER as TEXTURES
 from scenegen.worlds.export.world import Own, recorded, worlds_of
 

@@ -17,6 +17,7 @@ from scenegen.api.request import Phi, read_phi
 from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import SceneArrays, poses7
 from scenegen.api.spec import Spec, check_spec
+from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import ONLY_AT_BOUND, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.worlds import NAME_TWICE, TOO_FEW_LAYOUTS
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 # Poses of scenes in the frame of a simulator.
 
 
-Array = npt.NDArray[np.float64]
 Origins: TypeAlias = Literal["base", "middle"] | Mapping[str, float]
 """Where the origin of an object is: in its lowest point under the middle, in the middle of its height, or so many
 metres above its lowest point, by name; 0 for names that are left out."""

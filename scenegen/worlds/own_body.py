@@ -26,9 +26,9 @@ from scenegen.processes.worker import DONE
 from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.own_files import is_read, own_file, reason_of
 from scenegen.things.colored_mesh import ColoredMesh, check_texture
-from scenegen.things.mesh import Floats, Indices, Mesh, joined
+from scenegen.things.mesh import Mesh, joined
 from scenegen.things.meshfile import LEAST_MASS, MOST_FRICTION, MOST_MASS, Read, mesh_surfaces
-from scenegen.things.outline import MeshError
+from scenegen.things.outline import Floats, Indices, MeshError
 from scenegen.things.urdf import (
     Element,
     MeshFiles,

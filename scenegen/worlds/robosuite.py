@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
-import numpy.typing as npt
 
 from scenegen.api.request import Phi, read_phi
 from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import make_header, poses7, stored_rows
 from scenegen.api.spec import Spec, check_spec
+from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.files import HELD_ELSEWHERE
 from scenegen.errors.learning import NOT_A_TASK
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from scenegen.learn.curriculum.library import Library, LibraryStream
 
 
-Array = npt.NDArray[np.float64]
 Wanted: TypeAlias = Phi | PhiBox | Strategy | Callable[[], Phi | PhiBox | None] | None
 """A range of phi (see `scenegen.sample`), a strategy, or a function that gives a range for each start."""
 

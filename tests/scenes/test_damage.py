@@ -306,8 +306,8 @@ def test_motions_that_fill_the_memory_are_refused(motions, monkeypatch):
     import pyarrow.parquet as pq
 
     from scenegen.errors.time import NOT_A_TRAJECTORY
-    from scenegen.scenes.formats.plain import read_table
     from scenegen.scenes.formats.registry import read_motions
+    from scenegen.scenes.formats.tables import read_table
 
     table = pq.read_table(motions)
     columns = {name: pa.array(np.full(2_000_000, 1.0)) for name in table.column_names}
@@ -328,7 +328,7 @@ def test_texts_of_tables_are_in_memory_once(tmp_path):
     import pyarrow.parquet as pq
 
     from scenegen.errors.time import NOT_A_TRAJECTORY
-    from scenegen.scenes.formats.plain import read_table
+    from scenegen.scenes.formats.tables import read_table
 
     table = pa.table({"t": ["1", "2.5", None, "x" * 1_000_000] * 2000, "u": [[0.5]] * 8000})
     pq.write_table(table, tmp_path / "t.parquet")

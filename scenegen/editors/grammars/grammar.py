@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.spec import Spec, parse
+from scenegen.arrays import Array
 from scenegen.editors.grammars.rules import (
     Grammar,
     IntegerRange,
@@ -323,8 +324,6 @@ def _timed(steps: int, inner: str, *, moving: bool) -> Part:
 # --------------------------------------------------------------------------------------------------------------------
 # Scenes that meet what a spec requires: what can be said is held against them.
 
-
-Array = npt.NDArray[np.float64]
 
 SCENES = 512
 DRAWS = 12  # blocks of uniform scenes that are looked through

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from itertools import chain, product
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.units import ANGLE, LENGTH, SPEED, TURN_RATE, Unit
@@ -194,8 +194,6 @@ def fits(form: PhraseForm, words: GrammarNames) -> bool:
 # scene, is left out. A formula that some of the scenes satisfies can be satisfied: no proof to the contrary can be
 # found.
 
-
-Array = npt.NDArray[np.float64]
 
 PROBES = 16  # scenes in which an extra argument has to shift phi by as much
 EXACT = 1e-9  # what rounding may make of a shift

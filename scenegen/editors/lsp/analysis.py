@@ -38,7 +38,7 @@ class AnalysisProcesses:
         self._alive: list[_AnalysisProcess] = []  # the one that was idle for longest first
 
     async def ask(self, text: dict[str, Any], question: Question) -> Any:
-        """The answer to a question about a text (the fields of `_page`). Raises AnalysisEnded. Whoever stops waiting
+        """The answer to a question about a text (the fields of `_page`). Raises AnalysisEnded. To stop waiting
         ends the process, unless it is about to answer."""
         async with self._turns:
             process = self._take(text["uri"])

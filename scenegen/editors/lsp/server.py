@@ -264,7 +264,7 @@ def serve(root: Path | None = None) -> int:
 
 
 def _is_news(record: logging.LogRecord) -> bool:
-    """Refused requests have their answer; whatever else a client has sent wrong is told in a line."""
+    """Whether to log a line: refused requests have their answer; any other wrong message of a client has none."""
     refused = record.exc_info is not None and isinstance(record.exc_info[1], JsonRpcException)
     if record.name.startswith("pygls"):
         record.msg, record.args, record.exc_info = record.getMessage().partition("\n")[0], (), None

@@ -321,8 +321,8 @@ def unused(
     by_formulas: set[str],
     by_anything: set[str],
 ) -> list[Diagnostic]:
-    """The warnings of the spec's own statements, in the order of the text. What formulas use is told from what anything
-    uses: that a definition uses a name is no use of it."""
+    """The warnings of the spec's own statements, in the order of the text. `by_formulas` are the names that
+    formulas use, `by_anything` also those that only definitions use."""
     out: list[Diagnostic] = []
     for one in placed:
         if not scope.is_own(one.source):

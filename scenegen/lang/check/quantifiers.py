@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import SpecError
 from scenegen.errors.declarations import SPEC_TOO_LARGE
 from scenegen.errors.language import EMPTY_RANGE, TOO_FEW_ELEMENTS
@@ -95,7 +96,6 @@ MANY = 256  # rounds over numbers of which the hardest alone may be kept
 MAX_MADE = 1_200_000  # steps of templates, of a whole spec; about five seconds
 
 Kind = tuple[object, ...]
-Array = npt.NDArray[np.float64]
 
 
 class InstantiatedTemplate(NamedTuple):

@@ -188,6 +188,22 @@ def moved(node: Node, place: Mapping[int, int]) -> Node:
     return node
 
 
+def atoms_below(core: Core, root: int) -> list[int]:
+    """The atoms below a formula, each once, in the order of the formula."""
+    found, seen, waiting = list[int](), set[int](), [root]
+    while waiting:
+        index = waiting.pop()
+        if index in seen:
+            continue
+        seen.add(index)
+        node = core.nodes[index]
+        if isinstance(node, Atom):
+            found.append(index)
+        elif isinstance(node, Junction):
+            waiting.extend(reversed(node.args))
+    return found
+
+
 def children(node: Node) -> Sequence[int]:
     """The nodes that a node is computed from."""
     if isinstance(node, Apply | Junction):

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Index
 from scenegen.geometry.footprint import Circle, Footprint, measures
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, children, last_uses
 
 Array = npt.NDArray[Any]
-Index = npt.NDArray[np.intp]
 Gap = Callable[..., Any]
 """gap(*shapes, *six arrays of one length): x, y and heading of both."""
 
@@ -188,7 +188,7 @@ def minimum(
 
 
 def _can_decide(pairs: NearestPairs, table: Array, at: Index, below: float, near: npt.NDArray[np.bool_]) -> None:
-    """Writes which pairs may have the least gap, or a number that is none, into `near` (P, b)."""
+    """Writes into `near` (P, b) which pairs may have the least gap, or a gap of NaN."""
     square, spare = table[at[3]], table[at[4]]
     square -= table[at[0]]
     spare -= table[at[1]]

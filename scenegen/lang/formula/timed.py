@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import (
     Atom,
@@ -290,9 +291,6 @@ def endless(timed: Timed) -> list[npt.NDArray[np.float64]]:
 
 # --------------------------------------------------------------------------------------------------------------------
 # One motion under a spec over time, in numpy: phi at every moment, and which atom decides it, at which moment.
-
-
-Array = npt.NDArray[np.float64]
 
 
 class ActiveAtom(NamedTuple):

@@ -238,7 +238,7 @@ def expected(accepts: set[str]) -> str:
 # Every statement opens with a keyword or with `name:`. Newlines are white space to the parser, but people put
 # statements on lines of their own, and a broken text is read as people read it: what opens a line is trusted more
 # than what stands in the middle of one. A missed opening hides a mistake until the next run; a false one would report
-# a mistake that is none. So in doubt there is no opening.
+# a mistake where there is none. So in doubt there is no opening.
 
 
 _OPENS, _CLOSES = ("(", "[", "{"), (")", "]", "}")

@@ -23,6 +23,7 @@ from gymnasium.vector.utils import batch_space
 from scenegen.api.scene_arrays import make_header, stored_rows
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
+from scenegen.arrays import Array
 from scenegen.errors.learning import NO_EPISODE
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.lang.spec import CheckedSpec
@@ -37,7 +38,6 @@ from scenegen.scenes.stage import heights_of, varying
 if TYPE_CHECKING:
     from scenegen.show.render.worker import LiveRenderer
 
-Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Observations = npt.NDArray[np.float32]
 Start = tuple[Array, Array, float]

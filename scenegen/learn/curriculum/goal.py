@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import error
 
 from scenegen.api.spec import Spec, load, parse
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, ScenegenError, quoted
 from scenegen.errors.requests import MISSING_ARGUMENT, UNKNOWN_CHOICE, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.geometry import MATH, NUMPY
@@ -83,9 +83,6 @@ def names(name: str, value: object, kind: str) -> tuple[str, ...]:
         wanted = f"the name of {kind}, or a list of names"
         raise refused(WRONG_VALUE(argument=name, value=repr(value), wanted=wanted))
     return tuple(dict.fromkeys(sorted(value) if isinstance(value, set | frozenset) else value))
-
-
-Array = npt.NDArray[np.float64]
 
 
 def load_spec(spec: Spec | str | Path | None) -> Spec:

@@ -28,6 +28,7 @@ from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import SpecScenes, parts_of
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
+from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.learning import DRAW_TOO_SLOW, MODEL_OF_ANOTHER_SPEC, NO_START_IN_FILE, NO_UNMET_GOAL
 from scenegen.errors.requests import NO_SCENES, OUT_OF_TIME, WRONG_VALUE
@@ -44,8 +45,6 @@ from scenegen.validation import as_path
 # --------------------------------------------------------------------------------------------------------------------
 # Where scenes come from: the exact sampler, a trained model, or a scene file. All of them are verified.
 
-
-Array = npt.NDArray[np.float64]
 
 SECONDS = 20.0  # after this time a request counts as unreachable; scenes that are found earlier do not depend on it
 SHORTLY = 2.0  # the same, if the nearest scenes may be used instead

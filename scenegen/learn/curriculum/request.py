@@ -10,11 +10,11 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import error
 
 from scenegen.api.scenes import Scene
 from scenegen.api.spec import Spec
+from scenegen.arrays import Array
 from scenegen.errors import quoted
 from scenegen.errors.files import OTHER_OBJECTS, OTHER_SURFACE
 from scenegen.errors.learning import NOT_A_TASK, NOT_POSES
@@ -36,8 +36,6 @@ from scenegen.sampling.request import BAND, Range
 from scenegen.scenes.arrange import check_scenes
 from scenegen.scenes.data import Pose, RestingPose, SceneData
 from scenegen.validation import as_list
-
-Array = npt.NDArray[np.float64]
 
 OPTIONS = ("phi", "scene", "nearest")
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import Space, error, spaces
 
+from scenegen.arrays import Array
 from scenegen.errors import quoted
 from scenegen.errors.learning import NOTHING_TO_MOVE, WRONG_ACTION
 from scenegen.errors.requests import HELD_BY_SPEC, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
@@ -20,8 +21,6 @@ from scenegen.lang.formula.core import Apply, Atom, Coord, Core, gated, part_of
 from scenegen.lang.spec import CheckedSpec, members_of
 from scenegen.learn.curriculum.goal import names, number, one_of, refused
 from scenegen.pose import FLAT, LENGTHS, NAMES, PLACE, SIZE, THETA, TWO_PI, X, axis_of, owner, row_of
-
-Array = npt.NDArray[np.float64]
 
 # --------------------------------------------------------------------------------------------------------------------
 # The actions: objects move step by step, in four directions on a grid, or continuously.

@@ -16,9 +16,10 @@ from gymnasium import error
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorWrapper
 
+from scenegen.arrays import Array
 from scenegen.errors.learning import NOT_A_TASK, STRATEGY_OUT_OF_REACH
 from scenegen.errors.requests import WRONG_VALUE
-from scenegen.learn.curriculum.env import Array, Episodes, Mask, TableEnv, TableVectorEnv
+from scenegen.learn.curriculum.env import Episodes, Mask, TableEnv, TableVectorEnv
 from scenegen.learn.curriculum.goal import not_a_strategy, refused
 from scenegen.learn.curriculum.request import check_options
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.learn.evaluation.describe import describe
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 #
 # Time is counted in seconds of CPU: how busy a machine is does not decide what is measured.
 
-
-Array = npt.NDArray[np.float64]
 
 SCENES = 1000  # of each half
 CURVE = 1500  # scenes of a calibration curve

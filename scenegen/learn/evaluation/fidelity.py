@@ -20,8 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.pose import TWO_PI, is_angle
-from scenegen.scenes.coverage import NEIGHBOURS, Array, checked_pair, covered_share, features
+from scenegen.scenes.coverage import NEIGHBOURS, checked_pair, covered_share, features
 
 # --------------------------------------------------------------------------------------------------------------------
 # The energy distance (Szekely & Rizzo 2004, "Testing for equal distributions in high dimension").

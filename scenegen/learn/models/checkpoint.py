@@ -11,14 +11,13 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-import numpy as np
-import numpy.typing as npt
 import safetensors.torch
 import torch
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import from_json
 from torch import Tensor
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.learning import (
     ARRAY_NOT_FINITE,
@@ -40,8 +39,6 @@ from scenegen.learn.models.correction import Correction, McmcMoves
 from scenegen.learn.models.registry import model_class
 from scenegen.scenes.files import read_bytes, write_whole
 from scenegen.validation import as_int
-
-Array = npt.NDArray[np.float64]
 
 # --------------------------------------------------------------------------------------------------------------------
 # Tensors and text in one safetensors file, read with distrust.

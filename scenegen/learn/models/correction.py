@@ -15,11 +15,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from scenegen.arrays import Array
 from scenegen.lang.formula.core import REQUIRE, Apply, gated, part_of
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.card import depends_on
@@ -47,7 +46,6 @@ FITTED, AIM = 0.75, 0.3  # of the shifts of one coordinate are fitted, so that t
 START, LEAST, AROUND = 0.05, 1e-5, 3.0  # of the range: fitted steps at first, and the least; factor from step to step
 SURE = 16  # scenes: how far fewer than that fit a step
 
-Array = npt.NDArray[np.float64]
 Move = tuple[Tensor, Tensor]
 
 
@@ -120,10 +118,6 @@ class McmcMoves:
                 tried, kept = (torch.bincount(place[0][some], minlength=len(rows)) for some in (right, right & keep))
                 reach = (reach * torch.exp((kept - AIM * tried) / (tried + SURE))).clamp_(LEAST, LONGEST_WALK)
         return rows
-
-    def _right(self, rows: Tensor, wanted: Tensor) -> Tensor:
-        """Which scenes have the wanted phi, and meet what is required, (B,)."""
-        return self._inside(rows, wanted - self._tolerance, wanted + self._tolerance)
 
     def _inside(self, rows: Tensor, low: Tensor, high: Tensor) -> Tensor:
         values = self._phi.rows(rows, check=False)

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 from itertools import count as numbers_from
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -37,7 +36,6 @@ from scenegen.sampling.rarity_grown import measure_vast
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.search.effort import StoppedError
 
-Array = npt.NDArray[np.float64]
 Ends = tuple[float, float]
 Ranges = dict[str, Range]
 

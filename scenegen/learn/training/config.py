@@ -67,8 +67,8 @@ SECONDS = 110.0
 
 
 # Text, not functions: `scenegen train --help` lists them without importing torch. Each makes so many labelled scenes:
-# (spec, scenes, generator, gathering=None) -> Dataset. The generator (a CPU one) alone determines the outcome; the
-# gathering is told how far it is, and may end it with RequestError.
+# (spec, scenes, generator, gathering=None) -> Dataset. The generator (a CPU one) alone determines the outcome; it
+# reports its progress to the gathering, which may end it with RequestError.
 DATASETS: dict[str, str] = {
     "balanced": "scenegen.learn.training.balanced:balanced",
     "uniform": "scenegen.learn.training.paper:uniform",

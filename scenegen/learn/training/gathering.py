@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from pydantic import BaseModel, ConfigDict
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.learning import DAMAGED_MODEL, NO_TIME_TO_TRAIN
 from scenegen.learn.models.checkpoint import pack, read_card, unpack
@@ -31,7 +31,6 @@ FORMAT, WHAT = "scenegen/gathered", "a file of training scenes"
 AT_LEAST = 0.5  # of SECONDS that a batch may take
 SAVE_EVERY = 5.0  # seconds of work that a kill may cost
 
-Array = npt.NDArray[np.float64]
 Tell = Callable[[str, int, int], None]
 """Told what is being done, and how much of how much of it is done; 0 of 0 where that cannot be counted."""
 

@@ -29,10 +29,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.request import Progress
-from scenegen.scenes.blocks import BLOCK, Array, Block, joined
+from scenegen.scenes.blocks import BLOCK, Block, joined
 from scenegen.search.effort import StoppedError
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -265,7 +266,7 @@ class RunProgress:
         self.assembler = BlockAssembler(plan.reached, plan.wanted, plan.seed, self.size, plan.groups)
 
     def follow(self, pieces: Iterator[Any], spent: Callable[[], bool], progress: Progress | None) -> Iterator[Any]:
-        """The pieces, one after the other, until the run is over or its time `spent`; whoever gets one calls `take`."""
+        """The pieces, one after the other, until the run ends or its time is `spent`; `take` gets each."""
         while not self.over:
             try:
                 piece = next(pieces)

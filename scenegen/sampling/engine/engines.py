@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import ADDRESS_WITHOUT_RAY, UNKNOWN_ENGINE
 from scenegen.errors.program import PROCESS_DIED
@@ -27,8 +28,8 @@ from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import Cells, Drawing
 from scenegen.sampling.engine.run import jobs
 from scenegen.sampling.engine.stream import BlockPacker
-from scenegen.sampling.plan import Index, Plan
-from scenegen.scenes.blocks import Array, Block, taken
+from scenegen.sampling.plan import Plan
+from scenegen.scenes.blocks import Block, taken
 from scenegen.scenes.motions import AnyFile
 from scenegen.scenes.sets import Shard, pack_shard, shard_name
 from scenegen.scenes.stores import Store, Tell

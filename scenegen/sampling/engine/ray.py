@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.arrays import Array
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.errors.requests import NOT_INSTALLED
@@ -32,7 +33,7 @@ from scenegen.processes.process import SAFE_PATH
 from scenegen.processes.worker import VARIABLES, raise_gc_threshold
 from scenegen.sampling.engine.blocks import Cells, Drawing
 from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, chosen, parts_of
-from scenegen.scenes.blocks import Array, Block
+from scenegen.scenes.blocks import Block
 from scenegen.scenes.sets import Shard
 from scenegen.search.effort import StoppedError
 

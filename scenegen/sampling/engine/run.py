@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import cores
@@ -31,8 +31,6 @@ from scenegen.scenes.blocks import Block
 if TYPE_CHECKING:
     from scenegen.scenes.motions import AnyFile
 
-
-Array = npt.NDArray[np.float64]
 
 SMALL = 1 << 29  # evaluations of formula nodes below which processes cost more time than they save: a few seconds
 AT_LEAST = 1 << 27  # of them for each process, for the same reason

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.arrays import Array
 from scenegen.errors import OutputError, ScenegenError
 from scenegen.errors.program import INTERRUPTED
 from scenegen.processes.process import stop_signals
@@ -25,7 +26,7 @@ from scenegen.sampling.engine.blocks import Drawing, RunProgress
 from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.request import Progress
-from scenegen.scenes.blocks import BLOCK, Array, Block
+from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.sets import Checkpoint, Manifest, begin, finish, read_waiting, save_checkpoint, write_manifest
 from scenegen.scenes.stores import Store
 

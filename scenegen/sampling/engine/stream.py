@@ -17,11 +17,12 @@ from typing import IO, TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
+from scenegen.arrays import Array
 from scenegen.errors.program import INTERRUPTED
 from scenegen.processes.pool import run_pieces
 from scenegen.processes.process import stop_signals
 from scenegen.sampling.engine.blocks import Cells, Drawing, RunProgress
-from scenegen.sampling.plan import Array, Plan, Tally
+from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import begin_writing

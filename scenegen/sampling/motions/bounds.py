@@ -12,15 +12,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Moment, Window
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, over_time
 from scenegen.pose import THETA, X, Y
 from scenegen.search import label_bounds
 from scenegen.search.effort import Effort
-
-Array = npt.NDArray[np.float64]
 
 
 def step_bounds(timed: Timed) -> tuple[Array, Array]:

@@ -12,17 +12,8 @@ from typing import Literal
 
 import numpy as np
 
-from scenegen.sampling.motions.problem import (
-    Array,
-    Flags,
-    Index,
-    MotionProblem,
-    Variables,
-    at_home,
-    chosen,
-    legal,
-    unit_steps,
-)
+from scenegen.arrays import Array, Index
+from scenegen.sampling.motions.problem import Flags, MotionProblem, Variables, at_home, chosen, legal, unit_steps
 
 Before = Literal["first", "step", "redrawn"]
 After = Literal["kept", "step", "redrawn"]

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.headings import bare_rows
+from scenegen.lang.formula.interpret import bare_rows
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.formula.timed import Numpy, Timed, over_time
 from scenegen.pose import TWO_PI, is_angle, owner
@@ -25,9 +26,6 @@ from scenegen.search.tape import BatchedTape, make_batches
 
 # --------------------------------------------------------------------------------------------------------------------
 # Where objects can be some steps from now, and bounds of the state's formulas there.
-
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,19 +13,10 @@ from typing import Literal
 
 import numpy as np
 
+from scenegen.arrays import Array, Index
 from scenegen.pose import PLACE, THETA, TWO_PI, X, Y
 from scenegen.sampling.motions.groups import After, Before, find_group, relocate
-from scenegen.sampling.motions.problem import (
-    Array,
-    Flags,
-    Index,
-    MotionProblem,
-    Variables,
-    at_home,
-    chosen,
-    legal,
-    unit_steps,
-)
+from scenegen.sampling.motions.problem import Flags, MotionProblem, Variables, at_home, chosen, legal, unit_steps
 
 # --------------------------------------------------------------------------------------------------------------------
 # Changes of the ways that objects go: redrawn, reflected or gone backwards, with ends that stay.

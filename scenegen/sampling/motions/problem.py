@@ -9,6 +9,7 @@ from typing import ClassVar, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import ANGLES, LENGTHS, SIZE, THETA, TWO_PI, row_count
@@ -16,8 +17,6 @@ from scenegen.sampling.rarity import cost as state_cost
 from scenegen.sampling.request import Cells, FixedPose, SampleRequest, cut
 from scenegen.search.effort import NEVER, Stop
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 Score = Callable[[Array], Array]
 Moves = Literal["one", "all"]

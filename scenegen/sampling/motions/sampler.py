@@ -13,19 +13,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from scenegen.arrays import Array, Index
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.processes.pool import run_pieces
-from scenegen.sampling.motions.problem import (
-    NUMBERS,
-    Array,
-    Index,
-    MotionProblem,
-    Variables,
-    draw,
-    poses_of,
-    within_a_turn,
-)
+from scenegen.sampling.motions.problem import NUMBERS, MotionProblem, Variables, draw, poses_of, within_a_turn
 from scenegen.sampling.motions.schedule import STREAM, MotionChains, Watch, generator, make_schedule
 from scenegen.sampling.plan import AGREE, Account, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.problem import Budget

@@ -8,18 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from scenegen.arrays import Array, Index
 from scenegen.sampling.motions.moves import changes
-from scenegen.sampling.motions.problem import (
-    GATES,
-    Array,
-    Flags,
-    Index,
-    MotionProblem,
-    Variables,
-    draw,
-    poses_of,
-    within_a_turn,
-)
+from scenegen.sampling.motions.problem import GATES, Flags, MotionProblem, Variables, draw, poses_of, within_a_turn
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.splitting.levels import Descent, Region, Schedule, Stage, which_cell
 from scenegen.search.effort import NEVER, Stop

@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction, Node, children
 from scenegen.lang.formula.interpret import evaluate
@@ -26,9 +26,6 @@ from scenegen.search.prune import Cover
 # met those before. What is accepted does not depend on the stages, to the bit: they only save work.
 
 
-Array = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Index = npt.NDArray[np.intp]
 Check = Callable[[], None] | None
 
 LATER = 0.5  # share of the candidates that a stage must leave out before another begins

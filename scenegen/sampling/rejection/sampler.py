@@ -15,6 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from scenegen.arrays import Array, Bool, Index
 from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
@@ -22,9 +23,6 @@ from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossib
 from scenegen.sampling.rejection.draw import (
     PIECE,
     PILOT,
-    Array,
-    Bool,
-    Index,
     Stages,
     affordable,
     chunk_size,

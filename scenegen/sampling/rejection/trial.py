@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenegen.arrays import Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
 from scenegen.sampling.problem import PLAN, Budget, Problem, impossible
-from scenegen.sampling.rejection.draw import CHUNK, EXPLORE, Index, Stages, explore, misses
+from scenegen.sampling.rejection.draw import CHUNK, EXPLORE, Stages, explore, misses
 from scenegen.sampling.report import shortfall, too_early
 from scenegen.search.effort import Effort, StoppedError, TooMuchError, per_scene
 from scenegen.search.prune import SPENT, Cover, prune

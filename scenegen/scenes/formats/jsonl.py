@@ -17,10 +17,11 @@ from typing import IO
 import numpy as np
 from pydantic import ValidationError
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.files import BAD_LINE, OTHER_LABELS
 from scenegen.pose import NAMES, row_count, rows_of
-from scenegen.scenes.blocks import BLOCK, Array, Block, SceneFileReading, check_finite, counts_in, member_of, regrouped
+from scenegen.scenes.blocks import BLOCK, Block, SceneFileReading, check_finite, counts_in, member_of, regrouped
 from scenegen.scenes.data import SceneData, SceneFile
 from scenegen.scenes.files import opened
 from scenegen.scenes.formats.header import (

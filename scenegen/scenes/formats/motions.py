@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import ValidationError
 
+from scenegen.arrays import Array, Index
 from scenegen.errors import DataError
 from scenegen.errors.time import DAMAGED_MOTIONS, NO_HEADER_IN_CSV, NOT_MOTIONS
 from scenegen.pose import NAMES, X, as_rows
@@ -26,9 +26,6 @@ from scenegen.scenes.data import RAISED, VERSION, RequestData, SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.header import parse
 from scenegen.scenes.motions import MOTIONS_FORMAT, MotionData, MotionFile
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
 
 FACTS = ("moved", "way")  # of sampled motions: how many objects ever move, and the metres that all go together
 KINDS = ("phi", "facts")

@@ -14,10 +14,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.time import DAMAGED_MOTIONS, NOT_MOTIONS
 from scenegen.pose import NAMES
-from scenegen.scenes.blocks import COUNT, PHI, Array, Block, element, joined
+from scenegen.scenes.blocks import COUNT, PHI, Block, element, joined
 from scenegen.scenes.files import opened
 from scenegen.scenes.formats.header import parse
 from scenegen.scenes.formats.motions import FACTS, KINDS, MotionArrays, columns, motion_file, motions_of

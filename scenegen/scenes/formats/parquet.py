@@ -19,6 +19,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, ScenegenError
 from scenegen.errors.declarations import NUMBERS_DISAGREE
 from scenegen.errors.files import (
@@ -35,7 +36,6 @@ from scenegen.scenes.blocks import (
     MOST,
     PHI,
     RARITY,
-    Array,
     Block,
     SceneFileReading,
     check_finite,

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import ValidationError
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.files import COLUMN_TWICE, DAMAGED_PARQUET, DAMAGED_SCENES, WRONG_COLUMNS
 from scenegen.scenes.blocks import PHI
@@ -32,7 +33,6 @@ from scenegen.scenes.formats.scenes_json import MOST_BYTES
 
 KEY = b"scenegen"  # of the header in the metadata of a Parquet file
 
-Array = npt.NDArray[np.float64]
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 MM = 1000.0  # millimetres of a metre

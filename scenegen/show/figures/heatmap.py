@@ -15,8 +15,9 @@ from scenegen.pose import THETA, X, Y, places
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.stage import PictureSetup, poses_of, stage_of
 from scenegen.show.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, TEXT, TITLE, flow, write
-from scenegen.things.mesh import Floats
-from scenegen.things.palette import RGB, mix
+from scenegen.things.library import RGB
+from scenegen.things.outline import Floats
+from scenegen.things.palette import mix
 
 SIDE = 300  # pixels of a panel's longer side
 CELLS = 150  # cells of the grid along the longer side

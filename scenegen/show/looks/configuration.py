@@ -18,7 +18,7 @@ from scenegen.errors.files import BAD_LOOKS
 from scenegen.scenes.files import below, read_bytes
 from scenegen.show.looks.look import Draw, LookDistribution, Random, field_of
 from scenegen.show.looks.textures import BUILT_IN, ENDINGS, MOST_BYTES, MOST_TOGETHER, PLAIN, WOOD, checked, found_files
-from scenegen.things.palette import RGB
+from scenegen.things.library import RGB
 
 # --------------------------------------------------------------------------------------------------------------------
 # What stands in a render configuration for one part of a look: a value or a distribution -> how it is drawn.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from scenegen.show.looks.camera import Camera, Floats, at_angles, from_place
-from scenegen.things.palette import RGB
+from scenegen.things.library import RGB
 from scenegen.version import __version__
 
 VIEW = "look"  # the view whose camera a look places

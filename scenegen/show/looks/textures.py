@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from scenegen.scenes.stage import PictureSetup
 from scenegen.show.looks.camera import Floats
-from scenegen.things.palette import RGB
+from scenegen.things.library import RGB
 
 PLAIN, WOOD = "plain", "wood"
 PATTERNS = ("checker", "stripes", "speckle")  # greys, which multiply a colour

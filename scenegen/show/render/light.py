@@ -21,7 +21,7 @@ from scenegen.show.looks.look import Look
 from scenegen.show.looks.textures import WOOD as WOODEN
 from scenegen.show.looks.textures import Textures, wood
 from scenegen.show.render.files import GROUND, TABLE, Image, Mask, Picture, RenderedView, Rows
-from scenegen.things.palette import RGB
+from scenegen.things.library import RGB
 from scenegen.things.surfaces import reach_of
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -30,8 +30,10 @@ from scenegen.show.render.light import TOWARDS, Lighting, landscape_camera, ligh
 from scenegen.things import PLAIN
 from scenegen.things.bodies import parts_of
 from scenegen.things.colored_mesh import ColoredMesh
-from scenegen.things.mesh import Floats, Mesh, box, plain, shaded
-from scenegen.things.palette import RGB, mix
+from scenegen.things.library import RGB
+from scenegen.things.mesh import Mesh, box, plain, shaded
+from scenegen.things.outline import Floats
+from scenegen.things.palette import mix
 
 Bodies = npt.NDArray[np.int32]
 

@@ -16,7 +16,7 @@ from scenegen.scenes.stage import PictureSetup, stage_of
 from scenegen.show.looks.camera import Camera
 from scenegen.show.looks.look import Look, Point, looks_jsonl
 from scenegen.show.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
-from scenegen.things.palette import RGB
+from scenegen.things.library import RGB
 
 SIDE = 1024  # pixels along the longer side of a wooden table
 HIGH = 3.0  # metres: walls, from the floor

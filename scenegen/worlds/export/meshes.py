@@ -6,7 +6,8 @@ import struct
 
 import numpy as np
 
-from scenegen.things.mesh import Floats, Mesh, shaded
+from scenegen.things.mesh import Mesh, shaded
+from scenegen.things.outline import Floats
 from scenegen.worlds.export.xml import short
 
 HEAD = "# scenegen, metres, z upwards"

@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from scenegen.things.mesh import Floats
-from scenegen.things.palette import RGB
+from scenegen.things.library import RGB
+from scenegen.things.outline import Floats
 from scenegen.worlds.export.meshes import drawn_obj, plain_obj, stl
 from scenegen.worlds.export.world import TALL, WOODEN, Body, BodyForm, ConvexPiece, World, piece_of
 from scenegen.worlds.export.xml import Element, document, gathered, node, numbers, short

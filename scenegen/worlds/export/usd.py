@@ -22,8 +22,9 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 
-from scenegen.things.mesh import Floats, Indices, Mesh, shaded
-from scenegen.things.palette import RGB
+from scenegen.things.library import RGB
+from scenegen.things.mesh import Mesh, shaded
+from scenegen.things.outline import Floats, Indices
 from scenegen.worlds.export.looks import SceneLook, TexturedColor, Wall
 from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, BodyForm, Quaternion, World, principal
 from scenegen.worlds.export.xml import check_room

@@ -29,9 +29,10 @@ from scenegen.scenes.stage import heights_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape
 from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of, parts_of
 from scenegen.things.colored_mesh import ColoredMesh
-from scenegen.things.mesh import Floats, Mesh, prism
-from scenegen.things.outline import corners_of
-from scenegen.things.palette import LINEN, RGB, colors_of, of_regions, rgb_of
+from scenegen.things.library import RGB
+from scenegen.things.mesh import Mesh, prism
+from scenegen.things.outline import Floats, corners_of
+from scenegen.things.palette import LINEN, colors_of, of_regions, rgb_of
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export.xml import check_names, printable
 

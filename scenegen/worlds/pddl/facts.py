@@ -203,8 +203,6 @@ class FactJunction:
 
 Formula = Literal | FactJunction
 
-ALWAYS = FactJunction("and", ())
-
 
 def value(formula: Formula, truths: Truths) -> Truths:
     """Whether it holds in each of n scenes, (n,), where facts hold as in `truths` (F, n)."""

@@ -1,8 +1,8 @@
 """A goal -> a formula of the language, over the instances of its quantifiers.
 
-What has no geometry is left out, and told: states, numbers, preferences, whatever is no relation of things. The
-formula stays a necessary condition of the goal: of a conjunction the rest remains; of a disjunction, a negation or an
-implication with such a part nothing does, which is told as well.
+What has no geometry is left out, with a note: states, numbers, preferences, and all else that is no relation of
+things. The formula stays a necessary condition of the goal: of a conjunction the rest remains; of a disjunction, a
+negation or an implication with such a part nothing remains, with a note, too.
 """
 
 from __future__ import annotations

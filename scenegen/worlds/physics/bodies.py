@@ -23,8 +23,8 @@ from scenegen.geometry import Polygon
 from scenegen.geometry.footprint import Point, centroid, signed_area
 from scenegen.things import Shape
 from scenegen.things.bodies import DENSITY
-from scenegen.things.mesh import Floats, Mesh
-from scenegen.things.outline import corners_of
+from scenegen.things.mesh import Mesh
+from scenegen.things.outline import Floats, corners_of
 from scenegen.worlds.export import world
 from scenegen.worlds.export.meshes import stl
 

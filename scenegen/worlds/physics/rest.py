@@ -18,6 +18,7 @@ from scenegen.api.reading import reading_of
 from scenegen.api.scenes import Scene, SceneSet
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.spec import Spec
+from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NEEDED_HERE, NO_SCENES, WRONG_VALUE
 from scenegen.geometry.workspace import upright
@@ -38,9 +39,6 @@ from scenegen.worlds.physics.simulation import ROUND, RestResult, check_simulato
 
 # --------------------------------------------------------------------------------------------------------------------
 # Settled scenes as arrays, and in words.
-
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

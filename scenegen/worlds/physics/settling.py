@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.arrays import Index
 from scenegen.errors import Diagnostic
 from scenegen.errors.requests import UNSETTLED
 from scenegen.lang.spec import levels
@@ -160,8 +161,6 @@ class Refusals:
 # follow the plan's distribution conditional on settling, and all n requested scenes are found. Of motions the scene in
 # which they begin is dropped.
 
-
-Index = npt.NDArray[np.intp]
 
 MOST = 256  # about how many scenes of a piece are dropped: a few seconds of one core
 AT_LEAST = 2  # of each cell

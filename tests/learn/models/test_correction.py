@@ -63,7 +63,8 @@ def test_the_generator_alone_decides_and_scenes_that_are_right_stay_near(spec):
     correct = Correction(spec, torch.tensor([1.0, 1.0]))
     one, two = (correct(uniform(spec), phi, torch.Generator().manual_seed(3)) for _ in range(2))
     assert torch.equal(one, two)
-    right = correct._walk._right(one, phi)
+    walk = correct._walk
+    right = walk._inside(one, phi - walk._tolerance, phi + walk._tolerance)
     again, _ = correct._corrected(one, phi)
     assert float(right.float().mean()) > 0.9 and torch.equal(again[:, right], one[:, right])
 

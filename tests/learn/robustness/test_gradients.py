@@ -21,8 +21,7 @@ from scenegen.geometry import NUMPY
 from scenegen.geometry.workspace import turned
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom, gated
-from scenegen.lang.formula.headings import bare_rows
-from scenegen.lang.formula.interpret import evaluate, phi
+from scenegen.lang.formula.interpret import bare_rows, evaluate, phi
 from scenegen.lang.formula.timed import score
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import Slopes

@@ -8,13 +8,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from scenegen.api.outline import FormulaTree, Outline, OutlinePart
 from scenegen.api.scene_arrays import make_header, rows_of
 from scenegen.api.scenes import SceneSet, requirement
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.spec import Spec
+from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.program import NO_MESSAGE
 from scenegen.geometry import NUMPY
@@ -26,8 +26,6 @@ from scenegen.scenes.stage import heights_of
 from scenegen.show.view.jobs.source import MOST_NODES, Json, decided, line_of, spec_of, stage_of_spec, tree_of
 from scenegen.show.view.limits import MAX_POSES
 from scenegen.things.surfaces import base_heights, overlapping
-
-Array = npt.NDArray[np.float64]
 
 
 def evaluate(message: dict[str, Any]) -> Iterator[Any]:

@@ -8,13 +8,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from scenegen.api.monitor import score_trajectory
 from scenegen.api.motions import MotionSet
 from scenegen.api.outline import FormulaTree, Outline, OutlinePart
 from scenegen.api.scene_arrays import motion_header
 from scenegen.api.spec import Spec
+from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.program import NO_MESSAGE, PAGE_LIMIT
 from scenegen.lang.formula.core import REQUIRE, BoundedUntil, Everywhere, Junction, Moment, Window
@@ -27,8 +27,6 @@ from scenegen.search import node_bounds
 from scenegen.show.view.jobs.source import MOST_NODES, Json, decided, line_of, stage_of_spec, tree_of
 from scenegen.show.view.limits import MAX_MOMENTS, MAX_MOTION, MAX_SCENES
 from scenegen.things.surfaces import base_heights, overlapping
-
-Array = npt.NDArray[np.float64]
 
 MOST_VALUES = 40_000  # lines times moments whose values are all sent; of longer motions those that count
 

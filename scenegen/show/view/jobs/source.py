@@ -1,4 +1,4 @@
-"""The spec that a message is about; how the page is told of errors, of formulas, and of what decides phi."""
+"""The spec that a message is about; errors, formulas and active atoms in the form that the page takes."""
 
 from __future__ import annotations
 

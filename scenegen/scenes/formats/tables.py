@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.diagnostic import Kind
 from scenegen.errors.files import DOUBTFUL_POSE, TABLE_CELL, TABLE_COLUMN, TABLE_ROW
@@ -30,8 +30,6 @@ from scenegen.needs import need
 from scenegen.pose import NAMES, THETA, TWO_PI, X
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.registry import is_motions, read_motions
-
-Array = npt.NDArray[np.float64]
 
 ENDINGS = (".csv", ".jsonl", ".parquet")
 MAX_BYTES = 1 << 30

@@ -346,8 +346,8 @@ def _manifest(spec: Spec, plan: SpecPlan, n: int, seed: int, size: int, license:
     """Of a set before its first shard."""
     import numpy as np
 
+    from scenegen.resources import __version__
     from scenegen.scenes import sets
-    from scenegen.version import __version__
 
     checked = spec.checked
     request: dict[str, Any] = {

@@ -38,9 +38,10 @@ from scenegen.scenes.data import (
     WorkspaceData,
     footprint_data,
     footprint_of,
+    heights_of,
+    pose_of,
 )
 from scenegen.scenes.formats import registry as table
-from scenegen.scenes.stage import heights_of, pose_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape
 from scenegen.things.surfaces import base_heights
 from scenegen.validation import as_path

@@ -42,6 +42,7 @@ def write_set(
     """
     store = open_store(location, on_note)
     request = check_request(source, request)
+    from scenegen.resources import __version__
     from scenegen.sampling.engine.engines import ShardWriter, check_engine, open_engine
     from scenegen.sampling.engine.run import request_of
     from scenegen.sampling.engine.sets import write_set as write
@@ -49,7 +50,6 @@ def write_set(
     from scenegen.sampling.report import fell_short, summed_up
     from scenegen.scenes import sets
     from scenegen.scenes.lease import held, refuse_held
-    from scenegen.version import __version__
 
     numbers, block = _numbers(spec_of(source)), BLOCK
     if spec_of(source).over_time is not None:

@@ -94,10 +94,10 @@ def write_scenes(
     if path.suffix.lower() == ".json" and not over_time:
         _check_json(as_int("n", request.n), spec_of(source))
     request = check_request(source, request)
+    from scenegen.resources import __version__
     from scenegen.sampling.engine.run import to_file
     from scenegen.sampling.problem import Budget
     from scenegen.scenes.shards import folder_of
-    from scenegen.version import __version__
 
     budget = Budget(request.timeout)
     plan = plan_of(source, request, budget, on_note)

@@ -116,7 +116,7 @@ def whole(text: str | int) -> int:
 
 def seconds(text: str | float) -> float:
     """A span of time as typed: seconds, or with a unit of the language, 90s or 2min. Raises typer.BadParameter."""
-    from scenegen.geometry.units import quantity
+    from scenegen.geometry.primitives import quantity
 
     found = re.fullmatch(r"\s*(.*?)\s*(ms|s|min|)\s*", str(text))
     try:

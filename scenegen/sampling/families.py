@@ -31,8 +31,8 @@ from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec, Picked, combinations, rows_among, written
 from scenegen.pose import X, along, row_count
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.request import Cells, FixedPose, SampleRequest, hold_fixed
+from scenegen.sampling.problem import Budget, Cells, Problem, hold_fixed
+from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.scenes.blocks import numbers_in
 
 

@@ -19,8 +19,7 @@ import numpy as np
 
 from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.sampling.problem import Problem
-from scenegen.sampling.request import Cells
+from scenegen.sampling.problem import Cells, Problem
 
 # --------------------------------------------------------------------------------------------------------------------
 # A hash of a plan's values. It does not depend on the version of Python or pickle.

@@ -25,8 +25,8 @@ from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import Circle
 from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
 from scenegen.lang.formula.interpret import phi as evaluate
+from scenegen.sampling.problem import Cells
 from scenegen.sampling.report import Estimate, ratio
-from scenegen.sampling.request import Cells
 from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_frame
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.levels import ChainPopulation, Region

@@ -26,7 +26,7 @@ from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.population import Grown, PlacementFailed, explore, grow, tuned
 from scenegen.sampling.growth.sampler import log_base
-from scenegen.sampling.problem import Budget, Problem, make_problem
+from scenegen.sampling.problem import Budget, Problem, cut, make_problem
 from scenegen.sampling.rarity import (
     COUNTED,
     DEPTH,
@@ -42,7 +42,7 @@ from scenegen.sampling.rarity import (
     cost,
 )
 from scenegen.sampling.report import Estimate, ratio
-from scenegen.sampling.request import Range, SampleRequest, cut
+from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import make_frame
 from scenegen.sampling.splitting.tuning import longest
 from scenegen.search.contract import push_down

@@ -28,7 +28,6 @@ from scenegen.pose import as_poses, as_rows, flat
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import check_writable, scene_name, whole_files, write_whole
 from scenegen.scenes.formats.motions import MotionArrays, scenes_header
-from scenegen.scenes.stage import overlaps_of
 from scenegen.show.figures import heatmap as heat
 from scenegen.show.figures.charts import phi_chart
 from scenegen.show.figures.dimensions import FigureObject, FigureScene, dimensions, short
@@ -37,6 +36,7 @@ from scenegen.show.figures.sheet import contact_sheet, thumbnail_size
 from scenegen.show.figures.strip import HELD, STEP, animation, pages, strip, video
 from scenegen.show.figures.sweep import sweep
 from scenegen.show.figures.topview import topview
+from scenegen.show.stage import overlaps_of
 from scenegen.things.surfaces import cells_of
 from scenegen.validation import as_path, as_words
 

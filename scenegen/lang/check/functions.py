@@ -17,7 +17,7 @@ from scenegen.errors.language import (
 )
 from scenegen.errors.time import HORIZON_OUT_OF_RANGE, NOT_WHOLE_STEPS, TIME_UNFINISHED, WINDOW_CUT, WRONG_WINDOW
 from scenegen.geometry import PRIMITIVES, Footprint
-from scenegen.geometry.units import ANGLE, BARE, LENGTH, SPEED, TIME, TURN_RATE, Unit
+from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, SPEED, TIME, TURN_RATE, Unit
 from scenegen.lang.check.heights import of_options
 from scenegen.lang.check.template import FIRST
 from scenegen.lang.check.values import (

@@ -29,8 +29,7 @@ from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.processes.pool import one_thread
-from scenegen.processes.process import SAFE_PATH
-from scenegen.processes.worker import VARIABLES, raise_gc_threshold
+from scenegen.processes.process import SAFE_PATH, VARIABLES, raise_gc_threshold
 from scenegen.sampling.engine.blocks import Cells, Drawing
 from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, chosen, parts_of
 from scenegen.scenes.blocks import Block

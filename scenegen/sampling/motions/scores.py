@@ -31,15 +31,24 @@ from scenegen.lang.formula.core import (
     moved,
     part_of,
 )
-from scenegen.lang.formula.interpret import Numbers, PrunedNumbers, bare_rows, fold
+from scenegen.lang.formula.interpret import (
+    GapMinima,
+    NearestPairs,
+    Numbers,
+    PrunedNumbers,
+    bare_rows,
+    find_groups,
+    fold,
+    minimum,
+)
 from scenegen.lang.formula.interpret import phi as evaluate
-from scenegen.lang.formula.nearest import GapMinima, NearestPairs, find_groups, minimum
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimeNode, over_time
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, along, row_of, rows_of
 from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_step_bounds
 from scenegen.sampling.motions.problem import MotionProblem, cost, within_a_turn
-from scenegen.sampling.request import SampleRequest, hold_fixed, within_reach
+from scenegen.sampling.problem import hold_fixed
+from scenegen.sampling.request import SampleRequest, within_reach
 from scenegen.search.effort import NEVER, Stop, StoppedError, asking
 
 STATES = 1 << 16  # states scored at a time, which stay in cache

@@ -13,11 +13,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.geometry import Circle
 from scenegen.processes.process import cores
-from scenegen.scenes.stage import MARGIN, PictureObject, PictureSetup
 from scenegen.show.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, SMALL, TEXT, TITLE
 from scenegen.show.looks.camera import PLACES
 from scenegen.show.render.files import PictureOptions
 from scenegen.show.render.scenes import draw
+from scenegen.show.stage import MARGIN, PictureObject, PictureSetup
 from scenegen.things import ASSETS, Shape, shape_of
 from scenegen.things.library import Asset, cabinet_shape
 

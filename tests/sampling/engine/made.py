@@ -16,7 +16,8 @@ import numpy as np
 from scenegen.geometry import Circle
 from scenegen.sampling.engine.stream import stream_scenes
 from scenegen.sampling.plan import Piece
-from scenegen.sampling.request import Cells, Range, SampleRequest, cut
+from scenegen.sampling.problem import Cells, cut
+from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.data import ObjectData, RequestData, SceneFile, ShapeData, SpecRef, WorkspaceData, footprint_data
 
 SOURCE = "object mug, plate\ntask: leftOf(mug, plate)\n"

@@ -22,8 +22,7 @@ from scenegen.api.scenes import evaluate
 from scenegen.errors import OutputError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import gated
-from scenegen.processes.process import environment
-from scenegen.processes.worker import VARIABLES
+from scenegen.processes.process import VARIABLES, environment
 from scenegen.sampling.engine.blocks import BlockAssembler
 from scenegen.sampling.engine.stream import stream_scenes
 from scenegen.sampling.problem import make_problem
@@ -252,7 +251,7 @@ def test_workers_hand_out_the_same_bytes(tmp_path, spec):
 PROGRAM = """
 import resource, sys
 import numpy as np
-from scenegen.processes.worker import keep_memory
+from scenegen.processes.process import keep_memory
 if sys.argv[1] == "kept":
     keep_memory()
 for _ in range(100):  # four arrays of 1 MB that come and go

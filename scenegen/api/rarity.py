@@ -27,8 +27,7 @@ from scenegen.errors.requests import (
 from scenegen.errors.time import NO_MOTION_MEETS, NO_MOTION_SATISFIES
 from scenegen.lang.spec import written
 from scenegen.sampling.problem import Budget
-from scenegen.sampling.rarity import WORK, PhiDistribution, Rarity, RequirementUnmet, measure, mixed
-from scenegen.sampling.rarity_grown import measure_vast, needs_growth
+from scenegen.sampling.rarity import WORK, PhiDistribution, Rarity, RequirementUnmet, measure, mixed, needs_growth
 from scenegen.sampling.report import Estimate
 from scenegen.sampling.request import MAX_SEED
 from scenegen.search.effort import Effort, StoppedError
@@ -195,6 +194,8 @@ def _measure(
 ) -> Rarity:
     """By splitting, or by growth where splitting does not serve. Raises RequestError where no scene is found that meets
     the requirement."""
+    from scenegen.sampling.growth.rarity import measure_vast
+
     checked = spec.checked
     lowest, highest = checked.box()
     if needs_growth(checked, labels):

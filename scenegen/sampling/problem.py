@@ -31,7 +31,6 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_count, row_of, span_of
 from scenegen.sampling.request import FixedPose, Range, SampleRequest, empty_range, within_reach
 from scenegen.search import label_bounds
-from scenegen.search.clash import clash, explain
 from scenegen.search.contract import (
     EVERYTHING,
     ROUNDS,
@@ -322,6 +321,8 @@ def _impossible(
     wanted: Mapping[int, Ends],
     effort: Effort,
 ) -> Diagnostic:
+    from scenegen.search.clash import clash, explain
+
     asked = _asked(phi)
     try:
         found = clash(core, lowest, highest, wanted, search=False, effort=effort)
@@ -348,6 +349,8 @@ def _refuse_points(core: Core, lowest: Array, highest: Array, phi: Mapping[str, 
     wanted = _wanted(core, low, high)
     if any(map(np.isnan, (*low, *high))):
         return
+    from scenegen.search.clash import clash  # few requests are refused
+
     if clash(core, lowest, highest, wanted, search=False, effort=effort) is not None:
         raise RequestError(_impossible(core, lowest, highest, phi, wanted, effort))
 

@@ -25,6 +25,7 @@ from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import Circle
 from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
 from scenegen.lang.formula.interpret import phi as evaluate
+from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.problem import Cells
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_frame
@@ -217,6 +218,8 @@ DEPTH = 15  # levels that the effort of a run must cover if every level takes th
 WORK = 5_000_000_000  # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
 PER_SHAPE = 60  # cost of a footprint with corners, in plain nodes; two of them in one node cost four times as much
 CAREFUL = 4  # the same for the requirement: all runs start from there
+MANY = 20  # with so many moving rows, chains that start at uniform scenes fail
+AFFORDED = 100  # chains: if the effort does not allow so many, growth is used instead
 SETTLE = 4  # more rounds once the requirement is met, before its chains start the runs
 
 
@@ -283,6 +286,22 @@ def _measure(
         reaches[label] = PhiDistribution(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
+
+
+def needs_growth(spec: CheckedSpec, labels: Sequence[str]) -> bool:
+    """Whether growth (growth/rarity.py) serves better: for many objects, where some choose among surfaces, which chains
+    hardly ever change, or if phi takes long to compute."""
+    if spec.choices:
+        return True
+    core, (lowest, highest) = gated(spec.core), spec.box()
+    gate = (REQUIRE,) if REQUIRE in core.labels else ()
+    for label in labels:
+        one = part_of(core, (label, *gate))
+        dimension = make_frame(one, lowest, highest).dimension
+        moves = ROUNDS * longest(max(1, dimension)) * DEPTH
+        if dimension > MANY or AFFORDED * 2 * len(labels) * cost(one) * moves > COUNTED * WORK:
+            return True
+    return False
 
 
 def cost(core: Core) -> int:

@@ -251,6 +251,8 @@ def test_new_where_there_is_no_folder(refused):
 
 
 def test_the_help_of_sample_needs_no_arrays():
-    program = "import sys; from scenegen.cli.app import run; run(['sample', '--help']); sys.exit('numpy' in sys.modules)"
+    program = (
+        "import sys; from scenegen.cli.app import run; run(['sample', '--help']); sys.exit('numpy' in sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stderr) == (0, "")

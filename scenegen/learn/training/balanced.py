@@ -32,7 +32,6 @@ from scenegen.sampling.choice import choose
 from scenegen.sampling.engine.blocks import Drawing
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import Rarity, measure
-from scenegen.sampling.rarity_grown import measure_vast
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.search.effort import StoppedError
 
@@ -328,6 +327,8 @@ def _measured(spec: CheckedSpec, seed: int, check: Callable[[], None] | None, de
         found = measure(spec.core, lowest, highest, spec.labels, seed, check)
         if isinstance(found, Rarity):
             return found
+    from scenegen.sampling.growth.rarity import measure_vast
+
     try:
         return measure_vast(spec, spec.labels, seed, deadline=deadline)
     except (StoppedError, RequestError):  # time may be up

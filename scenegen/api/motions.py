@@ -18,7 +18,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.time import NOT_OVER_TIME
+from scenegen.errors.requests import NOT_OVER_TIME
 from scenegen.pose import X
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.scenes.blocks import Block

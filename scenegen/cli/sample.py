@@ -21,12 +21,7 @@ from scenegen.cli.output import (
     write_data,
 )
 from scenegen.errors import RequestError
-from scenegen.errors.requests import (
-    CONFLICTING_ARGUMENTS,
-    OUT_OF_PLACE,
-    WITHOUT_MODEL,
-)
-from scenegen.errors.time import NOT_FOR_MOTIONS
+from scenegen.errors.requests import CONFLICTING_ARGUMENTS, NOT_FOR_MOTIONS, OUT_OF_PLACE, WITHOUT_MODEL
 from scenegen.sampling.request import OF_MODELS, Range, SampleRequest
 from scenegen.scenes.locations import inside, names_set
 

@@ -16,8 +16,7 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import (
     ALL_HELD,
-    HELD_BY_SPEC,
-    HELD_OUTSIDE,
+    CANNOT_BE_HELD,
     NO_SUCH_SCENE,
     NO_TIME_TO_CHECK,
     NOT_A_POSE,
@@ -469,11 +468,11 @@ def hold_fixed(
             raise RequestError(UNKNOWN_OBJECT(held.span, name=name, known=spec.objects))
         for which in map(spec.objects.index, called):
             if which in spec.fixed:
-                raise RequestError(HELD_BY_SPEC(held.span, name=name))
+                raise RequestError(CANNOT_BE_HELD(held.span, name=name))
             x, y = ((float(lowest[row]), float(highest[row])) for row in (row_of(which, X), row_of(which, Y)))
             if not (x[0] <= held.x <= x[1] and y[0] <= held.y <= y[1]):
                 box = f"[{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}]"
-                raise RequestError(HELD_OUTSIDE(held.span, name=name, x=held.x, y=held.y, workspace=box))
+                raise RequestError(CANNOT_BE_HELD(held.span, name=name, x=held.x, y=held.y, workspace=box))
             pose = (held.x, held.y) if held.theta is None else (held.x, held.y, _heading(held.theta))
             known[spec.objects[which]] = pose
             rows = span_of(which, len(pose))

@@ -28,12 +28,12 @@ from scenegen.errors.files import (
     FINISHED_SET,
     FOLDER_NOT_EMPTY,
     NOT_A_SET,
+    NOT_MOTIONS,
     OTHER_REQUEST,
     SHARD_SIZE,
     TOO_MANY_TO_READ,
     UNFINISHED_RUN,
 )
-from scenegen.errors.time import NOT_MOTIONS
 from scenegen.scenes.blocks import BLOCK, MOST, Block, SceneFileReading, joined
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import UNFINISHED, inside

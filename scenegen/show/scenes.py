@@ -15,8 +15,14 @@ from scenegen.api.outline import chosen_label
 from scenegen.api.scene_arrays import SceneArrays, parts_of
 from scenegen.arrays import Array
 from scenegen.errors import RequestError, quoted
-from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.time import NO_SUCH_MOTION, TIME_NOT_HERE, WHICH_MOTION
+from scenegen.errors.requests import (
+    NO_SCENES,
+    NO_SUCH_NUMBER,
+    NOT_ONE_MOTION,
+    TIME_NOT_HERE,
+    UNKNOWN_CHOICE,
+    WRONG_VALUE,
+)
 from scenegen.geometry import NUMPY
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom
@@ -306,10 +312,10 @@ def animate(
         raise RequestError(UNKNOWN_CHOICE(what="ending", name=path.suffix, known=MOVING))
     count = len(motions.poses)
     if motion is None and count > 1:
-        raise RequestError(WHICH_MOTION(path=path.name, count=count))
+        raise RequestError(NOT_ONE_MOTION(path=path.name, count=count))
     number = 1 if motion is None else motion
     if not 1 <= number <= count:
-        raise RequestError(NO_SUCH_MOTION(number=number, file="the set", first=1, last=count))
+        raise RequestError(NO_SUCH_NUMBER(what="motion", number=number, file="the set", first=1, last=count))
     kinds = (ending[1:],)
     look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
     check_writable(path)

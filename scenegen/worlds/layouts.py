@@ -19,8 +19,9 @@ from scenegen.api.scene_arrays import SceneArrays, poses7
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
+from scenegen.errors.files import SAME_NAME
 from scenegen.errors.requests import ONLY_AT_BOUND, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.worlds import NAME_TWICE, TOO_FEW_LAYOUTS
+from scenegen.errors.worlds import TOO_FEW_LAYOUTS
 from scenegen.needs import need
 from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.arrange import refuse_numbers
@@ -306,7 +307,7 @@ def write_arena_pool(
     everything = [*called, *still]
     for name in everything:
         if everything.count(name) > 1:
-            raise RequestError(NAME_TWICE(name=name))
+            raise RequestError(SAME_NAME(name=name, objects="objects"))
     poses = placed(scenes, origin, turn, origins)
     pools: list[list[dict[str, object]]] = [[] for _ in range(num_envs)]
     for index, scene in enumerate(poses.tolist()):

@@ -305,7 +305,7 @@ def test_motions_that_fill_the_memory_are_refused(motions, monkeypatch):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from scenegen.errors.time import NOT_A_TRAJECTORY
+    from scenegen.errors.files import NOT_A_TRAJECTORY
     from scenegen.scenes.formats.registry import read_motions
     from scenegen.scenes.formats.tables import read_table
 
@@ -327,7 +327,7 @@ def test_texts_of_tables_are_in_memory_once(tmp_path):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from scenegen.errors.time import NOT_A_TRAJECTORY
+    from scenegen.errors.files import NOT_A_TRAJECTORY
     from scenegen.scenes.formats.tables import read_table
 
     table = pa.table({"t": ["1", "2.5", None, "x" * 1_000_000] * 2000, "u": [[0.5]] * 8000})

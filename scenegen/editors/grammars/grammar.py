@@ -27,7 +27,7 @@ from scenegen.editors.grammars.rules import (
 )
 from scenegen.editors.grammars.statements import EXACT, MEASURES, Extra, Findings, PhraseForm, TrialStatement, findings
 from scenegen.errors import RequestError, Source
-from scenegen.errors.requests import NO_VALID_SCENE, OUT_OF_RANGE, UNKNOWN_CHOICE
+from scenegen.errors.requests import OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_CHOICE
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import REQUIRE, Core, gated, part_of
 from scenegen.lang.formula.interpret import phi
@@ -73,7 +73,7 @@ def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "
     _, least = next(iter(spec.members))  # names what is there whatever the number of things
     scenes = valid_scenes(least.declared)
     if scenes is None:
-        raise RequestError(NO_VALID_SCENE(file=spec.declared.name))
+        raise RequestError(REQUIREMENT_NOT_FOUND(file=spec.declared.name))
     found = findings(Source(spec.declared.name, least.source), scenes)
     declared = declarations(text, spec.objects)
     chosen: Any = shape

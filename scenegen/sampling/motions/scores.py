@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import NO_TIME_TO_CHECK
-from scenegen.errors.time import NO_BOUND_ON_STEPS
+from scenegen.errors.requests import NO_BOUND_ON_STEPS, NO_TIME_TO_CHECK
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import (

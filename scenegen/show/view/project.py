@@ -17,10 +17,9 @@ from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import SceneArrays, rows_of, stored_rows
 from scenegen.api.spec import MAX_BYTES, Spec, parse
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.files import WRONG_ENDING
+from scenegen.errors.files import DAMAGED_MOTIONS, WRONG_ENDING
 from scenegen.errors.program import NOT_OPENED
 from scenegen.errors.requests import NO_SCENES
-from scenegen.errors.time import DAMAGED_MOTIONS
 from scenegen.lang.spec import combinations, written
 from scenegen.lang.syntax.parse import read_source
 from scenegen.learn.model import is_family, load_model

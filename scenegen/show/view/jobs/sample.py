@@ -23,8 +23,7 @@ from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.errors.declarations import NEVER_SATISFIED
 from scenegen.errors.program import ANOTHER_SPEC, NO_MESSAGE, PAGE_LIMIT
-from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE
-from scenegen.errors.time import TOO_FEW_MOTIONS
+from scenegen.errors.requests import NO_SCENES, TOO_FEW_MOTIONS, UNKNOWN_CHOICE
 from scenegen.needs import need
 from scenegen.sampling.request import USUAL, Range, SampleRequest
 from scenegen.scenes.data import RequestData

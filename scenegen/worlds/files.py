@@ -43,6 +43,7 @@ EXPORTS: dict[str, str] = {
     "sdf": "scenegen.worlds.export.sdf",
     "usd": "scenegen.worlds.export.usd",
 }
+TITLES = {"mjcf": "MuJoCo", "sdf": "SDF (Gazebo)", "usd": "USD (Isaac Sim)"}  # on the page; else the name itself
 NEEDS = {"usd": "pxr"}  # packages that only an extra of scenegen installs
 CRATES = (".usd", ".usdc")  # endings of files that are binary: `files` gives their text
 MESHES = "meshes"

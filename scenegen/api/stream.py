@@ -1,32 +1,37 @@
-"""Scenes straight into a file, however many there are."""
+"""Scenes straight into a file or a set, however many there are."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
 from scenegen.api.sample import PhiSummary, Written, partial
 from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.api.scenes import SceneSet
+from scenegen.api.sets import write_card
 from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
-from scenegen.errors import RequestError
+from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
 from scenegen.sampling.request import FixedPose, Progress, SampleRequest
-from scenegen.scenes.blocks import Block
+from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
 from scenegen.scenes.formats.scenes_json import BYTES, MOST_BYTES
 from scenegen.scenes.locations import as_location, names_set
+from scenegen.scenes.stores import open_store
 from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet
-    from scenegen.scenes.motions import AnyFile
+    from scenegen.sampling.plan import Tally
 
+FILE_SHARD = 1 << 26  # bytes of a shard of a file in progress, at most
+MORE = 4  # columns of motions beside poses and phi: number, time and two facts
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
 
@@ -82,55 +87,108 @@ def write_scenes(
     on_note: Note | None = None,
 ) -> Written:
     """The scenes of a request, in a file or a set. Raises what `sample_to` raises."""
-    if names_set(path):
-        from scenegen.api.sets import write_set
+    to_set, spec = names_set(path), spec_of(source)
+    if to_set:
+        store = open_store(as_location(path), on_note)
+    else:
+        refuse_set_options(request)
+        path = _checked_file(as_path("path", path), request.n, spec)
+    request = check_request(source, request)
+    from scenegen.resources import __version__
+    from scenegen.sampling.engine.engines import ShardWriter, check_engine, open_engine
+    from scenegen.sampling.engine.run import request_of
+    from scenegen.sampling.engine.writer import folder_of, write_file, write_set
+    from scenegen.sampling.problem import Budget
+    from scenegen.sampling.report import fell_short, summed_up
+    from scenegen.scenes import sets
+    from scenegen.scenes.lease import held, refuse_held
 
-        return write_set(as_location(path), source, request, progress=progress, on_note=on_note)
-    refuse_set_options(request)
-    path = as_path("path", path)
-    over_time = spec_of(source).over_time is not None
+    numbers, block = _numbers(spec), BLOCK
+    if to_set:
+        block = BLOCK if spec.horizon is None else sets.motion_block(numbers)
+        size = sets.shard_size(request.shard_size, numbers, len(spec.objects), block)
+        check_engine(request.engine, request.address)
+        refuse_held(store)
+        sets.refuse_taken(store, resume=request.resume)
+    else:
+        size = max(1, FILE_SHARD // (8 * numbers * block)) * block
+    budget, seen = Budget(request.timeout), _PhiStatistics()
+    with closing(plan_of(source, request, budget, on_note)) as plan:
+        problem, labels, first = plan.problem, plan.problem.labels, header_of(plan.problem, {"method": plan.method})
+        facts = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed}
+        if to_set:
+            facts["method"] = request.method
+        manifest = sets.Manifest(
+            request={**request_of(problem, {"scenegen": __version__}), **facts},
+            labels=list(labels),
+            shard_size=size,
+            header=sets.header_data(first),
+        )
+        options: dict[str, Any] = {"resume": request.resume, "keep_partial": request.keep_partial}
+        options |= {"progress": progress, "block": block}
+
+        def account(tally: Tally) -> dict[str, Any]:
+            return dict(summed_up(plan, tally)[0])
+
+        def warned(tally: Tally, written: bool, folder: object) -> tuple[Diagnostic, ...]:
+            warnings = summed_up(plan, tally)[1]
+            if isinstance(source, LearnedModel) and request.method == "model":
+                warnings = (*warnings, *source.advice(request.phi, None, request.raw))
+            shortfall = fell_short(plan, tally, budget.spent)
+            if shortfall is None:
+                return warnings
+            if not written:
+                raise RequestError(shortfall.but(folder=folder))
+            return (*warnings, partial(shortfall))
+
+        if to_set:
+            with (
+                held(store) as hold,
+                open_engine(request.engine, request.workers, plan, request.address) as engine,
+            ):
+
+                def spent() -> bool:
+                    hold.check()
+                    return budget.spent
+
+                writing = ShardWriter(plan, store, first, labels, stored_form(problem))
+                found, manifest = write_set(store, plan, engine, manifest, writing, account, spent=spent, **options)
+                kept = store.location if manifest.shards else None
+                warnings = () if found is None else warned(found, manifest.complete, kept)
+                write_card(store, manifest)
+            phi = {label: PhiSummary(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
+            return Written(store.location, manifest.scenes, header_of(problem, manifest.sampler), phi, warnings)
+        assert isinstance(path, Path)
+        with open_engine("local", None, plan) as engine:
+            tally = write_file(
+                path, plan, engine, manifest,
+                lambda store: ShardWriter(plan, store, first, labels, stored_form(problem), sets.RAW),
+                lambda tally: header_of(problem, account(tally)),
+                spent=lambda: budget.spent, joining=seen, **options,
+            )  # fmt: skip
+        folder = folder_of(path)
+        written = request.keep_partial and bool(tally.scenes)
+        warnings = warned(tally, written, folder if folder.exists() else None)
+        if not seen.count:  # the file was there already, and only its folder was left to be removed
+            for part in _blocks_of(path, spec.over_time is not None):
+                seen(part)
+        return Written(path, seen.count, header_of(problem, account(tally)), seen.phi(labels), warnings)
+
+
+def _checked_file(path: Path, n: int, spec: Spec) -> Path:
+    """A path at which a file can be written. Raises RequestError, OutputError."""
+    over_time = spec.over_time is not None
     format_of(path, MOTIONS if over_time else SCENES)
     check_writable(path)
     if path.suffix.lower() == ".json" and not over_time:
-        _check_json(as_int("n", request.n), spec_of(source))
-    request = check_request(source, request)
-    from scenegen.resources import __version__
-    from scenegen.sampling.engine.run import to_file
-    from scenegen.sampling.problem import Budget
-    from scenegen.scenes.shards import folder_of
+        _check_json(as_int("n", n), spec)
+    return path
 
-    budget = Budget(request.timeout)
-    plan = plan_of(source, request, budget, on_note)
-    seen = _PhiStatistics()
-    stored = stored_form(plan.problem)
-    headers: list[AnyFile] = []
 
-    def header(info: Mapping[str, object]) -> AnyFile:
-        headers.append(header_of(plan.problem, info))
-        return headers[-1]
-
-    tally, warnings, shortfall = to_file(
-        path,
-        plan,
-        header,
-        budget,
-        versions={"scenegen": __version__},
-        resume=request.resume,
-        joining=seen,
-        stored=stored and (lambda block: Block(stored(block.rows), block.phi)),
-        progress=progress,
-    )
-    if isinstance(source, LearnedModel) and request.method == "model":
-        warnings = (*warnings, *source.advice(request.phi, None, request.raw))
-    if shortfall is not None:
-        if not (request.keep_partial and tally.scenes):
-            folder = folder_of(path)
-            raise RequestError(shortfall.but(folder=folder if folder.exists() else None))
-        warnings = (*warnings, partial(shortfall))
-    if not seen.count:  # the file was there already, and only its folder was left to be removed
-        for block in _blocks_of(path, over_time):
-            seen(block)
-    return Written(path, seen.count, headers[-1], seen.phi(plan.problem.labels), warnings)
+def _numbers(spec: Spec) -> int:
+    """How many numbers of a scene, or motion, files have."""
+    rows = row_count(len(spec.objects)) + len(spec.labels)
+    return rows if spec.horizon is None else (rows + MORE) * spec.horizon.moments
 
 
 def refuse_set_options(request: SampleRequest) -> None:

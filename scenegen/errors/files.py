@@ -276,7 +276,10 @@ PHI_DIFFERS = Kind(
 UNFINISHED_RUN = Kind(
     "unfinished-run",
     "{folder} holds {scenes:,} scenes of an unfinished run",
-    help="go on with <resume>, or delete the folder",
+    help=(
+        "{older:?}an earlier version of scenegen wrote it: end the run with that one, or delete the folder",
+        "go on with <resume>, or delete the folder",
+    ),
 )
 OTHER_REQUEST = Kind(
     "other-request",

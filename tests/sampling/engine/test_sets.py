@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.sampling.engine.engines import Local, chosen, open_engine
-from scenegen.sampling.engine.stream import BlockPacker
+from scenegen.sampling.engine.engines import BlockPacker, Local, chosen, open_engine
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.formats.registry import read_scenes, write_scenes
 from scenegen.scenes.sets import MANIFEST, read_manifest, read_set

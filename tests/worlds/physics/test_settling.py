@@ -375,7 +375,7 @@ def _first(cell, count):
 
 @pytest.mark.long
 def test_a_run_that_breaks_and_goes_on_gives_the_same_scenes():
-    """As `stream_scenes` does it: the assembler is restored, what settles begins again."""
+    """As `write_file` does it: the assembler is restored, what settles begins again."""
     plan = fake(32)
 
     def fill(assembler, start, stop):

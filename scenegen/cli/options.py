@@ -96,7 +96,7 @@ def parse_counts(options: list[str] | None) -> dict[str, str]:
         here = Span(Source("count", text, argument=True), 0, len(text))
         name, _, number = (part.strip() for part in text.partition("="))
         if not name or not number:
-            example = "block=5; of an object of a category the asset: mug=025_mug"
+            example = "--count block=5; of an object of a category the asset: --count mug=025_mug"
             raise RequestError(ARGUMENT_SYNTAX(here, what="a number of things", form="NAME=NUMBER", example=example))
         if name in found:
             raise RequestError(GIVEN_TWICE(here, what=f"the number of `{name}`"))

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
@@ -84,24 +84,7 @@ class Tail:
         return self.sign * float(first[max(0, len(first) - max(1, round(share * len(first))))])
 
 
-class Run(Protocol):
-    """One direction of a label's distribution: a `Tail`, or a mixture of them; see there."""
-
-    @property
-    def sign(self) -> int: ...
-
-    @property
-    def levels(self) -> Array: ...
-
-    @property
-    def end(self) -> float: ...
-
-    @property
-    def whole(self) -> bool: ...
-
-    def __call__(self, phi: float) -> Estimate | None: ...
-
-    def quantile(self, share: float) -> float: ...
+Run: TypeAlias = "Tail | MixedTail"  # one direction of a label's distribution
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +128,7 @@ def climb(
     weights: Array,
     sign: int,
     work: int,
-    check: Callable[[], None],
+    check: Callable[[], None] = NEVER.check,
     row: int = 0,
     stop: Stop = NEVER,
 ) -> tuple[Tail, int]:
@@ -229,7 +212,7 @@ def measure(
     highest: Array,
     labels: Sequence[str],
     seed: int = 0,
-    check: Callable[[], None] | None = None,
+    check: Callable[[], None] = NEVER.check,
     work: int = WORK,
     stop: Stop = NEVER,
 ) -> Rarity | RequirementUnmet:
@@ -239,11 +222,7 @@ def measure(
     `stop` raises StoppedError, runs end with what they have, and labels that were not begun are left out; it is raised
     again if there are none."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        return _measure(gated(core), lowest, highest, labels, seed, check or _go_on, work, stop)
-
-
-def _go_on() -> None:
-    """The default for `check`: never stops."""
+        return _measure(gated(core), lowest, highest, labels, seed, check, work, stop)
 
 
 def _measure(

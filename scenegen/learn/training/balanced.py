@@ -33,7 +33,7 @@ from scenegen.sampling.engine.blocks import Drawing
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import Rarity, measure
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
-from scenegen.search.effort import StoppedError
+from scenegen.search.effort import NEVER, StoppedError
 
 Ends = tuple[float, float]
 Ranges = dict[str, Range]
@@ -302,7 +302,7 @@ def _joint_share(labels: Sized) -> float:
 
 
 def reach(
-    spec: CheckedSpec, seed: int, check: Callable[[], None] | None = None, deadline: float = math.inf
+    spec: CheckedSpec, seed: int, check: Callable[[], None] = NEVER.check, deadline: float = math.inf
 ) -> dict[str, Ends]:
     """The range of phi of each label that scenes were found to have; `check` is called now and then, and must raise
     after the `deadline`, by the monotonic clock. Raises RequestError."""
@@ -320,7 +320,7 @@ def reach(
     return ends
 
 
-def _measured(spec: CheckedSpec, seed: int, check: Callable[[], None] | None, deadline: float) -> Rarity:
+def _measured(spec: CheckedSpec, seed: int, check: Callable[[], None], deadline: float) -> Rarity:
     """By chains, or by growth where these do not change surfaces, or find no scene that meets what is required."""
     if not spec.choices:
         lowest, highest = spec.box()
@@ -332,8 +332,7 @@ def _measured(spec: CheckedSpec, seed: int, check: Callable[[], None] | None, de
     try:
         return measure_vast(spec, spec.labels, seed, deadline=deadline)
     except (StoppedError, RequestError):  # time may be up
-        if check is not None:
-            check()
+        check()
         raise
 
 

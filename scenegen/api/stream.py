@@ -8,13 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
-from scenegen.api.sample import PhiSummary, Written, partial
+from scenegen.api.sample import PhiSummary, Written, partial, refuse_set_options
 from scenegen.api.scene_arrays import header_of, stored_form
-from scenegen.api.scenes import SceneSet
-from scenegen.api.sets import write_card
 from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
 from scenegen.sampling.request import FixedPose, Progress, SampleRequest
@@ -23,11 +20,9 @@ from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
 from scenegen.scenes.formats.scenes_json import BYTES, MOST_BYTES
 from scenegen.scenes.locations import as_location, names_set
-from scenegen.scenes.stores import open_store
 from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
-    from scenegen.api.motions import MotionSet
     from scenegen.sampling.plan import Tally
 
 FILE_SHARD = 1 << 26  # bytes of a shard of a file in progress, at most
@@ -87,6 +82,9 @@ def write_scenes(
     on_note: Note | None = None,
 ) -> Written:
     """The scenes of a request, in a file or a set. Raises what `sample_to` raises."""
+    from scenegen.api.sets import write_card
+    from scenegen.scenes.stores import open_store
+
     to_set, spec = names_set(path), spec_of(source)
     if to_set:
         store = open_store(as_location(path), on_note)
@@ -191,13 +189,6 @@ def _numbers(spec: Spec) -> int:
     return rows if spec.horizon is None else (rows + MORE) * spec.horizon.moments
 
 
-def refuse_set_options(request: SampleRequest) -> None:
-    """Raises RequestError for options that only sets have."""
-    argument = request.misplaced("scenes", "motions", "files")
-    if argument is not None:
-        raise RequestError(ONLY_FOR_SETS(argument=argument))
-
-
 def _blocks_of(path: Path, over_time: bool) -> Iterable[Block]:
     if not over_time:
         return read_scenes(path).blocks
@@ -212,11 +203,6 @@ def _check_json(n: int, spec: Spec) -> None:
     most = min(MAX_JSON, MOST_BYTES // (BYTES * (row_count(len(spec.objects)) + len(spec.labels))))
     if n > most:
         raise RequestError(TOO_MANY(n=n, most=most))
-
-
-def met(scenes: SceneSet | MotionSet) -> dict[str, PhiSummary]:
-    """What phi is in a set of at least one scene, or motion."""
-    return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
 
 
 class _PhiStatistics:

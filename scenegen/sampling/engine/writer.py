@@ -35,7 +35,7 @@ from scenegen.errors.program import INTERRUPTED
 from scenegen.processes.process import stop_signals
 from scenegen.sampling.engine.blocks import Drawing, RunProgress
 from scenegen.sampling.engine.engines import BlockPacker, DrawnPiece, Engine, SceneHandle, ShardWriter
-from scenegen.sampling.plan import Plan, Tally
+from scenegen.sampling.plan import Piece, Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import FULL, begin_writing, output_error, put_in_place, sync_folder, target, whole_file
@@ -396,13 +396,14 @@ class _Run:
     def take(self, drawn: DrawnPiece) -> None:
         """One more piece."""
         self._settled = False
-        count = len(drawn.cell)
+        scenes, cell, facts = drawn
+        count = len(cell)
         before = self.standing.state() if self._can_end_a_shard(count) else None
         begun = len(self._begun)
         number = self.standing.used
-        self._sources[number], self._sizes[number] = drawn.scenes, count
+        self._sources[number], self._sizes[number] = scenes, count
         places = np.stack([np.full(count, float(number)), np.arange(count, dtype=np.float64)])
-        for block in self.standing.take(Block(places, np.empty((0, count))), drawn.cell, drawn.facts):
+        for block in self.standing.take(Piece(places, np.empty((0, count)), cell, facts)):
             self._add(block.rows, before)
         if len(self._begun) > begun and self.standing.assembler.complete:
             self._begun[-1] = _Moment(self.standing.state()[0], None, np.empty((1, 0)))

@@ -82,7 +82,8 @@ class RetriedWork:
 
 def failures() -> tuple[type[Exception], ...]:
     """What a disk or an object store raises."""
-    return (OSError, sys.modules["pyarrow"].ArrowException) if "pyarrow" in sys.modules else (OSError,)
+    pyarrow = sys.modules.get("pyarrow")
+    return (OSError,) if pyarrow is None else (OSError, pyarrow.ArrowException)
 
 
 def final(error: Exception) -> bool:

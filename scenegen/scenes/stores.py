@@ -220,7 +220,7 @@ class Store:
             def work(name: str = name) -> None:
                 with contextlib.suppress(FileNotFoundError):
                     if self.local:
-                        Path(self.path(name)).unlink()
+                        Path(self.path(name)).unlink(missing_ok=True)
                     else:
                         self.system.delete_file(self.path(name))
 

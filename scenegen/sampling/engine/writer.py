@@ -45,7 +45,6 @@ from scenegen.scenes.motions import AnyFile
 from scenegen.scenes.sets import (
     JOINED,
     MANIFEST,
-    Checkpoint,
     Manifest,
     begin,
     discard,
@@ -226,10 +225,10 @@ class _Kept:
             Path(kept.store.root).mkdir(0o700, exist_ok=True)  # the file may replace one that is nobody else's business
             yield kept
         except KeyboardInterrupt as error:
-            if not kept.begun:
+            point = None if kept.run is None else kept.run.manifest.checkpoint
+            if point is None:
                 raise
-            scenes = kept.checkpoint.state["found"]
-            raise KeyboardInterrupt(INTERRUPTED(folder=kept.store.location, scenes=scenes)) from error
+            raise KeyboardInterrupt(INTERRUPTED(folder=kept.store.location, scenes=point.state["found"])) from error
         except (OutputError, OSError) as error:
             raise kept._said(error) from error
         finally:
@@ -242,11 +241,6 @@ class _Kept:
         return Path(self.store.root, JOINED)
 
     @property
-    def checkpoint(self) -> Checkpoint:
-        assert self.run is not None and self.run.manifest.checkpoint is not None
-        return self.run.manifest.checkpoint
-
-    @property
     def begun(self) -> bool:
         """Whether there is a checkpoint."""
         return self.run is not None and self.run.manifest.begun
@@ -255,8 +249,9 @@ class _Kept:
         """The manifest to go on from, as of `sets.begin`. Raises RequestError, OutputError, and DataError for damage,
         of which all is found now, not when all else is drawn."""
         with _damage(self.store):
-            _refuse_older(self.store)
             there = self.store.sizes()
+            if MANIFEST in there:
+                _refuse_older(self.store)
             odd = sorted(name for name in there if not (is_ours(name) or name == MANIFEST))
             if odd:
                 raise OutputError(FOLDER_NOT_EMPTY(folder=self.store.location, odd=odd[0]))

@@ -218,7 +218,7 @@ def _request(subject: Spec | Model, options: SampleOptions) -> SampleRequest:
 
 
 def _sample_scenes(subject: Spec | Model, request: SampleRequest, options: SampleOptions) -> None:
-    from scenegen.api.stream import refuse_set_options
+    from scenegen.api.sample import refuse_set_options
     from scenegen.scenes.blocks import BLOCK
 
     if not options.stored:
@@ -288,7 +288,7 @@ def _complete(subject: Spec | Model, request: SampleRequest, options: SampleOpti
 
 def _hand_out(scenes: SceneSet, options: SampleOptions) -> None:
     """Write scenes to a file or the output, say what they are, and draw them."""
-    from scenegen.api.stream import met
+    from scenegen.api.sample import met
 
     if options.path is not None:
         scenes.save(options.path)
@@ -345,7 +345,8 @@ def _sample_motions(spec: Spec, request: SampleRequest, options: SampleOptions) 
     cannot be written to."""
     from scenegen.api.motions import draw_motions, read_motions
     from scenegen.api.request import check_request
-    from scenegen.api.stream import met, refuse_set_options, write_scenes
+    from scenegen.api.sample import met, refuse_set_options
+    from scenegen.api.stream import write_scenes
     from scenegen.scenes.blocks import BLOCK
 
     check_request(spec, request)

@@ -82,7 +82,8 @@ class RetriedWork:
 
 def failures() -> tuple[type[Exception], ...]:
     """What a disk or an object store raises."""
-    return (OSError, sys.modules["pyarrow"].ArrowException) if "pyarrow" in sys.modules else (OSError,)
+    pyarrow = sys.modules.get("pyarrow")
+    return (OSError,) if pyarrow is None else (OSError, pyarrow.ArrowException)
 
 
 def final(error: Exception) -> bool:
@@ -219,7 +220,7 @@ class Store:
             def work(name: str = name) -> None:
                 with contextlib.suppress(FileNotFoundError):
                     if self.local:
-                        Path(self.path(name)).unlink()
+                        Path(self.path(name)).unlink(missing_ok=True)
                     else:
                         self.system.delete_file(self.path(name))
 

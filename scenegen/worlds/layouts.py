@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from scenegen.api.request import Phi, read_phi
 from scenegen.api.sample import draw_scenes
-from scenegen.api.scene_arrays import SceneArrays, poses7
+from scenegen.api.scene_arrays import poses7
+from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
@@ -51,7 +52,7 @@ UPRIGHT = {
 
 
 def placed(
-    scenes: SceneArrays, origin: Sequence[float], turn: float, origins: Origins, up: Mapping[str, Axis] | None = None
+    scenes: SceneSet, origin: Sequence[float], turn: float, origins: Origins, up: Mapping[str, Axis] | None = None
 ) -> Array:
     """(n, N, 7): x, y, z in metres and qw, qx, qy, qz, in the world.
 
@@ -83,7 +84,7 @@ def placed(
     return poses
 
 
-def lifts(scenes: SceneArrays, origins: Origins) -> Array:
+def lifts(scenes: SceneSet, origins: Origins) -> Array:
     """(N,): how far the origin of each object is above its lowest point. Raises RequestError."""
     if isinstance(origins, Mapping):
         for name in origins:
@@ -270,7 +271,7 @@ def _positive(name: str, value: object) -> int:
 
 
 def write_arena_pool(
-    scenes: SceneArrays,
+    scenes: SceneSet,
     path: str | Path,
     *,
     num_envs: int = 1,
@@ -332,7 +333,7 @@ def write_arena_pool(
     return path
 
 
-def _names(scenes: SceneArrays, names: Mapping[str, str]) -> list[str]:
+def _names(scenes: SceneSet, names: Mapping[str, str]) -> list[str]:
     for own in names:
         if own not in scenes.objects:
             raise RequestError(UNKNOWN_CHOICE(what="object", name=str(own), known=scenes.objects))

@@ -83,12 +83,12 @@ def test_sampling_what_is_not_found(number, here):
 @pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])  # two: test_resume.py
 def test_many_scenes_are_kept_and_gone_on_with(workers, here, scenegen):
     """Ctrl-C in the midst of many scenes; what is there goes on to the same bytes as a run without a break."""
-    words = ["sample", "two.spec", "--phi", "task=0.4:", "-n", "250000", "--seed", "3", "--workers", workers]
+    words = ["sample", "two.spec", "--phi", "task=0.4:", "-n", "700000", "--seed", "3", "--workers", workers]
     process = started([*words, "--out", "o.parquet"], here)
     part = here / "o.parquet.part"
     deadline = time.monotonic() + 60
     begun = math.inf
-    while process.poll() is None and time.monotonic() < deadline and _used(process) < begun + 0.2:
+    while process.poll() is None and time.monotonic() < deadline and _used(process) < begun + 0.1:
         if begun == math.inf and (part / "manifest.json").exists():
             begun = _used(process)
         time.sleep(0.01)

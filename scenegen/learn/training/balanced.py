@@ -254,7 +254,7 @@ class _Draws:
             with closing(run_pieces(Drawing(plan, len(self.spec.labels)), numbers_from(made.pieces))) as pieces:
                 while made.rows.shape[1] < count:
                     try:
-                        block, _, _ = next(pieces)
+                        block = next(pieces)
                     except StoppedError:
                         break
                     plan.check(block.rows, block.phi)

@@ -42,14 +42,8 @@ SceneHandle = Any
 ENGINES = {"local": "", "ray": "scenegen.sampling.engine.ray"}  # where those are that are not this machine
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DrawnPiece:
-    """A piece without its candidates out of range: the cell of each candidate (m,), the piece's facts, and the
-    candidates, held by the engine."""
-
-    cell: Cells
-    facts: Array
-    scenes: SceneHandle
+DrawnPiece = tuple[SceneHandle, Cells, Array]
+"""A piece without its candidates out of range: these, held by the engine, the cell of each (m,), and its facts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,8 +228,8 @@ class Local(Engine):
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
         with closing(run_pieces(drawing, itertools.count(first), self._workers)) as pieces:
-            for scenes, cell, facts in pieces:
-                yield DrawnPiece(cell, facts, scenes)
+            for piece in pieces:
+                yield piece, piece.cell, piece.facts
 
     def choose(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
         return chosen(which, parts)

@@ -93,7 +93,7 @@ class Cluster(Engine):
                 cell, facts, seconds = found
                 together = max(1, min(TOGETHER, round(TASK / max(seconds, 1e-3))))
                 self._candidates += len(cell)
-                yield DrawnPiece(cell, facts.copy(), _Stored(scenes))
+                yield _Stored(scenes), cell, facts.copy()
         finally:
             for counts, _ in waiting:
                 self._ray.cancel(counts, force=False)
@@ -289,10 +289,10 @@ def draw(sent: StoredJob, first: int, count: int) -> list[tuple[Cells, Array, fl
         for k in range(first, first + count):
             begun = time.perf_counter()
             try:
-                scenes, cell, facts = job(k)
+                piece = job(k)
             except StoppedError as stopped:
                 return found + [stopped, None] * (first + count - k)
-            found += [(cell, facts, time.perf_counter() - begun), scenes]
+            found += [(piece.cell, piece.facts, time.perf_counter() - begun), Block(piece.rows, piece.phi)]
     return found
 
 

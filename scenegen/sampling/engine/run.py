@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenegen.arrays import Array
 from scenegen.errors import Diagnostic
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import cores
@@ -29,23 +28,17 @@ SMALL = 1 << 29  # evaluations of formula nodes below which processes cost more 
 AT_LEAST = 1 << 27  # of them for each process, for the same reason
 
 
-@dataclass(frozen=True, slots=True)
-class SampledScenes:
-    """Scenes: rows (3N, n) and phi (L, n) in float64, how they were made, and warnings.
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledScenes(Block):
+    """All scenes of a run, how they were made, and warnings.
 
     `info` goes into the scene file's `sampler` (no timings: the same seed gives the same bytes). `shortfall` is set if
     fewer than the requested n scenes were found.
     """
 
-    rows: Array
-    phi: Array
     info: Mapping[str, object]
     warnings: tuple[Diagnostic, ...] = ()
     shortfall: Diagnostic | None = None
-
-    @property
-    def count(self) -> int:
-        return int(self.rows.shape[1])
 
 
 def jobs(plan: Plan) -> int:

@@ -35,7 +35,7 @@ from scenegen.errors.program import INTERRUPTED
 from scenegen.processes.process import stop_signals
 from scenegen.sampling.engine.blocks import Drawing, RunProgress
 from scenegen.sampling.engine.engines import BlockPacker, DrawnPiece, Engine, SceneHandle, ShardWriter
-from scenegen.sampling.plan import Plan, Tally
+from scenegen.sampling.plan import Piece, Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import FULL, begin_writing, output_error, put_in_place, sync_folder, target, whole_file
@@ -45,7 +45,6 @@ from scenegen.scenes.motions import AnyFile
 from scenegen.scenes.sets import (
     JOINED,
     MANIFEST,
-    Checkpoint,
     Manifest,
     begin,
     discard,
@@ -226,10 +225,10 @@ class _Kept:
             Path(kept.store.root).mkdir(0o700, exist_ok=True)  # the file may replace one that is nobody else's business
             yield kept
         except KeyboardInterrupt as error:
-            if not kept.begun:
+            point = None if kept.run is None else kept.run.manifest.checkpoint
+            if point is None:
                 raise
-            scenes = kept.checkpoint.state["found"]
-            raise KeyboardInterrupt(INTERRUPTED(folder=kept.store.location, scenes=scenes)) from error
+            raise KeyboardInterrupt(INTERRUPTED(folder=kept.store.location, scenes=point.state["found"])) from error
         except (OutputError, OSError) as error:
             raise kept._said(error) from error
         finally:
@@ -242,11 +241,6 @@ class _Kept:
         return Path(self.store.root, JOINED)
 
     @property
-    def checkpoint(self) -> Checkpoint:
-        assert self.run is not None and self.run.manifest.checkpoint is not None
-        return self.run.manifest.checkpoint
-
-    @property
     def begun(self) -> bool:
         """Whether there is a checkpoint."""
         return self.run is not None and self.run.manifest.begun
@@ -255,8 +249,9 @@ class _Kept:
         """The manifest to go on from, as of `sets.begin`. Raises RequestError, OutputError, and DataError for damage,
         of which all is found now, not when all else is drawn."""
         with _damage(self.store):
-            _refuse_older(self.store)
             there = self.store.sizes()
+            if MANIFEST in there:
+                _refuse_older(self.store)
             odd = sorted(name for name in there if not (is_ours(name) or name == MANIFEST))
             if odd:
                 raise OutputError(FOLDER_NOT_EMPTY(folder=self.store.location, odd=odd[0]))
@@ -396,13 +391,14 @@ class _Run:
     def take(self, drawn: DrawnPiece) -> None:
         """One more piece."""
         self._settled = False
-        count = len(drawn.cell)
+        scenes, cell, facts = drawn
+        count = len(cell)
         before = self.standing.state() if self._can_end_a_shard(count) else None
         begun = len(self._begun)
         number = self.standing.used
-        self._sources[number], self._sizes[number] = drawn.scenes, count
+        self._sources[number], self._sizes[number] = scenes, count
         places = np.stack([np.full(count, float(number)), np.arange(count, dtype=np.float64)])
-        for block in self.standing.take(Block(places, np.empty((0, count))), drawn.cell, drawn.facts):
+        for block in self.standing.take(Piece(places, np.empty((0, count)), cell, facts)):
             self._add(block.rows, before)
         if len(self._begun) > begun and self.standing.assembler.complete:
             self._begun[-1] = _Moment(self.standing.state()[0], None, np.empty((1, 0)))

@@ -1,6 +1,5 @@
 """Sets of shards: the same bytes from each engine, whatever happens on the way."""
 
-import dataclasses
 import functools
 import hashlib
 import itertools
@@ -33,7 +32,7 @@ class Elsewhere(Local):
 
     def pieces(self, drawing, first):
         for drawn in super().pieces(drawing, first):
-            yield dataclasses.replace(drawn, scenes=self.hold(drawn.scenes))
+            yield self.hold(drawn[0]), *drawn[1:]
 
     def choose(self, which, parts):
         return self.hold(chosen(which, {number: self.kept[held] for number, held in parts.items()}))

@@ -194,25 +194,26 @@ def test_folders_that_cannot_be_resumed(what, run, tmp_path):
 
     path, folder = tmp_path / "x.jsonl", tmp_path / "x.jsonl.part"
     run(path, kill=60)
+    known = (folder / "manifest.json").read_text()
+    named = json.loads(known)
+    first, last = (folder / named["shards"][place]["file"] for place in (0, -1))
+    waiting = folder / named["checkpoint"]["waiting"]
     if what == "shard":
-        shard = min(folder.glob("part-*"))
-        shard.write_bytes(shard.read_bytes()[:-1])
+        first.write_bytes(first.read_bytes()[:-1])
     elif what in ("bit", "pool bit"):
-        damaged = max(folder.glob("_run/waiting-*" if what == "pool bit" else "part-*"))
+        damaged = waiting if what == "pool bit" else last
         data = bytearray(damaged.read_bytes())
         data[-10] ^= 64
         damaged.write_bytes(data)
     elif what == "swap":  # the same bits, read from the other end
-        shard = min(folder.glob("part-*"))
-        shard.write_bytes(shard.read_bytes().replace(b"<f8", b">f8", 1))
+        first.write_bytes(first.read_bytes().replace(b"<f8", b">f8", 1))
     elif what == "state":
-        known = (folder / "manifest.json").read_text()
-        pieces = json.loads(known)["checkpoint"]["state"]["pieces"]
+        pieces = named["checkpoint"]["state"]["pieces"]
         (folder / "manifest.json").write_text(known.replace(f'"pieces": {pieces}', f'"pieces": {pieces + 1}'))
     elif what == "pool":
-        max(folder.glob("_run/waiting-*")).unlink()
+        waiting.unlink()
     elif what == "cut":
-        max(folder.glob("_run/waiting-*")).write_bytes(b"")
+        waiting.write_bytes(b"")
     elif what == "manifest":
         (folder / "manifest.json").write_text("{}")
     elif what == "foreign":

@@ -2,9 +2,9 @@
 
 The starts of a task are the scenes of its spec in which the label of success does not hold and that of starts, where
 the spec has one, does: both become requirements, so that the task's spec has these starts as its base distribution.
-Bands are ranges of phi of the label of success. How probable they are follows from `scenegen range` (adaptive
-splitting); within a band, starts are drawn from the base distribution, so shares of the bands, weighted by their
-probabilities, estimate those of all starts.
+Bands are ranges of phi of the label of success. How probable they are is counted among many draws, and where these
+are too few it is what `scenegen range` finds (adaptive splitting); within a band, starts are drawn from the base
+distribution, so shares of the bands, weighted by their probabilities, estimate those of all starts.
 """
 
 from __future__ import annotations
@@ -33,12 +33,15 @@ from scenegen.scenes.data import RequestData
 from scenegen.scenes.files import read_bytes, whole_files
 from scenegen.scenes.formats.scenes_json import write
 from scenegen.validation import as_int, as_path
+from scenegen.worlds.suites.statistics import Z
 from scenegen.worlds.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData
 
 STREAM = 17  # the stream of random numbers of suites
 GOAL, START = "goal", "start"  # labels that are taken where none is named
 DIGITS = 5  # of ends of bands and of probabilities
 MOST = 64  # bands
+COUNTED, FEW = 1 << 16, 100  # draws of a task's base distribution, and of a band at least
+PLACES = 1025  # of the curve that they give
 Bands = int | Mapping[str, Range]
 Told = Callable[[JobResult, int, int], None]  # a task that is made, or failed; how many of how many are over
 
@@ -148,14 +151,17 @@ class _MakeTask:
 
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
         spec = Spec(replace(parse(plan.source, plan.name).checked, title=plan.instruction))
-        found = rarity(spec, plan.success, seed=self.seed).labels[0]
-        if not found.curve:
+        curve, bounds = _Curve.drawn(spec, plan.success, self.seed, self.timeout), spec.bounds()[plan.success]
+        if not curve.ends[0] < curve.ends[1]:
             wanted = "a label whose phi differs between starts"
             raise RequestError(WRONG_VALUE(argument="success", value=f"`{plan.success}`", wanted=wanted))
-        curve = _Curve.of(found)
+        ranges = _ranges(self._wanted(plan), self.log10p, curve, bounds)
+        if any(curve.between(low, high)[0] < FEW / COUNTED for _, low, high in ranges):
+            curve = _Curve.rare(rarity(spec, plan.success, seed=self.seed).labels[0])
+            ranges = _ranges(self._wanted(plan), self.log10p, curve, bounds)
         bands: list[BandData] = []
         parts: list[SceneSet] = []
-        for name, low, high in _ranges(self._wanted(plan), self.log10p, curve, found.bounds):
+        for name, low, high in ranges:
             share, error = curve.between(low, high)
             if not share > 0.0:
                 facts = {
@@ -222,17 +228,30 @@ def _ranges(wanted: Bands, log10p: bool, curve: _Curve, bounds: tuple[float, flo
 
 @dataclass(frozen=True, slots=True)
 class _Curve:
-    """How phi of a label is distributed: log10 P(phi' <= phi) and P(phi' >= phi) at rising values of phi, half of a
-    95 % interval of the smaller, and the lowest and highest phi there is."""
+    """How phi of a label is distributed: log10 P(phi' <= phi) and P(phi' >= phi) at rising values of phi, and the
+    lowest and highest phi there is. `errors` are halves of 95 % intervals of the smaller of both; of plain draws their
+    number, `draws`, says how sure a share is."""
 
     phi: Array
     below: Array
     above: Array
     errors: Array
     ends: tuple[float, float]
+    draws: int = 0
 
     @staticmethod
-    def of(one: LabelRarity) -> _Curve:
+    def drawn(spec: Spec, label: str, seed: int, timeout: float) -> _Curve:
+        """By counting draws."""
+        request = SampleRequest({}, COUNTED, seed=seed, spread="base", timeout=timeout, workers=1)
+        values = np.sort(draw_scenes(spec, request).phi[label])
+        phi = np.unique(values[np.linspace(0, COUNTED - 1, PLACES).astype(int)])
+        below = np.searchsorted(values, phi, side="right") / COUNTED
+        above = 1.0 - np.searchsorted(values, phi, side="left") / COUNTED
+        return _Curve(phi, np.log10(below), np.log10(above), 0.0 * phi, (float(phi[0]), float(phi[-1])), COUNTED)
+
+    @staticmethod
+    def rare(one: LabelRarity) -> _Curve:
+        """By splitting."""
         known = [(k.phi, k.below, k.above) for k in one.curve if k.below is not None and k.above is not None]
         below = np.array([low.log10 for _, low, _ in known if low is not None])
         above = np.array([high.log10 for _, _, high in known if high is not None])
@@ -256,6 +275,8 @@ class _Curve:
         """P(low <= phi <= high), and half of a 95 % interval of its log10."""
         shares = self.share(np.array([low, high]))
         whole = float(shares[1] - shares[0])
+        if self.draws:
+            return whole, Z * math.sqrt((1.0 - whole) / max(whole * self.draws, 1.0)) / math.log(10.0)
         errors = np.minimum(shares, 1.0 - shares) * np.interp([low, high], self.phi, self.errors)
         return whole, float(np.hypot(*errors)) / whole if whole > 0.0 else 0.0
 

@@ -8,6 +8,7 @@ from the files alone, so episode i has start i in every program that reads them.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from operator import not_
@@ -200,7 +201,7 @@ class Suite:
     def __getitem__(self, number: int) -> GradedStart:
         number = as_int("number", number)
         if not 0 <= number < len(self):
-            raise IndexError(number)  # ends `for start in suite`
+            raise IndexError(number)
         which, cell = divmod(number, len(self.cells))
         index = 0
         while cell >= len(self.tasks[index].bands):
@@ -212,6 +213,9 @@ class Suite:
             number, task, data.name, self._poses[index][row], phi, data.log10p[which], data.probability,
             data.seeds[which], row, None if task.scenes.on is None else task.scenes.on[row],
         )  # fmt: skip
+
+    def __iter__(self) -> Iterator[GradedStart]:
+        return map(self.__getitem__, range(len(self)))
 
     def part(self, first: int = 0, end: int | None = None) -> range:
         """The numbers of the starts from `first` up to, not including, `end`. Raises RequestError."""

@@ -25,7 +25,7 @@ NEEDED = {  # what an action cannot do without, and the question that it answers
 OPTIONS = {
     "new": ("bands", "log10p", "n", "seed", "success", "start", "timeout", "workers"),
     "check": (),
-    "run": ("reverse", "instruction", "episodes", "resume", "steps", "timeout", "workers"),
+    "run": ("bands", "reverse", "instruction", "episodes", "resume", "steps", "timeout", "workers"),
     "report": ("pictures", "workers"),
 }
 
@@ -39,7 +39,8 @@ def suite(
     ),
     out: Path | None = option("new: the suite's folder. run: .jsonl. report: .html or .md.", "DIR|FILE"),
     bands: list[str] | None = option(
-        "new: how many, equally probable; default: 5. Or a range of phi, once for each.", "K|NAME=LO:HI"
+        "new: how many, equally probable; default: 5. Or a range of phi, once for each. run: the names of some.",
+        "K|NAME=LO:HI|NAME",
     ),
     log10p: bool = option("new: --bands are ranges of log10 of the share of starts at least as hard."),
     n: int | None = option("new: starts of each band of each task; default: 50.", "N"),
@@ -132,7 +133,14 @@ def _check(places: list[str]) -> None:
             print_error(f"{place}: {len(one):,} starts of {len(one.tasks)} {what} are as they were made: {one.digest}")
 
 
-def _run(places: list[str], out: Path, episodes: str | None = None, reverse: bool = False, **given: Any) -> None:
+def _run(
+    places: list[str],
+    out: Path,
+    episodes: str | None = None,
+    bands: list[str] | None = None,
+    reverse: bool = False,
+    **given: Any,
+) -> None:
     from scenegen.worlds.suites.run import run_suite
     from scenegen.worlds.suites.suite import Suite
 
@@ -140,7 +148,7 @@ def _run(places: list[str], out: Path, episodes: str | None = None, reverse: boo
     if not all(one.isdecimal() or not one for one in (first, end)) or (episodes is not None and ":" not in episodes):
         raise RequestError(ARGUMENT_SYNTAX(what="a part of a suite", form="FIRST:END", example="0:500"))
     loaded = Suite.load(places[0], reverse=reverse)
-    some = loaded.part(int(first or 0), int(end) if end else None)
+    some = loaded.part(int(first or 0), int(end) if end else None, bands)
     successes = done = 0
     with progress_bar() as bar:
         task = bar.add_task("episodes", total=len(some))

@@ -15,7 +15,7 @@ import queue
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -58,7 +58,7 @@ def run_suite(
     world: str,
     policy: str,
     instruction: Instruction = "own",
-    episodes: range | None = None,
+    episodes: Sequence[int] | None = None,
     resume: bool = False,
     steps: int = 1000,
     timeout: float = 600.0,

@@ -8,7 +8,7 @@ from the files alone, so episode i has start i in every program that reads them.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from operator import not_
@@ -23,7 +23,7 @@ from scenegen.api.scenes import SceneSet, compare
 from scenegen.api.spec import Spec, parse
 from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.requests import OUT_OF_RANGE
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.errors.worlds import NOT_A_SUITE
 from scenegen.resources import shipped_suites
 from scenegen.scenes.arrange import check_scenes
@@ -217,13 +217,18 @@ class Suite:
     def __iter__(self) -> Iterator[GradedStart]:
         return map(self.__getitem__, range(len(self)))
 
-    def part(self, first: int = 0, end: int | None = None) -> range:
-        """The numbers of the starts from `first` up to, not including, `end`. Raises RequestError."""
+    def part(self, first: int = 0, end: int | None = None, bands: Collection[str] | None = None) -> list[int]:
+        """The numbers of the starts from `first` up to, not including, `end`, or of those of some bands. Raises
+        RequestError."""
         end = len(self) if end is None else end
         if not 0 <= first < end <= len(self):
             wanted = f"FIRST:END, from 0 to {len(self)}"
             raise RequestError(OUT_OF_RANGE(argument="episodes", value=f"{first}:{end}", wanted=wanted))
-        return range(first, end)
+        names = [band.name for _, band in self.cells]
+        for name in bands or ():
+            if name not in names:
+                raise RequestError(UNKNOWN_CHOICE(what="band", name=name, known=dict.fromkeys(names)))
+        return [number for number in range(first, end) if bands is None or names[number % len(names)] in bands]
 
 
 def find_suite(folder: str | Path) -> Path:

@@ -26,7 +26,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, load, parse
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import LABEL_NOT_NAMED, OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.sampling.engine.engines import JobResult, each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.scenes.data import RequestData
@@ -85,16 +85,13 @@ def new_suite(
     `workers`. Raises RequestError, SpecError, DataError and OutputError.
     """
     out = as_path("out", out)
-    if not 1 <= as_int("n", n) <= 10_000:
-        raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted="from 1 to 10000"))
-    if not 0 <= as_int("seed", seed) <= MAX_SEED:
-        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
-    if isinstance(bands, int) and not 1 <= bands <= MOST:
-        raise RequestError(OUT_OF_RANGE(argument="bands", value=bands, wanted=f"from 1 to {MOST}, or NAME=LO:HI"))
+    count = bands if isinstance(bands, int) else len(bands)
+    for name, value, low, high in (("n", n, 1, 10_000), ("seed", seed, 0, MAX_SEED), ("bands", count, 1, MOST)):
+        if not low <= as_int(name, value) <= high:
+            raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted=f"from {low} to {high}"))
     if re.fullmatch(NAME_PATTERN, out.resolve().name) is None:
-        raise RequestError(
-            WRONG_VALUE(argument="out", value=f"`{out}`", wanted="a folder called by letters and digits")
-        )
+        wanted = "a folder called by letters and digits"
+        raise RequestError(WRONG_VALUE(argument="out", value=f"`{out}`", wanted=wanted))
     plans = [one for name, path in specs for one in _tasks(name, path, success, start)]
     made: list[tuple[TaskData, bytes]] = []
     job = _MakeTask(bands, log10p, n, seed, timeout)
@@ -103,15 +100,14 @@ def new_suite(
         if ended.errors:
             raise RequestError(*ended.errors)
         made.append(ended.value)
-    forth, back = (
-        [one for plan, (one, _) in zip(plans, made, strict=True) if plan.back == way] for way in (False, True)
-    )
-    found = SuiteFile(name=out.resolve().name, digest=BLANK, seed=seed, n=n, tasks=forth, reversed=back)
+    ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
-        for task, data in made:
+        for plan, (task, data) in zip(plans, made, strict=True):
             put(task.scenes, data)
-        put(MANIFEST, found.dump())
-    return SuiteFile.model_validate_json(found.dump())
+            ways[plan.back].append(task)
+        manifest = SuiteFile(name=out.resolve().name, digest=BLANK, seed=seed, n=n, tasks=ways[0], reversed=ways[1])
+        put(MANIFEST, manifest.dump())
+    return SuiteFile.model_validate_json(manifest.dump())
 
 
 def _tasks(name: str, path: Path, success: str | None, start: str | None) -> list[TaskPlan]:
@@ -121,11 +117,11 @@ def _tasks(name: str, path: Path, success: str | None, start: str | None) -> lis
     for label in (success, start):
         if label is not None and label not in spec.labels:
             raise RequestError(UNKNOWN_LABEL(name=label, known=spec.labels))
-    begin = start or (START if START in spec.labels else None)
+    begin = start or (START if START in spec.labels[:-1] or START in spec.labels[1:] else None)
     goals = [label for label in spec.labels if label != begin]
     goal = success or (GOAL if GOAL in goals else goals[0] if len(goals) == 1 else None)
     if goal is None:
-        raise RequestError(LABEL_NOT_NAMED(count=len(goals), labels=tuple(goals), first=goals[0], text="0:"))
+        raise RequestError(UNKNOWN_LABEL(name=GOAL, known=spec.labels))
     instruction = spec.checked.title or name.replace("_", " ")
     forth = f"{source}require !{goal}" + (f" & {begin}" if begin else "") + "\n"
     plans = [TaskPlan(name, forth, instruction, goal, back=False)]
@@ -164,13 +160,9 @@ class _MakeTask:
         for name, low, high in ranges:
             share, error = curve.between(low, high)
             if not share > 0.0:
-                facts = {
-                    "value": f"{name}={low:g}:{high:g}",
-                    "wanted": "in {:g}:{:g}, where starts are".format(*curve.ends),
-                }
-                raise RequestError(OUT_OF_RANGE(argument="bands", **facts))
-            words = np.random.SeedSequence([self.seed, STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
-            rng = np.random.default_rng(words)
+                wanted = "in {:g}:{:g}, where starts are".format(*curve.ends)
+                raise RequestError(OUT_OF_RANGE(argument="bands", value=f"{name}={low:g}:{high:g}", wanted=wanted))
+            rng = np.random.default_rng([self.seed, STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
             request = SampleRequest(
                 {plan.success: Range(low, high)}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
                 timeout=self.timeout, workers=1,
@@ -186,10 +178,9 @@ class _MakeTask:
             )  # fmt: skip
             parts.append(part)
         data = self._bytes(spec, parts, bands)
-        digest = hashlib.sha256(data).hexdigest()
         task = TaskData(
-            name=plan.name, instruction=plan.instruction, success=plan.success, scenes=plan.file, sha256=digest,
-            bands=bands,
+            name=plan.name, instruction=plan.instruction, success=plan.success, scenes=plan.file,
+            sha256=hashlib.sha256(data).hexdigest(), bands=bands,
         )  # fmt: skip
         return task, data
 

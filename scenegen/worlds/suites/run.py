@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import http.client
-import importlib
+import importlib.util
 import inspect
 import pickle
 import queue
@@ -84,25 +84,25 @@ def run_suite(
         suite=suite.name, digest=suite.digest, world=world, policy=policy, instruction=instruction,
         reverse=suite.reverse, episodes=len(suite),
     )  # fmt: skip
-    found: dict[int, EpisodeOutcome] = {}
+    found: list[EpisodeOutcome] = []
     if out.exists():
         before = read_outcomes(out, suite)
         if not resume:
-            raise RequestError(UNFINISHED_RUN(folder=out, scenes=len(before.episodes)))
+            raise RequestError(UNFINISHED_RUN(folder=out, outcomes=len(before.episodes)))
         same_run(out, before.header, header)
-        found = {one.episode: one for one in before.episodes}
-    wanted = [number for number in episodes or range(len(suite)) if number not in found]
-    place = {task.name: number for number, task in enumerate(suite.tasks)}
-    todo = deque(sorted(wanted, key=lambda number: (place[suite[number].task.name], number)))
-    write_whole(out, dump_outcomes(header, found.values()))
+        found = list(before.episodes)
+    there = {one.episode for one in found}
+    wanted = [suite[number] for number in episodes or range(len(suite)) if number not in there]
+    todo = deque(start.number for start in sorted(wanted, key=lambda start: suite.tasks.index(start.task)))
+    write_whole(out, dump_outcomes(header, found))
     job = Player(Path(folder), suite.reverse, world, policy, instruction == "empty", steps)
     with reported(out), out.open("ab") as file:
-        for outcome in _played(job, suite, todo, check_workers(workers), timeout):
+        for done, outcome in enumerate(_played(job, suite, todo, check_workers(workers), timeout), 1):
             file.write(line_of(outcome))
             file.flush()
-            found[outcome.episode] = outcome
-            told(outcome, len(wanted) - len(todo), len(wanted))
-    write_whole(out, dump_outcomes(header, found.values()))
+            found.append(outcome)
+            told(outcome, done, len(wanted))
+    write_whole(out, dump_outcomes(header, found))
     return out
 
 
@@ -197,10 +197,14 @@ class Player:
     def _prepare(self, task: SuiteTask) -> None:
         """Make the task's environment, and a policy for it. Raises ScenegenError."""
         self._drop()
-        with _reported("the world", self.world, "cannot be made"):
+        what, name = "the world", self.world
+        try:
             self.env = named(self.world)(task)
-        with _reported("the policy", self.policy, "cannot be made"):
+            what, name = "the policy", self.policy
             self.act = policy_of(self.policy, self.env)
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}"[:SAID]
+            raise ScenegenError(WORLD_FAILS(what=what, name=name, how="cannot be made", reason=reason)) from error
         self.task = task
 
     def _drop(self) -> None:
@@ -222,26 +226,19 @@ class Player:
         return success
 
 
-@contextlib.contextmanager
-def _reported(what: str, name: str, how: str) -> Iterator[None]:
-    """What a user's code raises, as ScenegenError."""
-    try:
-        yield
-    except ScenegenError:
-        raise
-    except Exception as error:
-        reason = f"{type(error).__name__}: {error}"[:SAID]
-        raise ScenegenError(WORLD_FAILS(what=what, name=name, how=how, reason=reason)) from error
-
-
 def named(text: str) -> Any:
     """What "module:name" or "file.py:name" names. Raises what the import raises."""
     where, _, name = text.rpartition(":")
     if not where.endswith(".py"):
         return getattr(importlib.import_module(where), name)
-    path = Path(where).resolve()
-    sys.path.insert(0, str(path.parent))  # what lies beside it
-    return getattr(importlib.import_module(path.stem), name)
+    key = str(Path(where).resolve())  # no name of another module
+    if key not in sys.modules:
+        spec = importlib.util.spec_from_file_location(key, key)
+        assert spec is not None and spec.loader is not None
+        sys.modules[key] = module = importlib.util.module_from_spec(spec)
+        sys.path.append(str(Path(key).parent))  # for what lies beside it
+        spec.loader.exec_module(module)
+    return getattr(sys.modules[key], name)
 
 
 def policy_of(text: str, env: Any) -> Policy:

@@ -166,3 +166,12 @@ def test_a_killed_run_keeps_what_it_has(small, tmp_path, interruptible):
     with pytest.raises(KeyboardInterrupt):
         run_suite(suite, small, out, world=WORLD, policy=f"{TOY}:towards", steps=30, told=told)
     assert len(read_outcomes(out).episodes) == 3
+
+
+def test_files_are_no_other_modules(small, tmp_path):
+    """A policy in a file called random.py, with a module beside it."""
+    (tmp_path / "beside_it.py").write_text("GAIN = 0.5\n")
+    (tmp_path / "random.py").write_text(
+        "import beside_it\n\n\ndef policy(observation, instruction):\n    return -beside_it.GAIN * observation['a'][:2]\n"
+    )
+    assert player(small, f"{tmp_path}/random.py:policy")(0).success

@@ -90,7 +90,7 @@ def _shares(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> list[ReportTable]:
             rows.append(("base distribution", *(_base(one, suite) for one, suite in played)))
         note = "Success, and its 95 % interval (Wilson)."
         if what == "band":
-            note += " Base distribution: all starts that the tasks allow, each band by its probability (Jeffreys)."
+            note += " Base distribution: all starts that the tasks allow, each band by its probability."
         found.append(ReportTable(f"Success by {what}", note, (what, *names), tuple(rows)))
     return found
 
@@ -98,7 +98,9 @@ def _shares(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> list[ReportTable]:
 def _share(outcomes: SuiteOutcomes, wanted: Callable[..., bool]) -> str:
     some = [one.success for one in outcomes.episodes if wanted(one)]
     return (
-        _said(sum(some) / len(some), *wilson(sum(some), len(some))) + f", {sum(some)} of {len(some)}" if some else "-"
+        _said(sum(some) / len(some), *wilson(sum(some) / len(some), len(some))) + f", {sum(some)} of {len(some)}"
+        if some
+        else "-"
     )
 
 

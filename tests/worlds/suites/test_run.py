@@ -171,7 +171,8 @@ def test_a_killed_run_keeps_what_it_has(small, tmp_path, interruptible):
 def test_files_are_no_other_modules(small, tmp_path):
     """A policy in a file called random.py, with a module beside it."""
     (tmp_path / "beside_it.py").write_text("GAIN = 0.5\n")
-    (tmp_path / "random.py").write_text(
-        "import beside_it\n\n\ndef policy(observation, instruction):\n    return -beside_it.GAIN * observation['a'][:2]\n"
+    policy = (
+        "import beside_it\n\ndef policy(observation, instruction):\n    return -beside_it.GAIN * observation['a'][:2]\n"
     )
+    (tmp_path / "random.py").write_text(policy)
     assert player(small, f"{tmp_path}/random.py:policy")(0).success

@@ -40,7 +40,7 @@ from scenegen.worlds.suites.outcomes import (
     read_outcomes,
     same_run,
 )
-from scenegen.worlds.suites.server import decode, encode
+from scenegen.worlds.policy_server import decode, encode
 from scenegen.worlds.suites.suite import GradedStart, Suite, SuiteTask
 
 SAID = 200  # characters of an error that outcomes keep
@@ -68,7 +68,7 @@ def run_suite(
     """Run episodes of the suite in `folder`, by default all, and write their outcomes to a file, which is returned.
 
     `world` names a function of a task that returns an environment, `policy` a function of observation and instruction,
-    a class or function of no argument or of `env` that makes one, or the URL of a server (see server.py): "module:name"
+    a class or function of no argument or of `env` that makes one, or the URL of a server (see worlds/policy_server.py): "module:name"
     or "file.py:name". An episode ends where the environment says so, at success, or after so many steps; `timeout`, in
     seconds, kills one that hangs. `resume` goes on with a file. Raises RequestError, DataError, OutputError, and
     ScenegenError where world or policy cannot be had at all.
@@ -259,7 +259,7 @@ def policy_of(text: str, env: Any) -> Policy:
 
 
 class RemotePolicy:
-    """A policy behind a server (see server.py). `reset` waits a while for one that is restarted; raises ScenegenError
+    """A policy behind a server (see worlds/policy_server.py). `reset` waits a while for one that is restarted; raises ScenegenError
     where none comes."""
 
     def __init__(self, url: str) -> None:

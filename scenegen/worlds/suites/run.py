@@ -69,9 +69,9 @@ def run_suite(
 
     `world` names a function of a task that returns an environment, `policy` a function of observation and instruction,
     a class, or a function of `env`, that makes one, or the URL of a server (scenegen/worlds/policy_server.py):
-    "module:name" or "file.py:name". An episode ends where the environment says so, at success, or after so many steps; `timeout`, in
-    seconds, kills one that hangs. `resume` goes on with a file. Raises RequestError, DataError, OutputError, and
-    ScenegenError where world or policy cannot be had at all.
+    "module:name" or "file.py:name". An episode ends where the environment says so, at success, or after so many steps;
+    `timeout`, in seconds, kills one that hangs. `resume` goes on with a file. Raises RequestError, DataError,
+    OutputError, and ScenegenError where world or policy cannot be had at all.
     """
     out, timeout = as_path("out", out), as_seconds("timeout", timeout)
     if instruction not in get_args(Instruction):

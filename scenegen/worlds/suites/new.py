@@ -93,16 +93,15 @@ def new_suite(
         wanted = "a folder called by letters and digits"
         raise RequestError(WRONG_VALUE(argument="out", value=f"`{out}`", wanted=wanted))
     plans = [one for name, path in specs for one in _tasks(name, path, success, start)]
-    made: list[tuple[TaskData, bytes]] = []
     job = _MakeTask(bands, log10p, n, seed, timeout)
-    for ended in each(job, [(one.file.removesuffix(".json"), one) for one in plans], "local", workers):
-        told(ended, len(made) + 1, len(plans))
-        if ended.errors:
-            raise RequestError(*ended.errors)
-        made.append(ended.value)
+    jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
-        for plan, (task, data) in zip(plans, made, strict=True):
+        for done, (plan, ended) in enumerate(zip(plans, each(job, jobs, "local", workers), strict=True), 1):
+            told(ended, done, len(plans))
+            if ended.errors:
+                raise RequestError(*ended.errors)
+            task, data = ended.value
             put(task.scenes, data)
             ways[plan.back].append(task)
         manifest = SuiteFile(name=out.resolve().name, digest=BLANK, seed=seed, n=n, tasks=ways[0], reversed=ways[1])

@@ -275,8 +275,9 @@ PHI_DIFFERS = Kind(
 # unfinished runs
 UNFINISHED_RUN = Kind(
     "unfinished-run",
-    "{folder} holds {scenes:,} scenes of an unfinished run",
+    ("{folder} holds {outcomes:,} outcomes already", "{folder} holds {scenes:,} scenes of an unfinished run"),
     help=(
+        "{outcomes:?}go on with <resume>, or name another file",
         "{older:?}an earlier version of scenegen wrote it: end the run with that one, or delete the folder",
         "go on with <resume>, or delete the folder",
     ),

@@ -1,0 +1,16 @@
+"""The least that a policy can be: random actions.
+
+    scenegen suite run SUITE --world scenegen.worlds.suites.adapters.table:make --policy examples/policies/random_actions.py:Random
+"""
+
+import numpy as np
+
+
+class Random:
+    """`reset(seed)` is called as each episode begins, so that the same suite gives the same outcomes."""
+
+    def reset(self, seed):
+        self.random = np.random.default_rng(seed)
+
+    def __call__(self, observation, instruction):
+        return self.random.uniform(-1.0, 1.0, 7)

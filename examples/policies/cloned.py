@@ -1,7 +1,7 @@
 """A small behaviour-cloned policy: a network that learns one task from the scripted policy's demonstrations.
 
     python examples/policies/cloned.py SPEC OUT.npz      # records demonstrations and learns them, in some minutes
-    scenegen suite run SUITE --world scenegen.worlds.suites.adapters.table:make --policy examples/policies/cloned.py:Cloned
+    scenegen suite run SUITE --policy examples/policies/cloned.py:Cloned --world ...
 
 It needs robosuite and torch to learn, and only numpy to act: `Cloned` reads FOLDER/TASK.npz, with FOLDER from the
 environment variable CLONED, by default the current folder. It does not know the spec. It sees where things are, seen
@@ -10,9 +10,12 @@ from the hand, and what it last told the fingers.
 
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -22,12 +25,12 @@ from scripted import Scripted, yaw
 
 import scenegen
 
-DEMONSTRATIONS, SHAKE = 400, 0.3  # episodes, and noise of the actions that are done, not of those that are learned
+DEMONSTRATIONS, SHAKE = 200, 0.1  # episodes, and noise of the actions that are done, not of those that are learned
 WIDTH, EPOCHS, BATCH = 256, 60, 512
 
 
-def features(observation, told):
-    """What the network sees: (8 + 7 N,)."""
+def features(observation: Any, told: float) -> np.ndarray:
+    """What the network sees: (8 + 8 N,)."""
     hand, objects, turned = observation["hand"], observation["objects"], yaw(observation["hand"])
     own = [*hand[:3] * 5.0, np.cos(turned), np.sin(turned), np.ptp(observation["fingers"]) * 20.0, told, 1.0]
     heading = 2.0 * np.arctan2(objects[:, 6], objects[:, 3])
@@ -38,15 +41,15 @@ def features(observation, told):
 class Cloned:
     """One for each world: it reads the weights of the world's task."""
 
-    def __init__(self, world, path=None):
+    def __init__(self, world: Any, path: Path | None = None) -> None:
         file = Path(os.environ.get("CLONED", ".")) / f"{world.task.name}.npz" if path is None else path
         with np.load(file) as arrays:
             self.layers = [(arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(len(arrays.files) // 2)]
 
-    def reset(self, seed):
+    def reset(self, seed: int) -> None:
         self.told = -1.0
 
-    def __call__(self, observation, instruction):
+    def __call__(self, observation: Any, instruction: str) -> np.ndarray:
         value = features(observation, self.told)
         for number, (weight, bias) in enumerate(self.layers):
             value = weight @ value + bias
@@ -56,7 +59,7 @@ class Cloned:
         return np.append(np.clip(value[:6], -1.0, 1.0), self.told)
 
 
-def record(world, starts, seed=0):
+def record(world: Any, starts: Sequence[Any], seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """What the scripted policy saw and did in the episodes that it won: features (n, F) and actions (n, 7)."""
     random, expert = np.random.default_rng(seed), Scripted(world, see=0.0, put=0.0)
     seen, done, won = [], [], 0
@@ -79,7 +82,7 @@ def record(world, starts, seed=0):
     return np.array(seen), np.array(done)
 
 
-def learn(seen, done, seed=0):
+def learn(seen: np.ndarray, done: np.ndarray, seed: int = 0) -> dict[str, np.ndarray]:
     """Weights and biases of a network of three layers, by the mean squared error."""
     import torch
 
@@ -88,7 +91,7 @@ def learn(seen, done, seed=0):
     middle, spread = seen.mean(axis=0), seen.std(axis=0) + 1e-3
     x, y = torch.tensor((seen - middle) / spread, dtype=torch.float32), torch.tensor(done, dtype=torch.float32)
     sizes = [x.shape[1], WIDTH, WIDTH, 7]
-    layers = [torch.nn.Linear(a, b) for a, b in zip(sizes[:-1], sizes[1:], strict=True)]
+    layers = [torch.nn.Linear(a, b) for a, b in pairwise(sizes)]
     network = torch.nn.Sequential(layers[0], torch.nn.ReLU(), layers[1], torch.nn.ReLU(), layers[2])
     optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, EPOCHS)
@@ -122,14 +125,14 @@ class Start:
     on: np.ndarray | None = None
 
 
-def starts_of(spec, label, n, seed):
+def starts_of(spec: scenegen.Spec, label: str, n: int, seed: int) -> list[Start]:
     """Starts from the base distribution that miss the goal."""
     scenes = scenegen.sample(spec, {label: (None, 0.0)}, n, seed=seed, spread="base", workers=1)
     phi = [{name: float(values[k]) for name, values in scenes.phi.items()} for k in range(n)]
     return [Start(k, poses, spec.objects, phi[k]) for k, poses in enumerate(scenes.poses7())]
 
 
-def main(path, out):
+def main(path: str | Path, out: str) -> None:
     from scenegen.worlds.suites.adapters.table import make
 
     spec = scenegen.load(path)

@@ -1,7 +1,7 @@
 """Any spec of boxes and cylinders as a robosuite table-top environment with a Panda: `table:make`.
 
-An episode succeeds when the hand has let go, all objects are at rest, and phi of the task's success label, read back from
-the simulation, is 0 or more. Physics is cheap: no rendering, none of robosuite's sensors, ten actions a second.
+An episode succeeds when the hand has let go, all objects are at rest, and phi of the task's success label, read back
+from the simulation, is 0 or more. Physics is cheap: no pictures, none of robosuite's sensors, ten actions a second.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from scenegen.geometry import Box, Circle
 from scenegen.needs import need
 from scenegen.things.bodies import DENSITY
 from scenegen.worlds.robosuite import Placement, TableFrame
-from scenegen.worlds.suites.adapters.arms import ArmWorld
+from scenegen.worlds.suites.adapters.arms import ArmWorld, Begun
 
 if TYPE_CHECKING:
-    from scenegen.worlds.suites.suite import Start, SuiteTask
+    from scenegen.worlds.suites.suite import GradedStart, SuiteTask
 
 TOP = 0.8  # metres: the height of robosuite's tables
 TURN = -math.pi / 2.0  # the robot looks along the spec's y axis
@@ -38,22 +38,21 @@ def make(task: SuiteTask) -> ArmWorld:
     from robosuite.models.objects import BoxObject, CylinderObject
 
     fixed = {task.spec.objects[which] for which in task.spec.checked.fixed}
+    free = [{"type": "free", "damping": DAMPING}]
     models = {
         name: (CylinderObject if len(half) == 2 else BoxObject)(
-            name, half, density=DENSITY, solref=SOLREF, joints=None if name in fixed else [{"type": "free", "damping": DAMPING}]
+            name, half, density=DENSITY, solref=SOLREF, joints=None if name in fixed else free
         )
         for name, half in solids.items()
     }
     given = GivenStart()
-    placement = Placement(
-        task.spec, given, reference_pos=frame.origin, turn=TURN, mujoco_objects=list(models.values())
-    )
-    env = _environment(models, placement, size)
+    placement = Placement(task.spec, given, reference_pos=frame.origin, turn=TURN, mujoco_objects=list(models.values()))
+    env = _environment(models, placement, given, size)
 
-    def begin(start: Start) -> dict[str, Any]:
+    def begin(start: GradedStart) -> Begun:
         given.start = start
         env.reset()
-        return {}
+        return start.objects, start.poses, {}
 
     def judge(world: ArmWorld) -> bool:
         return world.at_rest() and placement.phi_in(env.sim)[task.success] >= 0.0 and world.let_go()
@@ -93,13 +92,17 @@ def table_of(spec: Spec) -> tuple[TableFrame, tuple[float, float, float]]:
     return TableFrame((-x, -y, TOP), TURN), (max(0.8, far - near + 0.2), max(0.8, right - left + 0.2), 0.05)
 
 
-def _environment(models: dict[str, Any], placement: Placement, size: tuple[float, float, float]) -> Any:
+def _environment(
+    models: dict[str, Any], placement: Placement, given: GivenStart, size: tuple[float, float, float]
+) -> Any:
     from mujoco import mjtEnableBit
     from robosuite.environments.manipulation.manipulation_env import ManipulationEnv
     from robosuite.models.arenas import TableArena
     from robosuite.models.tasks import ManipulationTask
 
     class Table(ManipulationEnv):  # type: ignore[misc]
+        substep = 0
+
         def _load_model(self) -> None:
             super()._load_model()
             robot = self.robots[0].robot_model
@@ -123,7 +126,7 @@ def _environment(models: dict[str, Any], placement: Placement, size: tuple[float
 
         def _reset_internal(self) -> None:
             super()._reset_internal()
-            if placement._starts.start is None:  # while the environment is made
+            if given.start is None:  # while the environment is made
                 return
             for at, quaternion, model in placement.sample().values():
                 if model.joints:

@@ -41,8 +41,8 @@ def features(observation: Any, told: float) -> np.ndarray:
 class Cloned:
     """One for each world: it reads the weights of the world's task."""
 
-    def __init__(self, world: Any, path: Path | None = None) -> None:
-        file = Path(os.environ.get("CLONED", ".")) / f"{world.task.name}.npz" if path is None else path
+    def __init__(self, env: Any, path: Path | None = None) -> None:
+        file = Path(os.environ.get("CLONED", ".")) / f"{env.task.name}.npz" if path is None else path
         with np.load(file) as arrays:
             self.layers = [(arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(len(arrays.files) // 2)]
 

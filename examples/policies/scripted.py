@@ -28,14 +28,14 @@ DEEP = 0.025  # metres between the finger tips and the top of what they hold
 class Scripted:
     """One for each world, which has `task` (spec and success label); made anew for each task."""
 
-    def __init__(self, world: Any, see: float = 0.003, put: float = 0.003) -> None:
-        self.label, self.see, self.put = world.task.success, see, put
-        self.spec = without_start(world.task.spec, self.label)
+    def __init__(self, env: Any, see: float = 0.003, put: float = 0.003) -> None:
+        self.label, self.see, self.put = env.task.success, see, put
+        self.spec = without_start(env.task.spec, self.label)
         self.shapes = self.spec.checked.shapes
 
     def reset(self, seed: int) -> None:
         self.random = np.random.default_rng([seed, 1])
-        self.script = None
+        self.script, self.level = None, ABOVE
 
     def __call__(self, observation: Any, instruction: str) -> np.ndarray:
         self.seen = observation
@@ -124,7 +124,9 @@ def places(spec: scenegen.Spec, label: str, poses: np.ndarray, group: tuple[int,
     kept = set(range(len(poses))) - set(group) - set(spec.checked.fixed)
     fix = {spec.objects[which]: tuple(poses[which]) for which in kept}
     try:
-        scenes = scenegen.sample(spec, {label: (0.0, None)}, CANDIDATES, fix=fix, spread="base", timeout=5.0, workers=1)
+        scenes = scenegen.sample(
+            spec, {label: (0.0, None)}, CANDIDATES, fix=fix, spread="base", timeout=60.0, workers=1
+        )
     except scenegen.RequestError:
         return None  # proved to be impossible, or not found
     given = np.concatenate([scenes.poses, scenes.poses])

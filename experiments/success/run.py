@@ -19,7 +19,7 @@ from scenegen.worlds.suites.adapters.table import make
 from scenegen.worlds.suites.outcomes import EpisodeOutcome, OutcomesHeader, line_of, read_outcomes
 from scenegen.worlds.suites.suite import Suite, SuiteTask
 
-CHUNK = 90
+CHUNK, STEPS = 90, 100  # episodes; actions of an episode, which are enough to carry one thing
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "policies"
 STEADY, SHAKY = 0.003, 0.015  # metres: standard deviations of where it sees things, and of where it puts them
 
@@ -62,7 +62,8 @@ def play(world: Any, policy: Any, start: Any) -> EpisodeOutcome:
     steps, over = 0, False
     while not over:
         observation, _, success, late, info = world.step(policy(observation, start.task.instruction))
-        steps, over = steps + 1, success or late
+        steps += 1
+        over = success or late or steps >= STEPS
     return EpisodeOutcome(
         episode=start.number, task=start.task.name, band=start.band, success=info["success"], steps=steps
     )

@@ -27,7 +27,7 @@ TOP = 0.8  # metres: the height of robosuite's tables
 TURN = -math.pi / 2.0  # the robot looks along the spec's y axis
 SOLREF = [0.02, 1.0]  # MuJoCo's own; robosuite's cylinders are springs that never come to rest
 DAMPING = "0.002"  # N m s, of what turns: MuJoCo's cylinders stand on few points, and rock for long
-HERTZ, STEP, HORIZON = 10.0, 0.004, 100  # actions a second, seconds of a physics step, actions of an episode
+HERTZ, STEP, HORIZON = 10.0, 0.004, 200  # actions a second, seconds of a physics step, actions of an episode
 HOLD = 4  # steps of physics for which the controller's torques stay: it is most of the work
 
 

@@ -127,11 +127,11 @@ def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
         if one.header.reverse != other.header.reverse or not found.n:
             continue
         low, high = (f"{100 * end:+.1f}" for end in found.interval)
-        share = sum(one.success.values()) / len(one.success)
+        done = [*one.success.values(), *other.success.values()]
         rows.append((
             f"{one.name} - {other.name}", f"{100 * found.difference:+.1f} points ({low} to {high})",
             f"{found.first} and {found.second} of {found.n}", f"{found.p:.2g}", "yes" if found.p < 0.05 else "no",
-            f"{found.needed(POINTS):,} ({needed_unpaired(share, POINTS):,} on starts of their own)",
+            f"{found.needed(POINTS):,} ({needed_unpaired(sum(done) / len(done), POINTS):,} on starts of their own)",
         ))  # fmt: skip
     head = ("", "difference", "one alone succeeds", "p", "told apart", f"episodes for {100 * POINTS:.0f} points")
     note = (

@@ -87,7 +87,7 @@ def run_suite(
     found: list[EpisodeOutcome] = []
     if out.exists():
         before = read_outcomes(out, suite)
-        if not resume:
+        if before.episodes and not resume:
             raise RequestError(UNFINISHED_RUN(folder=out, outcomes=len(before.episodes)))
         same_run(out, before.header, header)
         found = list(before.episodes)
@@ -153,9 +153,14 @@ def _played(job: Player, suite: Suite, todo: deque[int], workers: int, timeout: 
             worker.end()
 
 
+def _said(error: Exception) -> str:
+    """What an error says, on one line."""
+    return f"{type(error).__name__}: {error}".splitlines()[0][:SAID]
+
+
 def _failed(start: GradedStart, error: str, steps: int = 0) -> EpisodeOutcome:
     return EpisodeOutcome(
-        episode=start.number, task=start.task.name, band=start.band, success=False, steps=steps, error=error[:SAID]
+        episode=start.number, task=start.task.name, band=start.band, success=False, steps=steps, error=error
     )
 
 
@@ -190,7 +195,7 @@ class Player:
             raise
         except Exception as error:
             self._drop()  # nobody knows what state they are in
-            return _failed(start, f"{type(error).__name__}: {error}", self.steps)
+            return _failed(start, _said(error), self.steps)
         task, band = start.task.name, start.band
         return EpisodeOutcome(episode=number, task=task, band=band, success=success, steps=self.steps)
 
@@ -203,7 +208,7 @@ class Player:
             what, name = "the policy", self.policy
             self.act = policy_of(self.policy, self.env)
         except Exception as error:
-            reason = f"{type(error).__name__}: {error}"[:SAID]
+            reason = _said(error)
             raise ScenegenError(WORLD_FAILS(what=what, name=name, how="cannot be made", reason=reason)) from error
         self.task = task
 

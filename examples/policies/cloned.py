@@ -1,18 +1,18 @@
-"""A small behaviour-cloned policy: a network that learns one task from the scripted policy's demonstrations.
+"""A small behaviour-cloned policy: a network learns from demonstrations what is moved, and where to.
 
     python examples/policies/cloned.py SPEC OUT.npz      # records demonstrations and learns them, in some minutes
     scenegen suite run SUITE --policy examples/policies/cloned.py:Cloned --world ...
 
-It needs robosuite and torch to learn, and only numpy to act: `Cloned` reads FOLDER/TASK.npz, with FOLDER from the
-environment variable CLONED, by default the current folder. It does not know the spec. It sees where things are, seen
-from the hand, and what it last told the fingers.
+The demonstrations are episodes that the scripted policy won. What is learned is their one keyframe: the thing that was
+moved, and its pose in the end, from the poses of all things at the start. The hand is the scripted one's. The network
+does not know the spec, and of several good places it learns the middle. Learning needs robosuite and torch, acting only
+numpy: `Cloned` reads FOLDER/TASK.npz; the environment variable CLONED names the folder, by default the current one.
 """
 
 import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,96 +21,85 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from scripted import Scripted, yaw
+from scripted import Moves, Scripted, flat
 
 import scenegen
 
-DEMONSTRATIONS, SHAKE = 200, 0.1  # episodes, and noise of the actions that are done, not of those that are learned
-WIDTH, EPOCHS, BATCH = 256, 60, 512
+DEMONSTRATIONS, STEPS = 250, 100  # episodes, and actions of each
+WIDTH, EPOCHS, DECAY = 64, 400, 1e-2
 
 
-def features(observation: Any, told: float) -> np.ndarray:
-    """What the network sees: (8 + 8 N,)."""
-    hand, objects, turned = observation["hand"], observation["objects"], yaw(observation["hand"])
-    own = [*hand[:3] * 5.0, np.cos(turned), np.sin(turned), np.ptp(observation["fingers"]) * 20.0, told, 1.0]
-    heading = 2.0 * np.arctan2(objects[:, 6], objects[:, 3])
-    place, seen = objects[:, :3] * 5.0, (objects[:, :3] - hand[:3]) * 10.0
-    return np.concatenate([own, place.ravel(), np.tanh(seen).ravel(), np.cos(heading), np.sin(heading)])
+def features(poses: np.ndarray) -> np.ndarray:
+    """(4 N,) of poses (N, 3): places, in 20 cm, and headings."""
+    return np.column_stack([5.0 * poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])]).ravel()
 
 
-class Cloned:
+class Cloned(Scripted):
     """One for each world: it reads the weights of the world's task."""
 
-    def __init__(self, env: Any, path: Path | None = None) -> None:
+    def __init__(self, env: Any, see: float = 0.003, put: float = 0.003, path: Path | None = None) -> None:
+        super().__init__(env, see, put)
         file = Path(os.environ.get("CLONED", ".")) / f"{env.task.name}.npz" if path is None else path
         with np.load(file) as arrays:
             self.layers = [(arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(len(arrays.files) // 2)]
 
-    def reset(self, seed: int) -> None:
-        self.told = -1.0
-
-    def __call__(self, observation: Any, instruction: str) -> np.ndarray:
-        value = features(observation, self.told)
+    def moves(self, poses: np.ndarray) -> Moves:
+        value = features(poses)
         for number, (weight, bias) in enumerate(self.layers):
             value = weight @ value + bias
             if number + 1 < len(self.layers):
-                value = np.maximum(value, 0.0)
-        self.told = 1.0 if value[6] > 0.0 else -1.0
-        return np.append(np.clip(value[:6], -1.0, 1.0), self.told)
+                value = np.tanh(value)
+        x, y, cosine, sine = value[-4:]
+        return [(int(np.argmax(value[:-4])), np.array([x / 5.0, y / 5.0, np.arctan2(sine, cosine)]))]
 
 
-def record(world: Any, starts: Sequence[Any], seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """What the scripted policy saw and did in the episodes that it won: features (n, F) and actions (n, 7)."""
-    random, expert = np.random.default_rng(seed), Scripted(world, see=0.0, put=0.0)
-    seen, done, won = [], [], 0
+def record(world: Any, starts: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
+    """The keyframes of the episodes that the scripted policy won with one move: features (n, 4 N) of the start, and
+    (n, N + 4): what was moved, and the features of where it then was."""
+    expert = Scripted(world, see=0.0, put=0.0)
+    seen, done = [], []
     for start in starts:
         observation, _ = world.reset(seed=start.number, options={"start": start})
         expert.reset(start.number)
-        told, over, episode = -1.0, False, []
-        while not over:
-            action = expert(observation, "")
-            episode.append((features(observation, told), action))
-            told = action[6]
-            shaken = np.append(action[:6] + random.normal(0.0, SHAKE, 6) * (np.abs(action[:6]).max() > 0.3), told)
-            observation, _, success, late, _ = world.step(shaken)
-            over = success or late
+        before, success = flat(observation["objects"]), False
+        for _ in range(STEPS):
+            observation, _, success, _, _ = world.step(expert(observation, ""))
+            if success:
+                break
+        after = flat(observation["objects"])
+        moved = np.linalg.norm(after[:, :2] - before[:, :2], axis=1)
         if success:
-            won += 1
-            seen += [one for one, _ in episode]
-            done += [one for _, one in episode]
-    print(f"{won} of {len(starts)} demonstrations succeeded: {len(seen)} steps")
+            which = int(np.argmax(moved))
+            seen.append(features(before))
+            done.append(np.concatenate([np.arange(len(before)) == which, features(after[which : which + 1])]))
+    print(f"{len(seen)} of {len(starts)} demonstrations succeeded")
     return np.array(seen), np.array(done)
 
 
 def learn(seen: np.ndarray, done: np.ndarray, seed: int = 0) -> dict[str, np.ndarray]:
-    """Weights and biases of a network of three layers, by the mean squared error."""
+    """Weights and biases of a network with two hidden layers, by the mean squared error."""
     import torch
 
     torch.manual_seed(seed)
     torch.set_num_threads(1)
-    middle, spread = seen.mean(axis=0), seen.std(axis=0) + 1e-3
-    x, y = torch.tensor((seen - middle) / spread, dtype=torch.float32), torch.tensor(done, dtype=torch.float32)
-    sizes = [x.shape[1], WIDTH, WIDTH, 7]
-    layers = [torch.nn.Linear(a, b) for a, b in pairwise(sizes)]
-    network = torch.nn.Sequential(layers[0], torch.nn.ReLU(), layers[1], torch.nn.ReLU(), layers[2])
-    optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)
+    x, y = torch.tensor(seen, dtype=torch.float32), torch.tensor(done, dtype=torch.float32)
+    first, second, last = (torch.nn.Linear(a, b) for a, b in ((x.shape[1], WIDTH), (WIDTH, WIDTH), (WIDTH, y.shape[1])))
+    network = torch.nn.Sequential(first, torch.nn.Tanh(), second, torch.nn.Tanh(), last)
+    optimizer = torch.optim.AdamW(network.parameters(), lr=3e-3, weight_decay=DECAY)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, EPOCHS)
     for _ in range(EPOCHS):
-        total = 0.0
-        for rows in torch.randperm(len(x)).split(BATCH):
+        for rows in torch.randperm(len(x)).split(32):
             loss = torch.nn.functional.mse_loss(network(x[rows]), y[rows])
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
-            total += float(loss.detach()) * len(rows)
         schedule.step()
-    print(f"mean squared error {total / len(x):.4f}")
+    print(f"mean squared error {loss.item():.4f} of the last {len(rows)}")
     arrays = {}
-    for number, layer in enumerate(layers):
-        weight, bias = layer.weight.detach().double().numpy(), layer.bias.detach().double().numpy()
-        if number == 0:  # what was done to the features becomes a part of the first layer
-            weight, bias = weight / spread, bias - weight @ (middle / spread)
-        arrays |= {f"weight{number}": weight.astype(np.float32), f"bias{number}": bias.astype(np.float32)}
+    for number, layer in enumerate((first, second, last)):
+        arrays[f"weight{number}"], arrays[f"bias{number}"] = (
+            one.detach().numpy() for one in (layer.weight, layer.bias)
+        )
     return arrays
 
 
@@ -132,7 +121,7 @@ def starts_of(spec: scenegen.Spec, label: str, n: int, seed: int) -> list[Start]
     return [Start(k, poses, spec.objects, phi[k]) for k, poses in enumerate(scenes.poses7())]
 
 
-def main(path: str | Path, out: str) -> None:
+def main(path: str, out: str) -> None:
     from scenegen.worlds.suites.adapters.table import make
 
     spec = scenegen.load(path)

@@ -41,8 +41,11 @@ class Scripted:
         self.seen = observation
         if self.script is None:
             self.rest = yaw(observation["hand"])
-            self.script = self.play(plan(self.spec, self.label, flat(observation["objects"])))
+            self.script = self.play(self.moves(flat(observation["objects"])))
         return next(self.script)
+
+    def moves(self, poses: np.ndarray) -> Moves:
+        return plan(self.spec, self.label, poses)
 
     def play(self, moves: Moves) -> Script:
         """The actions: each yield is one, and the next thing that is seen."""

@@ -30,7 +30,7 @@ def makers(weights: Path) -> dict[str, Callable[[Any], Any]]:
     return {
         "steady": lambda world: scripted.Scripted(world, see=STEADY, put=STEADY),
         "shaky": lambda world: scripted.Scripted(world, see=SHAKY, put=SHAKY),
-        "cloned": lambda world: cloned.Cloned(world, weights / f"{world.task.name}.npz"),
+        "cloned": lambda world: cloned.Cloned(world, STEADY, STEADY, weights / f"{world.task.name}.npz"),
     }
 
 

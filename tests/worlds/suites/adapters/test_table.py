@@ -116,16 +116,17 @@ def test_the_hand_turns_least(example):
 
 
 @pytest.mark.long
-def test_a_cloned_policy_learns_to_copy(example, tmp_path):
+def test_a_cloned_policy_learns_what_goes_where(example, tmp_path):
+    """Demonstrations that put the first thing 5 cm to the left of the second one."""
     cloned = example("cloned")
-    cloned.EPOCHS, cloned.WIDTH = 30, 16
-    random = np.random.default_rng(0)
-    seen = random.normal(size=(512, 16))
-    done = np.concatenate([0.5 * seen[:, :6], np.sign(seen[:, 6:7])], axis=1)
+    cloned.EPOCHS = 150
+    poses = np.random.default_rng(0).uniform([-0.2, -0.2, 0.0], [0.2, 0.2, 6.28], size=(300, 2, 3))
+    seen = np.array([cloned.features(one) for one in poses])
+    goals = np.column_stack([poses[:, 1, :2] - [0.05, 0.0], np.zeros(300)])
+    done = [np.concatenate([[1.0, 0.0], cloned.features(goal[None])]) for goal in goals]
     path = tmp_path / "task.npz"
-    np.savez(path, **cloned.learn(seen, done))
-    policy = cloned.Cloned(None, path)
-    policy.reset(0)
-    pose = np.array([0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0])
-    action = policy({"hand": pose, "objects": pose[None], "fingers": np.zeros(2)}, "")
-    assert action.shape == (7,) and np.abs(action).max() <= 1.0 and policy.told in (-1.0, 1.0)
+    np.savez(path, **cloned.learn(seen[:250], np.array(done[:250])))
+    policy = cloned.Cloned(SimpleNamespace(task=SimpleNamespace(spec=SPEC, success="goal")), path=path)
+    for one, goal in zip(poses[250:], goals[250:], strict=True):
+        ((which, found),) = policy.moves(one)
+        assert which == 0 and np.abs(found[:2] - goal[:2]).max() < 0.03

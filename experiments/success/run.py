@@ -24,7 +24,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "policies"
 STEADY, SHAKY = 0.003, 0.015  # metres: standard deviations of where it sees things, and of where it puts them
 
 
-def makers(weights: Path) -> dict[str, Callable[[Any], Any]]:
+def makers(weights: Path = Path("weights")) -> dict[str, Callable[[Any], Any]]:
     """A function of a world for each policy."""
     scripted, cloned = _example("scripted"), _example("cloned")
     return {

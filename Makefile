@@ -74,9 +74,9 @@ test-monitors: $(STAMP) ## phi over time against rtamt, in 15 minutes: RTAMT_PAI
 	OMP_NUM_THREADS=1 RTAMT_PAIRS=$(RTAMT_PAIRS) $(BIN)/python -m pytest -s tests/learn/robustness/test_against_rtamt.py
 
 # beside .venv, whose mujoco is newer than robosuite's
-test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our scenes
+test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our scenes, and episodes on a table
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade --target build/robosuite "robosuite>=1.5.2,<1.6" "mujoco>=3.3,<3.4"
-	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/worlds/robosuite
+	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/worlds/robosuite tests/worlds/suites/adapters
 
 OLD ?= ../base
 compare: $(STAMP) ## what this checkout writes against an older one, byte by byte, in minutes: OLD=../base

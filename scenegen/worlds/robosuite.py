@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from scenegen.learn.curriculum.library import Library, LibraryStream
 
 
-Wanted: TypeAlias = Phi | PhiBox | Strategy | Callable[[], Phi | PhiBox | None] | None
-"""A range of phi (see `scenegen.sample`), a strategy, or a function that gives a range for each start."""
+Wanted: TypeAlias = "Phi | PhiBox | Strategy | StartSource | Callable[[], Phi | PhiBox | None] | None"
+"""A range of phi (see `scenegen.sample`), a strategy, a source of starts, or a function that gives a range for each."""
 
 FIRST, MOST = 1024, 16_384  # scenes of the first draw at a range, and of later ones at most
 RANGES = 64  # ranges whose scenes are kept, the most recent ones
@@ -62,6 +62,7 @@ class Start:
     task: PhiBox | None = None
 
 
+@runtime_checkable
 class StartSource(Protocol):
     def take(self) -> Start:
         """The next scene. Raises RequestError."""
@@ -147,6 +148,8 @@ class StrategyStarts:
 
 def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float) -> StartSource:
     """Raises RequestError for an invalid range."""
+    if isinstance(wanted, StartSource):
+        return wanted
     if is_strategy(wanted):
         need("gymnasium", "for starts chosen by a strategy")
         return StrategyStarts(spec, goal, wanted, seed)

@@ -1,0 +1,78 @@
+"""The base rate from strata: the estimate, and how often its interval covers."""
+
+import math
+
+import numpy as np
+import pytest
+
+from scenegen.errors import RequestError
+from scenegen.worlds.fit import allocate, base_rate
+
+
+def test_one_stratum_is_a_plain_rate():
+    estimate, low, high = base_rate([30], [100], [1.0])
+    assert estimate == 0.3
+    half = 1.959964 * math.sqrt(31 / 102 * 71 / 102 / 100)
+    assert (low, high) == pytest.approx((0.3 - half, 0.3 + half))
+
+
+def test_strata_are_weighted_by_their_probabilities():
+    assert base_rate([0, 10], [10, 10], [0.9, 0.1])[0] == pytest.approx(0.1)
+
+
+def test_what_was_not_run_may_succeed_always_or_never():
+    estimate, low, high = base_rate([50, 0], [100, 0], [0.8, 0.2])
+    known = base_rate([50], [100], [0.8])
+    assert estimate == 0.5 and (estimate, low, high) == known
+    assert high - low == pytest.approx(0.2 + 2 * 1.959964 * 0.8 * math.sqrt(0.25 / 100))
+    assert base_rate([0], [0], [1.0]) == (0.5, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "rates, weights, episodes",
+    [
+        ([0.5], [1.0], [200]),
+        ([0.03], [1.0], [100]),
+        ([0.05, 0.2, 0.5, 0.8, 0.95], [0.01, 0.1, 0.4, 0.39, 0.1], [50] * 5),
+        ([0.0, 0.02, 0.5, 0.98, 1.0], [0.2] * 5, [40] * 5),
+        ([0.5] * 20, [0.05] * 20, [5] * 20),
+        ([0.01] * 5, [0.2] * 5, [40] * 5),
+        ([0.02, 0.5], [0.9, 0.1], [60, 60]),  # a rare stratum is unlike the others
+    ],
+)
+def test_the_interval_covers(rates, weights, episodes):
+    rng = np.random.default_rng(0)
+    true = float(np.dot(rates, weights))
+    found = [base_rate(rng.binomial(episodes, rates), episodes, weights) for _ in range(1000)]
+    assert np.mean([low <= true <= high for _, low, high in found]) >= 0.93
+
+
+def test_episodes_go_where_success_is_open():
+    given = allocate([0.4, 0.2, 0.4], [0.0, 0.5, 1.0], 100)
+    assert given.sum() == 100 and given.min() >= 2
+    assert given[1] > given[0] == given[2]
+    assert allocate([1.0, 0.0], [0.5, 0.5], 10).tolist() == [8, 2]
+
+
+def test_neyman_beats_equal_shares():
+    weights, rates = np.array([0.8, 0.2]), np.array([0.02, 0.5])
+
+    def width(episodes):
+        rng = np.random.default_rng(1)
+        found = [base_rate(rng.binomial(episodes, rates), episodes, weights) for _ in range(200)]
+        return np.mean([high - low for _, low, high in found])
+
+    assert width(allocate(weights, rates, 200)) < width([100, 100])
+
+
+@pytest.mark.parametrize(
+    "given", [([1], [2, 3], [1.0]), ([5], [2], [1.0]), ([1, 1], [2, 2], [0.9, 0.9]), ([-1], [2], [0.5]), ([], [], [])]
+)
+def test_numbers_that_can_be_no_strata_are_refused(given):
+    with pytest.raises(RequestError):
+        base_rate(*given)
+
+
+def test_too_few_episodes_are_refused():
+    with pytest.raises(RequestError, match="least 2 for each"):
+        allocate([0.5, 0.5], [0.5, 0.5], 3)

@@ -16,7 +16,10 @@ UNSURE = 0.05  # a predicted rate is taken to be at least so far from 0 and 1 wh
 
 
 def base_rate(
-    successes: npt.ArrayLike, episodes: npt.ArrayLike, probabilities: npt.ArrayLike
+    successes: npt.ArrayLike,
+    episodes: npt.ArrayLike,
+    probabilities: npt.ArrayLike,
+    errors: npt.ArrayLike | None = None,
 ) -> tuple[float, float, float]:
     """The success rate over all strata, and its 95 % interval: (estimate, low, high).
 
@@ -25,12 +28,14 @@ def base_rate(
     episodes, and what is missing from 1, may succeed always or never: the interval covers both, and the estimate takes
     it to be like the rest.
 
-    The variance of each stratum counts one success and one failure more than there were, since a stratum without
+    `errors` (k,) are half of 95 % intervals of log10 of the probabilities, where these are estimates, as those of the
+    bands of a suite are. The variance of each stratum counts one success and one failure more than there were, since a stratum without
     failures is not known to have none (Agresti and Coull 1998); strata add up as in Cochran 1977, 5.3. Raises
     RequestError for numbers that can be none of these.
     """
-    s, n, w = (np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in (successes, episodes, probabilities))
-    if not (s.shape == n.shape == w.shape and s.ndim == 1 and len(s)):
+    given = successes, episodes, probabilities, np.zeros(np.shape(episodes)) if errors is None else errors
+    s, n, w, e = (np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in given)
+    if not (s.shape == n.shape == w.shape == e.shape and s.ndim == 1 and len(s)):
         shapes = f"of the shapes {s.shape}, {n.shape} and {w.shape}"
         wanted = "successes, episodes and probabilities of the same strata, (k,) each"
         raise RequestError(WRONG_VALUE(argument="successes", value=shapes, wanted=wanted))
@@ -40,13 +45,14 @@ def base_rate(
         wanted = "probabilities of strata that do not overlap: at least 0, and at most 1 together"
         raise RequestError(WRONG_VALUE(argument="probabilities", value=str(w.tolist()), wanted=wanted))
     run = n > 0
-    s, n, w = s[run], n[run], w[run]
+    s, n, w, e = s[run], n[run], w[run], e[run]
     known = min(1.0, float(w.sum()))
     if not known > 0.0:
         return 0.5, 0.0, 1.0
     met = float((w * s / n).sum())
     cautious = (s + 1.0) / (n + 2.0)
-    half = Z * math.sqrt(float((w**2 * cautious * (1.0 - cautious) / n).sum()))
+    unlike = w * math.log(10.0) * e * (s / n - met / known)  # what it matters that a probability is another one
+    half = math.sqrt(float((Z**2 * w**2 * cautious * (1.0 - cautious) / n + unlike**2).sum()))
     return met / known, max(0.0, met - half), min(1.0, met + half + 1.0 - known)
 
 

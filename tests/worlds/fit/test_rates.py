@@ -47,6 +47,16 @@ def test_the_interval_covers(rates, weights, episodes):
     assert np.mean([low <= true <= high for _, low, high in found]) >= 0.93
 
 
+def test_probabilities_that_are_estimates_widen_the_interval():
+    """By as much as their errors scatter the estimate: not at all where all strata succeed alike."""
+    episodes, weights, errors = [1e9, 1e9], [0.5, 0.5], [0.05, 0.0]
+    _, low, high = base_rate([0.2e9, 0.8e9], episodes, weights, errors)
+    wrong = 0.5 * 10**0.05
+    off = (0.2 * wrong + 0.8 * 0.5) / (wrong + 0.5) - 0.5
+    assert (high - low) / 2 == pytest.approx(-off, rel=0.01)
+    assert np.diff(base_rate([5e8, 5e8], episodes, weights, errors)[1:]) < 1e-4
+
+
 def test_episodes_go_where_success_is_open():
     given = allocate([0.4, 0.2, 0.4], [0.0, 0.5, 1.0], 100)
     assert given.sum() == 100 and given.min() >= 2

@@ -1,4 +1,4 @@
-"""The only module that knows where grammar/, specs/ and docs/ live.
+"""The only module that knows where grammar/, specs/, suites/ and docs/ live.
 
 An installed wheel carries them as scenegen/_data/ (see force-include in pyproject.toml); a checkout has them beside the
 package.
@@ -33,3 +33,8 @@ def shipped_pages() -> dict[str, Path]:
 def shipped_specs() -> dict[str, Path]:
     """The specs that ship with scenegen: name without ending -> path, in alphabetical order."""
     return {path.stem: path for path in sorted((_root() / "specs").glob("*.spec"))}
+
+
+def shipped_suites() -> dict[str, Path]:
+    """The suites that ship with scenegen: name -> folder, in alphabetical order."""
+    return {path.parent.name: path.parent for path in sorted((_root() / "suites").glob("*/suite.json"))}

@@ -1,4 +1,5 @@
-"""What is wrong with planning problems: PDDL and BDDL files, maps of predicates, goals without geometry."""
+"""What is wrong with planning problems: PDDL and BDDL files, maps of predicates, goals without geometry; and with
+suites."""
 
 from __future__ import annotations
 
@@ -148,4 +149,11 @@ TOO_FEW_LAYOUTS = Kind(
     "too-few-layouts",
     "{scenes} scenes for {environments} environments",
     help="each environment needs at least one: draw more scenes",
+)
+
+# suites
+NOT_A_SUITE = Kind(
+    "not-a-suite",
+    "{file} is not {what}: {reason}",
+    help="`scenegen suite new` makes suites, and `scenegen suite run` outcomes; neither is edited",
 )

@@ -12,6 +12,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     LABEL_NOT_NAMED,
+    MISSING_ARGUMENT,
     RANGE_NOT_A_PAIR,
     UNKNOWN_CHOICE,
     WITHOUT_MODEL,
@@ -91,7 +92,23 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
         )
     if request.settle:
         need("pybullet", "to settle scenes")
+    if request.success is not None or request.under is not None:
+        _check_success(spec, request)
     return request if method == request.method else replace(request, method=method)
+
+
+def _check_success(spec: Spec, request: SampleRequest) -> None:
+    """Raises RequestError where one of range and fit is missing, and where they have no place."""
+    if request.under is None:
+        raise RequestError(
+            MISSING_ARGUMENT(argument="under", question="name the file of `scenegen fit` that predicts it")
+        )
+    if request.success is None:
+        raise RequestError(MISSING_ARGUMENT(argument="success", question="say how often the policy should succeed"))
+    if request.raw:
+        reason = "raw scenes are all of a model's output"
+        raise RequestError(CONFLICTING_ARGUMENTS(one="raw", other="success", reason=reason))
+    _ = spec.checked  # fits are of specs that draw no numbers of things
 
 
 def plan_of(
@@ -114,6 +131,13 @@ def plan_of(
         proposer = None if model is None else model.proposer_of(checked, tuple(request.phi))
         return make_plan(make_problem(checked, request, budget), budget, proposer)
 
+    def predicted(plan: Plan) -> Plan:
+        if request.success is None or not plan.reached:
+            return plan
+        from scenegen.worlds.fit.predicted import Predicted
+
+        return Predicted.of(plan)
+
     def settled(plan: Plan) -> Plan:
         if not request.settle or not plan.reached:
             return plan
@@ -131,7 +155,7 @@ def plan_of(
 
         plan: Plan = plan_numbers(spec.declared, request, budget, make, settled)
     else:
-        plan = settled(make(spec.checked, request))
+        plan = settled(predicted(make(spec.checked, request)))
     if plan.why is not None and on_note is not None:
         on_note(f"{plan.method}: {plan.why}")
     return plan

@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
@@ -31,15 +32,17 @@ from scenegen.errors.requests import (
     NOT_A_NUMBER,
     NOT_A_POSE,
     ONLY_AT_BOUND,
+    OUT_OF_RANGE,
     RANGE_NOT_A_PAIR,
     RANGE_REVERSED,
     SINGLE_VALUE,
     UNKNOWN_LABEL,
     UNKNOWN_OBJECT,
+    WRONG_VALUE,
 )
 from scenegen.geometry.units import quantity
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
-from scenegen.validation import Option, as_int, as_list, by_name, options_of
+from scenegen.validation import Option, as_int, as_list, as_number, as_path, by_name, options_of
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
@@ -164,6 +167,29 @@ def empty_range(wanted: Range) -> Diagnostic | None:
     return None
 
 
+def parse_success(text: str, labels: tuple[str, ...]) -> Range:
+    """A range of rates as typed: LO:HI, LO: or :HI. Raises RequestError with a caret."""
+    return _parse_range(text, Source("success", text, argument=True), 0)
+
+
+def _check_success(name: str, value: Any) -> Range | None:
+    """A range of rates: a Range, or two ends, None for an open one. Raises RequestError."""
+    if value is None:
+        return None
+    ends = [value.low, value.high] if isinstance(value, Range) else as_list(value)
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="two rates: success=(0.4, 0.6)"))
+    low, high = (None if end is None else as_number(name, end) for end in ends)
+    if not 0.0 <= (0.0 if low is None else low) < (1.0 if high is None else high) <= 1.0:
+        shown = f"{Range(low, high)}"
+        raise RequestError(OUT_OF_RANGE(argument=name, value=shown, wanted="LO:HI of rates from 0 to 1, LO below HI"))
+    return Range(low, high)
+
+
+def _optional_path(name: str, value: object) -> Path | None:
+    return None if value is None else as_path(name, value)
+
+
 def _check_fix(name: str, fix: object) -> Mapping[str, Any]:
     return by_name(name, fix, 'poses by name: fix={"plate": (0.5, 0.5)}')
 
@@ -280,10 +306,11 @@ class SampleRequest:
     depends on the spec is checked by `api.request.check_request` and `within_reach`.
 
     `phi` are the ranges by label. `fix` has the poses of fixed objects by name: (x, y) or (x, y, theta), in metres and
-    radians. `method` is one of METHODS. `timeout` (seconds) and `workers` (processes; None: as many
-    as save time) change no scene, nor do `resume`, `engine`, `address` and `shard_size`, which say how scenes are
-    written. A range that phi reaches only at its bound, with probability 0, is replaced by a band beside it, with a
-    warning; with `strict` it is refused, for those who promise the range and show no warnings.
+    radians. `success` is the Range of rates, or its ends, that the fit in the file `under` may predict. `method` is one
+    of METHODS. `timeout` (seconds) and `workers` (processes; None: as many as save time) change no scene, nor do
+    `resume`, `engine`, `address` and `shard_size`, which say how scenes are written. A range that phi reaches only at
+    its bound, with probability 0, is replaced by a band beside it, with a warning; with `strict` it is refused, for
+    those who promise the range and show no warnings.
     """
 
     phi: Annotated[
@@ -326,6 +353,27 @@ class SampleRequest:
         bool,
         Option("Only scenes in which nothing moves when dropped in a simulator."),
     ] = False
+    success: Annotated[
+        Range | tuple[float | None, float | None] | None,
+        Option(
+            "Only scenes at which a policy is predicted to succeed so often, by the fit of --under.",
+            "LO:HI",
+            typed=str | None,
+            parse=parse_success,
+            check=_check_success,
+            of=("scenes",),
+        ),
+    ] = None
+    under: Annotated[
+        str | Path | None,
+        Option(
+            "The fit of the policy, a file of `scenegen fit`.",
+            "FIT",
+            typed=Path | None,
+            check=_optional_path,
+            of=("scenes",),
+        ),
+    ] = None
     workers: Annotated[
         int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING)
     ] = None

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.api.sample import sample
 from scenegen.arrays import Array, Index
 from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
 
+if TYPE_CHECKING:
+    from scenegen.api.spec import Spec
+    from scenegen.worlds.fit.fit import Fit
+
 Z = 1.959964  # of the normal distribution, for 95 %
-UNSURE = 0.05  # a predicted rate is taken to be at least so far from 0 and 1 where episodes are shared out
+UNSURE = 0.02  # a predicted rate is taken to be at least so far from 0 and 1 where episodes are shared out
 
 
 def base_rate(
@@ -29,9 +35,10 @@ def base_rate(
     it to be like the rest.
 
     `errors` (k,) are half of 95 % intervals of log10 of the probabilities, where these are estimates, as those of the
-    bands of a suite are. The variance of each stratum counts one success and one failure more than there were, since a stratum without
-    failures is not known to have none (Agresti and Coull 1998); strata add up as in Cochran 1977, 5.3. Raises
-    RequestError for numbers that can be none of these.
+    bands of a suite are. The variance of each stratum counts one success and one failure more than there were, since a
+    stratum without failures is not known to have none (Agresti and Coull 1998); strata add up as in Cochran 1977, 5.3,
+    and the interval is moved by the skewness of the sum, which makes Wilson's of it where there is one stratum.
+    Raises RequestError for numbers that can be none of these.
     """
     given = successes, episodes, probabilities, np.zeros(np.shape(episodes)) if errors is None else errors
     s, n, w, e = (np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in given)
@@ -50,16 +57,19 @@ def base_rate(
     if not known > 0.0:
         return 0.5, 0.0, 1.0
     met = float((w * s / n).sum())
-    cautious = (s + 1.0) / (n + 2.0)
+    p = (s + 1.0) / (n + 2.0)
+    variance = w**2 * p * (1.0 - p) / n
+    skew = Z**2 / 2.0 * float((variance * w * (1.0 - 2.0 * p) / n).sum() / variance.sum())
     unlike = w * math.log(10.0) * e * (s / n - met / known)  # what it matters that a probability is another one
-    half = math.sqrt(float((Z**2 * w**2 * cautious * (1.0 - cautious) / n + unlike**2).sum()))
-    return met / known, max(0.0, met - half), min(1.0, met + half + 1.0 - known)
+    half = math.sqrt(float((Z**2 * variance + unlike**2).sum()))
+    low, high = met + min(0.0, skew - half), met + max(0.0, skew + half)
+    return met / known, max(0.0, low), min(1.0, high + 1.0 - known)
 
 
 def allocate(probabilities: npt.ArrayLike, predicted: npt.ArrayLike, n: int) -> Index:
     """How many of n episodes each stratum gets, (k,), so that the variance of `base_rate` is least (Neyman 1934):
     by probability times sqrt(p (1 - p)) of the `predicted` success rate p, both (k,). A prediction is not trusted to
-    within 5 %, and each stratum gets two episodes. Raises RequestError for fewer than two each."""
+    within 2 %, and each stratum gets two episodes. Raises RequestError for fewer than two each."""
     w, p = np.asarray(probabilities, dtype=np.float64), np.clip(predicted, UNSURE, 1.0 - UNSURE)
     if n < 2 * len(w):
         raise RequestError(WRONG_VALUE(argument="n", value=str(n), wanted=f"at least 2 for each of {len(w)} strata"))
@@ -70,3 +80,27 @@ def allocate(probabilities: npt.ArrayLike, predicted: npt.ArrayLike, n: int) -> 
     given[last] += 1
     given += 2
     return given
+
+
+def strata(fit: Fit, spec: Spec, count: int, *, scenes: int = 50_000, seed: int = 0) -> tuple[Array, Array, Array]:
+    """Strata of a spec's base distribution by predicted success: their ends (k + 1,), from 0 to 1, their probabilities
+    and their mean predictions, (k,) each, in `scenes` random scenes. k is `count`, or less where few rates are
+    predicted; the strata have equal shares of the standard deviation, so that `allocate` gives them like numbers of
+    episodes. Raises what `sample` and `Fit.predict` raise.
+    """
+    rate = fit.predict(sample(spec, n=scenes, seed=seed, spread="base"))
+    ends = cut(rate, count)
+    which = np.searchsorted(ends[1:-1], rate)
+    size = np.bincount(which, minlength=len(ends) - 1)
+    return ends, size / scenes, np.bincount(which, rate, minlength=len(size)) / size
+
+
+def cut(rate: Array, count: int) -> Array:
+    """The ends of strata, see `strata`, of scenes whose predicted rates are (n,)."""
+    known, rate = np.unique(rate), np.sort(rate)
+    unsure = np.clip(rate, UNSURE, 1.0 - UNSURE)
+    share = np.cumsum(np.sqrt(unsure * (1.0 - unsure)))
+    cuts = rate[np.searchsorted(share, share[-1] * np.arange(1, count) / count)]
+    place = np.unique(np.searchsorted(known, cuts))
+    between = [(known[one - 1] + known[one]) / 2.0 for one in place if one > 0]  # no scene has one of these rates
+    return np.array([0.0, *between, 1.0])

@@ -10,10 +10,18 @@ from scenegen.worlds.fit import allocate, base_rate
 
 
 def test_one_stratum_is_a_plain_rate():
+    """Its interval is about Wilson's."""
     estimate, low, high = base_rate([30], [100], [1.0])
     assert estimate == 0.3
-    half = 1.959964 * math.sqrt(31 / 102 * 71 / 102 / 100)
-    assert (low, high) == pytest.approx((0.3 - half, 0.3 + half))
+    z = 1.959964
+    middle, half = (30 + z * z / 2) / (100 + z * z), z * math.sqrt(0.21 * 100 + z * z / 4) / (100 + z * z)
+    assert (low, high) == pytest.approx((middle - half, middle + half), abs=0.003)
+
+
+def test_the_interval_holds_the_estimate():
+    for won in (0, 25):
+        estimate, low, high = base_rate([won, won], [25, 25], [0.5, 0.5])
+        assert 0.0 <= low <= estimate <= high <= 1.0 and high - low < 0.2
 
 
 def test_strata_are_weighted_by_their_probabilities():
@@ -38,6 +46,9 @@ def test_what_was_not_run_may_succeed_always_or_never():
         ([0.5] * 20, [0.05] * 20, [5] * 20),
         ([0.01] * 5, [0.2] * 5, [40] * 5),
         ([0.02, 0.5], [0.9, 0.1], [60, 60]),  # a rare stratum is unlike the others
+        ([0.01, 0.03], [0.5, 0.5], [100, 100]),
+        ([0.01], [1.0], [1000]),
+        ([0.002, 0.998], [0.5, 0.5], [20, 20]),
     ],
 )
 def test_the_interval_covers(rates, weights, episodes):

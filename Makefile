@@ -12,7 +12,7 @@ ALL    := not slow and not browser and not cluster and not robosuite
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs llms pictures page-pictures tables bench experiments dataset clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs llms pictures page-pictures tables bench experiments dataset suite clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -129,6 +129,10 @@ DATASET_OUT    ?= build/dataset/
 DATASET_MORE   ?= --timeout 3600
 dataset: $(STAMP) ## scenes of all shipped specs at every difficulty: DATASET_SCENES=1000000 DATASET_OUT=build/dataset/ DATASET_MORE="--engine ray"
 	$(BIN)/scenegen dataset -n $(DATASET_SCENES) --out $(patsubst %/,%,$(DATASET_OUT))/ --license mit --resume $(DATASET_MORE)
+
+suite: $(STAMP)   ## the shipped suite again, from its specs: the same bytes
+	$(BIN)/scenegen suite new suites/tabletop/*.spec --out suites/tabletop
+	git diff --stat --exit-code suites
 
 clean:           ## remove the environment and everything built
 	rm -rf .venv .venvs build dist site demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis

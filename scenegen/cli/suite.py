@@ -3,88 +3,102 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import names_of, say_why
-from scenegen.cli.options import WORKERS, argument, find_spec, option, seconds
+from scenegen.cli.options import WORKERS, argument, choices, find_spec, option, seconds
 from scenegen.cli.output import print_error, progress_bar
 from scenegen.errors import RequestError
-from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
+from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
 
 if TYPE_CHECKING:
     from scenegen.sampling.engine.engines import JobResult
     from scenegen.sampling.request import Range
+    from scenegen.worlds.suites.outcomes import EpisodeOutcome
 
-OPTIONS: dict[str, tuple[str, ...]] = {  # of each action
-    "new": ("out", "bands", "log10p", "n", "seed", "success", "start", "timeout", "workers"),
+NEEDED = {  # what an action cannot do without, and the question that it answers
+    "new": {"out": "which folder gets the suite?"},
+    "check": {},
+    "run": {"world": "where?", "policy": "what acts?", "out": "which file gets the outcomes?"},
+    "report": {"out": "which file gets the page?"},
+}
+OPTIONS = {
+    "new": ("bands", "log10p", "n", "seed", "success", "start", "timeout", "workers"),
     "check": (),
+    "run": ("bands", "reverse", "instruction", "episodes", "resume", "steps", "timeout", "workers"),
+    "report": ("pictures", "workers"),
 }
 
 
 def suite(
-    action: str = argument("new or check.", "ACTION"),
-    places: list[str] = argument("For new: spec files. Else the suite's folder.", "PLACE..."),
-    out: Path | None = option("The suite's folder.", "DIR"),
-    bands: list[str] | None = option(
-        "For new: how many bands, equally probable, by default 5; or a range of phi, once for each.", "K|NAME=LO:HI"
+    action: str = argument("new, check, run or report.", "ACTION", autocompletion=choices(*NEEDED)),
+    places: list[str] = argument(
+        "For new: spec files. Else the suite's folder, or the name of a shipped suite; for report then files of"
+        " outcomes.",
+        "PLACE...",
     ),
-    log10p: bool = option("For new: --bands are ranges of log10 of the share of starts at least as hard."),
-    n: int | None = option("For new: starts of each band of each task; default: 50.", "N"),
-    seed: int | None = option("For new: the same seed gives the same suite; default: 0.", "N"),
-    success: str | None = option("For new: the label of success; default: goal, or the only one.", "LABEL"),
-    start: str | None = option("For new: the label that starts satisfy; default: start, if there is one.", "LABEL"),
+    out: Path | None = option("new: the suite's folder. run: .jsonl. report: .html or .md.", "DIR|FILE"),
+    bands: list[str] | None = option(
+        "new: how many, equally probable; default: 5. Or a range of phi, once for each. run: the names of some.",
+        "K|NAME=LO:HI|NAME",
+    ),
+    log10p: bool = option("new: --bands are ranges of log10 of the share of starts at least as hard."),
+    n: int | None = option("new: starts of each band of each task; default: 50.", "N"),
+    seed: int | None = option("new: the same seed gives the same suite; default: 0.", "N"),
+    success: str | None = option("new: the label of success; default: goal, or the only one.", "LABEL"),
+    start: str | None = option("new: the label that starts satisfy; default: start, if there is one.", "LABEL"),
+    world: str | None = option("run: a function of a task that makes its environment.", "MODULE:NAME|FILE.py:NAME"),
+    policy: str | None = option("run: what acts.", "MODULE:NAME|FILE.py:NAME|URL"),
+    reverse: bool = option("run: the reversed tasks, whose starts are goals."),
+    instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),
+    episodes: str | None = option("run: some of them; default: all.", "FIRST:END"),
+    resume: bool = option("run: go on with a file."),
+    steps: int | None = option("run: of an episode at most; default: 1000.", "N"),
+    pictures: int | None = option("report: of so many starts; default: 8.", "N"),
     timeout: float | None = option(
-        "For new: seconds for the starts of a band; default: 600.", "SECONDS", parser=seconds
+        "new: seconds of a band. run: of an episode. Default: 600.", "SECONDS", parser=seconds
     ),
     workers: int | None = WORKERS,
 ) -> None:
-    """Make and check suites: graded starts of several tasks, frozen, on which policies are compared.
+    """Compare policies on suites: graded starts of several tasks, frozen, the same ones for everybody.
 
     \b
-      scenegen suite new stack.spec sort.spec --bands 5 -n 50 --out mine/
+      scenegen suite new a.spec b.spec --bands 5 -n 50 --out mine/
       scenegen suite new a.spec --bands near=-0.1:0 --bands far=:-0.1 --out mine/
-      scenegen suite check mine/
+      scenegen suite check tabletop
+      scenegen suite run mine/ --world w.py:make --policy p.py:act --out a.jsonl
+      scenegen suite report mine/ a.jsonl b.jsonl --out report.html
 
-    A start is a scene in which the label of success does not hold. Of each task there are as many starts of each band;
-    a suite knows how probable each band is. Starts are ordinary scenes files: `scenegen render mine/stack.json` draws
-    them. The first line of a spec is its instruction; one `# reverse: ...` makes a reversed task of a spec with a
-    label of its starts.
+    A start is a scene in which the label of success does not hold. Of each task there are as many starts of each band
+    of phi, and the suite knows how probable each band is. Starts are ordinary scenes files: `scenegen render
+    mine/a.json` draws them. The first line of a spec is its instruction; one `# reverse: ...` makes a reversed task of
+    a spec with a label of its starts.
+
+    `run` writes a line for each episode; one that fails, dies or hangs counts as a failure, and the others go on.
     """
-    given = {
+    given: dict[str, Any] = {
         "out": out, "bands": bands, "log10p": log10p, "n": n, "seed": seed, "success": success, "start": start,
-        "timeout": timeout, "workers": workers,
+        "world": world, "policy": policy, "reverse": reverse, "instruction": instruction, "episodes": episodes,
+        "resume": resume, "steps": steps, "pictures": pictures, "timeout": timeout, "workers": workers,
     }  # fmt: skip
-    if action not in OPTIONS:
-        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=OPTIONS))
-    for name, value in given.items():
-        if value and name not in OPTIONS[action]:
-            of = ", ".join(f"`{one}`" for one, options in OPTIONS.items() if name in options)
+    given = {name: value for name, value in given.items() if value not in (None, False)}
+    if action not in NEEDED:
+        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=NEEDED))
+    for name in given:
+        if name not in (*NEEDED[action], *OPTIONS[action]):
+            of = ", ".join(f"`{one}`" for one in NEEDED if name in (*NEEDED[one], *OPTIONS[one]))
             raise RequestError(OUT_OF_PLACE(argument=name, rule=f"is an option of {of}", remedy="leave it out"))
-    if action == "new":
-        if out is None:
-            raise RequestError(MISSING_ARGUMENT(argument="out", question="which folder gets the suite?"))
-        _new(
-            [find_spec(Path(place)) for place in places], out, bands, log10p, 50 if n is None else n, seed or 0,
-            success, start, timeout or 600.0, workers,
-        )  # fmt: skip
-    else:
-        _check(places)
+    for name, question in NEEDED[action].items():
+        if name not in given:
+            raise RequestError(MISSING_ARGUMENT(argument=name, question=question))
+    actions: dict[str, Any] = {"new": _new, "check": _check, "run": _run, "report": _report}
+    actions[action](places, **given)
 
 
-def _new(
-    specs: list[Path],
-    out: Path,
-    bands: list[str] | None,
-    log10p: bool,
-    n: int,
-    seed: int,
-    success: str | None,
-    start: str | None,
-    timeout: float,
-    workers: int | None,
-) -> None:
+def _new(specs: list[str], out: Path, bands: list[str] | None = None, **given: Any) -> None:
     from scenegen.worlds.suites.new import new_suite
 
+    paths = [find_spec(Path(one)) for one in specs]
     with progress_bar() as bar:
         task = bar.add_task("tasks", total=None)
 
@@ -93,13 +107,10 @@ def _new(
             if ended.errors:
                 say_why(ended)
 
-        named = list(zip(names_of(specs), specs, strict=True))
-        made = new_suite(
-            named, out, bands=_bands(bands), log10p=log10p, n=n, seed=seed, success=success, start=start,
-            timeout=timeout, workers=workers, told=told,
-        )  # fmt: skip
+        named = list(zip(names_of(paths), paths, strict=True))
+        made = new_suite(named, out, bands=_bands(bands), told=told, **given)
     starts = sum(made.n * len(one.bands) for one in made.tasks)
-    print_error(f"{starts:,} starts of {len(made.tasks)} tasks in {out}, digest {made.digest[:12]}")
+    print_error(f"{starts:,} starts of {len(made.tasks)} tasks in {out}, digest {made.digest}")
 
 
 def _bands(texts: list[str] | None) -> int | dict[str, Range]:
@@ -120,3 +131,43 @@ def _check(places: list[str]) -> None:
         for one in check_suite(place):
             what = "reversed tasks" if one.reverse else "tasks"
             print_error(f"{place}: {len(one):,} starts of {len(one.tasks)} {what} are as they were made: {one.digest}")
+
+
+def _run(
+    places: list[str],
+    out: Path,
+    episodes: str | None = None,
+    bands: list[str] | None = None,
+    reverse: bool = False,
+    **given: Any,
+) -> None:
+    from scenegen.worlds.suites.run import run_suite
+    from scenegen.worlds.suites.suite import Suite
+
+    first, _, end = (episodes or ":").partition(":")
+    if not all(one.isdecimal() or not one for one in (first, end)) or (episodes is not None and ":" not in episodes):
+        raise RequestError(ARGUMENT_SYNTAX(what="a part of a suite", form="FIRST:END", example="0:500"))
+    loaded = Suite.load(places[0], reverse=reverse)
+    some = loaded.part(int(first or 0), int(end) if end else None, bands)
+    successes = done = 0
+    with progress_bar() as bar:
+        task = bar.add_task("episodes", total=len(some))
+
+        def told(outcome: EpisodeOutcome, count: int, total: int) -> None:
+            nonlocal successes, done
+            successes, done = successes + outcome.success, count
+            bar.update(task, completed=count, total=total, description=f"episodes: {successes} of {count} succeed")
+
+        try:
+            run_suite(loaded, places[0], out, episodes=some, told=told, **{"workers": 1, **given})
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(f"interrupted after {done} episodes; --resume goes on in {out}") from error
+    print_error(f"{successes:,} of {done:,} episodes succeed; outcomes in {out}")
+
+
+def _report(places: list[str], out: Path, **given: Any) -> None:
+    from scenegen.worlds.suites.report import report_suite
+
+    if not places[1:]:
+        raise RequestError(MISSING_ARGUMENT(argument="outcomes", question="which files is the report about?"))
+    print_error(f"report in {report_suite(places[0], [Path(one) for one in places[1:]], out, **given)}")

@@ -269,8 +269,8 @@ PHI_DIFFERS = Kind(
 # unfinished runs
 UNFINISHED_RUN = Kind(
     "unfinished-run",
-    "{folder} holds {scenes:,} scenes of an unfinished run",
-    help="go on with <resume>, or delete the folder",
+    ("{folder} holds {outcomes:,} outcomes already", "{folder} holds {scenes:,} scenes of an unfinished run"),
+    help=("{outcomes:?}go on with <resume>, or name another file", "go on with <resume>, or delete the folder"),
 )
 OTHER_REQUEST = Kind(
     "other-request",

@@ -157,3 +157,8 @@ NOT_A_SUITE = Kind(
     "{file} is not {what}: {reason}",
     help="`scenegen suite new` makes suites, `scenegen suite run` outcomes, `scenegen fit` fits; none is edited",
 )
+WORLD_FAILS = Kind(
+    "world-fails",
+    "{what} `{name}` {how}: {reason}",
+    help="try it by itself; <resume> goes on with the outcomes that there are",
+)

@@ -2,9 +2,9 @@
 
 The starts of a task are the scenes of its spec in which the label of success does not hold and that of starts, where
 the spec has one, does: both become requirements, so that the task's spec has these starts as its base distribution.
-Bands are ranges of phi of the label of success. How probable they are follows from `scenegen range` (adaptive
-splitting); within a band, starts are drawn from the base distribution, so shares of the bands, weighted by their
-probabilities, estimate those of all starts.
+Bands are ranges of phi of the label of success. How probable they are is counted among many draws, and where these
+are too few it is what `scenegen range` finds (adaptive splitting); within a band, starts are drawn from the base
+distribution, so shares of the bands, weighted by their probabilities, estimate those of all starts.
 """
 
 from __future__ import annotations
@@ -26,19 +26,22 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, load, parse
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import LABEL_NOT_NAMED, OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.sampling.engine.engines import JobResult, each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.files import read_bytes, whole_files
 from scenegen.scenes.formats.scenes_json import write
 from scenegen.validation import as_int, as_path
+from scenegen.worlds.suites.statistics import Z
 from scenegen.worlds.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData
 
 STREAM = 17  # the stream of random numbers of suites
 GOAL, START = "goal", "start"  # labels that are taken where none is named
 DIGITS = 5  # of ends of bands and of probabilities
 MOST = 64  # bands
+COUNTED, FEW = 1 << 16, 100  # draws of a task's base distribution, and of a band at least
+PLACES = 1025  # of the curve that they give
 Bands = int | Mapping[str, Range]
 Told = Callable[[JobResult, int, int], None]  # a task that is made, or failed; how many of how many are over
 
@@ -82,16 +85,13 @@ def new_suite(
     `workers`. Raises RequestError, SpecError, DataError and OutputError.
     """
     out = as_path("out", out)
-    if not 1 <= as_int("n", n) <= 10_000:
-        raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted="from 1 to 10000"))
-    if not 0 <= as_int("seed", seed) <= MAX_SEED:
-        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
-    if isinstance(bands, int) and not 1 <= bands <= MOST:
-        raise RequestError(OUT_OF_RANGE(argument="bands", value=bands, wanted=f"from 1 to {MOST}, or NAME=LO:HI"))
+    count = bands if isinstance(bands, int) else len(bands)
+    for name, value, low, high in (("n", n, 1, 10_000), ("seed", seed, 0, MAX_SEED), ("bands", count, 1, MOST)):
+        if not low <= as_int(name, value) <= high:
+            raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted=f"from {low} to {high}"))
     if re.fullmatch(NAME_PATTERN, out.resolve().name) is None:
-        raise RequestError(
-            WRONG_VALUE(argument="out", value=f"`{out}`", wanted="a folder called by letters and digits")
-        )
+        wanted = "a folder called by letters and digits"
+        raise RequestError(WRONG_VALUE(argument="out", value=f"`{out}`", wanted=wanted))
     plans = [one for name, path in specs for one in _tasks(name, path, success, start)]
     made: list[tuple[TaskData, bytes]] = []
     job = _MakeTask(bands, log10p, n, seed, timeout)
@@ -100,15 +100,14 @@ def new_suite(
         if ended.errors:
             raise RequestError(*ended.errors)
         made.append(ended.value)
-    forth, back = (
-        [one for plan, (one, _) in zip(plans, made, strict=True) if plan.back == way] for way in (False, True)
-    )
-    found = SuiteFile(name=out.resolve().name, digest=BLANK, seed=seed, n=n, tasks=forth, reversed=back)
+    ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
-        for task, data in made:
+        for plan, (task, data) in zip(plans, made, strict=True):
             put(task.scenes, data)
-        put(MANIFEST, found.dump())
-    return SuiteFile.model_validate_json(found.dump())
+            ways[plan.back].append(task)
+        manifest = SuiteFile(name=out.resolve().name, digest=BLANK, seed=seed, n=n, tasks=ways[0], reversed=ways[1])
+        put(MANIFEST, manifest.dump())
+    return SuiteFile.model_validate_json(manifest.dump())
 
 
 def _tasks(name: str, path: Path, success: str | None, start: str | None) -> list[TaskPlan]:
@@ -118,11 +117,11 @@ def _tasks(name: str, path: Path, success: str | None, start: str | None) -> lis
     for label in (success, start):
         if label is not None and label not in spec.labels:
             raise RequestError(UNKNOWN_LABEL(name=label, known=spec.labels))
-    begin = start or (START if START in spec.labels else None)
+    begin = start or (START if START in spec.labels[:-1] or START in spec.labels[1:] else None)
     goals = [label for label in spec.labels if label != begin]
     goal = success or (GOAL if GOAL in goals else goals[0] if len(goals) == 1 else None)
     if goal is None:
-        raise RequestError(LABEL_NOT_NAMED(count=len(goals), labels=tuple(goals), first=goals[0], text="0:"))
+        raise RequestError(UNKNOWN_LABEL(name=GOAL, known=spec.labels))
     instruction = spec.checked.title or name.replace("_", " ")
     forth = f"{source}require !{goal}" + (f" & {begin}" if begin else "") + "\n"
     plans = [TaskPlan(name, forth, instruction, goal, back=False)]
@@ -148,23 +147,22 @@ class _MakeTask:
 
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
         spec = Spec(replace(parse(plan.source, plan.name).checked, title=plan.instruction))
-        found = rarity(spec, plan.success, seed=self.seed).labels[0]
-        if not found.curve:
+        curve, bounds = _Curve.drawn(spec, plan.success, self.seed, self.timeout), spec.bounds()[plan.success]
+        if not curve.ends[0] < curve.ends[1]:
             wanted = "a label whose phi differs between starts"
             raise RequestError(WRONG_VALUE(argument="success", value=f"`{plan.success}`", wanted=wanted))
-        curve = _Curve.of(found)
+        ranges = _ranges(self._wanted(plan), self.log10p, curve, bounds)
+        if any(curve.between(low, high)[0] < FEW / COUNTED for _, low, high in ranges):
+            curve = _Curve.rare(rarity(spec, plan.success, seed=self.seed).labels[0])
+            ranges = _ranges(self._wanted(plan), self.log10p, curve, bounds)
         bands: list[BandData] = []
         parts: list[SceneSet] = []
-        for name, low, high in _ranges(self._wanted(plan), self.log10p, curve, found.bounds):
+        for name, low, high in ranges:
             share, error = curve.between(low, high)
             if not share > 0.0:
-                facts = {
-                    "value": f"{name}={low:g}:{high:g}",
-                    "wanted": "in {:g}:{:g}, where starts are".format(*curve.ends),
-                }
-                raise RequestError(OUT_OF_RANGE(argument="bands", **facts))
-            words = np.random.SeedSequence([self.seed, STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
-            rng = np.random.default_rng(words)
+                wanted = "in {:g}:{:g}, where starts are".format(*curve.ends)
+                raise RequestError(OUT_OF_RANGE(argument="bands", value=f"{name}={low:g}:{high:g}", wanted=wanted))
+            rng = np.random.default_rng([self.seed, STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
             request = SampleRequest(
                 {plan.success: Range(low, high)}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
                 timeout=self.timeout, workers=1,
@@ -180,10 +178,9 @@ class _MakeTask:
             )  # fmt: skip
             parts.append(part)
         data = self._bytes(spec, parts, bands)
-        digest = hashlib.sha256(data).hexdigest()
         task = TaskData(
-            name=plan.name, instruction=plan.instruction, success=plan.success, scenes=plan.file, sha256=digest,
-            bands=bands,
+            name=plan.name, instruction=plan.instruction, success=plan.success, scenes=plan.file,
+            sha256=hashlib.sha256(data).hexdigest(), bands=bands,
         )  # fmt: skip
         return task, data
 
@@ -222,17 +219,30 @@ def _ranges(wanted: Bands, log10p: bool, curve: _Curve, bounds: tuple[float, flo
 
 @dataclass(frozen=True, slots=True)
 class _Curve:
-    """How phi of a label is distributed: log10 P(phi' <= phi) and P(phi' >= phi) at rising values of phi, half of a
-    95 % interval of the smaller, and the lowest and highest phi there is."""
+    """How phi of a label is distributed: log10 P(phi' <= phi) and P(phi' >= phi) at rising values of phi, and the
+    lowest and highest phi there is. `errors` are halves of 95 % intervals of the smaller of both; of plain draws their
+    number, `draws`, says how sure a share is."""
 
     phi: Array
     below: Array
     above: Array
     errors: Array
     ends: tuple[float, float]
+    draws: int = 0
 
     @staticmethod
-    def of(one: LabelRarity) -> _Curve:
+    def drawn(spec: Spec, label: str, seed: int, timeout: float) -> _Curve:
+        """By counting draws."""
+        request = SampleRequest({}, COUNTED, seed=seed, spread="base", timeout=timeout, workers=1)
+        values = np.sort(draw_scenes(spec, request).phi[label])
+        phi = np.unique(values[np.linspace(0, COUNTED - 1, PLACES).astype(int)])
+        below = np.searchsorted(values, phi, side="right") / COUNTED
+        above = 1.0 - np.searchsorted(values, phi, side="left") / COUNTED
+        return _Curve(phi, np.log10(below), np.log10(above), 0.0 * phi, (float(phi[0]), float(phi[-1])), COUNTED)
+
+    @staticmethod
+    def rare(one: LabelRarity) -> _Curve:
+        """By splitting."""
         known = [(k.phi, k.below, k.above) for k in one.curve if k.below is not None and k.above is not None]
         below = np.array([low.log10 for _, low, _ in known if low is not None])
         above = np.array([high.log10 for _, _, high in known if high is not None])
@@ -256,6 +266,8 @@ class _Curve:
         """P(low <= phi <= high), and half of a 95 % interval of its log10."""
         shares = self.share(np.array([low, high]))
         whole = float(shares[1] - shares[0])
+        if self.draws:
+            return whole, Z * math.sqrt((1.0 - whole) / max(whole * self.draws, 1.0)) / math.log(10.0)
         errors = np.minimum(shares, 1.0 - shares) * np.interp([low, high], self.phi, self.errors)
         return whole, float(np.hypot(*errors)) / whole if whole > 0.0 else 0.0
 

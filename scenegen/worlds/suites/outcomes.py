@@ -62,9 +62,10 @@ class SuiteOutcomes:
 
     @property
     def name(self) -> str:
-        """The policy, and how it was run where that was another way than usual."""
+        """The policy without its folder, and how it was run where that was another way than usual."""
         how = [word for word, there in (("reversed", self.header.reverse), ("no instruction", self.empty)) if there]
-        return f"{self.header.policy} ({', '.join(how)})" if how else self.header.policy
+        policy = self.header.policy.rpartition("/")[2]
+        return f"{policy} ({', '.join(how)})" if how else policy
 
     @property
     def empty(self) -> bool:

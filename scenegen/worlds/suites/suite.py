@@ -8,8 +8,8 @@ from the files alone, so episode i has start i in every program that reads them.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from operator import not_
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar
@@ -22,7 +22,7 @@ from scenegen.api.scenes import SceneSet, compare
 from scenegen.api.spec import Spec, parse
 from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.requests import OUT_OF_RANGE
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.errors.worlds import NOT_A_SUITE
 from scenegen.resources import shipped_suites
 from scenegen.scenes.arrange import check_scenes
@@ -88,12 +88,12 @@ class SuiteFile(SuiteModel):
     @model_validator(mode="after")
     def _agree(self) -> Self:
         for tasks in (self.tasks, self.reversed):
-            if len({task.name for task in tasks}) < len(tasks):
-                raise ValueError("two tasks have the same name")
-        for task in (*self.tasks, *self.reversed):
-            for band in task.bands:
-                if not len(band.log10p) == len(band.seeds) == self.n:
-                    raise ValueError(f"the band {band.name} of {task.name} has not {self.n} starts")
+            for names in ([task.name for task in tasks], *([band.name for band in task.bands] for task in tasks)):
+                if len(set(names)) < len(names):
+                    raise ValueError("two tasks, or two bands of one, have the same name")
+        bands = [band for task in (*self.tasks, *self.reversed) for band in task.bands]
+        if any(not len(band.log10p) == len(band.seeds) == self.n for band in bands):
+            raise ValueError(f"a band has not {self.n} starts")
         return self
 
     def dump(self) -> bytes:
@@ -117,35 +117,26 @@ def load_model(model: type[Model], data: bytes, file: Path | str, what: str) -> 
 # A suite in memory.
 
 
-@dataclass(frozen=True, slots=True)
-class SuiteBand:
-    """A band of a task: a range of phi of its success label, and its probability among the starts that the task's spec
-    allows, with half of a 95 % interval of its log10."""
-
-    name: str
-    phi: tuple[float, float]
-    probability: float
-    error: float
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class SuiteTask:
     """A task of a suite. What its spec requires holds at every start; success is phi >= 0 of the label `success`.
-    `scenes` are its starts, n of each band in turn."""
+    `scenes` are its starts, n of each band in turn, and `poses` (n, N, 7) the same as `SceneSet.poses7` has them."""
 
     name: str
     spec: Spec
     instruction: str
     success: str
-    bands: tuple[SuiteBand, ...]
+    bands: tuple[BandData, ...]
     scenes: SceneSet = field(repr=False)
+    poses: Array = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GradedStart:
     """Start `number` of a suite: `poses` (N, 7) in the spec's frame: x, y, z of each object's lowest point in metres,
     then qw, qx, qy, qz; `objects` are their names. `phi` is by label; `log10p` is log10 of the share of all starts that
-    is at least as hard, `probability` that of its band. `seed` is for what else is random; `on` is as in a SceneSet."""
+    is at least as hard, `probability` that of its band. `seed` is for what else is random; `row` is its number among
+    the task's scenes, `on` as in a SceneSet."""
 
     number: int
     task: SuiteTask
@@ -155,7 +146,7 @@ class GradedStart:
     log10p: float
     probability: float
     seed: int
-    row: int  # of the task's scenes
+    row: int
     on: Array | None = None
 
     @property
@@ -165,15 +156,14 @@ class GradedStart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Suite:
-    """A suite: `len(suite)` starts, `suite[i]` is start i; `n` are those of each band of each task."""
+    """A suite: `len(suite)` starts, `suite[i]` is start i; `n` are those of each cell; `cells` are every band of every
+    task, in the order of starts."""
 
     name: str
     digest: str
     n: int
     reverse: bool
     tasks: tuple[SuiteTask, ...]
-    _data: tuple[TaskData, ...] = field(repr=False)
-    _poses: tuple[Array, ...] = field(repr=False)
 
     @staticmethod
     def load(folder: str | Path, *, reverse: bool = False) -> Suite:
@@ -182,44 +172,54 @@ class Suite:
         folder = find_suite(folder)
         file = read_manifest(folder)
         if reverse and not file.reversed:
-            reason = "it has no reversed tasks: its specs name no label of their starts"
-            raise DataError(NOT_A_SUITE(file=folder, what="a suite that can be reversed", reason=reason))
-        data = tuple(file.reversed if reverse else file.tasks)
-        tasks = tuple(_task(folder, one, file.n) for one in data)
-        poses = tuple(task.scenes.poses7() for task in tasks)
-        return Suite(file.name, file.digest, file.n, reverse, tasks, data, poses)
+            raise DataError(NOT_A_SUITE(file=folder, what="a suite with reversed tasks", reason="none has a way back"))
+        tasks = (_task(folder, one, file.n) for one in (file.reversed if reverse else file.tasks))
+        return Suite(file.name, file.digest, file.n, reverse, tuple(tasks))
 
     @property
-    def cells(self) -> tuple[tuple[SuiteTask, SuiteBand], ...]:
-        """Every band of every task, in the order of starts."""
-        return tuple((task, band) for task in self.tasks for band in task.bands)
+    def cells(self) -> list[tuple[SuiteTask, BandData]]:
+        return [(task, band) for task in self.tasks for band in task.bands]
 
     def __len__(self) -> int:
         return len(self.cells) * self.n
 
-    def __getitem__(self, number: int) -> GradedStart:
-        number = as_int("number", number)
-        if not 0 <= number < len(self):
-            raise IndexError(number)  # ends `for start in suite`
-        which, cell = divmod(number, len(self.cells))
-        index = 0
-        while cell >= len(self.tasks[index].bands):
-            cell -= len(self.tasks[index].bands)
-            index += 1
-        task, row, data = self.tasks[index], cell * self.n + which, self._data[index].bands[cell]
-        phi = {label: float(values[row]) for label, values in task.scenes.phi.items()}
-        return GradedStart(
-            number, task, data.name, self._poses[index][row], phi, data.log10p[which], data.probability,
-            data.seeds[which], row, None if task.scenes.on is None else task.scenes.on[row],
-        )  # fmt: skip
+    def __iter__(self) -> Iterator[GradedStart]:
+        return map(self.__getitem__, range(len(self)))
 
-    def part(self, first: int = 0, end: int | None = None) -> range:
-        """The numbers of the starts from `first` up to, not including, `end`. Raises RequestError."""
+    def __getitem__(self, number: int) -> GradedStart:
+        number, cells = as_int("number", number), self.cells
+        if not 0 <= number < len(self):
+            raise IndexError(number)
+        which, cell = divmod(number, len(cells))
+        task, band = cells[cell]
+        row = [one.name for one in task.bands].index(band.name) * self.n + which
+        phi = {label: float(values[row]) for label, values in task.scenes.phi.items()}
+        on = None if task.scenes.on is None else task.scenes.on[row]
+        return GradedStart(
+            number,
+            task,
+            band.name,
+            task.poses[row],
+            phi,
+            band.log10p[which],
+            band.probability,
+            band.seeds[which],
+            row,
+            on,
+        )
+
+    def part(self, first: int = 0, end: int | None = None, bands: Collection[str] | None = None) -> list[int]:
+        """The numbers of the starts from `first` up to, not including, `end`, or of those of some bands. Raises
+        RequestError."""
         end = len(self) if end is None else end
         if not 0 <= first < end <= len(self):
             wanted = f"FIRST:END, from 0 to {len(self)}"
             raise RequestError(OUT_OF_RANGE(argument="episodes", value=f"{first}:{end}", wanted=wanted))
-        return range(first, end)
+        names = [band.name for _, band in self.cells]
+        for name in bands or ():
+            if name not in names:
+                raise RequestError(UNKNOWN_CHOICE(what="band", name=name, known=dict.fromkeys(names)))
+        return [number for number in range(first, end) if bands is None or names[number % len(names)] in bands]
 
 
 def find_suite(folder: str | Path) -> Path:
@@ -247,14 +247,11 @@ def read_manifest(folder: Path) -> SuiteFile:
 
 def _task(folder: Path, data: TaskData, n: int) -> SuiteTask:
     scenes = read_scenes(folder / data.scenes)
-    refused = partial(NOT_A_SUITE, file=folder / data.scenes, what="that of the suite")
-    if data.success not in scenes.phi:
-        raise DataError(refused(reason=f"it has no label `{data.success}`"))
-    if len(scenes) != n * len(data.bands):
-        raise DataError(refused(reason=f"it has {len(scenes)} scenes, and its bands {n * len(data.bands)}"))
-    bands = tuple(SuiteBand(one.name, one.phi, one.probability, one.error) for one in data.bands)
+    if data.success not in scenes.phi or len(scenes) != n * len(data.bands):
+        reason = f"it has not {n * len(data.bands)} scenes with the label `{data.success}`"
+        raise DataError(NOT_A_SUITE(file=folder / data.scenes, what="that of the suite", reason=reason))
     spec = parse(scenes.header.spec.source, data.name)
-    return SuiteTask(data.name, spec, data.instruction, data.success, bands, scenes)
+    return SuiteTask(data.name, spec, data.instruction, data.success, tuple(data.bands), scenes, scenes.poses7())
 
 
 def check_suite(folder: str | Path) -> list[Suite]:

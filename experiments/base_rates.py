@@ -31,7 +31,6 @@ POOL = 50_000  # base scenes
 TESTED = 5_000  # held-out starts
 ROLLOUTS = (1_000, 5_000)  # uniform ones; strata get a fifth of them
 FITS, REPEATS = 10, 20  # fits, each of its own outcomes, and estimates with each: 200
-STRATA = 4
 IN_A_BAND = 50  # outcomes that a fit is made of, in each fifth of phi
 
 
@@ -100,12 +99,11 @@ def measure(task: SuiteTask, name: str, pool: Starts, true: Array) -> dict[str, 
     found: dict[str, list[float]] = {}
     widths: dict[tuple[str, int], list[tuple[float, bool]]] = {}
 
-    def estimated(way: str, which: Index, count: int, predicted: Array, n: int) -> None:
-        """An estimate from n rollouts in strata, where `which` says of each scene of the pool in which it is."""
-        size = np.bincount(which, minlength=count)
+    def estimated(way: str, which: Index, n: int, given: Index) -> None:
+        """Estimates from so many rollouts in strata, where `which` says of each scene of the pool in which it is."""
+        size = np.bincount(which)
         members = np.split(np.argsort(which, kind="stable"), np.cumsum(size)[:-1])
         for _ in range(REPEATS):
-            given = allocate(size / len(which), predicted, n) if count > 1 else np.array([n])
             drawn = [rng.choice(one, each) for one, each in zip(members, given, strict=True)]
             won = [int((rng.random(len(one)) < true[one]).sum()) for one in drawn]
             _, low, high = base_rate(won, given, size / len(which))
@@ -128,14 +126,12 @@ def measure(task: SuiteTask, name: str, pool: Starts, true: Array) -> dict[str, 
             ("features", float(len(fit.curves))),
         ):
             found.setdefault(measure, []).append(value)
-        ends = cut(predicted, STRATA)
-        which = np.searchsorted(ends[1:-1], predicted)
-        mean = np.bincount(which, predicted) / np.bincount(which)
         rates = (np.bincount(bands[some], success) + 1.0) / (IN_A_BAND + 2.0)
         for n in ROLLOUTS:
-            estimated("uniform", np.zeros(len(true), dtype=np.intp), 1, np.array([0.5]), n)
-            estimated("fit", which, len(mean), mean, n // 5)
-            estimated("phi", bands, 5, rates, n // 5)
+            ends, _, given = cut(predicted, n // 5)
+            estimated("uniform", np.zeros(len(true), dtype=np.intp), n, np.array([n]))
+            estimated("fit", np.searchsorted(ends[1:-1], predicted), n, given)
+            estimated("phi", bands, n, allocate(np.full(5, 0.2), rates, n // 5))
     row |= {key: float(np.mean(values)) for key, values in found.items()}
     row["largest calibration error"] = max(found["calibration error"])
     for (way, n), each in widths.items():

@@ -25,16 +25,16 @@ def fit(
     """Fit a policy's success to what can be measured at the start: does phi predict it?
 
     \b
-      scenegen fit outcomes.jsonl --suite suites/first --out policy.fit
+      scenegen fit mine.jsonl --suite tabletop --out policy.fit
+      scenegen fit a.jsonl b.jsonl --suite mine/ --out p.fit --monotone
       scenegen sample my.spec --success 0.4:0.6 --under policy.fit
-      scenegen fit a.jsonl b.jsonl --suite suites/first --out policy.fit --monotone
 
     Of each task: logistic regression on phi and the margins of the success formula, how rare phi is, how crowded the
     table is, distances and places. Which of these take part, and how strongly they are drawn to 0, is chosen by
-    cross-validation. How good the predictions are is measured at starts that the fit has not seen; intervals are of 95
-    %.
+    cross-validation. How good the predictions are is measured at starts that the fit has not seen.
 
     `base rate` is the success rate of the base distribution: of each band of the suite, weighted by its probability.
+    Intervals are of 95 %.
     AUC is the probability that a success has a higher value than a failure: 0.5 tells nothing, 1 everything. The
     calibration error is the mean difference of predicted and true rates; `by chance` is what perfect predictions would
     show in so few episodes: on the average, and at most in 95 % of cases.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scenegen.worlds.fit.fit import Fit
 
 Z = 1.959964  # of the normal distribution, for 95 %
-UNSURE = 0.02  # a predicted rate is taken to be at least so far from 0 and 1 where episodes are shared out
+MOST_STRATA = 8
 
 
 def base_rate(
@@ -48,12 +48,12 @@ def base_rate(
         raise RequestError(WRONG_VALUE(argument="successes", value=shapes, wanted=wanted))
     if not ((s >= 0) & (s <= n)).all():
         raise RequestError(WRONG_VALUE(argument="successes", value=str(s.tolist()), wanted="from 0 to the episodes"))
-    if not ((w >= 0).all() and w.sum() <= 1.0 + 1e-6):
+    if not ((w >= 0).all() and w.sum() <= 1.001):  # they may be rounded
         wanted = "probabilities of strata that do not overlap: at least 0, and at most 1 together"
         raise RequestError(WRONG_VALUE(argument="probabilities", value=str(w.tolist()), wanted=wanted))
-    run = n > 0
+    run, w = n > 0, w / max(1.0, w.sum())
     s, n, w, e = s[run], n[run], w[run], e[run]
-    known = min(1.0, float(w.sum()))
+    known = float(w.sum())
     if not known > 0.0:
         return 0.5, 0.0, 1.0
     met = float((w * s / n).sum())
@@ -66,41 +66,45 @@ def base_rate(
     return met / known, max(0.0, low), min(1.0, high + 1.0 - known)
 
 
+def _variance(n: Array, p: Array, w: Array) -> Array:
+    """The variance that each stratum of the probability w has in the interval above, with n episodes at a rate p."""
+    p = (n * p + 1.0) / (n + 2.0)
+    return np.asarray(w**2 * p * (1.0 - p) / n)
+
+
 def allocate(probabilities: npt.ArrayLike, predicted: npt.ArrayLike, n: int) -> Index:
-    """How many of n episodes each stratum gets, (k,), so that the variance of `base_rate` is least (Neyman 1934):
-    by probability times sqrt(p (1 - p)) of the `predicted` success rate p, both (k,). A prediction is not trusted to
-    within 2 %, and each stratum gets two episodes. Raises RequestError for fewer than two each."""
-    w, p = np.asarray(probabilities, dtype=np.float64), np.clip(predicted, UNSURE, 1.0 - UNSURE)
-    if n < 2 * len(w):
-        raise RequestError(WRONG_VALUE(argument="n", value=str(n), wanted=f"at least 2 for each of {len(w)} strata"))
-    share: Array = w * np.sqrt(p * (1.0 - p))
-    exact = (n - 2 * len(w)) * share / share.sum()
-    given: Index = np.floor(exact).astype(np.intp)
-    last = np.argsort(given - exact, kind="stable")[: n - 2 * len(w) - int(given.sum())]  # the largest remainders
-    given[last] += 1
-    given += 2
-    return given
+    """How many of n episodes each stratum gets, (k,), at least one, so that the interval of `base_rate` is as narrow as
+    can be if its rate is as `predicted`, (k,): Neyman's shares (1934), but for what the interval adds to strata of few
+    failures. Raises RequestError for fewer episodes than strata."""
+    w, p = np.asarray(probabilities, dtype=np.float64), np.asarray(predicted, dtype=np.float64)
+    if n < len(w):
+        raise RequestError(WRONG_VALUE(argument="n", value=str(n), wanted=f"at least 1 for each of {len(w)} strata"))
+    given = np.ones(len(w))
+    for _ in range(n - len(w)):
+        given[np.argmax(_variance(given, p, w) - _variance(given + 1.0, p, w))] += 1.0
+    return given.astype(np.intp)
 
 
-def strata(fit: Fit, spec: Spec, count: int, *, scenes: int = 50_000, seed: int = 0) -> tuple[Array, Array, Array]:
-    """Strata of a spec's base distribution by predicted success: their ends (k + 1,), from 0 to 1, their probabilities
-    and their mean predictions, (k,) each, in `scenes` random scenes. k is `count`, or less where few rates are
-    predicted; the strata have equal shares of the standard deviation, so that `allocate` gives them like numbers of
-    episodes. Raises what `sample` and `Fit.predict` raise.
-    """
-    rate = fit.predict(sample(spec, n=scenes, seed=seed, spread="base"))
-    ends = cut(rate, count)
-    which = np.searchsorted(ends[1:-1], rate)
-    size = np.bincount(which, minlength=len(ends) - 1)
-    return ends, size / scenes, np.bincount(which, rate, minlength=len(size)) / size
+def strata(fit: Fit, spec: Spec, n: int, *, scenes: int = 50_000, seed: int = 0) -> tuple[Array, Array, Index]:
+    """Strata by predicted success for n episodes over a spec's base distribution: their ends (k + 1,), from 0 to 1,
+    their probabilities (k,) in so many random scenes, and how many episodes each gets (k,). k is what makes the
+    interval of `base_rate` narrowest, if predictions are right. Raises what `sample`, `Fit.predict` and `allocate`
+    raise."""
+    return cut(fit.predict(sample(spec, n=scenes, seed=seed, spread="base")), n)
 
 
-def cut(rate: Array, count: int) -> Array:
-    """The ends of strata, see `strata`, of scenes whose predicted rates are (n,)."""
-    known, rate = np.unique(rate), np.sort(rate)
-    unsure = np.clip(rate, UNSURE, 1.0 - UNSURE)
-    share = np.cumsum(np.sqrt(unsure * (1.0 - unsure)))
-    cuts = rate[np.searchsorted(share, share[-1] * np.arange(1, count) / count)]
-    place = np.unique(np.searchsorted(known, cuts))
-    between = [(known[one - 1] + known[one]) / 2.0 for one in place if one > 0]  # no scene has one of these rates
-    return np.array([0.0, *between, 1.0])
+def cut(rate: Array, n: int) -> tuple[Array, Array, Index]:
+    """The same for random scenes whose predicted rates are `rate` (B,)."""
+    known, order = np.unique(rate), np.sort(rate)
+    share = np.cumsum(np.sqrt(order * (1.0 - order) + 1e-3))
+    found = []
+    for count in range(1, min(MOST_STRATA, n) + 1):
+        cuts = order[np.searchsorted(share, share[-1] * np.arange(1, count) / count)]  # of equal standard deviations
+        place = np.unique(np.searchsorted(known, cuts))
+        ends = np.array([0.0, *((known[one - 1] + known[one]) / 2.0 for one in place if one > 0), 1.0])
+        which = np.searchsorted(ends[1:-1], rate)  # no scene has the rate of an end
+        size = np.bincount(which, minlength=len(ends) - 1)
+        w, p = size / len(rate), np.bincount(which, rate) / size
+        given = allocate(w, p, n)
+        found.append((float(_variance(given.astype(np.float64), p, w).sum()), ends, w, given))
+    return min(found, key=lambda one: one[0])[1:]

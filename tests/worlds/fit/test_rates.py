@@ -1,12 +1,14 @@
 """The base rate from strata: the estimate, and how often its interval covers."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from scenegen.errors import RequestError
 from scenegen.worlds.fit import allocate, base_rate
+from scenegen.worlds.fit.rates import cut
 
 
 def test_one_stratum_is_a_plain_rate():
@@ -69,10 +71,15 @@ def test_probabilities_that_are_estimates_widen_the_interval():
 
 
 def test_episodes_go_where_success_is_open():
-    given = allocate([0.4, 0.2, 0.4], [0.0, 0.5, 1.0], 100)
-    assert given.sum() == 100 and given.min() >= 2
-    assert given[1] > given[0] == given[2]
-    assert allocate([1.0, 0.0], [0.5, 0.5], 10).tolist() == [8, 2]
+    given = allocate([0.4, 0.2, 0.4], [0.0, 0.5, 1.0], 1000)
+    assert given.sum() == 1000 and given[1] > 2 * given[0] and abs(given[0] - given[2]) <= 1
+    assert allocate([1.0, 0.0], [0.5, 0.5], 10).tolist() == [9, 1]
+
+
+def test_shares_are_neymans_where_there_are_many():
+    weights, rates = np.array([0.5, 0.3, 0.2]), np.array([0.1, 0.5, 0.7])
+    neyman = weights * np.sqrt(rates * (1.0 - rates))
+    assert allocate(weights, rates, 3000) == pytest.approx(3000 * neyman / neyman.sum(), rel=0.02)
 
 
 def test_neyman_beats_equal_shares():
@@ -95,5 +102,28 @@ def test_numbers_that_can_be_no_strata_are_refused(given):
 
 
 def test_too_few_episodes_are_refused():
-    with pytest.raises(RequestError, match="least 2 for each"):
-        allocate([0.5, 0.5], [0.5, 0.5], 3)
+    with pytest.raises(RequestError, match="least 1 for each"):
+        allocate([0.5, 0.5], [0.5, 0.5], 1)
+
+
+def test_strata_are_as_many_as_pay():
+    """Of predictions that are all alike one; of predictions that are near 0 or 1 two at least, at any price more with
+    more episodes."""
+    rng = np.random.default_rng(0)
+    assert [len(one) for one in cut(np.full(500, 0.3), 100)] == [2, 1, 1]
+    odds = 9.0 * rng.normal(size=20_000)
+    few, many = (cut(1.0 / (1.0 + np.exp(-odds)), n) for n in (30, 2000))
+    assert 2 <= len(few[1]) < len(many[1]) <= 8
+    for ends, probability, episodes in (few, many):
+        assert ends[0] == 0.0 and ends[-1] == 1.0 and (np.diff(ends) > 0.0).all() and (episodes > 0).all()
+        assert probability.sum() == pytest.approx(1.0) and len(ends) == len(probability) + 1
+    assert few[2].sum() == 30 and many[2].sum() == 2000
+
+
+def test_no_prediction_is_an_end_of_a_stratum():
+    """Predictions that many scenes share would be in two strata at once."""
+    rate = np.repeat([0.0, 0.2, 0.5, 0.9, 1.0], [400, 100, 100, 100, 300])
+    ends, probability, _ = cut(rate, 200)
+    assert not set(ends[1:-1]) & set(rate)
+    inside = [int(((rate >= low) & (rate <= high)).sum()) for low, high in pairwise(ends)]
+    assert inside == pytest.approx(probability * len(rate))

@@ -131,14 +131,11 @@ def plan_of(
         proposer = None if model is None else model.proposer_of(checked, tuple(request.phi))
         return make_plan(make_problem(checked, request, budget), budget, proposer)
 
-    def predicted(plan: Plan) -> Plan:
-        if request.success is None or not plan.reached:
-            return plan
-        from scenegen.worlds.fit.predicted import Predicted
+    def selected(plan: Plan) -> Plan:
+        if request.success is not None and plan.reached:
+            from scenegen.worlds.fit.predicted import Predicted
 
-        return Predicted.of(plan)
-
-    def settled(plan: Plan) -> Plan:
+            plan = Predicted.of(plan)
         if not request.settle or not plan.reached:
             return plan
         from scenegen.worlds.physics.settling import Settling
@@ -149,13 +146,13 @@ def plan_of(
         from scenegen.sampling.motions.sampler import plan_motions
         from scenegen.sampling.motions.scores import make_problem as make_motion_problem
 
-        return settled(plan_motions(make_motion_problem(spec.declared, request, budget), budget, watch=watch))
+        return selected(plan_motions(make_motion_problem(spec.declared, request, budget), budget, watch=watch))
     if spec.counts:
         from scenegen.sampling.families import plan_numbers
 
-        plan: Plan = plan_numbers(spec.declared, request, budget, make, settled)
+        plan: Plan = plan_numbers(spec.declared, request, budget, make, selected)
     else:
-        plan = settled(predicted(make(spec.checked, request)))
+        plan = selected(make(spec.checked, request))
     if plan.why is not None and on_note is not None:
         on_note(f"{plan.method}: {plan.why}")
     return plan

@@ -167,27 +167,20 @@ def empty_range(wanted: Range) -> Diagnostic | None:
     return None
 
 
-def parse_success(text: str, labels: tuple[str, ...]) -> Range:
-    """A range of rates as typed: LO:HI, LO: or :HI. Raises RequestError with a caret."""
+def _parse_success(text: str, labels: tuple[str, ...]) -> Range:
     return _parse_range(text, Source("success", text, argument=True), 0)
 
 
-def _check_success(name: str, value: Any) -> Range | None:
+def _as_rates(name: str, value: Any) -> Range:
     """A range of rates: a Range, or two ends, None for an open one. Raises RequestError."""
-    if value is None:
-        return None
     ends = [value.low, value.high] if isinstance(value, Range) else as_list(value)
     if not isinstance(ends, list) or len(ends) != 2:
         raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="two rates: success=(0.4, 0.6)"))
     low, high = (None if end is None else as_number(name, end) for end in ends)
     if not 0.0 <= (0.0 if low is None else low) < (1.0 if high is None else high) <= 1.0:
-        shown = f"{Range(low, high)}"
-        raise RequestError(OUT_OF_RANGE(argument=name, value=shown, wanted="LO:HI of rates from 0 to 1, LO below HI"))
+        wanted = "LO:HI of rates from 0 to 1, LO below HI"
+        raise RequestError(OUT_OF_RANGE(argument=name, value=str(Range(low, high)), wanted=wanted))
     return Range(low, high)
-
-
-def _optional_path(name: str, value: object) -> Path | None:
-    return None if value is None else as_path(name, value)
 
 
 def _check_fix(name: str, fix: object) -> Mapping[str, Any]:
@@ -258,8 +251,8 @@ def _amount(part: str, base: str, here: Span) -> float:
     return quantity(amount, suffix)[0]
 
 
-def _optional_int(name: str, value: object) -> int | None:
-    return None if value is None else as_int(name, value)
+def _optional(check: Callable[[str, Any], Any], name: str, value: object) -> Any:
+    return None if value is None else check(name, value)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -359,8 +352,8 @@ class SampleRequest:
             "Only scenes at which a policy is predicted to succeed so often, by the fit of --under.",
             "LO:HI",
             typed=str | None,
-            parse=parse_success,
-            check=_check_success,
+            parse=_parse_success,
+            check=functools.partial(_optional, _as_rates),
             of=("scenes",),
         ),
     ] = None
@@ -370,7 +363,7 @@ class SampleRequest:
             "The fit of the policy, a file of `scenegen fit`.",
             "FIT",
             typed=Path | None,
-            check=_optional_path,
+            check=functools.partial(_optional, as_path),
             of=("scenes",),
         ),
     ] = None
@@ -389,7 +382,7 @@ class SampleRequest:
         Option(
             "Scenes of each file of a set, a multiple of 65536.",
             "N",
-            check=_optional_int,
+            check=functools.partial(_optional, as_int),
             of=("sets",),
             panel=SETS,
         ),

@@ -67,14 +67,15 @@ class TaskFit(SuiteModel):
 
     @property
     def findings(self) -> list[str]:
-        """What phi and the other features do not tell, in words; nothing where phi tells enough."""
-        mine, phi = self.held_out.auc, self.held_out.auc_of_phi
-        told = "AUC {:.2f}, 95 % interval {:.2f} to {:.2f}"
+        """Where phi, or all that is measured, does not tell what it should, in words."""
+        mine, (phi, low, high) = self.held_out.auc, self.held_out.auc_of_phi
         found = []
-        if phi[1] <= COIN <= phi[2]:
-            found.append(f"phi does not predict success in {self.name}: {told.format(*phi)}")
-        if mine[1] <= COIN:
-            found.append(f"nothing measured at the start predicts success in {self.name}: {told.format(*mine)}")
+        if low <= COIN:
+            what = "phi does not predict success" if COIN <= high else "success is more frequent where phi is lower"
+            found.append(f"{what} in {self.name}: AUC {phi:.2f}, 95 % interval {low:.2f} to {high:.2f}")
+        if low <= COIN <= high and mine[1] <= COIN:
+            said = "AUC {:.2f}, 95 % interval {:.2f} to {:.2f}".format(*mine)
+            found.append(f"nothing measured at the start predicts success in {self.name}: {said}")
         return found
 
 

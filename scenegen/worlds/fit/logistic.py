@@ -32,7 +32,7 @@ STEPS, CLOSE = 60, 1e-5  # of Newton's method: how many at most, and how small t
 LEAST = 1e-6  # probability, for logarithms
 
 
-class Curve(SuiteModel):
+class OddsCurve(SuiteModel):
     """The part of a feature: it adds `heights[k]` to the log odds on the way from `knots[k]` to `knots[k + 1]`."""
 
     feature: str
@@ -56,7 +56,7 @@ class Logistic(SuiteModel):
     """log odds of success = `intercept` and the sum of the `curves`. `strength` is that of the penalty."""
 
     intercept: FiniteFloat
-    curves: tuple[Curve, ...]
+    curves: tuple[OddsCurve, ...]
     strength: FiniteFloat
 
     def __call__(self, names: Sequence[str], values: Array) -> Array:
@@ -100,9 +100,9 @@ class Outcomes:
 
 
 def chosen(outcomes: Outcomes, monotone: bool, seed: int = 0) -> Logistic:
-    """The fit whose strength predicts held-out episodes best, by their log likelihood. More kinds of features take part
-    where that is better by more than its standard error. A monotone fit does not read how rare phi is, which falls and
-    rises with phi."""
+    """The fit whose strength predicts held-out episodes best, by their log likelihood. Phi takes part where that is
+    better than nothing by more than the standard error of the gain, more features where they are by more than twice
+    that. A monotone fit does not read how rare phi is, which falls and rises with phi."""
     sets = [tuple(kind for kind in kinds if not (monotone and kind == "rarity")) for kinds in SETS]
     loss = np.full((len(sets), len(STRENGTHS), len(outcomes.success)), np.inf)
     for held in _folds(outcomes, seed):
@@ -115,7 +115,7 @@ def chosen(outcomes: Outcomes, monotone: bool, seed: int = 0) -> Logistic:
     for number in range(1, len(sets)):
         mine = int(loss[number].mean(axis=1).argmin())
         gain = loss[best, step] - loss[number, mine]
-        if gain.mean() > gain.std() / math.sqrt(len(gain)):
+        if gain.mean() > min(number, 2) * gain.std() / math.sqrt(len(gain)):
             best, step = number, mine
     return list(_path(outcomes, sets[best], monotone))[step]
 
@@ -157,7 +157,7 @@ def _path(outcomes: Outcomes, kinds: Sequence[Kind], monotone: bool) -> Iterator
             weights = _newton(columns, y, strength, np.array([*least, -np.inf]), weights)
         heights = iter(weights.tolist())
         curves = [
-            Curve(
+            OddsCurve(
                 feature=one.name, kind=one.kind, knots=tuple(knots.tolist()), heights=tuple(islice(heights, len(ramps)))
             )
             for one, knots, ramps in parts

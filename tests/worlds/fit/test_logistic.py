@@ -5,7 +5,7 @@ import pytest
 
 from scenegen.worlds.fit import logistic
 from scenegen.worlds.fit.features import Feature
-from scenegen.worlds.fit.logistic import Curve, Logistic, Outcomes, auc, brier, by_chance, calibration_error, chosen
+from scenegen.worlds.fit.logistic import Logistic, OddsCurve, Outcomes, auc, brier, by_chance, calibration_error, chosen
 
 KINDS = ("phi", "margin", "place")
 
@@ -81,7 +81,7 @@ def test_episodes_of_one_start_are_held_out_together():
 
 
 def test_a_prediction_does_not_depend_on_its_company():
-    curve = Curve(feature="phi", kind="phi", knots=(0.0, 1.0, 3.0), heights=(2.0, -1.0))
+    curve = OddsCurve(feature="phi", kind="phi", knots=(0.0, 1.0, 3.0), heights=(2.0, -1.0))
     fit = Logistic(intercept=-1.0, curves=(curve,), strength=1.0)
     values = np.array([[-5.0, 0.5, 1.0, 2.0, 9.0]])
     odds = np.array([-1.0, 0.0, 1.0, 0.5, 0.0])
@@ -124,4 +124,4 @@ def test_intervals_of_measures_cover_what_is_true():
 @pytest.mark.parametrize("knots, heights", [((0.0, 0.0), (1.0,)), ((0.0, 1.0), (1.0, 2.0)), ((0.0,), ())])
 def test_curves_that_are_none_are_refused(knots, heights):
     with pytest.raises(ValueError):
-        Curve(feature="phi", kind="phi", knots=knots, heights=heights)
+        OddsCurve(feature="phi", kind="phi", knots=knots, heights=heights)

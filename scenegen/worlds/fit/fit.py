@@ -71,7 +71,7 @@ class TaskFit(SuiteModel):
         mine, (phi, low, high) = self.held_out.auc, self.held_out.auc_of_phi
         found = []
         if low <= COIN:
-            what = "phi does not predict success" if COIN <= high else "success is more frequent where phi is lower"
+            what = "phi does not predict success" if high >= COIN else "success is more frequent where phi is lower"
             found.append(f"{what} in {self.name}: AUC {phi:.2f}, 95 % interval {low:.2f} to {high:.2f}")
         if low <= COIN <= high and mine[1] <= COIN:
             said = "AUC {:.2f}, 95 % interval {:.2f} to {:.2f}".format(*mine)

@@ -23,7 +23,7 @@ from scenegen.pose import X, Y, along
 from scenegen.scenes.sets import Rareness
 from scenegen.worlds.fit import allocate, base_rate
 from scenegen.worlds.fit.features import Feature, measured, things_of
-from scenegen.worlds.fit.logistic import Outcomes, auc, brier, calibration_error, chosen
+from scenegen.worlds.fit.logistic import SETS, Outcomes, auc, brier, calibration_error, chosen
 from scenegen.worlds.fit.rates import cut
 from scenegen.worlds.suites.suite import Suite, SuiteTask
 
@@ -123,7 +123,7 @@ def measure(task: SuiteTask, name: str, pool: Starts, true: Array) -> dict[str, 
             ("least Brier", brier(y, true[test])),
             ("AUC", auc(y, predicted[test])),
             ("AUC of phi", auc(y, pool.phi[test])),
-            ("features", float(len(fit.curves))),
+            ("reads", float([*SETS].index(fit.reads))),
         ):
             found.setdefault(measure, []).append(value)
         rates = (np.bincount(bands[some], success) + 1.0) / (IN_A_BAND + 2.0)

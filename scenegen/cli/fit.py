@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from scenegen.worlds.fit.logistic import Interval
 
 
-HEADS = ("task", "episodes", "base rate", "AUC of phi", "AUC", "Brier", "calibration error", "by chance", "features")
+HEADS = ("task", "episodes", "base rate", "AUC of phi", "AUC", "Brier", "calibration error", "by chance", "reads")
 
 
 def fit(
@@ -34,10 +34,9 @@ def fit(
     cross-validation. How good the predictions are is measured at starts that the fit has not seen.
 
     `base rate` is the success rate of the base distribution: of each band of the suite, weighted by its probability.
-    Intervals are of 95 %.
     AUC is the probability that a success has a higher value than a failure: 0.5 tells nothing, 1 everything. The
     calibration error is the mean difference of predicted and true rates; `by chance` is what perfect predictions would
-    show in so few episodes: on the average, and at most in 95 % of cases.
+    show in so few episodes: on the average, and at most in 95 % of cases. Intervals are of 95 %.
     """
     from scenegen.scenes.files import check_writable
     from scenegen.worlds.fit.fit import fit_outcomes
@@ -46,30 +45,17 @@ def fit(
     found = fit_outcomes(outcomes, suite, monotone=monotone)
     detail(f"fitted {len(found.tasks)} tasks of {found.suite}")
     found.save(out)
-    print_error(
-        f"{found.policy} in {found.world}, {sum(one.episodes for one in found.tasks):,} episodes; the fit is in {out}"
-    )
-    names = (
-        "task",
-        "episodes",
-        "base rate",
-        "AUC of phi",
-        "AUC",
-        "Brier",
-        "calibration error",
-        "by chance",
-        "features",
-    )
-    print_columns(names, [_row(one) for one in found.tasks])
+    print_error(f"{found.policy} in {found.world}; the fit is in {out}")
+    print_columns(HEADS, [_row(one) for one in found.tasks])
     for finding in (line for one in found.tasks for line in one.findings):
         print_error(finding)
 
 
 def _row(one: TaskFit) -> tuple[str, ...]:
-    held, read = one.held_out, len(one.model.curves)
+    held = one.held_out
     numbers = map(_interval, (one.base_rate, held.auc_of_phi, held.auc, held.brier))
     chance = "{:.3f}, at most {:.3f}".format(*held.by_chance)
-    return one.name, f"{one.episodes:,}", *numbers, f"{held.calibration_error:.3f}", chance, f"{read}"
+    return one.name, f"{one.episodes:,}", *numbers, f"{held.calibration_error:.3f}", chance, one.model.reads
 
 
 def _interval(value: Interval) -> str:

@@ -17,7 +17,7 @@ from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.lang.formula.core import Atom, Coord, atoms_below, below, children, moved
 from scenegen.lang.formula.interpret import evaluate, is_constant
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import FLAT, PLACE, THETA, X, Y, row_of, span_of
+from scenegen.pose import FLAT, PLACE, span_of
 from scenegen.scenes.sets import Rareness
 
 Kind = Literal["phi", "rarity", "margin", "clutter", "distance", "place"]
@@ -40,16 +40,8 @@ def measured(spec: CheckedSpec, label: str, rows: Array, rarity: Rareness) -> tu
 
     Margins that one place of the spec writes for many objects, as `noOverlap()` does, count as one, the least of them.
     """
-    found = [*_of_formula(spec, label, rows)]
-    found.insert(1, (Feature("log10 of the probability of phi", "rarity"), rarity(found[0][1])))
-    found += _of_table(spec, things_of(spec, label), rows)
-    names = [one.name for one, _ in found]
-    numbers = [names[:place].count(name) for place, name in enumerate(names)]  # of atoms that read alike
-    features = [
-        Feature(f"{one.name} [{k + 1}]" if k else one.name, one.kind)
-        for (one, _), k in zip(found, numbers, strict=True)
-    ]
-    return tuple(features), np.stack([np.broadcast_to(value, rows.shape[1]) for _, value in found])
+    found = [*_of_formula(spec, label, rows, rarity), *_of_table(spec, things_of(spec, label), rows)]
+    return tuple(one for one, _ in found), np.stack([np.broadcast_to(value, rows.shape[1]) for _, value in found])
 
 
 def fingerprint(spec: CheckedSpec, label: str) -> str:
@@ -76,33 +68,30 @@ def things_of(spec: CheckedSpec, label: str) -> list[int]:
     return [*free, *(one for one in sorted(spec.fixed) if one not in free)][:MOST_THINGS]
 
 
-def _of_formula(spec: CheckedSpec, label: str, rows: Array) -> Iterator[tuple[Feature, Array]]:
+def _of_formula(spec: CheckedSpec, label: str, rows: Array, rarity: Rareness) -> Iterator[tuple[Feature, Array]]:
     core = spec.core
     values = evaluate(core, list(rows), NUMPY)
-    yield Feature(f"phi of {label}", "phi"), values[core.labels[label]]
-    together: dict[object, list[int]] = {}
+    phi = np.broadcast_to(values[core.labels[label]], rows.shape[1])
+    yield Feature(f"phi of {label}", "phi"), phi
+    yield Feature("log10 of the probability of phi", "rarity"), rarity(phi)
+    together: dict[object, list[tuple[str, Array]]] = defaultdict(list)
     for index in atoms_below(core, core.labels[label]):
         atom = core.nodes[index]
-        assert isinstance(atom, Atom)
-        if not is_constant(core, index):
-            together.setdefault(atom.spans, []).append(index)
-    for alike in together.values():
-        first = core.nodes[alike[0]]
-        assert isinstance(first, Atom)
-        more = f" (least of {len(alike)})" if len(alike) > 1 else ""
-        yield Feature(f"margin of {first.text}{more}", "margin"), reduce(np.minimum, [values[one] for one in alike])
+        if isinstance(atom, Atom) and not is_constant(core, index):
+            together[atom.spans].append((atom.text, values[index]))
+    for place, alike in enumerate(together.values(), 1):
+        text = f"{alike[0][0]}, the least of {len(alike)}" if len(alike) > 1 else alike[0][0]
+        yield Feature(f"margin {place}, of {text}", "margin"), reduce(np.minimum, [margin for _, margin in alike])
 
 
 def _of_table(spec: CheckedSpec, things: list[int], rows: Array) -> Iterator[tuple[Feature, Array]]:
     names, gap = spec.objects, PRIMITIVES["gap"].evaluate
     poses = [rows[span_of(which, len(FLAT))] for which in range(len(names))]
     rooms, near = [], np.zeros(rows.shape[1])
+    shapes = [one.footprint for one in spec.shapes]
     for one in things:
-        gaps = [
-            gap(NUMPY, spec.shapes[one].footprint, spec.shapes[other].footprint, *poses[one], *poses[other])
-            for other in range(len(names))
-            if other != one
-        ]
+        others = [other for other in range(len(names)) if other != one]
+        gaps = [gap(NUMPY, shapes[one], shapes[other], *poses[one], *poses[other]) for other in others]
         if gaps:
             rooms.append(reduce(np.minimum, gaps))
             near = near + sum((each < NEAR).astype(np.float64) for each in gaps)
@@ -115,14 +104,11 @@ def _of_table(spec: CheckedSpec, things: list[int], rows: Array) -> Iterator[tup
         for other in things[:place]:
             apart = np.hypot(*(poses[one][axis] - poses[other][axis] for axis in PLACE))
             yield Feature(f"distance of {names[other]} and {names[one]}", "distance"), apart
-    (left, right), (bottom, top) = spec.workspace.x, spec.workspace.y
-    for one in things:
-        if one in spec.fixed:
-            continue
-        x, y, theta = (rows[row_of(one, axis)] for axis in (X, Y, THETA))
+    middle_x, middle_y = (sum(ends) / 2.0 for ends in (spec.workspace.x, spec.workspace.y))
+    for one in (one for one in things if one not in spec.fixed):
+        x, y, theta = poses[one]
+        yield Feature(f"distance of {names[one]} from the middle", "distance"), np.hypot(x - middle_x, y - middle_y)
         yield Feature(f"x of {names[one]}", "place"), x
         yield Feature(f"y of {names[one]}", "place"), y
-        away = np.hypot(x - (left + right) / 2.0, y - (bottom + top) / 2.0)
-        yield Feature(f"distance of {names[one]} from the middle", "distance"), away
         yield Feature(f"cos of the heading of {names[one]}", "place"), np.cos(theta)
         yield Feature(f"sin of the heading of {names[one]}", "place"), np.sin(theta)

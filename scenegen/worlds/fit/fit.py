@@ -16,7 +16,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC
-from scenegen.errors.requests import OUT_OF_RANGE
+from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.scenes.files import read_bytes, write_whole
@@ -129,6 +129,8 @@ def fit_outcomes(outcomes: Sequence[str | Path], suite: str | Path, *, monotone:
     fewer than FEWEST episodes of a task that has any.
     """
     paths = [as_path("outcomes", one) for one in outcomes]
+    if not paths:
+        raise RequestError(WRONG_VALUE(argument="outcomes", value="empty", wanted="files of `scenegen suite run`"))
     first = read_outcomes(paths[0]).header
     found = Suite.load(suite, reverse=first.reverse)
     runs = [read_outcomes(path, found) for path in paths]
@@ -165,24 +167,20 @@ def _fitted(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monoto
     success = np.array([one for start in starts for one in ended[start.number]])
     data = Outcomes(features, values[:, which], success, which)
     p = logistic.held_out(data, monotone)
-    measures = {
-        name: logistic.with_interval(measure, success, one, which)
-        for name, measure, one in (
-            ("brier", logistic.brier, p), ("auc", logistic.auc, p), ("auc_of_phi", logistic.auc, phi[which]),
-        )
-    }  # fmt: skip
+    held_out = HeldOut(
+        calibration_error=logistic.calibration_error(success, p),
+        by_chance=logistic.by_chance(p),
+        brier=logistic.with_interval(logistic.brier, success, p, which),
+        auc=logistic.with_interval(logistic.auc, success, p, which),
+        auc_of_phi=logistic.with_interval(logistic.auc, success, phi[which], which),
+    )
     bands = [[start for start in starts if start.band == band.name] for band in task.bands]
-    rates = [sum(float(np.mean(ended[one.number])) for one in band) for band in bands]
+    won = [sum(float(np.mean(ended[one.number])) for one in band) for band in bands]
+    probability, error = zip(*((one.probability, one.error) for one in task.bands), strict=True)
     return [
         TaskFit(
             name=task.name, success=task.success, digest=fingerprint(spec, task.success), episodes=episodes,
-            starts=len(starts), rarity=rarity, model=logistic.chosen(data, monotone),
-            base_rate=base_rate(
-                rates, [len(one) for one in bands], [one.probability for one in task.bands],
-                [one.error for one in task.bands],
-            ),
-            held_out=HeldOut(
-                calibration_error=logistic.calibration_error(success, p), by_chance=logistic.by_chance(p), **measures
-            ),
+            starts=len(starts), base_rate=base_rate(won, [len(one) for one in bands], probability, error),
+            rarity=rarity, model=logistic.chosen(data, monotone), held_out=held_out,
         )
     ]  # fmt: skip

@@ -9,7 +9,7 @@ fall as a feature rises, its ramps have no negative heights.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice, pairwise
 from typing import Annotated, Self
@@ -26,7 +26,12 @@ QUANTILES = (0.02, 0.25, 0.5, 0.75, 0.98)  # between them a feature has ramps
 OF_PHI = (0.02, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 0.98)
 STRENGTHS = (1000.0, 100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)  # of the penalty
 FORMULA: tuple[Kind, ...] = ("phi", "rarity", "margin")
-SETS: tuple[tuple[Kind, ...], ...] = ((), ("phi",), FORMULA, (*FORMULA, "clutter", "distance", "place"))
+SETS: Mapping[str, tuple[Kind, ...]] = {
+    "nothing": (),
+    "phi": ("phi",),
+    "the formula": FORMULA,
+    "everything": (*FORMULA, "clutter", "distance", "place"),
+}
 FOLDS = 5
 STEPS, CLOSE = 60, 1e-5  # of Newton's method: how many at most, and how small the last one is
 LEAST = 1e-6  # probability, for logarithms
@@ -53,8 +58,10 @@ class OddsCurve(SuiteModel):
 
 
 class Logistic(SuiteModel):
-    """log odds of success = `intercept` and the sum of the `curves`. `strength` is that of the penalty."""
+    """log odds of success = `intercept` and the sum of the `curves`. `reads` names the set of features that take part,
+    `strength` is that of the penalty."""
 
+    reads: str
     intercept: FiniteFloat
     curves: tuple[OddsCurve, ...]
     strength: FiniteFloat
@@ -103,12 +110,12 @@ def chosen(outcomes: Outcomes, monotone: bool, seed: int = 0) -> Logistic:
     """The fit whose strength predicts held-out episodes best, by their log likelihood. Phi takes part where that is
     better than nothing by more than the standard error of the gain, more features where they are by more than twice
     that. A monotone fit does not read how rare phi is, which falls and rises with phi."""
-    sets = [tuple(kind for kind in kinds if not (monotone and kind == "rarity")) for kinds in SETS]
+    sets = list(SETS)
     loss = np.full((len(sets), len(STRENGTHS), len(outcomes.success)), np.inf)
     for held in _folds(outcomes, seed):
         some, rest = outcomes.of(~held), outcomes.of(held)
-        for number, kinds in enumerate(sets):
-            for step, fit in enumerate(_path(some, kinds, monotone)):
+        for number, reads in enumerate(sets):
+            for step, fit in enumerate(_path(some, reads, monotone)):
                 p = np.clip(rest.predicted(fit), LEAST, 1.0 - LEAST)
                 loss[number, step, held] = -np.log(np.where(rest.success, p, 1.0 - p))
     best, step = 0, 0
@@ -139,9 +146,9 @@ def _folds(outcomes: Outcomes, seed: int) -> Iterator[Bool]:
         yield fold[number] == k
 
 
-def _path(outcomes: Outcomes, kinds: Sequence[Kind], monotone: bool) -> Iterator[Logistic]:
+def _path(outcomes: Outcomes, reads: str, monotone: bool) -> Iterator[Logistic]:
     """A fit for each strength, the strongest first: each starts from the one before."""
-    parts = []
+    parts, kinds = [], {*SETS[reads]} - ({"rarity"} if monotone else set())
     for feature, values in zip(outcomes.features, outcomes.values, strict=True):
         knots = np.unique(np.quantile(values, OF_PHI if feature.kind == "phi" else QUANTILES))
         if feature.kind in kinds and len(knots) > 1:  # else it is the same everywhere
@@ -162,7 +169,7 @@ def _path(outcomes: Outcomes, kinds: Sequence[Kind], monotone: bool) -> Iterator
             )
             for one, knots, ramps in parts
         ]
-        yield Logistic(intercept=next(heights), curves=tuple(curves), strength=strength)
+        yield Logistic(reads=reads, intercept=next(heights), curves=tuple(curves), strength=strength)
 
 
 def _newton(x: Array, y: Array, strength: float, least: Array, weights: Array) -> Array:

@@ -42,7 +42,7 @@ def test_margins_of_one_place_count_as_one():
     places = {f"block[{k}]": (0.2 * k, 0.2) for k in range(1, 5)} | {"mug": (0.5, 0.8)}
     _, features = of(text, "task", places)
     margins = [one.name for one in features if one.kind == "margin"]
-    assert len(margins) == 3 and sum("least of 10" in one for one in margins) == 1
+    assert len(margins) == 3 and sum("the least of 10" in one for one in margins) == 1
     assert len({one.name for one in features}) == len(features)
 
 

@@ -82,7 +82,7 @@ def test_episodes_of_one_start_are_held_out_together():
 
 def test_a_prediction_does_not_depend_on_its_company():
     curve = OddsCurve(feature="phi", kind="phi", knots=(0.0, 1.0, 3.0), heights=(2.0, -1.0))
-    fit = Logistic(intercept=-1.0, curves=(curve,), strength=1.0)
+    fit = Logistic(reads="phi", intercept=-1.0, curves=(curve,), strength=1.0)
     values = np.array([[-5.0, 0.5, 1.0, 2.0, 9.0]])
     odds = np.array([-1.0, 0.0, 1.0, 0.5, 0.0])
     assert fit(["phi"], values) == pytest.approx(1.0 / (1.0 + np.exp(-odds)))

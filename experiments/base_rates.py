@@ -1,9 +1,11 @@
 """How well a fit predicts simulated policies, and how many rollouts strata of it save for the base rate.
 
     python -m experiments.base_rates SUITE OUT.jsonl
+    python -m experiments.base_rates OUT.jsonl
 
 The policies are known: of each start it is known how often they succeed. Some go by one margin, some by phi, some by
-what phi does not see, some by nothing. A line of OUT for each task and policy; `table` makes a page of them.
+what phi does not see, some by nothing. A line of OUT for each task and policy; the second command
+prints the table of docs/fit.md.
 """
 
 from __future__ import annotations
@@ -155,5 +157,24 @@ def _lines(path: Path) -> list[str]:
     return path.read_text().splitlines() if path.exists() else []
 
 
+def table(out: str) -> None:
+    """The least and the largest value of each column over the tasks, by policy, as Markdown."""
+    rows = [json.loads(line) for line in _lines(Path(out))]
+    for row in rows:
+        for n in ROLLOUTS:
+            row[f"width {n}"] = row[f"fit {n}: width"] / row[f"uniform {n}: width"]
+    columns = {"ceiling": ".2f", "AUC of phi": ".2f", "AUC": ".2f", "calibration error": ".3f"}
+    columns |= {"largest calibration error": ".3f"}
+    columns |= {key: form for n in ROLLOUTS for key, form in ((f"width {n}", ".2f"), (f"fit {n}: covers", ".2f"))}
+    print(f"| policy | {' | '.join(columns)} |\n|{'---|' * (len(columns) + 1)}")
+    for policy in dict.fromkeys(row["policy"] for row in rows):
+        cells = [policy]
+        for key, form in columns.items():
+            values = [row[key] for row in rows if row["policy"] == policy]
+            ends = [format(end, form) for end in (min(values), max(values))]
+            cells.append(ends[0] if ends[0] == ends[1] else " to ".join(ends))
+        print(f"| {' | '.join(cells)} |")
+
+
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main(*sys.argv[1:]) if len(sys.argv) > 2 else table(*sys.argv[1:])

@@ -69,7 +69,7 @@ def test_specs_that_require_something_else_are_as_good(fitted):
 
 @pytest.mark.long
 def test_the_same_bytes_on_any_number_of_workers_in_every_place(fitted, tmp_path):
-    """In memory, in a file, in a set, and after a run that was cut short."""
+    """In memory, in a file and in a set."""
     path, spec = fitted("by phi"), scenegen.parse(TASK)
     asked = {"n": 300, "seed": 5, "success": EDGE, "under": path}
     here = scenegen.sample(spec, **asked)
@@ -78,7 +78,21 @@ def test_the_same_bytes_on_any_number_of_workers_in_every_place(fitted, tmp_path
     assert (tmp_path / "1.jsonl").read_bytes() == (tmp_path / "2.jsonl").read_bytes()
     assert np.array_equal(scenegen.read_scenes(tmp_path / "1.jsonl").poses, here.poses)
     scenegen.sample_to(f"{tmp_path}/set/", spec, **asked)
-    assert np.array_equal(np.concatenate([one.poses for one in [scenegen.read_scenes(f"{tmp_path}/set/")]]), here.poses)
+    assert np.array_equal(scenegen.read_scenes(f"{tmp_path}/set/").poses, here.poses)
+
+
+@pytest.mark.long
+def test_a_run_that_was_cut_short_goes_on(fitted, tmp_path):
+    spec, asked = scenegen.parse(TASK), {"n": 70_000, "success": EDGE, "under": fitted("by phi")}
+    with pytest.raises(RequestError):
+        scenegen.sample_to(tmp_path / "part.parquet", spec, timeout=1.0, workers=1, **asked)
+    some = [scenegen.sample_to(tmp_path / "part.parquet", spec, resume=True, workers=1, **asked)]
+    some.append(scenegen.sample_to(tmp_path / "whole.parquet", spec, workers=1, **asked))
+    assert (tmp_path / "part.parquet").read_bytes() == (tmp_path / "whole.parquet").read_bytes()
+    with pytest.raises(RequestError):
+        scenegen.sample_to(tmp_path / "other.parquet", spec, timeout=0.5, workers=1, **asked)
+    with pytest.raises(RequestError, match="`success` was"):
+        scenegen.sample_to(tmp_path / "other.parquet", spec, resume=True, **{**asked, "success": (0.4, 0.7)})
 
 
 @pytest.mark.long

@@ -95,6 +95,7 @@ def complete(spec: Spec | LearnedModel, request: SampleRequest, fix: Any, draw: 
     for name, odd in (
         ("n", n not in (None, len(given))),
         ("settle", request.settle),
+        ("success", request.success is not None),
         ("method", request.method not in ("auto", "rejection")),
     ):
         if odd:

@@ -16,7 +16,7 @@ from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
-from scenegen.sampling.request import FixedPose, Progress, SampleRequest
+from scenegen.sampling.request import FixedPose, Progress, Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
@@ -50,6 +50,8 @@ def sample_to(
     keep_partial: bool = False,
     fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
     settle: bool = False,
+    success: Range | tuple[float | None, float | None] | None = None,
+    under: str | Path | None = None,
     workers: int | None = None,
     resume: bool = False,
     engine: str = "local",
@@ -73,7 +75,8 @@ def sample_to(
     """
     request = SampleRequest(
         read_phi(source, phi), n, seed=seed, method=method, spread=spread, fix={} if fix is None else fix,
-        settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial, resume=resume,
+        settle=settle, success=success, under=under, raw=raw, timeout=timeout, workers=workers,
+        keep_partial=keep_partial, resume=resume,
         engine=engine, address=address, shard_size=shard_size,
     )  # fmt: skip
     return write_scenes(path, source, request, progress=progress, on_note=on_note)

@@ -65,6 +65,7 @@ COMMANDS: dict[str, str] = {
     "export": "scenegen.cli.export:export",
     "settle": "scenegen.cli.settle:settle",
     "suite": "scenegen.cli.suite:suite",
+    "fit": "scenegen.cli.fit:fit",
     "assets": "scenegen.cli.assets:assets",
     "data": "scenegen.cli.data:data",
     "dataset": "scenegen.cli.data:dataset",

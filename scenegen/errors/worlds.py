@@ -153,7 +153,7 @@ TOO_FEW_LAYOUTS = Kind(
 NOT_A_SUITE = Kind(
     "not-a-suite",
     "{file} is not {what}: {reason}",
-    help="`scenegen suite new` makes suites, and `scenegen suite run` outcomes; neither is edited",
+    help="`scenegen suite new` makes suites, `scenegen suite run` outcomes, `scenegen fit` fits; none is edited",
 )
 WORLD_FAILS = Kind(
     "world-fails",

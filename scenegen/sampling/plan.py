@@ -261,6 +261,51 @@ class Plan(ABC):
         """End the processes that drawing has started: called at the end of a run. Drawing again starts them again."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Selection(Plan):
+    """`plan` without some of its scenes. Candidates are left out before they are spread over cells, so what they must
+    be is part of the target: within a cell, scenes follow the plan's distribution given it, and all n are found."""
+
+    plan: Plan
+
+    @property
+    def method(self) -> str:
+        return self.plan.method
+
+    @property
+    def reached(self) -> Sequence[int]:
+        return self.plan.reached
+
+    @property
+    def ruled_out(self) -> frozenset[int]:
+        return self.plan.ruled_out
+
+    @property
+    def fewest(self) -> int:
+        return self.plan.fewest
+
+    @property
+    def patience(self) -> int | None:
+        return self.plan.patience
+
+    @property
+    def evaluations(self) -> float:
+        return self.plan.evaluations
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return self.plan.scenes_per_piece
+
+    def misses(self) -> tuple[Array, Array]:
+        return self.plan.misses()
+
+    def check(self, rows: Array, phi: Array) -> None:
+        self.plan.check(rows, phi)
+
+    def close(self) -> None:
+        self.plan.close()
+
+
 class NoPlan(ABC):
     """Why a method has no plan for a problem, and how many evaluations it took to find that out."""
 

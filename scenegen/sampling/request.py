@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, cast, get_args
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span
@@ -23,13 +24,15 @@ from scenegen.errors.requests import (
     LABEL_NOT_NAMED,
     NOT_A_NUMBER,
     ONLY_AT_BOUND,
+    OUT_OF_RANGE,
     RANGE_NOT_A_PAIR,
     RANGE_REVERSED,
     SINGLE_VALUE,
     UNKNOWN_LABEL,
+    WRONG_VALUE,
 )
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI
-from scenegen.validation import Option, as_int, by_name, options_of
+from scenegen.validation import Option, as_int, as_list, as_number, as_path, by_name, options_of
 
 if TYPE_CHECKING:
     pass
@@ -155,6 +158,22 @@ def empty_range(wanted: Range) -> Diagnostic | None:
     return None
 
 
+def _parse_success(text: str, labels: tuple[str, ...]) -> Range:
+    return _parse_range(text, Source("success", text, argument=True), 0)
+
+
+def _as_rates(name: str, value: Any) -> Range:
+    """A range of rates: a Range, or two ends, None for an open one. Raises RequestError."""
+    ends = [value.low, value.high] if isinstance(value, Range) else as_list(value)
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="two rates: success=(0.4, 0.6)"))
+    low, high = (None if end is None else as_number(name, end) for end in ends)
+    if not 0.0 <= (0.0 if low is None else low) < (1.0 if high is None else high) <= 1.0:
+        wanted = "LO:HI of rates from 0 to 1, LO below HI"
+        raise RequestError(OUT_OF_RANGE(argument=name, value=str(Range(low, high)), wanted=wanted))
+    return Range(low, high)
+
+
 def _check_fix(name: str, fix: object) -> Mapping[str, Any]:
     return by_name(name, fix, 'poses by name: fix={"plate": (0.5, 0.5)}')
 
@@ -225,8 +244,8 @@ def _amount(part: str, base: str, here: Span) -> float:
     return quantity(amount, suffix)[0]
 
 
-def _optional_int(name: str, value: object) -> int | None:
-    return None if value is None else as_int(name, value)
+def _optional(check: Callable[[str, Any], Any], name: str, value: object) -> Any:
+    return None if value is None else check(name, value)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -273,10 +292,11 @@ class SampleRequest:
     depends on the spec is checked by `api.request.check_request` and `within_reach`.
 
     `phi` are the ranges by label. `fix` has the poses of fixed objects by name: (x, y) or (x, y, theta), in metres and
-    radians. `method` is one of METHODS. `timeout` (seconds) and `workers` (processes; None: as many
-    as save time) change no scene, nor do `resume`, `engine`, `address` and `shard_size`, which say how scenes are
-    written. A range that phi reaches only at its bound, with probability 0, is replaced by a band beside it, with a
-    warning; with `strict` it is refused, for those who promise the range and show no warnings.
+    radians. `success` is the Range of rates, or its ends, that the fit in the file `under` may predict. `method` is one
+    of METHODS. `timeout` (seconds) and `workers` (processes; None: as many as save time) change no scene, nor do
+    `resume`, `engine`, `address` and `shard_size`, which say how scenes are written. A range that phi reaches only at
+    its bound, with probability 0, is replaced by a band beside it, with a warning; with `strict` it is refused, for
+    those who promise the range and show no warnings.
     """
 
     phi: Annotated[
@@ -319,6 +339,27 @@ class SampleRequest:
         bool,
         Option("Only scenes in which nothing moves when dropped in a simulator."),
     ] = False
+    success: Annotated[
+        Range | tuple[float | None, float | None] | None,
+        Option(
+            "Only scenes at which a policy is predicted to succeed so often, by the fit of --under.",
+            "LO:HI",
+            typed=str | None,
+            parse=_parse_success,
+            check=functools.partial(_optional, _as_rates),
+            of=("scenes",),
+        ),
+    ] = None
+    under: Annotated[
+        str | Path | None,
+        Option(
+            "The fit of the policy, a file of `scenegen fit`.",
+            "FIT",
+            typed=Path | None,
+            check=functools.partial(_optional, as_path),
+            of=("scenes",),
+        ),
+    ] = None
     workers: Annotated[
         int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING)
     ] = None
@@ -334,7 +375,7 @@ class SampleRequest:
         Option(
             "Scenes of each file of a set, a multiple of 65536.",
             "N",
-            check=_optional_int,
+            check=functools.partial(_optional, as_int),
             of=("sets",),
             panel=SETS,
         ),

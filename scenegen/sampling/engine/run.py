@@ -21,7 +21,7 @@ from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import fell_short, summed_up
-from scenegen.sampling.request import Progress
+from scenegen.sampling.request import Progress, Range
 from scenegen.scenes.blocks import Block
 
 SMALL = 1 << 29  # evaluations of formula nodes below which processes cost more time than they save: a few seconds
@@ -80,8 +80,9 @@ def _check(plan: Plan, block: Block) -> None:
 
 def request_of(problem: Problem, versions: Mapping[str, str]) -> dict[str, object]:
     """JSON that, together with a plan, determines the scenes."""
-    request = problem.request
+    request, rates = problem.request, problem.request.success
     return {
+        **({"success": [rates.low, rates.high]} if isinstance(rates, Range) else {}),
         "spec": problem.spec.sha256,
         "phi": {label: [phi.low, phi.high] for label, phi in request.phi.items()},
         "spread": request.spread,

@@ -13,6 +13,7 @@ from scenegen.errors.requests import NOT_INSTALLED
 INSTALL = {
     "av": 'pip install "scenegen[video]"',
     "coacd": 'pip install "scenegen[meshes]"',
+    "gymnasium": 'pip install "scenegen[rl]"',
     "mujoco": 'pip install "scenegen[mujoco]"',
     "pxr": 'pip install "scenegen[usd]"',
     "pyarrow": 'pip install "scenegen[parquet]"',

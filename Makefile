@@ -84,10 +84,10 @@ test-maniskill: $(STAMP) ## 300 resets of ManiSkill's environments from our layo
 	build/maniskill/bin/python -m pip install --quiet --disable-pip-version-check -e . "mani_skill==3.0.1" "sapien==3.0.3" pytest hypothesis
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/maniskill/bin/python -m pytest -m maniskill -s tests/worlds/layouts
 
-test-fetch: $(STAMP) ## resets of gymnasium-robotics' FetchPush from our scenes
+test-fetch: $(STAMP) ## resets of gymnasium-robotics' FetchPush from our scenes; starts in JAX and MJX
 	test -x build/fetch/bin/python || "$(PYTHON)" -m venv build/fetch
-	build/fetch/bin/python -m pip install --quiet --disable-pip-version-check -e . "gymnasium-robotics>=1.4.2,<1.5" "mujoco>=3.3,<3.4" pytest hypothesis
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/fetch/bin/python -m pytest -m fetch -s tests/worlds/gym
+	build/fetch/bin/python -m pip install --quiet --disable-pip-version-check -e . "gymnasium-robotics>=1.4.2,<1.5" "mujoco>=3.3,<3.4" "mujoco-mjx>=3.3,<3.4" jax pytest hypothesis
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/fetch/bin/python -m pytest -s tests/worlds/gym/test_in_fetch.py tests/worlds/layouts/test_in_jax.py
 
 OLD ?= ../base
 compare: $(STAMP) ## what this checkout writes against an older one, byte by byte, in minutes: OLD=../base

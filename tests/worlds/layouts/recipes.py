@@ -6,11 +6,12 @@ from pathlib import Path
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "layouts.md").read_text()
 
 
-def recipe(name):
+def recipe(name, other=None):
+    """The function with which a recipe begins, or another one of it."""
     (text,) = re.findall(rf"^```python\n(def {name}\(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
     found = {}
     exec(text, found)  # noqa: S102 - our own page
-    return found[name]
+    return found[other or name]
 
 
 def example(needs):

@@ -79,9 +79,9 @@ test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our sc
 	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/worlds/robosuite
 
 # environments of their own: ManiSkill brings its own torch, Fetch an older mujoco
-test-maniskill: $(STAMP) ## 300 resets of ManiSkill's environments from our layouts, in its own physics; 7 GB of packages
+test-maniskill: $(STAMP) ## 300 resets of ManiSkill's environments from our layouts, in its own physics
 	test -x build/maniskill/bin/python || "$(PYTHON)" -m venv build/maniskill
-	build/maniskill/bin/python -m pip install --quiet --disable-pip-version-check -e . "mani_skill==3.0.1" "sapien==3.0.3" pytest hypothesis
+	build/maniskill/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . "mani_skill==3.0.1" "sapien==3.0.3" pytest hypothesis
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/maniskill/bin/python -m pytest -m maniskill -s tests/worlds/layouts
 
 test-fetch: $(STAMP) ## resets of gymnasium-robotics' FetchPush from our scenes; starts in JAX and MJX

@@ -21,7 +21,7 @@ from scenegen.learn.curriculum.tasks import Outcome
 from scenegen.scenes.data import RequestData
 from scenegen.validation import as_int, as_list, as_number, as_point, as_seconds
 from scenegen.worlds.frame import UPRIGHT, Axis, Origins, TableFrame, in_world, inverse, quaternion_order, times
-from scenegen.worlds.starts import Start, Wanted, is_strategy, make_starts, phi_at
+from scenegen.worlds.starts import AHEAD, Start, Wanted, is_strategy, make_starts, phi_at
 
 Put: TypeAlias = Callable[[Any, str, Array], None]
 """put(env, name, pose): the object now has the pose (7,), x, y, z in metres and a quaternion."""
@@ -40,10 +40,10 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
     quaternion, whose order is `quaternion`. `observe(env)` then gives the observation with which the episode begins.
     `origin`, `turn`, `origins` and `up` are as `scenegen.layouts.Layouts` has them.
 
-    The same seed, at `reset`, is the same start: it chooses among 4,096 scenes of the range, or among those of the
-    strategy's task. Episodes without a seed go on from the last one, at first from `seed`. `info["phi"]` at reset is
-    phi of the start by label. With `get(env, name)`, which gives poses in the same form, `phi_now` gives it at any
-    moment.
+    The same seed, at `reset`, is the same start: it chooses among the first `ahead` scenes of the range, or among those
+    of the strategy's task. Episodes without a seed go on from the last one, at first from `seed`. `info["phi"]` at
+    reset is phi of the start by label. With `get(env, name)`, which gives poses in the same form, `phi_now` gives it at
+    any moment.
 
     A strategy is about the label `goal`, by default all. It hears of each episode that ends, not of those that `reset`
     interrupts; `success` is the entry of `info` that judges it, and `info["outcome"]` is what it was told.
@@ -67,6 +67,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         up: Mapping[str, Axis] | None = None,
         goal: str | None = None,
         success: str = "is_success",
+        ahead: int = AHEAD,
         seed: int = 0,
         timeout: float = 60.0,
     ) -> None:
@@ -83,7 +84,9 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._origins, self._up = origins, {} if up is None else up
         self._header = make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat"))
         self._strategy, self._success = phi if is_strategy(phi) else None, success
-        self._starts = make_starts(spec, phi, goal, as_int("seed", seed), as_seconds("timeout", timeout))
+        if as_int("ahead", ahead) < 1:
+            raise RequestError(OUT_OF_RANGE(argument="ahead", value=ahead, wanted="1 or more"))
+        self._starts = make_starts(spec, phi, goal, as_int("seed", seed), as_seconds("timeout", timeout), ahead)
         self._rng = np.random.default_rng([seed, STREAM])
         self._total, self._steps, self._reported = 0.0, 0, True
 

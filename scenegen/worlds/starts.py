@@ -37,7 +37,7 @@ Wanted: TypeAlias = "Phi | PhiBox | Strategy | StartSource | Callable[[], Phi | 
 """A range of phi (see `scenegen.sample`), a strategy, a source of starts, or a function that gives a range for each."""
 
 FIRST, MOST = 1024, 16_384  # scenes of the first draw at a range, and of later ones at most
-CHOICE = 4096  # scenes of a range that a generator chooses among
+AHEAD = 4096  # scenes of a range that a generator chooses among
 RANGES = 64  # ranges whose scenes are kept, the most recent ones
 STREAM = 12  # the stream of random numbers of starts; api/batches.py and others have streams of their own
 
@@ -68,8 +68,10 @@ class RangeStarts:
     """Scenes with phi in a range that `wanted` gives for each. Draws grow from FIRST to MOST scenes; a range that is
     asked for again goes on with its own scenes."""
 
-    def __init__(self, spec: Spec, wanted: Callable[[], Phi | PhiBox | None], seed: int, timeout: float) -> None:
-        self._spec, self._wanted, self._seed, self._timeout = spec, wanted, seed, timeout
+    def __init__(
+        self, spec: Spec, wanted: Callable[[], Phi | PhiBox | None], seed: int, timeout: float, ahead: int = AHEAD
+    ) -> None:
+        self._spec, self._wanted, self._seed, self._timeout, self._ahead = spec, wanted, seed, timeout, ahead
         self._draws = 0
         self._streams: OrderedDict[Ranges, Iterator[Start]] = OrderedDict()
         self._pools: OrderedDict[Ranges, list[Start]] = OrderedDict()
@@ -84,10 +86,12 @@ class RangeStarts:
             raise
 
     def choose(self, generator: np.random.Generator) -> Start:
-        """One of CHOICE scenes of the range, which are the same whatever was taken before. Raises RequestError, also
+        """One of `ahead` scenes of the range, which are the same whatever was taken before. Raises RequestError, also
         where there is no time to draw them all."""
         ranges, source = self._ranges(), np.random.SeedSequence([self._seed, STREAM])
-        pool = _kept(self._pools, ranges, lambda: list(self._drawn(dict(ranges), CHOICE, source, keep_partial=False)))
+        pool = _kept(
+            self._pools, ranges, lambda: list(self._drawn(dict(ranges), self._ahead, source, keep_partial=False))
+        )
         return pool[int(generator.integers(len(pool)))]
 
     def _ranges(self) -> Ranges:
@@ -171,7 +175,9 @@ class StrategyStarts:
         return Start(places[0], found, None if on is None else on[0], task)
 
 
-def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float) -> StartSource:
+def make_starts(
+    spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float, ahead: int = AHEAD
+) -> StartSource:
     """Raises RequestError for an invalid range."""
     if isinstance(wanted, StartSource) and not hasattr(wanted, "shape"):  # arrays have a `take` of their own
         return wanted
@@ -179,11 +185,11 @@ def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout
         need("gymnasium", "for starts chosen by a strategy")
         return StrategyStarts(spec, goal, wanted, seed)
     if callable(wanted):
-        return RangeStarts(spec, wanted, seed, timeout)
+        return RangeStarts(spec, wanted, seed, timeout, ahead)
     fixed: Any = wanted
     if not isinstance(fixed, PhiBox):
         read_phi(spec, fixed)
-    return RangeStarts(spec, lambda: fixed, seed, timeout)
+    return RangeStarts(spec, lambda: fixed, seed, timeout, ahead)
 
 
 def is_strategy(wanted: object) -> TypeGuard[Strategy]:

@@ -93,6 +93,8 @@ def test_the_same_seed_is_the_same_start_whatever_was_before():
     assert (other.reset()[0] == after).all()
     assert len({one.tobytes() for one in [*first.values(), after]}) == 4
     assert (started(seed=5).reset()[0] == started(seed=5).reset()[0]).all()
+    few = started(ahead=3)
+    assert len({few.reset()[0].tobytes() for _ in range(30)}) == 3
     many = gymnasium.vector.SyncVectorEnv([started, started])
     seen, _ = many.reset(seed=2)
     assert (seen == [first[2], first[3]]).all()
@@ -164,6 +166,7 @@ def test_bad_requests_are_answered():
         ("wrong-value", {"get": 3}),
         ("unknown-choice", {"quaternion": "wzyx"}),
         ("wrong-value", {"origin": (0, 0)}),
+        ("out-of-range", {"ahead": 0}),
         ("range-not-a-pair", {"phi": {"task": 0.1}}),
         ("beyond-bounds", {"phi": {"task": (0.5, None)}}),
         ("unknown-choice", {"origins": {"cup": 0.1}}),

@@ -14,6 +14,7 @@ import pytest
 from scenegen.sampling.engine import ray as ray_engine
 from scenegen.sampling.engine.engines import chosen
 from scenegen.sampling.plan import Piece
+from scenegen.scenes.blocks import Block
 from scenegen.search.effort import StoppedError
 
 sys.path.insert(0, str(Path(__file__).parent))

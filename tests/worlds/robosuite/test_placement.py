@@ -220,3 +220,10 @@ def test_frames_and_quaternions():
     assert upright(Tipped("y", rotation=math.pi, rotation_axis="y")) == pytest.approx([0, 0, 1, 0])
     i, j, k = np.eye(4)[1:]
     assert times(i, j) == pytest.approx(k) and times(j, i) == pytest.approx(-k)
+
+
+def test_a_strategy_without_gymnasium_says_what_to_install(monkeypatch):
+    lessons = strategy("uniform", PhiBox((-0.1,), (0.0,)), np.random.default_rng(0))
+    monkeypatch.setattr("scenegen.needs.found", lambda package: False)
+    with pytest.raises(RequestError, match=r"not-installed.*\n.*scenegen\[rl\]"):
+        placement(lessons)

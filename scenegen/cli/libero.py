@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.cli import options
-from scenegen.cli.many import JobMessages, shared_work
-from scenegen.cli.options import ADDRESS, ENGINE, WORKERS, argument, option
-from scenegen.cli.output import print_error
+from scenegen.cli.many import exit_status
+from scenegen.cli.options import WORKERS, argument, option
+from scenegen.cli.output import complain, print_error, print_message, progress_bar
+from scenegen.errors import ScenegenError
 
 if TYPE_CHECKING:
-    from scenegen.worlds.libero.files import LiberoTask, StatesJob
+    from scenegen.worlds.libero.files import LiberoTask, StatesJob, TaskReport
 
 
 def libero(
@@ -25,8 +26,6 @@ def libero(
     seed: int = option("The same seed gives the same states.", "SEED", default=0),
     settle: float = option("Seconds to come to rest in, at most.", "SECONDS", default=1.0, parser=options.seconds),
     workers: int | None = WORKERS,
-    engine: str = ENGINE,
-    address: str | None = ADDRESS,
 ) -> int:
     """Make states of LIBERO's tasks at a chosen phi, at rest, and judged by LIBERO itself.
 
@@ -43,6 +42,8 @@ def libero(
     by which LIBERO and LeRobot find the states. What was made by the same request before is not made again. A task with
     too few states is named with the reasons, the others are made, and the exit status is 1.
     """
+    from scenegen.processes.pool import run_pieces
+    from scenegen.processes.process import cores
     from scenegen.sampling.request import parse_phi
     from scenegen.worlds.libero.files import LABELS, StatesJob, tasks_of, write_home
 
@@ -50,16 +51,29 @@ def libero(
     tasks = tasks_of(name)
     home = write_home(out)
     job = _TaskJob(StatesJob(out, tuple(phi or ()), n, seed, settle))
-    status = shared_work(job, [(one.name, one) for one in tasks], engine, workers, address, "tasks")
+    failed = []
+    with progress_bar() as bar:
+        shown = bar.add_task("tasks", total=len(tasks))
+        for task, made in zip(tasks, run_pieces(job, tasks, workers or cores()), strict=True):
+            bar.advance(shown)
+            if isinstance(made, ScenegenError):
+                failed.append(task.name)
+                print_message(f"{task.name} failed:")
+                complain(*made.diagnostics)
+            else:
+                print_error(f"{task.name}: {made.line}")
     print_error(f"states of {len(tasks)} tasks in {out}; LIBERO reads them with LIBERO_CONFIG_PATH={home.parent}")
-    return status
+    return exit_status(failed, len(tasks))
 
 
 @dataclass(frozen=True, slots=True)
 class _TaskJob:
-    """The job of one task among several."""
+    """The job of one task among several: its report, or why it failed."""
 
     states: StatesJob
 
-    def __call__(self, task: LiberoTask) -> JobMessages:
-        return JobMessages((self.states(task).line,))
+    def __call__(self, task: LiberoTask) -> TaskReport | ScenegenError:
+        try:
+            return self.states(task)
+        except ScenegenError as error:
+            return error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import json
 import logging
@@ -142,6 +143,8 @@ class StatesJob:
         finally:
             with contextlib.suppress(Exception):
                 env.close()
+            del env
+            gc.collect()  # or its models would pile up
         return self.write(task, made)
 
     def write(self, task: LiberoTask, made: SettledStates) -> TaskReport:

@@ -94,6 +94,8 @@ def _plain(
     """The objects of robosuite's samplers, on the rectangle that these use."""
     boxes = []
     for one in samplers:
+        if not any(each.name in prisms for each in one.mujoco_objects):
+            continue  # it places marks
         x, y = (np.asarray(one.reference_pos, dtype=np.float64) - origin)[:2]
         (left, right), (bottom, top) = one.x_range, one.y_range
         boxes.append((x + left, y + bottom, x + right, y + top))

@@ -36,9 +36,10 @@ STEPS = 20  # control steps of the environment's own, after which a state is jud
 DEEP = 0.003  # metres: contacts that are deeper push things away
 STILL = 0.01  # metres by which things may move in those steps, and initial facts be off
 FAR = 0.5  # metres: what moves farther while it settles has fallen off
-SLOW = 1e-4, 1e-3  # m/s and rad/s: what moves less is at rest; what moves a hundred times as fast is not
-LOOK = 50  # steps of the simulation from one look at the speeds to the next
+LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
+SLOW = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
+LEAST = 80  # scenes that are drawn before there are too few states
 UPRIGHT = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
 
 Judge = Callable[[], bool]
@@ -89,7 +90,8 @@ def init_states(
     the arm is held. A state is kept if `accept`, by default the environment's `check_success`, agrees with the sign of
     phi, at once and after 20 steps of the environment's own, if nothing moves or touches the robot, and if the initial
     facts hold, to 1 cm. `spec` is what `spec_of` made of the environment, by default anew; it needs a label `goal`. At
-    most `tries` scenes for each state are drawn: there can be fewer states than n. The same seed gives the same states.
+    most `tries` scenes for each state are drawn, but at least 80: there can be fewer states than n. The same seed gives
+    the same states.
 
     Raises RequestError, also where no scene has such a phi.
     """
@@ -108,7 +110,7 @@ def init_states(
     settled: list[bool] = []
     drawn, side = 0, None
     for scenes, index in _draws(own, ranges, n, as_int("seed", seed), as_seconds("timeout", timeout)):
-        if len(good) >= n or drawn >= tries * n:
+        if len(good) >= n or drawn >= max(tries * n, LEAST):
             break
         if not missing and not good and drawn >= UPRIGHT:
             side = drawn - UPRIGHT
@@ -244,23 +246,22 @@ class _Maker:
 
     def come_to_rest(self) -> bool:
         """Step the simulation with the arm held, until nothing moves or the time is over. True if the things rest."""
-        arm = self.data.qpos[self.arm].copy()
+        arm, last, moved = self.data.qpos[self.arm].copy(), self.poses(), math.inf
         for done in range(1, self.settle + 1):
             self.live.mj.mj_step(self.model, self.data)
             self.data.qpos[self.arm], self.data.qvel[self.arm_speed] = arm, 0.0
-            if done % LOOK == 0 and self.speed() < 1.0:
-                break
-        rests = self.speed() < 100.0 and bool(np.isfinite(self.data.qpos).all())
+            if done % LOOK == 0:
+                last, moved = (now := self.poses()), float(np.abs(now - last).max(initial=0.0))
+                if moved < SLOW[0]:
+                    break
         self.data.time, self.data.qvel[:], self.data.qacc_warmstart[:] = 0.0, 0.0, 0.0
         self.live.mj.mj_forward(self.model, self.data)
-        return rests
+        return moved < SLOW[1] and bool(np.isfinite(self.data.qpos).all())
 
-    def speed(self) -> float:
-        """The highest speed of a thing, by the speed of things at rest."""
+    def poses(self) -> Array:
+        """(N, 7): the places of the things and a tenth of their quaternions: 1 mm weighs as much as 1 degree."""
         bodies = [self.live.things[name] for name in self.things]
-        first = self.model.jnt_dofadr[self.model.body_jntadr[bodies]]
-        speeds = self.data.qvel[first[:, None] + np.arange(6)].reshape(-1, 2, 3)
-        return float((np.linalg.norm(speeds, axis=2) / SLOW).max(initial=0.0))
+        return np.hstack([self.data.xpos[bodies], 0.1 * self.data.xquat[bodies]])
 
     def step(self) -> None:
         """20 control steps of the environment's own, without an action."""
@@ -274,8 +275,7 @@ class _Maker:
 
     def places(self) -> Array:
         """(N, 3): where the things are in the world."""
-        found: Array = self.data.xpos[[self.live.things[name] for name in self.things]].copy()
-        return found
+        return self.poses()[:, :3]
 
     def phi(self, scenes: SceneSet, poses: Array, on: Array | None) -> dict[str, float]:
         """phi by label as the simulation is; a thing counts as being on what it is on in the scene."""

@@ -39,7 +39,7 @@ FAR = 0.5  # metres: what moves farther while it settles has fallen off
 LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
 SLOW = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
-LEAST = 80  # scenes that are drawn before there are too few states
+LEAST = 80  # scenes that are drawn before there are too few states: so many, if none of them is good
 UPRIGHT = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
 
 Judge = Callable[[], bool]
@@ -90,7 +90,7 @@ def init_states(
     the arm is held. A state is kept if `accept`, by default the environment's `check_success`, agrees with the sign of
     phi, at once and after 20 steps of the environment's own, if nothing moves or touches the robot, and if the initial
     facts hold, to 1 cm. `spec` is what `spec_of` made of the environment, by default anew; it needs a label `goal`. At
-    most `tries` scenes for each state are drawn, but at least 80: there can be fewer states than n. The same seed gives
+    most `tries` scenes for each state are drawn, and 80 in vain: there can be fewer states than n. The same seed gives
     the same states.
 
     Raises RequestError, also where no scene has such a phi.
@@ -110,7 +110,7 @@ def init_states(
     settled: list[bool] = []
     drawn, side = 0, None
     for scenes, index in _draws(own, ranges, n, as_int("seed", seed), as_seconds("timeout", timeout)):
-        if len(good) >= n or drawn >= max(tries * n, LEAST):
+        if len(good) >= n or drawn >= max(tries * n if good else 0, LEAST):
             break
         if not missing and not good and drawn >= UPRIGHT:
             side = drawn - UPRIGHT

@@ -152,3 +152,9 @@ def inverse(quaternion: Numbers) -> Array:
     """The reverse rotation of a unit quaternion."""
     w, x, y, z = quaternion
     return np.array([w, -x, -y, -z])
+
+
+def upright(quaternion: Numbers) -> Array:
+    """An attitude at heading 0: without the turn about the vertical that comes nearest to it."""
+    heading = 2.0 * math.atan2(quaternion[3], quaternion[0])
+    return times((math.cos(heading / 2.0), 0.0, 0.0, -math.sin(heading / 2.0)), quaternion)

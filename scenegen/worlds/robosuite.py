@@ -1,13 +1,12 @@
 """A drop-in for the `placement_initializer` of robosuite's environments: objects start where a spec wants them.
 
 Starts are verified scenes, drawn ahead: at a range of phi, or at the next task of a strategy. They are placed in the
-simulator's frame, and read back from it. `init_states` writes starts as LIBERO keeps them.
+simulator's frame, and read back from it. `init_states` writes starts as files of states; LIBERO has libero/.
 """
 
 from __future__ import annotations
 
 import copy
-import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -27,29 +26,8 @@ from scenegen.learn.curriculum.tasks import Outcome
 from scenegen.needs import need
 from scenegen.scenes.files import whole_file
 from scenegen.validation import as_int, as_number, as_path, as_point, as_seconds
-from scenegen.worlds.frame import TableFrame, inverse, times
+from scenegen.worlds.frame import TableFrame, inverse, times, upright
 from scenegen.worlds.starts import Start, Wanted, is_strategy, make_starts, phi_at
-
-
-def upright(model: Any) -> Array:
-    """The quaternion of an object that stands as it should at heading 0.
-
-    robosuite's objects may have an `init_quat`; many of LIBERO's have to be turned about x or y first: `rotation` is
-    then a range of angles in radians for `rotation_axis`, or maps axes to ranges. Turns about z are headings.
-    """
-    rotation, axis = getattr(model, "rotation", None), getattr(model, "rotation_axis", None)
-    turns = rotation if isinstance(rotation, Mapping) else {axis: rotation}
-    found = np.array([1.0, 0.0, 0.0, 0.0])
-    for index, name in enumerate("xy"):
-        angles = turns.get(name)
-        if angles is None:
-            continue
-        half = 0.5 * (float(np.mean([min(angles), max(angles)])) if isinstance(angles, Iterable) else float(angles))
-        turn = np.array([math.cos(half), 0.0, 0.0, 0.0])
-        turn[1 + index] = math.sin(half)
-        found = times(turn, found)
-    return times(found, model.init_quat) if getattr(model, "init_quat", None) is not None else found
-
 
 Placed: TypeAlias = dict[str, tuple[tuple[float, float, float], Array, Any]]
 """Object name -> (place, quaternion (w, x, y, z), object), as robosuite's samplers give it."""
@@ -101,6 +79,7 @@ class Placement:
         self.ensure_valid_placement = ensure_valid_placement
         self.mujoco_objects: list[Any] = []
         self.start: Start | None = None
+        self.attitudes: dict[str, Array] = {}
         self._strategy = phi if is_strategy(phi) else None
         self._starts = make_starts(spec, phi, goal, as_int("seed", seed), as_seconds("timeout", timeout))
         self._frame = TableFrame(self.reference_pos, self.turn)
@@ -177,7 +156,7 @@ class Placement:
                 found[which] = pose[0], pose[1], 2.0 * np.arctan2(pose[6], pose[3])
                 continue
             body = sim.model.body_name2id(model.root_body)
-            attitude = times(sim.data.body_xquat[body], inverse(upright(model)))
+            attitude = times(sim.data.body_xquat[body], inverse(self._attitude(model)))
             found[which] = self._frame.pose(sim.data.body_xpos[body], attitude)
         return found
 
@@ -192,6 +171,12 @@ class Placement:
         if self._strategy is not None and start.task is not None:
             values = tuple(start.phi.values())
             self._strategy.report(Outcome(start.task, values, bool(success), float(total), int(steps)))
+
+    def _attitude(self, model: Any) -> Array:
+        """The quaternion of an object that stands as it should at heading 0: as `attitudes` has it, else its
+        `init_quat`."""
+        found = self.attitudes.get(model.name, getattr(model, "init_quat", None))
+        return np.array([1.0, 0.0, 0.0, 0.0] if found is None else found, dtype=np.float64)
 
     def _started(self) -> Start:
         if self.start is None:
@@ -234,7 +219,7 @@ class Placement:
             z += lift.get(model.name, 0.0) if isinstance(lift, dict) else lift
             if on_top:
                 z -= model.bottom_offset[-1]
-            found[model.name] = (float(x), float(y), float(z)), times(quaternion, upright(model)), model
+            found[model.name] = (float(x), float(y), float(z)), times(quaternion, self._attitude(model)), model
         return found
 
 
@@ -306,11 +291,11 @@ class InitStates:
 
 
 def init_states(env: Any, placement: Placement, n: int) -> InitStates:
-    """n states of an environment of robosuite or LIBERO, with the objects where the placement wants them.
+    """n states of an environment of robosuite, with the objects where the placement wants them.
 
-    The environment is reset once; what the placement does not place stays as it is then. Give the placement the
-    environment's objects: for LIBERO, mujoco_objects=list(env.env.objects_dict.values()). Raises RequestError, also for
-    an object of the spec that has no free joint.
+    The environment is reset once: how its objects stand then is how the placement puts them, whatever it does not place
+    stays as it is. Give the placement the environment's objects. `scenegen.libero` makes the spec of an environment,
+    too, and its states come to rest. Raises RequestError, also for an object of the spec that has no free joint.
     """
     n = as_int("n", n)
     if n < 1:
@@ -318,6 +303,9 @@ def init_states(env: Any, placement: Placement, n: int) -> InitStates:
     env.reset()
     sim = env.sim
     begun = sim.get_state()
+    for model in placement.mujoco_objects:
+        for joint in list(model.joints)[:1]:
+            placement.attitudes[model.name] = upright(sim.data.get_joint_qpos(joint)[3:7])
     states, phi, read = [], [], []
     for _ in range(n):
         sim.set_state(begun)

@@ -84,9 +84,8 @@ def run_suite(
         reverse=suite.reverse, episodes=len(suite),
     )  # fmt: skip
     found: list[EpisodeOutcome] = []
-    if out.exists():
-        before = read_outcomes(out, suite)
-        if before.episodes and not resume:
+    if out.exists() and (before := read_outcomes(out, suite)).episodes:
+        if not resume:
             raise RequestError(UNFINISHED_RUN(folder=out, outcomes=len(before.episodes)))
         same_run(out, before.header, header)
         found = list(before.episodes)
@@ -116,7 +115,7 @@ def _played(job: Player, suite: Suite, todo: deque[int], workers: int, timeout: 
         said, number = worker.end(), turns.pop(worker)
         if number is None:
             raise ScenegenError(PROCESS_DIED(what="a policy's process", how=why, remedy="run it by itself", said=said))
-        return _failed(suite[number], f"its process {why}")
+        return _outcome(suite[number], False, 0, f"its process {why}")
 
     try:
         while todo or any(number is not None for number in turns.values()):
@@ -157,10 +156,9 @@ def _said(error: Exception) -> str:
     return f"{type(error).__name__}: {error}".splitlines()[0][:SAID]
 
 
-def _failed(start: GradedStart, error: str, steps: int = 0) -> EpisodeOutcome:
-    return EpisodeOutcome(
-        episode=start.number, task=start.task.name, band=start.band, success=False, steps=steps, error=error
-    )
+def _outcome(start: GradedStart, success: bool, steps: int, error: str | None = None) -> EpisodeOutcome:
+    names = {"task": start.task.name, "band": start.band}
+    return EpisodeOutcome(episode=start.number, **names, success=success, steps=steps, error=error)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -194,9 +192,8 @@ class Player:
             raise
         except Exception as error:
             self._drop()  # nobody knows what state they are in
-            return _failed(start, _said(error), self.steps)
-        task, band = start.task.name, start.band
-        return EpisodeOutcome(episode=number, task=task, band=band, success=success, steps=self.steps)
+            return _outcome(start, False, self.steps, _said(error))
+        return _outcome(start, success, self.steps)
 
     def _prepare(self, task: SuiteTask) -> None:
         """Make the task's environment, and a policy for it. Raises ScenegenError."""

@@ -16,8 +16,9 @@ from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.scenes.files import write_whole
 from scenegen.validation import as_path
+from scenegen.worlds.fit.rates import base_rate
 from scenegen.worlds.suites.outcomes import EpisodeOutcome, SuiteOutcomes, read_outcomes
-from scenegen.worlds.suites.statistics import PairedDifference, Stratum, needed_unpaired, weighted_share, wilson
+from scenegen.worlds.suites.statistics import PairedDifference, needed_unpaired, wilson
 from scenegen.worlds.suites.suite import GradedStart, Suite
 
 POINTS = 0.05  # the difference whose episodes are counted
@@ -82,7 +83,7 @@ def _shares(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> Iterator[ReportTab
     rows = [(kind, *(_share([e for e in one.episodes if e.band == kind]) for one, _ in played)) for kind in kinds]
     rows.append(("every episode", *(_share(one.episodes) for one, _ in played)))
     rows.append(("base distribution", *(_base(one, suite) for one, suite in played)))
-    more = " Base distribution: all starts that the tasks allow, each band by its probability."
+    more = " Base distribution: all starts that the tasks allow, each band by its probability, played or not."
     yield ReportTable("Success by band", note + more, ("band", *names), rows)
     kinds = dict.fromkeys(task.name for _, suite in played for task in suite.tasks)
     rows = [(kind, *(_share([e for e in one.episodes if e.task == kind]) for one, _ in played)) for kind in kinds]
@@ -100,12 +101,9 @@ def _base(outcomes: SuiteOutcomes, suite: Suite) -> str:
     """The share of success over all starts that the tasks' specs allow, tasks alike."""
     success, cells = outcomes.success, suite.cells
     each = [[done for number, done in success.items() if number % len(cells) == place] for place in range(len(cells))]
-    played = [(some, band) for some, (_, band) in zip(each, cells, strict=True) if some]
-    strata = [Stratum(sum(some), len(some), one.probability / len(suite.tasks), one.error) for some, one in played]
-    if not strata:
-        return "-"
-    covered = sum(one.weight for one in strata)
-    return _said(*weighted_share(strata)) + (f", of {covered:.0%} of them" if covered < 0.99 else "")
+    weights = [band.probability / len(suite.tasks) for _, band in cells]
+    errors = [band.error for _, band in cells]
+    return _said(*base_rate([sum(some) for some in each], [len(some) for some in each], weights, errors))
 
 
 def _said(share: float, low: float, high: float) -> str:

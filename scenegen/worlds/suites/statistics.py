@@ -1,17 +1,13 @@
-"""What outcomes say: intervals of shares, of weighted shares and of paired differences; an exact test; how many
+"""What outcomes say: intervals of shares and of paired differences; an exact test; how many
 episodes a difference needs. Two-sided, at 95 %; power 80 %.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 Z, POWER = 1.959964, 0.841621  # quantiles of the normal distribution: 97.5 %, 80 %
-PRIOR = 4.0  # episodes with the share of all strata that each stratum's variance counts in
 
 
 def wilson(share: float, n: float) -> tuple[float, float]:
@@ -22,31 +18,6 @@ def wilson(share: float, n: float) -> tuple[float, float]:
     middle = (share + half / 2.0) / (1.0 + half)
     width = Z / (1.0 + half) * math.sqrt(share * (1.0 - share) / n + half / (4.0 * n))
     return max(0.0, middle - width), min(1.0, middle + width)
-
-
-@dataclass(frozen=True, slots=True)
-class Stratum:
-    """`hits` of `n` episodes of a cell whose probability is `weight`; `error` is half of a 95 % interval of its
-    log10."""
-
-    hits: int
-    n: int
-    weight: float
-    error: float = 0.0
-
-
-def weighted_share(strata: Sequence[Stratum]) -> tuple[float, float, float]:
-    """The share over all strata, by their weights, and its interval: Wilson's for as many episodes as have its variance
-    (Korn and Graubard 1998 do so with the exact interval). The variance is that of the strata's shares, each with a few
-    episodes like all strata beside its own, and that of weights as far as they are not known."""
-    hits, n, weight, error = (np.array([getattr(one, name) for one in strata]) for name in Stratum.__slots__)
-    weight = weight / weight.sum()
-    shares = hits / n
-    share = float(weight @ shares)
-    near = (hits + PRIOR * share) / (n + PRIOR)
-    unsure = error * math.log(10.0) / Z * (shares - share)
-    variance = float((weight**2 * (near * (1.0 - near) / n + unsure**2)).sum())
-    return share, *wilson(share, share * (1.0 - share) / variance if variance else 1.0 / float((weight**2 / n).sum()))
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scenegen.worlds.suites.statistics import (
-    PairedDifference,
-    Stratum,
-    needed_unpaired,
-    weighted_share,
-    wilson,
-)
+from scenegen.worlds.suites.statistics import PairedDifference, needed_unpaired, wilson
 
 
 @pytest.mark.parametrize("hits, n", [(0, 10), (3, 10), (50, 50), (417, 2500)])
@@ -36,31 +30,6 @@ def test_intervals_cover():
         low, high = PairedDifference(int(one), int(other), 60).interval
         covered += low <= 0.1 <= high
     assert covered >= 930
-
-
-@pytest.mark.parametrize("n", [1, 2, 5, 50])
-@pytest.mark.parametrize("level", [-4.0, 0.0, 3.0])
-def test_intervals_of_weighted_shares_cover(n, level):
-    """Of 50 cells whose shares and weights differ, in 1,000 repeats."""
-    rng = np.random.default_rng([n, 7])
-    weights, covered, widths = rng.dirichlet(np.full(50, 4.0)), 0, []
-    for _ in range(1000):
-        shares = 1.0 / (1.0 + np.exp(-level - 2.0 * rng.normal(size=50)))
-        strata = [Stratum(int(k), n, w) for k, w in zip(rng.binomial(n, shares), weights, strict=True)]
-        share, low, high = weighted_share(strata)
-        assert low <= share <= high
-        covered += low <= weights @ shares <= high
-        widths.append(high - low)
-    assert covered >= 930
-    assert np.mean(widths) <= 2.2 * 1.96 * 0.5 / np.sqrt(50 * n) + 0.02
-
-
-def test_weights_that_are_uncertain_widen_the_interval():
-    def width(error):
-        _, low, high = weighted_share([Stratum(95, 100, 0.5, error), Stratum(5, 100, 0.5, error)])
-        return high - low
-
-    assert width(0.1) > 1.5 * width(0.0)
 
 
 def test_episodes_that_a_difference_needs():

@@ -24,8 +24,8 @@ from scenegen.validation import as_path
 from scenegen.worlds.fit import logistic
 from scenegen.worlds.fit.features import fingerprint, measured
 from scenegen.worlds.fit.logistic import Interval, Logistic, Outcomes
-from scenegen.worlds.fit.rates import base_rate
 from scenegen.worlds.suites.outcomes import Instruction, SuiteOutcomes, read_outcomes, same_run
+from scenegen.worlds.suites.statistics import base_rate
 from scenegen.worlds.suites.suite import Suite, SuiteModel, SuiteTask, load_model
 
 FEWEST = 50  # episodes of a task

@@ -16,9 +16,8 @@ from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.scenes.files import write_whole
 from scenegen.validation import as_path
-from scenegen.worlds.fit.rates import base_rate
 from scenegen.worlds.suites.outcomes import EpisodeOutcome, SuiteOutcomes, read_outcomes
-from scenegen.worlds.suites.statistics import PairedDifference, needed_unpaired, wilson
+from scenegen.worlds.suites.statistics import PairedDifference, base_rate, needed_unpaired, wilson
 from scenegen.worlds.suites.suite import GradedStart, Suite
 
 POINTS = 0.05  # the difference whose episodes are counted

@@ -1,4 +1,4 @@
-"""What outcomes say: intervals of shares and of paired differences; an exact test; how many
+"""What outcomes say: intervals of shares, of rates over strata and of paired differences; an exact test; how many
 episodes a difference needs. Two-sided, at 95 %; power 80 %.
 """
 
@@ -6,6 +6,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.errors import RequestError
+from scenegen.errors.requests import WRONG_VALUE
 
 Z, POWER = 1.959964, 0.841621  # quantiles of the normal distribution: 97.5 %, 80 %
 
@@ -18,6 +24,51 @@ def wilson(share: float, n: float) -> tuple[float, float]:
     middle = (share + half / 2.0) / (1.0 + half)
     width = Z / (1.0 + half) * math.sqrt(share * (1.0 - share) / n + half / (4.0 * n))
     return max(0.0, middle - width), min(1.0, middle + width)
+
+
+def base_rate(
+    successes: npt.ArrayLike,
+    episodes: npt.ArrayLike,
+    probabilities: npt.ArrayLike,
+    errors: npt.ArrayLike | None = None,
+) -> tuple[float, float, float]:
+    """The success rate over all strata, and its 95 % interval: (estimate, low, high).
+
+    Of stratum k, `episodes` (k,) episodes were run, at starts that follow the base distribution within it, `successes`
+    (k,) of them succeeded, and the base distribution has the probability `probabilities` (k,) of it. A stratum without
+    episodes, and what is missing from 1, may succeed always or never: the interval covers both, and the estimate takes
+    it to be like the rest.
+
+    `errors` (k,) are half of 95 % intervals of log10 of the probabilities, where these are estimates, as those of the
+    bands of a suite are. The variance of each stratum counts one success and one failure more than there were, since a
+    stratum without failures is not known to have none (Agresti and Coull 1998); strata add up as in Cochran 1977, 5.3,
+    and the interval is moved by the skewness of the sum, which makes Wilson's of it where there is one stratum.
+    Raises RequestError for numbers that can be none of these.
+    """
+    given = successes, episodes, probabilities, np.zeros(np.shape(episodes)) if errors is None else errors
+    s, n, w, e = (np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in given)
+    if not (s.shape == n.shape == w.shape == e.shape and s.ndim == 1 and len(s)):
+        shapes = f"of the shapes {s.shape}, {n.shape} and {w.shape}"
+        wanted = "successes, episodes and probabilities of the same strata, (k,) each"
+        raise RequestError(WRONG_VALUE(argument="successes", value=shapes, wanted=wanted))
+    if not ((s >= 0) & (s <= n)).all():
+        raise RequestError(WRONG_VALUE(argument="successes", value=str(s.tolist()), wanted="from 0 to the episodes"))
+    if not ((w >= 0).all() and w.sum() <= 1.001):  # they may be rounded
+        wanted = "probabilities of strata that do not overlap: at least 0, and at most 1 together"
+        raise RequestError(WRONG_VALUE(argument="probabilities", value=str(w.tolist()), wanted=wanted))
+    run, w = n > 0, w / max(1.0, w.sum())
+    s, n, w, e = s[run], n[run], w[run], e[run]
+    known = float(w.sum())
+    if not known > 0.0:
+        return 0.5, 0.0, 1.0
+    met = float((w * s / n).sum())
+    p = (s + 1.0) / (n + 2.0)
+    variance = w**2 * p * (1.0 - p) / n
+    skew = Z**2 / 2.0 * float((variance * w * (1.0 - 2.0 * p) / n).sum() / variance.sum())
+    unlike = w * math.log(10.0) * e * (s / n - met / known)  # what it matters that a probability is another one
+    half = math.sqrt(float((Z**2 * variance + unlike**2).sum()))
+    low, high = met + min(0.0, skew - half), met + max(0.0, skew + half)
+    return met / known, max(0.0, low), min(1.0, high + 1.0 - known)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -150,37 +150,41 @@ def _fitted(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monoto
         for one in run.episodes:
             if one.task == task.name:
                 ended[one.episode].append(one.success)
-    episodes = sum(map(len, ended.values()))
-    if not episodes:
+    if not ended:
         return []
-    if episodes < FEWEST:
-        wanted = f"at least {FEWEST} episodes of a task, and {task.name} has {episodes}"
-        raise RequestError(OUT_OF_RANGE(argument="outcomes", value=episodes, wanted=wanted))
+    rarity, data = outcomes_of(suite, task, ended)
+    y, which, phi = data.success, data.start, data.values[0]
+    if len(y) < FEWEST:
+        wanted = f"at least {FEWEST} episodes of a task, and {task.name} has {len(y)}"
+        raise RequestError(OUT_OF_RANGE(argument="outcomes", value=len(y), wanted=wanted))
+    p = logistic.held_out(data, monotone)
+    held_out = HeldOut(
+        calibration_error=logistic.calibration_error(y, p),
+        by_chance=logistic.by_chance(p),
+        brier=logistic.with_interval(logistic.brier, y, p, which),
+        auc=logistic.with_interval(logistic.auc, y, p, which),
+        auc_of_phi=logistic.with_interval(logistic.auc, y, phi, which),
+    )
+    bands = [[ended[number] for number in ended if suite[number].band == band.name] for band in task.bands]
+    won = [sum(float(np.mean(one)) for one in band) for band in bands]
+    probability, error = zip(*((one.probability, one.error) for one in task.bands), strict=True)
+    return [
+        TaskFit(
+            name=task.name, success=task.success, digest=fingerprint(task.spec.checked, task.success),
+            episodes=len(y), starts=len(ended), rarity=rarity, model=logistic.chosen(data, monotone),
+            base_rate=base_rate(won, list(map(len, bands)), probability, error), held_out=held_out,
+        )
+    ]  # fmt: skip
+
+
+def outcomes_of(suite: Suite, task: SuiteTask, ended: Mapping[int, Sequence[bool]]) -> tuple[Rareness, Outcomes]:
+    """How rare phi is, by the starts of a task that have `ended`, and the outcomes with what was measured there."""
     starts = [suite[number] for number in sorted(ended)]
     phi, log10p = np.array([(one.phi[task.success], one.log10p) for one in starts]).T
     order = np.argsort(phi)[np.unique(np.linspace(0, len(phi) - 1, CURVE).astype(np.intp))]
     rarity = Rareness(phi=phi[order].tolist(), log10p=log10p[order].tolist())
-    spec = task.spec.checked
-    rows = rows_of(spec, task.scenes[np.array([one.row for one in starts])])
-    features, values = measured(spec, task.success, rows, rarity)
+    rows = rows_of(task.spec.checked, task.scenes[np.array([one.row for one in starts])])
+    features, values = measured(task.spec.checked, task.success, rows, rarity)
     which = np.repeat(np.arange(len(starts)), [len(ended[one.number]) for one in starts])
     success = np.array([one for start in starts for one in ended[start.number]])
-    data = Outcomes(features, values[:, which], success, which)
-    p = logistic.held_out(data, monotone)
-    held_out = HeldOut(
-        calibration_error=logistic.calibration_error(success, p),
-        by_chance=logistic.by_chance(p),
-        brier=logistic.with_interval(logistic.brier, success, p, which),
-        auc=logistic.with_interval(logistic.auc, success, p, which),
-        auc_of_phi=logistic.with_interval(logistic.auc, success, phi[which], which),
-    )
-    bands = [[start for start in starts if start.band == band.name] for band in task.bands]
-    won = [sum(float(np.mean(ended[one.number])) for one in band) for band in bands]
-    probability, error = zip(*((one.probability, one.error) for one in task.bands), strict=True)
-    return [
-        TaskFit(
-            name=task.name, success=task.success, digest=fingerprint(spec, task.success), episodes=episodes,
-            starts=len(starts), base_rate=base_rate(won, [len(one) for one in bands], probability, error),
-            rarity=rarity, model=logistic.chosen(data, monotone), held_out=held_out,
-        )
-    ]  # fmt: skip
+    return rarity, Outcomes(features, values[:, which], success, which)

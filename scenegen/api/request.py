@@ -13,11 +13,11 @@ from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     LABEL_NOT_NAMED,
     MISSING_ARGUMENT,
+    NOT_FOR_MOTIONS,
     RANGE_NOT_A_PAIR,
     UNKNOWN_CHOICE,
     WITHOUT_MODEL,
 )
-from scenegen.errors.time import NOT_FOR_MOTIONS
 from scenegen.needs import need
 from scenegen.processes.pool import check_workers
 from scenegen.sampling.request import METHODS, Range, SampleRequest

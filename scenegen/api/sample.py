@@ -19,11 +19,13 @@ from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
 from scenegen.api.scenes import SceneSet, scenes_of
 from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
 from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, Range, SampleRequest
 
 if TYPE_CHECKING:
+    from scenegen.api.motions import MotionSet
     from scenegen.sampling.engine.run import SampledScenes
     from scenegen.sampling.motions.schedule import Watch
     from scenegen.sampling.plan import Plan
@@ -165,6 +167,18 @@ class Written:
 
     def __len__(self) -> int:
         return self.count
+
+
+def met(scenes: SceneSet | MotionSet) -> dict[str, PhiSummary]:
+    """What phi is in a set of at least one scene, or motion."""
+    return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
+
+
+def refuse_set_options(request: SampleRequest) -> None:
+    """Raises RequestError for options that only sets have."""
+    argument = request.misplaced("scenes", "motions", "files")
+    if argument is not None:
+        raise RequestError(ONLY_FOR_SETS(argument=argument))
 
 
 # --------------------------------------------------------------------------------------------------------------------

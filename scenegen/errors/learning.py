@@ -57,7 +57,7 @@ NOT_A_STATE = Kind(
 )
 
 # environments
-NO_EPISODE = Kind("no-episode", "{state}", help="{remedy}")
+NO_EPISODE = Kind("no-episode", "{state}", help="{remedy}", formerly=("no-start-yet",))
 WRONG_ACTION = Kind(
     "wrong-action",
     (

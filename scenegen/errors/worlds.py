@@ -143,8 +143,6 @@ PLACEMENT = Kind(
         "object-not-there",
     ),
 )
-NO_START_YET = Kind("no-start-yet", "no scene was placed yet", help="reset the environment first")
-NAME_TWICE = Kind("name-twice", "two objects have the name `{name}`", help="give each a name of its own in `names`")
 TOO_FEW_LAYOUTS = Kind(
     "too-few-layouts",
     "{scenes} scenes for {environments} environments",

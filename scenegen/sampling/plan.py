@@ -16,11 +16,12 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from scenegen.arrays import Array, Index
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.sampling.problem import Problem
-from scenegen.sampling.request import Cells
+from scenegen.sampling.problem import Cells, Problem
+from scenegen.scenes.blocks import Block
 
 # --------------------------------------------------------------------------------------------------------------------
 # A hash of a plan's values. It does not depend on the version of Python or pickle.
@@ -104,13 +105,11 @@ MANY_PIECES = 1 << 30  # more than there are processes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
-    """m candidates in a fixed, random order: rows (3N, m), phi (L, m) of all labels, the requirement's last, and the
-    cell of each, (m,), -1 for those out of range. `facts` (F,) are added up over all pieces."""
+class Piece(Block):
+    """m candidates in a fixed, random order, phi of all labels, the requirement's last; and the cell of each, (m,), -1
+    for those out of range. `facts` (F,) are added up over all pieces."""
 
-    rows: Array
-    phi: Array
-    cell: Index
+    cell: npt.NDArray[np.integer[Any]]
     facts: Array
 
 

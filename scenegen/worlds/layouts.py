@@ -15,12 +15,14 @@ import numpy.typing as npt
 
 from scenegen.api.request import Phi, read_phi
 from scenegen.api.sample import draw_scenes
-from scenegen.api.scene_arrays import SceneArrays, poses7
+from scenegen.api.scene_arrays import poses7
+from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
+from scenegen.errors.files import SAME_NAME
 from scenegen.errors.requests import ONLY_AT_BOUND, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.worlds import NAME_TWICE, TOO_FEW_LAYOUTS
+from scenegen.errors.worlds import TOO_FEW_LAYOUTS
 from scenegen.needs import need
 from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.arrange import refuse_numbers
@@ -50,7 +52,7 @@ UPRIGHT = {
 
 
 def placed(
-    scenes: SceneArrays, origin: Sequence[float], turn: float, origins: Origins, up: Mapping[str, Axis] | None = None
+    scenes: SceneSet, origin: Sequence[float], turn: float, origins: Origins, up: Mapping[str, Axis] | None = None
 ) -> Array:
     """(n, N, 7): x, y, z in metres and qw, qx, qy, qz, in the world.
 
@@ -82,7 +84,7 @@ def placed(
     return poses
 
 
-def lifts(scenes: SceneArrays, origins: Origins) -> Array:
+def lifts(scenes: SceneSet, origins: Origins) -> Array:
     """(N,): how far the origin of each object is above its lowest point. Raises RequestError."""
     if isinstance(origins, Mapping):
         for name in origins:
@@ -269,7 +271,7 @@ def _positive(name: str, value: object) -> int:
 
 
 def write_arena_pool(
-    scenes: SceneArrays,
+    scenes: SceneSet,
     path: str | Path,
     *,
     num_envs: int = 1,
@@ -306,7 +308,7 @@ def write_arena_pool(
     everything = [*called, *still]
     for name in everything:
         if everything.count(name) > 1:
-            raise RequestError(NAME_TWICE(name=name))
+            raise RequestError(SAME_NAME(name=name, objects="objects"))
     poses = placed(scenes, origin, turn, origins)
     pools: list[list[dict[str, object]]] = [[] for _ in range(num_envs)]
     for index, scene in enumerate(poses.tolist()):
@@ -331,7 +333,7 @@ def write_arena_pool(
     return path
 
 
-def _names(scenes: SceneArrays, names: Mapping[str, str]) -> list[str]:
+def _names(scenes: SceneSet, names: Mapping[str, str]) -> list[str]:
     for own in names:
         if own not in scenes.objects:
             raise RequestError(UNKNOWN_CHOICE(what="object", name=str(own), known=scenes.objects))

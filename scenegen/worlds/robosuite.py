@@ -23,10 +23,10 @@ from scenegen.api.scene_arrays import make_header, poses7, stored_rows
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.files import HELD_ELSEWHERE
-from scenegen.errors.learning import NOT_A_TASK
+from scenegen.errors.files import HELD_ELSEWHERE, SAME_NAME
+from scenegen.errors.learning import NO_EPISODE, NOT_A_TASK
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.worlds import NAME_TWICE, NO_START_YET, PLACEMENT
+from scenegen.errors.worlds import PLACEMENT
 from scenegen.geometry import NUMPY
 from scenegen.geometry.workspace import turned
 from scenegen.lang.formula.interpret import phi as score
@@ -418,7 +418,7 @@ class Placement:
 
     def _started(self) -> Start:
         if self.start is None:
-            raise RequestError(NO_START_YET())
+            raise RequestError(NO_EPISODE(state="no scene was placed yet", remedy="reset the environment first"))
         return self.start
 
     def _objects(self, placed: Placed) -> list[tuple[int, Any]]:
@@ -472,7 +472,7 @@ def _names(spec: Spec, names: Mapping[str, str]) -> dict[str, str]:
     found = {own: names.get(own, own) for own in spec.objects}
     for name, count in Counter(found.values()).items():
         if count > 1:
-            raise RequestError(NAME_TWICE(name=name))
+            raise RequestError(SAME_NAME(name=name, objects="objects"))
     return found
 
 

@@ -27,8 +27,7 @@ from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.worlds import WORLD_FAILS
 from scenegen.processes.pool import check_workers
-from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
-from scenegen.processes.worker import FAILED
+from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
 from scenegen.scenes.files import reported, write_whole
 from scenegen.validation import as_path, as_seconds
 from scenegen.worlds.suites.outcomes import (

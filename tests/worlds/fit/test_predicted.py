@@ -11,13 +11,13 @@ from scenegen.api.scenes import evaluate
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import (
     MISSING_ARGUMENT,
+    NOT_FOR_MOTIONS,
     OUT_OF_PLACE,
     OUT_OF_RANGE,
     TOO_FEW_IN_CELL,
     UNREACHED_CELLS,
     WRONG_VALUE,
 )
-from scenegen.errors.time import NOT_FOR_MOTIONS
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.worlds.fit import Fit

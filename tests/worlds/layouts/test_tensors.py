@@ -244,7 +244,7 @@ def test_bad_requests_are_answered_and_write_nothing(tmp_path):
         ("too-few-layouts", {"num_envs": 3}),
         ("out-of-range", {"num_envs": 0}),
         ("unknown-choice", {"names": {"cup": "mug"}}),
-        ("name-twice", {"anchors": {"mug": (0, 0, 0)}}),
+        ("same-name", {"anchors": {"mug": (0, 0, 0)}}),
         ("wrong-value", {"anchors": {"table": (0, 0)}}),
         ("wrong-value", {"anchors": {"table": (0, 0, math.nan)}}),
         ("wrong-value", {"seed": 0.5}),

@@ -64,6 +64,7 @@ COMMANDS: dict[str, str] = {
     "render": "scenegen.cli.render:render",
     "export": "scenegen.cli.export:export",
     "settle": "scenegen.cli.settle:settle",
+    "libero": "scenegen.cli.libero:libero",
     "suite": "scenegen.cli.suite:suite",
     "fit": "scenegen.cli.fit:fit",
     "assets": "scenegen.cli.assets:assets",

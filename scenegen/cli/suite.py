@@ -16,22 +16,19 @@ if TYPE_CHECKING:
     from scenegen.sampling.request import Range
     from scenegen.worlds.suites.outcomes import EpisodeOutcome
 
-NEEDED = {  # what an action cannot do without, and the question that it answers
-    "new": {"out": "which folder gets the suite?"},
-    "check": {},
-    "run": {"world": "where?", "policy": "what acts?", "out": "which file gets the outcomes?"},
-    "report": {"out": "which file gets the page?"},
-}
-OPTIONS = {
-    "new": ("bands", "log10p", "n", "seed", "success", "start", "timeout", "workers"),
-    "check": (),
-    "run": ("bands", "reverse", "instruction", "episodes", "resume", "steps", "timeout", "workers"),
-    "report": ("pictures", "workers"),
+OPTIONS = {  # of each action: those that must be given, and the others
+    "new": (("out",), ("bands", "log10p", "n", "seed", "success", "start", "timeout", "workers")),
+    "check": ((), ()),
+    "run": (
+        ("world", "policy", "out"),
+        ("bands", "reverse", "instruction", "episodes", "resume", "steps", "timeout", "workers"),
+    ),
+    "report": (("out",), ("pictures", "workers")),
 }
 
 
 def suite(
-    action: str = argument("new, check, run or report.", "ACTION", autocompletion=choices(*NEEDED)),
+    action: str = argument("new, check, run or report.", "ACTION", autocompletion=choices(*OPTIONS)),
     places: list[str] = argument(
         "For new: spec files. Else the suite's folder, or the name of a shipped suite; for report then files of"
         " outcomes.",
@@ -76,21 +73,18 @@ def suite(
 
     `run` writes a line for each episode; one that fails, dies or hangs counts as a failure, and the others go on.
     """
-    given: dict[str, Any] = {
-        "out": out, "bands": bands, "log10p": log10p, "n": n, "seed": seed, "success": success, "start": start,
-        "world": world, "policy": policy, "reverse": reverse, "instruction": instruction, "episodes": episodes,
-        "resume": resume, "steps": steps, "pictures": pictures, "timeout": timeout, "workers": workers,
-    }  # fmt: skip
-    given = {name: value for name, value in given.items() if value not in (None, False)}
-    if action not in NEEDED:
-        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=NEEDED))
+    given = {name: value for name, value in locals().items() if value is not None and value is not False}
+    del given["action"], given["places"]
+    if action not in OPTIONS:
+        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=OPTIONS))
+    needed, others = OPTIONS[action]
     for name in given:
-        if name not in (*NEEDED[action], *OPTIONS[action]):
-            of = ", ".join(f"`{one}`" for one in NEEDED if name in (*NEEDED[one], *OPTIONS[one]))
+        if name not in (*needed, *others):
+            of = ", ".join(f"`{one}`" for one, names in OPTIONS.items() if name in (*names[0], *names[1]))
             raise RequestError(OUT_OF_PLACE(argument=name, rule=f"is an option of {of}", remedy="leave it out"))
-    for name, question in NEEDED[action].items():
+    for name in needed:
         if name not in given:
-            raise RequestError(MISSING_ARGUMENT(argument=name, question=question))
+            raise RequestError(MISSING_ARGUMENT(argument=name, question=f"see `scenegen suite --help` on {action}"))
     actions: dict[str, Any] = {"new": _new, "check": _check, "run": _run, "report": _report}
     actions[action](places, **given)
 

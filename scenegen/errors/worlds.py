@@ -124,6 +124,7 @@ PLACEMENT = Kind(
         "none of {tried} scenes keeps clear of the fixtures {fixtures:quoted}",
         "`{jointless}` has no free joint, so no state says where it is",
         "the environment has no object `{name}`",
+        "{found} of {wanted} states hold in the simulation; of the others {reasons}",
     ),
     help=(
         "declare them in the spec, name them in `names`, or give `rest`, a sampler of robosuite's own{strangers:?}",
@@ -133,6 +134,7 @@ PLACEMENT = Kind(
         "declare the fixtures in the spec, or give `ensure_valid_placement=False`{tried:?}",
         "hold it in place in the spec, with `at`{jointless:?}",
         "its objects are {known:quoted}; give the object's name there in `names`, or hold it in place with `at`",
+        "ask for another range of phi, or for more tries{found:?}",
     ),
     formerly=(
         "object-not-placed",

@@ -7,7 +7,7 @@ import base64
 import html
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -16,7 +16,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.scenes.files import write_whole
 from scenegen.validation import as_path
-from scenegen.worlds.suites.outcomes import SuiteOutcomes, read_outcomes
+from scenegen.worlds.suites.outcomes import EpisodeOutcome, SuiteOutcomes, read_outcomes
 from scenegen.worlds.suites.statistics import PairedDifference, Stratum, needed_unpaired, weighted_share, wilson
 from scenegen.worlds.suites.suite import GradedStart, Suite
 
@@ -40,7 +40,7 @@ class ReportTable:
     title: str
     note: str
     head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    rows: Sequence[tuple[str, ...]]
 
 
 def report_suite(
@@ -53,9 +53,7 @@ def report_suite(
         raise RequestError(WRONG_ENDING(path=out, ending=".html", better=out.with_suffix(".html")))
     suite = Suite.load(folder)
     read = [read_outcomes(path, suite) for path in files]
-    suites = {
-        way: suite if not way else Suite.load(folder, reverse=True) for way in {one.header.reverse for one in read}
-    }
+    suites = {way: Suite.load(folder, reverse=way) for way in {one.header.reverse for one in read}}
     played = [(one, suites[one.header.reverse]) for one in read]
     title = f"Suite {suite.name}"
     about = f"{len(suite):,} starts: {len(suite.tasks)} tasks, {suite.n} of each band. Digest {suite.digest}."
@@ -77,39 +75,33 @@ def report_suite(
 # Tables.
 
 
-def _shares(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> list[ReportTable]:
+def _shares(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> Iterator[ReportTable]:
     names = tuple(one.name for one, _ in played)
-    found = []
-    for what, key in (("band", 1), ("task", 0)):
-        kinds = dict.fromkeys(cell[key].name for _, suite in played for cell in suite.cells)
-        rows = [
-            (kind, *(_share(one, lambda e, k=kind, w=what: getattr(e, w) == k) for one, _ in played)) for kind in kinds
-        ]
-        if what == "band":
-            rows.append(("every episode", *(_share(one, lambda _: True) for one, _ in played)))
-            rows.append(("base distribution", *(_base(one, suite) for one, suite in played)))
-        note = "Success, and its 95 % interval (Wilson)."
-        if what == "band":
-            note += " Base distribution: all starts that the tasks allow, each band by its probability (Jeffreys)."
-        found.append(ReportTable(f"Success by {what}", note, (what, *names), tuple(rows)))
-    return found
+    note = "Success, and its 95 % interval (Wilson)."
+    kinds = dict.fromkeys(band.name for _, suite in played for _, band in suite.cells)
+    rows = [(kind, *(_share([e for e in one.episodes if e.band == kind]) for one, _ in played)) for kind in kinds]
+    rows.append(("every episode", *(_share(one.episodes) for one, _ in played)))
+    rows.append(("base distribution", *(_base(one, suite) for one, suite in played)))
+    more = " Base distribution: all starts that the tasks allow, each band by its probability."
+    yield ReportTable("Success by band", note + more, ("band", *names), rows)
+    kinds = dict.fromkeys(task.name for _, suite in played for task in suite.tasks)
+    rows = [(kind, *(_share([e for e in one.episodes if e.task == kind]) for one, _ in played)) for kind in kinds]
+    yield ReportTable("Success by task", note, ("task", *names), rows)
 
 
-def _share(outcomes: SuiteOutcomes, wanted: Callable[..., bool]) -> str:
-    some = [one.success for one in outcomes.episodes if wanted(one)]
-    return (
-        _said(sum(some) / len(some), *wilson(sum(some), len(some))) + f", {sum(some)} of {len(some)}" if some else "-"
-    )
+def _share(some: Sequence[EpisodeOutcome]) -> str:
+    if not some:
+        return "-"
+    hits, n = sum(one.success for one in some), len(some)
+    return f"{_said(hits / n, *wilson(hits / n, n))}, {hits} of {n}"
 
 
 def _base(outcomes: SuiteOutcomes, suite: Suite) -> str:
     """The share of success over all starts that the tasks' specs allow, tasks alike."""
     success, cells = outcomes.success, suite.cells
-    strata = []
-    for place, (_, band) in enumerate(cells):
-        some = [done for number, done in success.items() if number % len(cells) == place]
-        if some:
-            strata.append(Stratum(sum(some), len(some), band.probability / len(suite.tasks), band.error))
+    each = [[done for number, done in success.items() if number % len(cells) == place] for place in range(len(cells))]
+    played = [(some, band) for some, (_, band) in zip(each, cells, strict=True) if some]
+    strata = [Stratum(sum(some), len(some), one.probability / len(suite.tasks), one.error) for some, one in played]
     if not strata:
         return "-"
     covered = sum(one.weight for one in strata)
@@ -135,18 +127,18 @@ def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
         if one.header.reverse != other.header.reverse or not found.n:
             continue
         low, high = (f"{100 * end:+.1f}" for end in found.interval)
-        share = sum(one.success.values()) / len(one.success)
+        done = [*one.success.values(), *other.success.values()]
         rows.append((
             f"{one.name} - {other.name}", f"{100 * found.difference:+.1f} points ({low} to {high})",
             f"{found.first} and {found.second} of {found.n}", f"{found.p:.2g}", "yes" if found.p < 0.05 else "no",
-            f"{found.needed(POINTS):,} ({needed_unpaired(share, POINTS):,} on starts of their own)",
+            f"{found.needed(POINTS):,} ({needed_unpaired(sum(done) / len(done), POINTS):,} on starts of their own)",
         ))  # fmt: skip
     head = ("", "difference", "one alone succeeds", "p", "told apart", f"episodes for {100 * POINTS:.0f} points")
     note = (
         "On the same starts: 95 % interval (Bonett and Price), McNemar's exact test, and how many episodes of each"
         " policy tell such a difference apart at 95 % with power 80 %."
     )
-    return [ReportTable("Paired differences", note, head, tuple(rows))] if rows else []
+    return [ReportTable("Paired differences", note, head, rows)] if rows else []
 
 
 def _errors(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
@@ -157,7 +149,7 @@ def _errors(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
         at_once = sum(episode.success and not episode.steps for episode in one.episodes)
         rows += [(one.name, f"{at_once}", "solved at once: the world judges the start a success")] if at_once else []
     note = "Episodes that ended by an error count as failures."
-    return [ReportTable("Errors", note, ("", "episodes", "what"), tuple(rows))] if rows else []
+    return [ReportTable("Errors", note, ("", "episodes", "what"), rows)] if rows else []
 
 
 def _html(table: ReportTable) -> str:

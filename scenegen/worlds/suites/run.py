@@ -30,6 +30,7 @@ from scenegen.processes.pool import check_workers
 from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
 from scenegen.scenes.files import reported, write_whole
 from scenegen.validation import as_path, as_seconds
+from scenegen.worlds.policy_server import decode, encode
 from scenegen.worlds.suites.outcomes import (
     EpisodeOutcome,
     Instruction,
@@ -39,7 +40,6 @@ from scenegen.worlds.suites.outcomes import (
     read_outcomes,
     same_run,
 )
-from scenegen.worlds.suites.server import decode, encode
 from scenegen.worlds.suites.suite import GradedStart, Suite, SuiteTask
 
 SAID = 200  # characters of an error that outcomes keep
@@ -67,10 +67,10 @@ def run_suite(
     """Run episodes of the suite in `folder`, by default all, and write their outcomes to a file, which is returned.
 
     `world` names a function of a task that returns an environment, `policy` a function of observation and instruction,
-    a class or function of no argument or of `env` that makes one, or the URL of a server (see server.py): "module:name"
-    or "file.py:name". An episode ends where the environment says so, at success, or after so many steps; `timeout`, in
-    seconds, kills one that hangs. `resume` goes on with a file. Raises RequestError, DataError, OutputError, and
-    ScenegenError where world or policy cannot be had at all.
+    a class, or a function of `env`, that makes one, or the URL of a server (scenegen/worlds/policy_server.py):
+    "module:name" or "file.py:name". An episode ends where the environment says so, at success, or after so many steps;
+    `timeout`, in seconds, kills one that hangs. `resume` goes on with a file. Raises RequestError, DataError,
+    OutputError, and ScenegenError where world or policy cannot be had at all.
     """
     out, timeout = as_path("out", out), as_seconds("timeout", timeout)
     if instruction not in get_args(Instruction):
@@ -86,7 +86,7 @@ def run_suite(
     found: list[EpisodeOutcome] = []
     if out.exists():
         before = read_outcomes(out, suite)
-        if not resume:
+        if before.episodes and not resume:
             raise RequestError(UNFINISHED_RUN(folder=out, outcomes=len(before.episodes)))
         same_run(out, before.header, header)
         found = list(before.episodes)
@@ -152,9 +152,14 @@ def _played(job: Player, suite: Suite, todo: deque[int], workers: int, timeout: 
             worker.end()
 
 
+def _said(error: Exception) -> str:
+    """What an error says, on one line."""
+    return f"{type(error).__name__}: {error}".splitlines()[0][:SAID]
+
+
 def _failed(start: GradedStart, error: str, steps: int = 0) -> EpisodeOutcome:
     return EpisodeOutcome(
-        episode=start.number, task=start.task.name, band=start.band, success=False, steps=steps, error=error[:SAID]
+        episode=start.number, task=start.task.name, band=start.band, success=False, steps=steps, error=error
     )
 
 
@@ -189,7 +194,7 @@ class Player:
             raise
         except Exception as error:
             self._drop()  # nobody knows what state they are in
-            return _failed(start, f"{type(error).__name__}: {error}", self.steps)
+            return _failed(start, _said(error), self.steps)
         task, band = start.task.name, start.band
         return EpisodeOutcome(episode=number, task=task, band=band, success=success, steps=self.steps)
 
@@ -202,7 +207,7 @@ class Player:
             what, name = "the policy", self.policy
             self.act = policy_of(self.policy, self.env)
         except Exception as error:
-            reason = f"{type(error).__name__}: {error}"[:SAID]
+            reason = _said(error)
             raise ScenegenError(WORLD_FAILS(what=what, name=name, how="cannot be made", reason=reason)) from error
         self.task = task
 
@@ -253,8 +258,8 @@ def policy_of(text: str, env: Any) -> Policy:
 
 
 class RemotePolicy:
-    """A policy behind a server (see server.py). `reset` waits a while for one that is restarted; raises ScenegenError
-    where none comes."""
+    """A policy behind a server (scenegen/worlds/policy_server.py). `reset` waits a while for one that is restarted;
+    raises ScenegenError where none comes."""
 
     def __init__(self, url: str) -> None:
         self._url, self._link = url, http.client.HTTPConnection(urlsplit(url).netloc)

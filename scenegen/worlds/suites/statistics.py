@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 Z, POWER = 1.959964, 0.841621  # quantiles of the normal distribution: 97.5 %, 80 %
-DRAWS = 20_000  # of the posterior of a weighted share
+PRIOR = 4.0  # episodes with the share of all strata that each stratum's variance counts in
 
 
-def wilson(hits: int, n: int) -> tuple[float, float]:
-    """The interval of a share (Wilson 1927)."""
+def wilson(share: float, n: float) -> tuple[float, float]:
+    """The interval of a share of n (Wilson 1927)."""
     if not n:
         return 0.0, 1.0
-    share, half = hits / n, Z * Z / n
+    half = Z * Z / n
     middle = (share + half / 2.0) / (1.0 + half)
     width = Z / (1.0 + half) * math.sqrt(share * (1.0 - share) / n + half / (4.0 * n))
     return max(0.0, middle - width), min(1.0, middle + width)
@@ -35,16 +35,18 @@ class Stratum:
     error: float = 0.0
 
 
-def weighted_share(strata: Sequence[Stratum], seed: int = 0) -> tuple[float, float, float]:
-    """The share over all strata, by their weights, and its interval: the middle 95 % of draws from the posterior of
-    every stratum (Jeffreys' prior, a beta distribution), with weights as uncertain as they are."""
-    rng = np.random.default_rng(seed)
+def weighted_share(strata: Sequence[Stratum]) -> tuple[float, float, float]:
+    """The share over all strata, by their weights, and its interval: Wilson's for as many episodes as have its variance
+    (Korn and Graubard 1998 do so with the exact interval). The variance is that of the strata's shares, each with a few
+    episodes like all strata beside its own, and that of weights as far as they are not known."""
     hits, n, weight, error = (np.array([getattr(one, name) for one in strata]) for name in Stratum.__slots__)
-    weights = weight * 10.0 ** (rng.normal(size=(DRAWS, len(strata))) * error / Z)
-    draws = (weights * rng.beta(hits + 0.5, n - hits + 0.5, size=weights.shape)).sum(axis=1) / weights.sum(axis=1)
-    low, high = np.quantile(draws, [0.025, 0.975])
-    share = float((weight * hits / np.maximum(n, 1)).sum() / weight.sum())
-    return share, min(share, float(low)), max(share, float(high))
+    weight = weight / weight.sum()
+    shares = hits / n
+    share = float(weight @ shares)
+    near = (hits + PRIOR * share) / (n + PRIOR)
+    unsure = error * math.log(10.0) / Z * (shares - share)
+    variance = float((weight**2 * (near * (1.0 - near) / n + unsure**2)).sum())
+    return share, *wilson(share, share * (1.0 - share) / variance if variance else 1.0 / float((weight**2 / n).sum()))
 
 
 @dataclass(frozen=True, slots=True)

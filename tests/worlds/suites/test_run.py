@@ -11,10 +11,10 @@ import pytest
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import OTHER_REQUEST, UNFINISHED_RUN
 from scenegen.errors.worlds import WORLD_FAILS
+from scenegen.worlds.policy_server import decode, encode, server_of
 from scenegen.worlds.suites import run as running
 from scenegen.worlds.suites.outcomes import read_outcomes
 from scenegen.worlds.suites.run import Player, RemotePolicy, run_suite
-from scenegen.worlds.suites.server import decode, encode, server_of
 from scenegen.worlds.suites.suite import Suite
 
 from . import toy
@@ -171,7 +171,8 @@ def test_a_killed_run_keeps_what_it_has(small, tmp_path, interruptible):
 def test_files_are_no_other_modules(small, tmp_path):
     """A policy in a file called random.py, with a module beside it."""
     (tmp_path / "beside_it.py").write_text("GAIN = 0.5\n")
-    (tmp_path / "random.py").write_text(
-        "import beside_it\n\n\ndef policy(observation, instruction):\n    return -beside_it.GAIN * observation['a'][:2]\n"
+    policy = (
+        "import beside_it\n\ndef policy(observation, instruction):\n    return -beside_it.GAIN * observation['a'][:2]\n"
     )
+    (tmp_path / "random.py").write_text(policy)
     assert player(small, f"{tmp_path}/random.py:policy")(0).success

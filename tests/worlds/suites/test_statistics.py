@@ -18,7 +18,7 @@ from scenegen.worlds.suites.statistics import (
 @pytest.mark.parametrize("hits, n", [(0, 10), (3, 10), (50, 50), (417, 2500)])
 def test_wilson(hits, n):
     expected = stats.binomtest(hits, n).proportion_ci(method="wilson")
-    assert wilson(hits, n) == pytest.approx((expected.low, expected.high), abs=1e-6)
+    assert wilson(hits / n, n) == pytest.approx((expected.low, expected.high), abs=1e-6)
 
 
 @pytest.mark.parametrize("first, second", [(0, 0), (4, 0), (9, 3), (120, 87), (3, 9)])
@@ -27,9 +27,8 @@ def test_mcnemar(first, second):
     assert PairedDifference(first, second, 500).p == pytest.approx(expected)
 
 
-@pytest.mark.long
 def test_intervals_cover():
-    """Those of paired differences and of weighted shares, in 1,000 repeats of small samples."""
+    """Those of paired differences, in 1,000 repeats of a small sample."""
     rng = np.random.default_rng(3)
     truth, covered = np.array([0.2, 0.1, 0.7]), 0
     for _ in range(1000):
@@ -37,13 +36,23 @@ def test_intervals_cover():
         low, high = PairedDifference(int(one), int(other), 60).interval
         covered += low <= 0.1 <= high
     assert covered >= 930
-    shares, weights, covered = np.array([0.99, 0.6, 0.02]), np.array([0.7, 0.29, 0.01]), 0
-    for repeat in range(200):
-        strata = [Stratum(int(rng.binomial(20, p)), 20, w) for p, w in zip(shares, weights, strict=True)]
-        share, low, high = weighted_share(strata, repeat)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 50])
+@pytest.mark.parametrize("level", [-4.0, 0.0, 3.0])
+def test_intervals_of_weighted_shares_cover(n, level):
+    """Of 50 cells whose shares and weights differ, in 1,000 repeats."""
+    rng = np.random.default_rng([n, 7])
+    weights, covered, widths = rng.dirichlet(np.full(50, 4.0)), 0, []
+    for _ in range(1000):
+        shares = 1.0 / (1.0 + np.exp(-level - 2.0 * rng.normal(size=50)))
+        strata = [Stratum(int(k), n, w) for k, w in zip(rng.binomial(n, shares), weights, strict=True)]
+        share, low, high = weighted_share(strata)
         assert low <= share <= high
-        covered += low <= (shares * weights).sum() <= high
-    assert covered >= 182
+        covered += low <= weights @ shares <= high
+        widths.append(high - low)
+    assert covered >= 930
+    assert np.mean(widths) <= 2.2 * 1.96 * 0.5 / np.sqrt(50 * n) + 0.02
 
 
 def test_weights_that_are_uncertain_widen_the_interval():

@@ -10,6 +10,7 @@ from scenegen.api.reading import read_scenes
 from scenegen.errors import DataError
 from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.worlds.suites.new import new_suite
 from scenegen.worlds.suites.suite import BLANK, MANIFEST, Suite, check_suite, read_manifest
 
 
@@ -96,3 +97,15 @@ def test_a_forged_suite_does_not_pass_the_check(small, tmp_path):
     with pytest.raises(DataError) as caught:
         check_suite(moved)
     assert caught.value.diagnostics[0].kind == PHI_DIFFERS
+
+
+@pytest.mark.long
+def test_the_suite_that_ships(root, tmp_path):
+    """It is sound, has ten tasks of five bands with instructions and ways back; and its specs give the same bytes."""
+    there, back = check_suite("tabletop")
+    assert (len(there), len(there.tasks), there.n, len(back)) == (2500, 10, 50, 2500)
+    assert all(len(task.bands) == 5 and task.instruction.endswith(".") for task in (*there.tasks, *back.tasks))
+    assert sum(path.stat().st_size for path in (root / "suites" / "tabletop").iterdir()) < 3e6
+    new_suite([("sides", root / "suites" / "tabletop" / "sides.spec")], tmp_path / "tabletop", workers=1)
+    for name in ("sides.json", "sides.reverse.json"):
+        assert (tmp_path / "tabletop" / name).read_bytes() == (root / "suites" / "tabletop" / name).read_bytes()

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenegen.errors.time import NOT_FOR_MOTIONS
 
 import scenegen
 from scenegen.api.request import check_request, plan_of

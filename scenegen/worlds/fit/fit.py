@@ -16,7 +16,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC
-from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
+from scenegen.errors.requests import OUT_OF_PLACE, WRONG_VALUE
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.scenes.files import read_bytes, write_whole
@@ -26,7 +26,7 @@ from scenegen.worlds.fit import logistic
 from scenegen.worlds.fit.features import fingerprint, measured
 from scenegen.worlds.fit.logistic import Interval, Logistic, Outcomes
 from scenegen.worlds.fit.rates import base_rate
-from scenegen.worlds.suites.outcomes import Instruction, SuiteOutcomes, read_outcomes, same_run
+from scenegen.worlds.suites.outcomes import Instruction, SuiteOutcomes, read_outcomes
 from scenegen.worlds.suites.suite import Suite, SuiteModel, SuiteTask, load_model
 
 FEWEST = 50  # episodes of a task
@@ -135,7 +135,10 @@ def fit_outcomes(outcomes: Sequence[str | Path], suite: str | Path, *, monotone:
     found = Suite.load(suite, reverse=first.reverse)
     runs = [read_outcomes(path, found) for path in paths]
     for path, run in zip(paths, runs, strict=True):
-        same_run(path, run.header, first)
+        for name, mine in first:
+            if getattr(run.header, name) != mine:
+                rule = f"is of another run than {paths[0]}: its {name} is {getattr(run.header, name)}, not {mine}"
+                raise RequestError(OUT_OF_PLACE(option=path, rule=rule, remedy="fit the outcomes of one run, repeated"))
     tasks = [one for task in found.tasks for one in _fitted(found, task, runs, monotone)]
     return Fit(
         suite=found.name, suite_digest=found.digest, world=first.world, policy=first.policy,
@@ -155,8 +158,8 @@ def _fitted(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monoto
     rarity, data = outcomes_of(suite, task, ended)
     y, which, phi = data.success, data.start, data.values[0]
     if len(y) < FEWEST:
-        wanted = f"at least {FEWEST} episodes of a task, and {task.name} has {len(y)}"
-        raise RequestError(OUT_OF_RANGE(argument="outcomes", value=len(y), wanted=wanted))
+        rule = f"are too few for a fit: {len(y)} of {task.name}"
+        raise RequestError(OUT_OF_PLACE(option="the outcomes", rule=rule, remedy=f"run {FEWEST} episodes at least"))
     p = logistic.held_out(data, monotone)
     held_out = HeldOut(
         calibration_error=logistic.calibration_error(y, p),

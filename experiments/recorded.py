@@ -55,7 +55,8 @@ def row(suite: Suite, number: int, path: Path) -> list[str]:
     return [
         task.name, run.header.policy, f"{len(y)}", f"{rate:.2f}", interval.format(*of_phi), interval.format(*mine),
         f"{brier(y, p):.3f}", "{:.3f} ({:.3f}, {:.3f})".format(calibration_error(y, p), *by_chance(p)),
-        chosen(data, False).reads, f"{auc(y, other):.2f}", f"{calibration_error(y, other):.3f}", f"{least:.2f}", f"{width:.2f}", f"{covers:.2f}",
+        chosen(data, False).reads, f"{auc(y, other):.2f}", f"{calibration_error(y, other):.3f}",
+        f"{least:.2f}", f"{width:.2f}", f"{covers:.2f}",
     ]  # fmt: skip
 
 

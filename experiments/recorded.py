@@ -5,7 +5,7 @@
 A row for each task and policy. The bands of the suite have to be equally probable, with as many starts each, so that
 its starts are a sample of the base distribution. Predictions are held out: each fifth of the starts is predicted by a
 fit of the others. For the base rate, n uniform rollouts and n / 5 in strata of these predictions are drawn from the
-recorded ones, 200 times, with replacement; what they estimate is the rate of all that were recorded. `least` is the
+recorded ones, 1,000 times, with replacement; what they estimate is the rate of all that were recorded. `least` is the
 share of rollouts that strata need at least, if the predictions are right. Beside them, scikit-learn's gradient boosting
 on the same features, cross-validated in the same way.
 """
@@ -25,7 +25,7 @@ from scenegen.worlds.fit.rates import cut
 from scenegen.worlds.suites.outcomes import read_outcomes
 from scenegen.worlds.suites.suite import Suite
 
-ROLLOUTS, REPEATS = 1_000, 200
+ROLLOUTS, REPEATS = 1_000, 1_000
 HEADS = (
     "task", "policy", "episodes", "success", "AUC of phi", "AUC", "Brier", "calibration error (by chance, at most)",
     "reads", "boosting: AUC", "calibration error", "least", "width", "covers",

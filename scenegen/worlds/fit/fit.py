@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,7 +15,7 @@ from scenegen.api.scenes import SceneSet, rows_of
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC
-from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
+from scenegen.errors.requests import OUT_OF_PLACE, WRONG_VALUE
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.scenes.files import read_bytes, write_whole
@@ -24,7 +24,7 @@ from scenegen.validation import as_path
 from scenegen.worlds.fit import logistic
 from scenegen.worlds.fit.features import fingerprint, measured
 from scenegen.worlds.fit.logistic import Interval, Logistic, Outcomes
-from scenegen.worlds.suites.outcomes import Instruction, SuiteOutcomes, read_outcomes, same_run
+from scenegen.worlds.suites.outcomes import Instruction, SuiteOutcomes, read_outcomes
 from scenegen.worlds.suites.statistics import base_rate
 from scenegen.worlds.suites.suite import Suite, SuiteModel, SuiteTask, load_model
 
@@ -134,7 +134,10 @@ def fit_outcomes(outcomes: Sequence[str | Path], suite: str | Path, *, monotone:
     found = Suite.load(suite, reverse=first.reverse)
     runs = [read_outcomes(path, found) for path in paths]
     for path, run in zip(paths, runs, strict=True):
-        same_run(path, run.header, first)
+        for name, mine in first:
+            if getattr(run.header, name) != mine:
+                rule = f"is of another run than {paths[0]}: its {name} is {getattr(run.header, name)}, not {mine}"
+                raise RequestError(OUT_OF_PLACE(option=path, rule=rule, remedy="fit the outcomes of one run, repeated"))
     tasks = [one for task in found.tasks for one in _fitted(found, task, runs, monotone)]
     return Fit(
         suite=found.name, suite_digest=found.digest, world=first.world, policy=first.policy,
@@ -149,37 +152,41 @@ def _fitted(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monoto
         for one in run.episodes:
             if one.task == task.name:
                 ended[one.episode].append(one.success)
-    episodes = sum(map(len, ended.values()))
-    if not episodes:
+    if not ended:
         return []
-    if episodes < FEWEST:
-        wanted = f"at least {FEWEST} episodes of a task, and {task.name} has {episodes}"
-        raise RequestError(OUT_OF_RANGE(argument="outcomes", value=episodes, wanted=wanted))
+    rarity, data = outcomes_of(suite, task, ended)
+    y, which, phi = data.success, data.start, data.values[0]
+    if len(y) < FEWEST:
+        rule = f"are too few for a fit: {len(y)} of {task.name}"
+        raise RequestError(OUT_OF_PLACE(option="the outcomes", rule=rule, remedy=f"run {FEWEST} episodes at least"))
+    p = logistic.held_out(data, monotone)
+    held_out = HeldOut(
+        calibration_error=logistic.calibration_error(y, p),
+        by_chance=logistic.by_chance(p),
+        brier=logistic.with_interval(logistic.brier, y, p, which),
+        auc=logistic.with_interval(logistic.auc, y, p, which),
+        auc_of_phi=logistic.with_interval(logistic.auc, y, phi, which),
+    )
+    bands = [[ended[number] for number in ended if suite[number].band == band.name] for band in task.bands]
+    won = [sum(float(np.mean(one)) for one in band) for band in bands]
+    probability, error = zip(*((one.probability, one.error) for one in task.bands), strict=True)
+    return [
+        TaskFit(
+            name=task.name, success=task.success, digest=fingerprint(task.spec.checked, task.success),
+            episodes=len(y), starts=len(ended), rarity=rarity, model=logistic.chosen(data, monotone),
+            base_rate=base_rate(won, list(map(len, bands)), probability, error), held_out=held_out,
+        )
+    ]  # fmt: skip
+
+
+def outcomes_of(suite: Suite, task: SuiteTask, ended: Mapping[int, Sequence[bool]]) -> tuple[Rareness, Outcomes]:
+    """How rare phi is, by the starts of a task that have `ended`, and the outcomes with what was measured there."""
     starts = [suite[number] for number in sorted(ended)]
     phi, log10p = np.array([(one.phi[task.success], one.log10p) for one in starts]).T
     order = np.argsort(phi)[np.unique(np.linspace(0, len(phi) - 1, CURVE).astype(np.intp))]
     rarity = Rareness(phi=phi[order].tolist(), log10p=log10p[order].tolist())
-    spec = task.spec.checked
-    rows = rows_of(spec, task.scenes[np.array([one.row for one in starts])])
-    features, values = measured(spec, task.success, rows, rarity)
+    rows = rows_of(task.spec.checked, task.scenes[np.array([one.row for one in starts])])
+    features, values = measured(task.spec.checked, task.success, rows, rarity)
     which = np.repeat(np.arange(len(starts)), [len(ended[one.number]) for one in starts])
     success = np.array([one for start in starts for one in ended[start.number]])
-    data = Outcomes(features, values[:, which], success, which)
-    p = logistic.held_out(data, monotone)
-    held_out = HeldOut(
-        calibration_error=logistic.calibration_error(success, p),
-        by_chance=logistic.by_chance(p),
-        brier=logistic.with_interval(logistic.brier, success, p, which),
-        auc=logistic.with_interval(logistic.auc, success, p, which),
-        auc_of_phi=logistic.with_interval(logistic.auc, success, phi[which], which),
-    )
-    bands = [[start for start in starts if start.band == band.name] for band in task.bands]
-    won = [sum(float(np.mean(ended[one.number])) for one in band) for band in bands]
-    probability, error = zip(*((one.probability, one.error) for one in task.bands), strict=True)
-    return [
-        TaskFit(
-            name=task.name, success=task.success, digest=fingerprint(spec, task.success), episodes=episodes,
-            starts=len(starts), base_rate=base_rate(won, [len(one) for one in bands], probability, error),
-            rarity=rarity, model=logistic.chosen(data, monotone), held_out=held_out,
-        )
-    ]  # fmt: skip
+    return rarity, Outcomes(features, values[:, which], success, which)

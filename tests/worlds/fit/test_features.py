@@ -96,3 +96,13 @@ def test_values_do_not_depend_on_the_company():
     _, whole = measured(spec.checked, "goal", rows, RARE)
     _, one = measured(spec.checked, "goal", rows[:, 7:8], RARE)
     assert np.allclose(whole[:, 7:8], one, rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["first", "chess_corner", "cutlery_tray", "recycling", "sort_7"])
+def test_specs_that_ship_have_features(name, root):
+    spec = scenegen.load(root / "specs" / f"{name}.spec")
+    rows = rows_of(spec.checked, scenegen.sample(spec, n=8))
+    features, values = measured(spec.checked, spec.labels[0], rows, RARE)
+    assert np.isfinite(values).all() and values.shape == (len(features), 8)
+    assert len({one.name for one in features}) == len(features) and features[0].kind == "phi"

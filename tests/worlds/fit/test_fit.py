@@ -7,9 +7,8 @@ import pytest
 
 import scenegen
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.files import OTHER_REQUEST
 from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC
-from scenegen.errors.requests import OUT_OF_RANGE
+from scenegen.errors.requests import OUT_OF_PLACE, WRONG_VALUE
 from scenegen.errors.worlds import NOT_A_SUITE
 from scenegen.worlds.fit import Fit, base_rate, fit_outcomes, strata
 from scenegen.worlds.suites.suite import Suite
@@ -120,14 +119,19 @@ def test_several_runs_of_one_policy(halves, outcomes, tmp_path):
 def test_runs_of_two_policies_are_refused(halves, outcomes):
     with pytest.raises(RequestError) as caught:
         fit_outcomes([outcomes("by phi"), outcomes("by reach")], halves)
-    assert caught.value.diagnostics[0].kind is OTHER_REQUEST
+    assert caught.value.diagnostics[0].kind is OUT_OF_PLACE and "its policy is by reach, not by phi" in str(
+        caught.value
+    )
+    with pytest.raises(RequestError) as caught:
+        fit_outcomes([], halves)
+    assert caught.value.diagnostics[0].kind is WRONG_VALUE
 
 
 def test_too_few_episodes_are_refused(halves, tmp_path):
     few = write_outcomes(tmp_path / "few.jsonl", halves, "by phi", episodes=30)
     with pytest.raises(RequestError) as caught:
         fit_outcomes([few], halves)
-    assert caught.value.diagnostics[0].kind is OUT_OF_RANGE and "at least 50" in str(caught.value)
+    assert caught.value.diagnostics[0].kind is OUT_OF_PLACE and "30 of cube" in str(caught.value)
 
 
 def test_outcomes_of_another_suite_are_refused(halves, tmp_path):

@@ -96,7 +96,7 @@ def test_measures_by_hand():
     assert auc([1, 0, 1, 0], [0.9, 0.1, 0.5, 0.5]) == (1 + 1 + 1 + 0.5) / 4
     assert auc([1, 1], [0.1, 0.2]) == 0.5
     assert brier([1, 0], [0.8, 0.4]) == pytest.approx((0.04 + 0.16) / 2)
-    y, p = np.arange(40) % 2, np.repeat([0.4, 0.7], 20)
+    y, p = np.arange(80) % 2, np.repeat([0.4, 0.7], 40)
     assert calibration_error(y, p) == pytest.approx((0.1 + 0.2) / 2)
     assert calibration_error(y[:10], p[:10]) == pytest.approx(0.1)  # too few for more than one group
 

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenegen.errors.time import NOT_FOR_MOTIONS
 
 import scenegen
 from scenegen.api.request import check_request, plan_of
@@ -12,6 +11,7 @@ from scenegen.api.scenes import evaluate
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import (
     MISSING_ARGUMENT,
+    NOT_FOR_MOTIONS,
     OUT_OF_PLACE,
     OUT_OF_RANGE,
     TOO_FEW_IN_CELL,

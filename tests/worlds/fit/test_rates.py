@@ -127,3 +127,8 @@ def test_no_prediction_is_an_end_of_a_stratum():
     assert not set(ends[1:-1]) & set(rate)
     inside = [int(((rate >= low) & (rate <= high)).sum()) for low, high in pairwise(ends)]
     assert inside == pytest.approx(probability * len(rate))
+
+
+def test_predictions_that_are_nearly_alike_are_one():
+    ends, probability, _ = cut(np.repeat([0.5, np.nextafter(0.5, 1.0), np.nextafter(0.5, 0.0), 0.9], 50), 100)
+    assert probability.min() > 0.2 and not set(ends[1:-1]) & {0.5, np.nextafter(0.5, 1.0), np.nextafter(0.5, 0.0)}

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from scenegen.api.outline import chosen_label
-from scenegen.api.scenes import SceneSet, parts_of
+from scenegen.api.scene_arrays import SceneArrays, parts_of
 from scenegen.arrays import Array
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import (
@@ -122,7 +122,7 @@ class Job:
     """What a figure is made of: the scenes, the names of all figures that are made, the label that they are about (the
     first if None), and how pictures are drawn."""
 
-    scenes: SceneSet
+    scenes: SceneArrays
     kinds: tuple[str, ...]
     label: str | None
     look: PictureStyle
@@ -147,7 +147,7 @@ class Job:
 
 
 def figures(
-    scenes: SceneSet,
+    scenes: SceneArrays,
     out: str | Path,
     kinds: tuple[str, ...],
     *,
@@ -342,7 +342,7 @@ def _one(
         made["_phi.png"] = phi_chart(times.tolist(), {name: row.tolist() for name, row in signals.items()})
     if set(kinds) <= {"phi"}:
         return made
-    drawn = list(look.pictures(SceneSet(motions.poses[number], {}, scenes_header(motions.header)).file()))
+    drawn = list(look.pictures(SceneArrays(motions.poses[number], {}, scenes_header(motions.header)).file()))
     if "gif" in kinds:
         made[".gif"] = animation(drawn, values, label)
     if "mp4" in kinds:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scene_arrays import SceneArrays
 from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import SAME_NAME
@@ -24,7 +24,7 @@ from scenegen.worlds.frame import Axis, Origins, placed
 
 
 def write_arena_episodes(
-    scenes: SceneSet,
+    scenes: SceneArrays,
     path: str | Path,
     *,
     names: Mapping[str, str | None] | None = None,
@@ -70,7 +70,7 @@ def write_arena_episodes(
 
 
 def write_arena_pool(
-    scenes: SceneSet,
+    scenes: SceneArrays,
     path: str | Path,
     *,
     num_envs: int = 1,
@@ -123,7 +123,7 @@ def write_arena_pool(
 
 
 def _placed(
-    scenes: SceneSet,
+    scenes: SceneArrays,
     what: str,
     names: Mapping[str, str | None] | None,
     others: Sequence[str],

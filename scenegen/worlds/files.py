@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scene_arrays import SceneArrays
 from scenegen.errors import OutputError, RequestError
 from scenegen.errors.declarations import ONE_FILE_MANY_NUMBERS
 from scenegen.errors.files import CANNOT_WRITE, ENDING_OF_ANOTHER, NO_FORMAT, WRONG_ENDING
@@ -209,7 +209,7 @@ def check_looks(out: Path, to: str, looks: str | Path | None, option: str = "loo
 
 
 def export(
-    scenes: SceneSet,
+    scenes: SceneArrays,
     out: Path,
     to: str | None,
     meshes: Path | None = None,

@@ -9,8 +9,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from scenegen.api.scene_arrays import poses7
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scene_arrays import SceneArrays, poses7
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
@@ -33,7 +32,7 @@ UPRIGHT = {
 
 
 def placed(
-    scenes: SceneSet, origin: Sequence[float], turn: float, origins: Origins, up: Mapping[str, Axis] | None = None
+    scenes: SceneArrays, origin: Sequence[float], turn: float, origins: Origins, up: Mapping[str, Axis] | None = None
 ) -> Array:
     """(n, N, 7), scenes as `in_world` has their poses. Raises RequestError."""
     poses: Array = poses7(scenes.header, scenes.poses, scenes.on, tensor=False, dtype="float64")

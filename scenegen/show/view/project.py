@@ -14,8 +14,7 @@ from typing import Any
 
 from scenegen.api.motions import read_motions
 from scenegen.api.reading import read_scenes
-from scenegen.api.scene_arrays import stored_rows
-from scenegen.api.scenes import SceneSet, rows_of
+from scenegen.api.scene_arrays import SceneArrays, rows_of, stored_rows
 from scenegen.api.spec import MAX_BYTES, Spec, parse
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import DAMAGED_MOTIONS, WRONG_ENDING
@@ -217,7 +216,7 @@ def stored_scenes(file: Path) -> tuple[list[Part], Spec, SceneFile]:
     return scenes, spec, found.header
 
 
-def _shown(spec: Spec, scenes: SceneSet, note: str) -> dict[str, Any]:
+def _shown(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
     rows = rows_of(spec.checked, scenes)  # in the order of the spec, whatever the file's is
     count = row_count(len(spec.objects))
     on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None

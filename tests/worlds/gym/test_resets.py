@@ -175,11 +175,11 @@ def test_bad_requests_are_answered():
             started(**settings).reset()
         assert error.value.diagnostics[0].code == code
     for code, env in [
-        ("no-start-yet", started()),
+        ("no-episode", started()),
         ("missing-argument", started(get=None)),
         ("wrong-value", started(get=lambda env, name: (0, 0))),
     ]:
-        if code != "no-start-yet":
+        if code != "no-episode":
             env.reset()
         with pytest.raises(RequestError) as error:
             env.phi_now()

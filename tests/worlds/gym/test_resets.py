@@ -146,6 +146,18 @@ def test_ranges_by_a_function_and_other_sources_of_starts():
     assert [env.reset(seed=1)[1]["phi"] for _ in range(3)] == [expected.take().phi for _ in range(3)]
 
 
+def test_it_is_a_world_of_a_suite():
+    """A start that is given is where the episode begins, and is no business of a strategy."""
+    heard = []
+    lessons = strategy("uniform", phi_space(SPEC), np.random.default_rng(0))
+    lessons.report = heard.append
+    env, start = started(lessons), RangeStarts(SPEC, lambda: WANTED, 0, 60.0).take()
+    seen, info = env.reset(seed=3, options={"start": start})
+    assert (seen.reshape(3, 7) == start.poses).all() and info["phi"] == start.phi
+    assert env.step(0)[4]["success"] is False and env.step(1)[4]["success"] is True
+    assert not heard
+
+
 def test_things_keep_clear_of_a_hand_at_rest():
     clear = keep_clear(SPEC, 0.05, -0.05, 0.06)
     assert clear.labels == SPEC.labels and clear.objects == SPEC.objects

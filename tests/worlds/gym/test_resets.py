@@ -14,8 +14,8 @@ from scenegen.worlds.starts import RangeStarts
 
 SPEC = scenegen.parse("""
 workspace [-0.2, 0.2] x [-0.2, 0.2]
-object can = cylinder(3 cm, 8 cm), block = box(6 cm, 4 cm, 2 cm), plate at (0.1, 0.1)
-require noOverlap()
+object can = cylinder(3 cm, 8 cm), block = box(6 cm, 4 cm, 2 cm), mark = cylinder(5 mm, 5 mm) at (0.1, 0.1)
+require dist(can, block) >= 7 cm
 task: dist(can, block) <= 12 cm
 side: leftOf(can, block)
 """)
@@ -57,10 +57,10 @@ def test_an_episode_starts_from_a_scene_of_the_range():
     env = started(seed=3)
     for _ in range(20):
         seen, info = env.reset()
-        can, block, plate = seen.reshape(3, 7)
+        can, block, mark = seen.reshape(3, 7)
         assert info["phi"]["task"] == pytest.approx(0.12 - math.dist(can[:2], block[:2]))
         assert -0.1 <= info["phi"]["task"] <= 0.0 <= info["phi"]["side"]
-        assert plate[:3] == pytest.approx([0.1, 0.1, 0.0]) and set(info) == {"kept", "phi"}
+        assert mark[:2] == pytest.approx([0.1, 0.1]) and set(info) == {"kept", "phi"}
         assert env.phi_now() == pytest.approx(info["phi"], abs=1e-12)
 
 

@@ -17,7 +17,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.learning import NO_EPISODE
 from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.lang.checker import check_text
-from scenegen.learn.curriculum.tasks import Outcome
+from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 from scenegen.scenes.data import RequestData
 from scenegen.validation import as_int, as_list, as_number, as_point, as_seconds
 from scenegen.worlds.frame import UPRIGHT, Axis, Origins, TableFrame, in_world, inverse, quaternion_order, times
@@ -46,7 +46,9 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
     any moment.
 
     A strategy is about the label `goal`, by default all. It hears of each episode that ends, not of those that `reset`
-    interrupts; `success` is the entry of `info` that judges it, and `info["outcome"]` is what it was told.
+    interrupts; `success` is the entry of `info` that judges it, and `info["outcome"]` is what it was told. The wrapper
+    is also a world of a suite (`scenegen suite run`): `reset(options={"start": start})` begins with that start, and
+    `info["success"]` is the judgement.
 
     Raises RequestError for arguments that are none, and at `reset` where no scene has the requested phi.
     """
@@ -91,12 +93,14 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._total, self._steps, self._reported = 0.0, 0, True
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode from the next scene."""
-        _, info = self.env.reset(seed=seed, options=options)
+        """Begin an episode from the next scene, or from `options["start"]`."""
+        rest = dict(options or {})
+        given = rest.pop("start", None)
+        _, info = self.env.reset(seed=seed, options=rest or None)
         if seed is not None:
             self._rng = np.random.default_rng([seed, STREAM])
         choose = getattr(self._starts, "choose", None)
-        start: Start = self._starts.take() if choose is None else choose(self._rng)
+        start: Start = given or (self._starts.take() if choose is None else choose(self._rng))
         frame = self._frame
         poses = in_world(self._header, start.poses[None], frame.origin, frame.turn, self._origins, self._up)
         for name, pose in zip(self.table.objects, poses[0][:, self._order], strict=True):
@@ -112,6 +116,8 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         if (terminated or truncated) and not self._reported:
             self._reported = True
             info = {**info, **self._told(info)}
+        if self._success in info:
+            info = {**info, "success": bool(info[self._success])}
         return seen, reward, terminated, truncated, info
 
     def phi_now(self) -> dict[str, float]:
@@ -150,7 +156,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
     def _told(self, info: Mapping[str, Any]) -> dict[str, Any]:
         """Report the outcome of the episode to the strategy; what `info` then has of it."""
         start = self._started()
-        if self._strategy is None or start.task is None:
+        if self._strategy is None or not isinstance(start.task, PhiBox):
             return {}
         if self._success not in info:
             raise RequestError(UNKNOWN_CHOICE(what="entry of info", name=self._success, known=tuple(info)))

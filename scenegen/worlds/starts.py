@@ -119,10 +119,11 @@ class RangeStarts:
             ranges, count, seed=seed, timeout=self._timeout, keep_partial=keep_partial, workers=1, strict=True
         )  # in this process: simulators do not like to be forked
         scenes = draw_scenes(self._spec, request)
-        places = scenes.poses7()
+        places, on = scenes.poses7(), scenes.on
+        phi = {label: values.tolist() for label, values in scenes.phi.items()}
         for index in np.random.default_rng(source).permutation(len(scenes)).tolist():
-            phi = {label: float(values[index]) for label, values in scenes.phi.items()}
-            yield Start(places[index], phi, None if scenes.on is None else scenes.on[index])
+            own = {label: values[index] for label, values in phi.items()}
+            yield Start(places[index], own, None if on is None else on[index])
 
 
 def _kept(found: OrderedDict[Ranges, Kept], ranges: Ranges, make: Callable[[], Kept]) -> Kept:

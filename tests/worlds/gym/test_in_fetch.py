@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+import scenegen
 from scenegen.gym import SceneResets, keep_clear
 from tests.worlds.layouts.recipes import example
 
@@ -55,3 +56,35 @@ def test_a_hundred_resets(page):
     off, moved = measured(page, keep_clear(page["spec"], hand[0], hand[1], 0.05))
     print(f"with: phi off by at most {off.max():.1e}; thrown {(moved > 1).sum()}, moved {moved.max():.2f} mm")
     assert off.max() < 1e-6 and moved.max() < 0.2
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "half", "most"),
+    [
+        ("FetchPickAndPlace-v4", "box(5 cm, 5 cm, 5 cm)", 0.025, 0.2),
+        ("FetchSlide-v4", "cylinder(2.5 cm, 4 cm)", 0.02, 3.0),  # its puck slides by itself
+    ],
+)
+def test_other_tasks(page, name, shape, half, most):
+    env = page["gymnasium"].make(name)
+    env.reset()
+    (x, y, _), height = env.unwrapped.initial_gripper_xpos, env.unwrapped.height_offset
+    spec = scenegen.parse(f"""
+        workspace [{x - 0.1:.3f}, {x + 0.1:.3f}] x [{y - 0.1:.3f}, {y + 0.1:.3f}]
+        object block = {shape}
+        task: x(block) >= {x:.3f}
+    """)
+    env = SceneResets(
+        env, keep_clear(spec, x, y, 0.05), put=page["put"], observe=lambda env: env._get_obs(), get=get,
+        quaternion="wxyz", origin=(0, 0, height - half), origins="middle",
+    )  # fmt: skip
+    moved = []
+    for seed in range(RESETS // 2):
+        seen, info = env.reset(seed=seed)
+        assert abs(env.phi_now()["task"] - info["phi"]["task"]) < 1e-6
+        block = seen["achieved_goal"]
+        for _ in range(STEPS):
+            seen, *_ = env.step(np.zeros(4))
+        moved.append(1e3 * math.dist(seen["achieved_goal"], block))
+    print(f"{name}: moved {max(moved):.2f} mm")
+    assert max(moved) < most

@@ -1,16 +1,20 @@
 """The example of docs/layouts.md in panda-gym's own environment."""
 
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from scenegen.cli.app import run
 from scenegen.gym import SceneResets, phi_space
 from scenegen.learn.curriculum.strategies import strategy
 from tests.worlds.layouts.recipes import example
 
 pytestmark = pytest.mark.long
 RESETS, STEPS = 50, 10
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +67,32 @@ def test_a_strategy_hears_of_episodes(page):
             over = terminated or truncated
         assert info["outcome"]["success"] == info["is_success"] and info["outcome"]["steps"] <= 50
     assert lessons.state() != strategy("self_paced", phi_space(page["spec"]), np.random.default_rng(0)).state()
+
+
+WORLD = """
+import gymnasium, panda_gym
+from scenegen.cli.app import run
+from scenegen.gym import SceneResets
+from tests.worlds.layouts.recipes import example
+
+put = example("panda_gym")["put"]
+
+def make(task):
+    calls = {"put": put, "observe": lambda env: env._get_obs()}
+    return SceneResets(gymnasium.make("PandaPush-v3"), task.spec, quaternion="xyzw", origins="middle", **calls)
+
+def act(observation, instruction):
+    return [0.0, 0.0, 0.0]
+"""
+
+
+def test_a_suite_runs_in_it(page, tmp_path):
+    """Every start is missed, as it promises, by a policy that does nothing."""
+    (tmp_path / "push.spec").write_text(page["spec"].source)
+    (tmp_path / "world.py").write_text(f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n{WORLD}")
+    words = f"new {tmp_path}/push.spec --bands 2 -n 2 --out {tmp_path}/mine"
+    assert run(["suite", *words.split()]) == 0
+    words = f"run {tmp_path}/mine --world {tmp_path}/world.py:make --policy {tmp_path}/world.py:act --steps 5"
+    assert run(["suite", *words.split(), "--out", str(tmp_path / "none.jsonl")]) == 0
+    lines = [json.loads(line) for line in (tmp_path / "none.jsonl").read_text().splitlines()][1:]
+    assert [(line["success"], line["steps"], line["error"]) for line in lines] == [(False, 5, None)] * 4

@@ -14,8 +14,8 @@ from scenegen.worlds.starts import RangeStarts
 
 SPEC = scenegen.parse("""
 workspace [-0.2, 0.2] x [-0.2, 0.2]
-object can = cylinder(3 cm, 8 cm), block = box(6 cm, 4 cm, 2 cm), plate at (0.1, 0.1)
-require noOverlap()
+object can = cylinder(3 cm, 8 cm), block = box(6 cm, 4 cm, 2 cm), mark = cylinder(5 mm, 5 mm) at (0.1, 0.1)
+require dist(can, block) >= 7 cm
 task: dist(can, block) <= 12 cm
 side: leftOf(can, block)
 """)
@@ -57,10 +57,10 @@ def test_an_episode_starts_from_a_scene_of_the_range():
     env = started(seed=3)
     for _ in range(20):
         seen, info = env.reset()
-        can, block, plate = seen.reshape(3, 7)
+        can, block, mark = seen.reshape(3, 7)
         assert info["phi"]["task"] == pytest.approx(0.12 - math.dist(can[:2], block[:2]))
         assert -0.1 <= info["phi"]["task"] <= 0.0 <= info["phi"]["side"]
-        assert plate[:3] == pytest.approx([0.1, 0.1, 0.0]) and set(info) == {"kept", "phi"}
+        assert mark[:2] == pytest.approx([0.1, 0.1]) and set(info) == {"kept", "phi"}
         assert env.phi_now() == pytest.approx(info["phi"], abs=1e-12)
 
 
@@ -146,6 +146,18 @@ def test_ranges_by_a_function_and_other_sources_of_starts():
     assert [env.reset(seed=1)[1]["phi"] for _ in range(3)] == [expected.take().phi for _ in range(3)]
 
 
+def test_it_is_a_world_of_a_suite():
+    """A start that is given is where the episode begins, and is no business of a strategy."""
+    heard = []
+    lessons = strategy("uniform", phi_space(SPEC), np.random.default_rng(0))
+    lessons.report = heard.append
+    env, start = started(lessons), RangeStarts(SPEC, lambda: WANTED, 0, 60.0).take()
+    seen, info = env.reset(seed=3, options={"start": start})
+    assert (seen.reshape(3, 7) == start.poses).all() and info["phi"] == start.phi
+    assert env.step(0)[4]["success"] is False and env.step(1)[4]["success"] is True
+    assert not heard
+
+
 def test_things_keep_clear_of_a_hand_at_rest():
     clear = keep_clear(SPEC, 0.05, -0.05, 0.06)
     assert clear.labels == SPEC.labels and clear.objects == SPEC.objects
@@ -175,11 +187,11 @@ def test_bad_requests_are_answered():
             started(**settings).reset()
         assert error.value.diagnostics[0].code == code
     for code, env in [
-        ("no-start-yet", started()),
+        ("no-episode", started()),
         ("missing-argument", started(get=None)),
         ("wrong-value", started(get=lambda env, name: (0, 0))),
     ]:
-        if code != "no-start-yet":
+        if code != "no-episode":
             env.reset()
         with pytest.raises(RequestError) as error:
             env.phi_now()

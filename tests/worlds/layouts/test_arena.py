@@ -71,7 +71,7 @@ def test_bad_requests_are_answered_and_write_nothing(tmp_path):
         ("too-few-layouts", {"num_envs": 3}),
         ("out-of-range", {"num_envs": 0}),
         ("unknown-choice", {"names": {"cup": "mug"}}),
-        ("name-twice", {"anchors": {"mug": (0, 0, 0)}}),
+        ("same-name", {"anchors": {"mug": (0, 0, 0)}}),
         ("wrong-value", {"anchors": {"table": (0, 0)}}),
         ("wrong-value", {"anchors": {"table": (0, 0, math.nan)}}),
         ("wrong-value", {"seed": 0.5}),
@@ -167,7 +167,7 @@ def test_bad_requests_for_episodes_are_answered_and_write_nothing(tmp_path):
         ("wrong-value", "starts.jsonl", {"names": {"mug": 3}}),
         ("wrong-value", "starts.jsonl", {"names": {"mug": None, "box": None}}),
         ("unknown-choice", "starts.jsonl", {"names": {"cup": "mug"}}),
-        ("name-twice", "starts.jsonl", {"names": {"mug": "box"}}),
+        ("same-name", "starts.jsonl", {"names": {"mug": "box"}}),
         ("unknown-choice", "starts.jsonl", {"up": {"mug": "w"}}),
     ]
     for code, name, settings in cases:

@@ -6,7 +6,7 @@ Nothing here imports robosuite or LIBERO: an environment brings its own simulati
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -191,9 +191,8 @@ class LiveModel:
             ring = size[0] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
             corners = np.concatenate([np.c_[ring, np.full(24, z)] for z in (-size[1], size[1])])
         else:
-            round_ = {types.mjGEOM_SPHERE: (0, 0, 0), types.mjGEOM_CAPSULE: (0, 0, 1)}.get(kind)
-            half = size if round_ is None else size[0] + np.array(round_) * size[1]
-            corners = half * np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
+            middle, half = self.model.geom_aabb[geom].reshape(2, 3)
+            corners = middle + half * np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
         turned: Array = corners @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
         return turned
 
@@ -291,27 +290,18 @@ class LiveModel:
             for value in grid[(grid >= part.low) & (grid <= part.high)].tolist():
                 self.data.qpos[part.address] = value
                 self.mj.mj_fwdPosition(self.model, self.data)
-                if holds(value) and self.depth(fixtures=True) < 5e-4:
+                within = max((far for a, b, far in self.contacts() if a == b and a in self.fixtures), default=0.0)
+                if holds(value) and within < 5e-4:
                     runs[-1].append(value)
                 elif runs[-1]:
                     runs.append([])
         return max(((run[0], run[-1]) for run in runs if run), key=lambda run: run[1] - run[0], default=None)
 
-    def depth(self, only: str | None = None, *, fixtures: bool = False) -> float:
-        """The depth of the deepest contact of the things that move, or of one of them; with `fixtures` of the parts of
-        fixtures with one another."""
-        found = 0.0
-        for contact in self.data.contact[: self.data.ncon]:
-            first, second = self.owner(contact.geom1), self.owner(contact.geom2)
-            if fixtures:
-                counts = first == second and first in self.fixtures
-            else:
-                wanted = self.movers if only is None else (only,)
-                counts = first != second and (first in wanted or second in wanted)
-            if counts:
-                found = max(found, -float(contact.dist))
-        return found
+    def contacts(self) -> Iterator[tuple[str, str, float]]:
+        """Whose shapes touch, and how deep they are in each other."""
+        for one in self.data.contact[: self.data.ncon]:
+            yield self.owner(one.geom1), self.owner(one.geom2), -float(one.dist)
 
-    def touches_robot(self) -> bool:
-        pairs = ({self.owner(one.geom1), self.owner(one.geom2)} for one in self.data.contact[: self.data.ncon])
-        return any(ROBOT in pair and not pair.isdisjoint(self.movers) for pair in pairs)
+    def depth(self, names: Collection[str]) -> float:
+        """The depth of the deepest contact of some things with others."""
+        return max((far for a, b, far in self.contacts() if a != b and (a in names or b in names)), default=0.0)

@@ -27,7 +27,7 @@ from scenegen.pose import as_rows
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.arrange import with_switches
 from scenegen.validation import as_int, as_seconds
-from scenegen.worlds.libero.measure import heading_of, matrix
+from scenegen.worlds.libero.measure import ROBOT, heading_of, matrix
 from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
 from scenegen.worlds.robosuite import InitStates, inverse, times
 
@@ -181,9 +181,9 @@ class _Maker:
         planned = self.places()
         if not self.come_to_rest():
             return _Verdict("does not come to rest")
-        if self.live.touches_robot():
+        if any(ROBOT in (a, b) and {a, b} & {*self.things} for a, b, _ in self.live.contacts()):
             return _Verdict("touches the robot")
-        if self.live.depth() > DEEP:
+        if self.live.depth(self.live.movers) > DEEP:
             return _Verdict("contacts deeper than 3 mm")
         if np.abs(self.places() - planned)[:, :2].max(initial=0.0) > FAR:
             return _Verdict("falls")
@@ -242,7 +242,7 @@ class _Maker:
 
     def touches(self, name: str) -> bool:
         self.live.mj.mj_fwdPosition(self.model, self.data)
-        return self.live.depth(name) >= 2e-4
+        return self.live.depth((name,)) >= 2e-4
 
     def come_to_rest(self) -> bool:
         """Step the simulation with the arm held, until nothing moves or the time is over. True if the things rest."""

@@ -6,13 +6,13 @@ STAMP  := .venv/.installed
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 SPREAD := -n auto --maxprocesses 4 --dist loadfile
 # Tests that take half a second or more are `long`, those that take minutes `slow`; CI runs the long ones, too.
-ALL    := not slow and not browser and not cluster and not robosuite and not libero
+ALL    := not slow and not browser and not cluster and not robosuite and not maniskill and not fetch and not libero
 
 # Compiled modules are kept: the tests start hundreds of processes, which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite test-libero lint goldens docs llms pictures page-pictures tables bench experiments dataset clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite test-maniskill test-fetch test-libero lint goldens docs llms pictures page-pictures tables bench experiments dataset suite clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -38,7 +38,7 @@ test-cost: $(STAMP) ## what `make test` costs: CPU seconds of each tool, folder,
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.cost -m "$(ALL) and not long" $(SPREAD)
 
 test-slow: $(STAMP) ## the tests that take minutes, and each law with all its examples
-	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster and not robosuite and not libero"
+	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster and not robosuite and not maniskill and not fetch and not libero"
 
 test-pythons:    ## the tests with Python 3.11, 3.12 and 3.13, each in .venvs/; those not installed are skipped: PYTHONS="3.12" TESTS=tests/lang
 	@.ci/test-pythons
@@ -74,9 +74,20 @@ test-monitors: $(STAMP) ## phi over time against rtamt, in 15 minutes: RTAMT_PAI
 	OMP_NUM_THREADS=1 RTAMT_PAIRS=$(RTAMT_PAIRS) $(BIN)/python -m pytest -s tests/learn/robustness/test_against_rtamt.py
 
 # beside .venv, whose mujoco is newer than robosuite's
-test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our scenes
+test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our scenes, and episodes on a table
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade --target build/robosuite "robosuite>=1.5.2,<1.6" "mujoco>=3.3,<3.4"
-	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/worlds/robosuite
+	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/worlds/robosuite tests/worlds/suites/adapters
+
+# environments of their own: ManiSkill brings its own torch, Fetch an older mujoco
+test-maniskill: $(STAMP) ## 300 resets of ManiSkill's environments from our layouts, in its own physics
+	test -x build/maniskill/bin/python || "$(PYTHON)" -m venv build/maniskill
+	build/maniskill/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . "mani_skill==3.0.1" "sapien==3.0.3" pytest hypothesis
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/maniskill/bin/python -m pytest -m maniskill -s tests/worlds/layouts
+
+test-fetch: $(STAMP) ## resets of gymnasium-robotics' FetchPush from our scenes; starts in JAX and MJX
+	test -x build/fetch/bin/python || "$(PYTHON)" -m venv build/fetch
+	build/fetch/bin/python -m pip install --quiet --disable-pip-version-check -e . "gymnasium-robotics>=1.4.2,<1.5" "mujoco>=3.3,<3.4" "mujoco-mjx>=3.3,<3.4" jax pytest hypothesis
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/fetch/bin/python -m pytest -s tests/worlds/gym/test_in_fetch.py tests/worlds/layouts/test_in_jax.py
 
 # an environment of its own: LIBERO wants robosuite 1.4, and 1.3 GB of assets
 LIBERO_PYTHON := build/libero/bin/python
@@ -137,6 +148,10 @@ DATASET_OUT    ?= build/dataset/
 DATASET_MORE   ?= --timeout 3600
 dataset: $(STAMP) ## scenes of all shipped specs at every difficulty: DATASET_SCENES=1000000 DATASET_OUT=build/dataset/ DATASET_MORE="--engine ray"
 	$(BIN)/scenegen dataset -n $(DATASET_SCENES) --out $(patsubst %/,%,$(DATASET_OUT))/ --license mit --resume $(DATASET_MORE)
+
+suite: $(STAMP)   ## the shipped suite again, from its specs: the same bytes
+	$(BIN)/scenegen suite new suites/tabletop/*.spec --out suites/tabletop
+	git diff --stat --exit-code suites
 
 clean:           ## remove the environment and everything built
 	rm -rf .venv .venvs build dist site demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis

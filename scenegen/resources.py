@@ -1,4 +1,5 @@
-"""The only module that knows where grammar/, specs/ and docs/ live.
+"""The version of the package, and where grammar/, specs/, suites/ and docs/ live. Imports nothing, so that everything
+may import it.
 
 An installed wheel carries them as scenegen/_data/ (see force-include in pyproject.toml); a checkout has them beside the
 package.
@@ -8,6 +9,8 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+
+__version__ = "0.1.0"  # the metadata of the package come from here
 
 PAGES = ("assets", "language", "language-models", "models", "not-here", "pictures", "time")  # as in pyproject.toml
 
@@ -33,3 +36,8 @@ def shipped_pages() -> dict[str, Path]:
 def shipped_specs() -> dict[str, Path]:
     """The specs that ship with scenegen: name without ending -> path, in alphabetical order."""
     return {path.stem: path for path in sorted((_root() / "specs").glob("*.spec"))}
+
+
+def shipped_suites() -> dict[str, Path]:
+    """The suites that ship with scenegen: name -> folder, in alphabetical order."""
+    return {path.parent.name: path.parent for path in sorted((_root() / "suites").glob("*/suite.json"))}

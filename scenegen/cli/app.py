@@ -65,6 +65,8 @@ COMMANDS: dict[str, str] = {
     "export": "scenegen.cli.export:export",
     "settle": "scenegen.cli.settle:settle",
     "libero": "scenegen.cli.libero:libero",
+    "suite": "scenegen.cli.suite:suite",
+    "fit": "scenegen.cli.fit:fit",
     "assets": "scenegen.cli.assets:assets",
     "data": "scenegen.cli.data:data",
     "dataset": "scenegen.cli.data:dataset",

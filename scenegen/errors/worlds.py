@@ -1,4 +1,5 @@
-"""What is wrong with planning problems: PDDL and BDDL files, maps of predicates, goals without geometry."""
+"""What is wrong with planning problems: PDDL and BDDL files, maps of predicates, goals without geometry; and with
+suites."""
 
 from __future__ import annotations
 
@@ -144,10 +145,20 @@ PLACEMENT = Kind(
         "object-not-there",
     ),
 )
-NO_START_YET = Kind("no-start-yet", "no scene was placed yet", help="reset the environment first")
-NAME_TWICE = Kind("name-twice", "two objects have the name `{name}`", help="give each a name of its own in `names`")
 TOO_FEW_LAYOUTS = Kind(
     "too-few-layouts",
     "{scenes} scenes for {environments} environments",
     help="each environment needs at least one: draw more scenes",
+)
+
+# suites
+NOT_A_SUITE = Kind(
+    "not-a-suite",
+    "{file} is not {what}: {reason}",
+    help="`scenegen suite new` makes suites, `scenegen suite run` outcomes, `scenegen fit` fits; none is edited",
+)
+WORLD_FAILS = Kind(
+    "world-fails",
+    "{what} `{name}` {how}: {reason}",
+    help="try it by itself; <resume> goes on with the outcomes that there are",
 )

@@ -7,255 +7,31 @@ simulator's frame, and read back from it. `init_states` writes starts as files o
 from __future__ import annotations
 
 import copy
-import math
-from collections import Counter, OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from scenegen.api.request import Phi, read_phi
-from scenegen.api.sample import draw_scenes
-from scenegen.api.scene_arrays import make_header, poses7, stored_rows
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.files import HELD_ELSEWHERE
-from scenegen.errors.learning import NOT_A_TASK
+from scenegen.errors.files import SAME_NAME
+from scenegen.errors.learning import NO_EPISODE
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.worlds import NAME_TWICE, NO_START_YET, PLACEMENT
-from scenegen.geometry import NUMPY
-from scenegen.geometry.workspace import turned
-from scenegen.lang.formula.interpret import phi as score
-from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy
+from scenegen.errors.worlds import PLACEMENT
+from scenegen.learn.curriculum.tasks import Outcome
 from scenegen.needs import need
-from scenegen.pose import as_poses, as_rows, row_count
-from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scenes.arrange import held, held_elsewhere, with_switches
-from scenegen.scenes.data import RequestData
 from scenegen.scenes.files import whole_file
 from scenegen.validation import as_int, as_number, as_path, as_point, as_seconds
-
-if TYPE_CHECKING:
-    from scenegen.learn.curriculum.library import Library, LibraryStream
-
-
-Wanted: TypeAlias = Phi | PhiBox | Strategy | Callable[[], Phi | PhiBox | None] | None
-"""A range of phi (see `scenegen.sample`), a strategy, or a function that gives a range for each start."""
-
-FIRST, MOST = 1024, 16_384  # scenes of the first draw at a range, and of later ones at most
-RANGES = 64  # ranges whose scenes are kept, the most recent ones
-STREAM = 12  # the stream of random numbers of starts; api/batches.py and others have streams of their own
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Start:
-    """A verified scene: `poses` (N, 7), see `SceneSet.poses7`, `phi` by label, `on` (M,) of objects on one of several
-    surfaces, and the strategy's task."""
-
-    poses: Array
-    phi: Mapping[str, float]
-    on: Array | None
-    task: PhiBox | None = None
-
-
-class StartSource(Protocol):
-    def take(self) -> Start:
-        """The next scene. Raises RequestError."""
-        ...
-
-
-class RangeStarts:
-    """Scenes with phi in a range that `wanted` gives for each. Draws grow from FIRST to MOST scenes; a range that is
-    asked for again goes on with its own scenes."""
-
-    def __init__(self, spec: Spec, wanted: Callable[[], Phi | PhiBox | None], seed: int, timeout: float) -> None:
-        self._spec, self._wanted, self._seed, self._timeout = spec, wanted, seed, timeout
-        self._draws = 0
-        self._streams: OrderedDict[tuple[tuple[str, Range], ...], Iterator[Start]] = OrderedDict()
-
-    def take(self) -> Start:
-        wanted = self._wanted()
-        if isinstance(wanted, PhiBox):
-            if not len(wanted.low) == len(wanted.high) == len(self._spec.labels):
-                raise RequestError(NOT_A_TASK(count=len(wanted.low), labels=self._spec.labels))
-            ends = zip(self._spec.labels, wanted.low, wanted.high, strict=True)
-            wanted = {label: (low, high) for label, low, high in ends}
-        ranges = read_phi(self._spec, wanted)
-        key = tuple(sorted(ranges.items(), key=lambda item: item[0]))
-        if key not in self._streams:
-            self._streams[key] = self._stream(ranges)
-            if len(self._streams) > RANGES:
-                self._streams.popitem(last=False)
-        self._streams.move_to_end(key)
-        try:
-            return next(self._streams[key])
-        except RequestError:
-            del self._streams[key]  # a generator that raised has ended
-            raise
-
-    def _stream(self, ranges: Mapping[str, Range]) -> Iterator[Start]:
-        count = FIRST
-        while True:
-            source = np.random.SeedSequence([self._seed, STREAM, self._draws])
-            self._draws += 1
-            seed = int(source.generate_state(1)[0])
-            request = SampleRequest(
-                ranges, count, seed=seed, timeout=self._timeout, keep_partial=True, workers=1, strict=True
-            )  # in this process: simulators do not like to be forked
-            scenes = draw_scenes(self._spec, request)
-            places = scenes.poses7()
-            for index in np.random.default_rng(source).permutation(len(scenes)).tolist():
-                phi = {label: float(values[index]) for label, values in scenes.phi.items()}
-                yield Start(places[index], phi, None if scenes.on is None else scenes.on[index])
-            count = min(4 * count, MOST)
-
-
-class StrategyStarts:
-    """Scenes at the next task of a strategy, or at the nearest phi there is."""
-
-    def __init__(self, spec: Spec, goal: str | None, strategy: Strategy, seed: int) -> None:
-        self._spec, self._goal, self._strategy, self._seed = spec, goal, strategy, seed
-        self._header = make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat"))
-        self._stream: LibraryStream | None = None  # made at the first start: it draws thousands of scenes
-
-    def take(self) -> Start:
-        with as_request_errors():
-            return self._take()
-
-    def _take(self) -> Start:
-        from scenegen.learn.curriculum.library import LibraryStream
-        from scenegen.learn.curriculum.request import read_phi as read_task
-
-        if self._stream is None:
-            self._stream = LibraryStream(_library(self._spec, self._goal), self._seed)
-        task = self._strategy.next_task()
-        if not isinstance(task, PhiBox):
-            raise RequestError(NOT_A_TASK(value=repr(task)))
-        target = self._stream.library.target
-        row, phi = self._stream.take(read_task(target, task, points=True), nearest=True)
-        rows = np.asarray(row)[:, None]
-        count = row_count(len(self._spec.objects))
-        on = stored_rows(self._spec.checked, rows)[count:].T if self._spec.checked.choices else None
-        places = poses7(self._header, as_poses(rows[:count]), on, tensor=False, dtype="float64")
-        found = dict(zip(self._spec.labels, map(float, phi), strict=False))
-        return Start(places[0], found, None if on is None else on[0], task)
-
-
-def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float) -> StartSource:
-    """Raises RequestError for an invalid range."""
-    if is_strategy(wanted):
-        need("gymnasium", "for starts chosen by a strategy")
-        return StrategyStarts(spec, goal, wanted, seed)
-    if callable(wanted):
-        return RangeStarts(spec, wanted, seed, timeout)
-    fixed: Any = wanted
-    if not isinstance(fixed, PhiBox):
-        read_phi(spec, fixed)
-    return RangeStarts(spec, lambda: fixed, seed, timeout)
-
-
-def is_strategy(wanted: object) -> TypeGuard[Strategy]:
-    return all(callable(getattr(wanted, call, None)) for call in ("next_task", "report"))
-
-
-def phi_space(spec: Spec, goal: str | None = None) -> PhiBox:
-    """The range of phi to train on, for a strategy: from the hardest thousandth of scenes to satisfied. `goal` is the
-    label to satisfy, by default all. Raises RequestError where there is nothing to learn."""
-    need("gymnasium", "for starts chosen by a strategy")
-    with as_request_errors():
-        return _library(spec, goal).space
-
-
-def _library(spec: Spec, goal: str | None) -> Library:
-    from scenegen.learn.curriculum.goal import make_goal
-    from scenegen.learn.curriculum.library import open_library
-
-    return open_library(make_goal(spec, goal), spec, None)
-
-
-@contextmanager
-def as_request_errors() -> Iterator[None]:
-    """Turns the errors of environments, which are gymnasium's, into RequestError."""
-    from gymnasium import error
-
-    try:
-        yield
-    except error.Error as problem:
-        diagnostic = getattr(problem, "diagnostic", None)
-        if diagnostic is None:
-            raise
-        raise RequestError(diagnostic) from problem
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A drop-in for the `placement_initializer` of robosuite's environments: objects start where a spec wants them.
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The spec's table in the world of a simulator, and quaternions (w, x, y, z).
-
-
-Numbers: TypeAlias = Sequence[float] | Array
-
-
-@dataclass(frozen=True, slots=True)
-class TableFrame:
-    """Where the spec's point (0, 0) at the height of the table is, in metres, and by how much the spec's x axis is
-    turned against the world's, in radians, counter-clockwise."""
-
-    origin: tuple[float, float, float]
-    turn: float = 0.0
-
-    def place(self, pose: Numbers) -> tuple[Array, Array]:
-        """A pose x, y, z, qw, qx, qy, qz of the spec's frame: its place and quaternion in the world."""
-        x, y, z, qw, qx, qy, qz = pose
-        cosine, sine = math.cos(self.turn), math.sin(self.turn)
-        at = np.array([cosine * x - sine * y, sine * x + cosine * y, z]) + self.origin
-        return at, times((math.cos(self.turn / 2.0), 0.0, 0.0, math.sin(self.turn / 2.0)), (qw, qx, qy, qz))
-
-    def pose(self, at: Numbers, quaternion: Numbers) -> tuple[float, float, float]:
-        """The reverse for a body: x, y and heading in the spec's frame. The heading is the turn about the vertical
-        that comes nearest to the attitude."""
-        x, y = at[0] - self.origin[0], at[1] - self.origin[1]
-        cosine, sine = math.cos(self.turn), math.sin(self.turn)
-        heading = 2.0 * math.atan2(quaternion[3], quaternion[0]) - self.turn
-        return cosine * x + sine * y, cosine * y - sine * x, heading
-
-
-def times(first: Numbers, second: Numbers) -> Array:
-    """The product of two quaternions: the second rotation, then the first."""
-    a, b, c, d = first
-    w, x, y, z = second
-    return np.array(
-        [
-            a * w - b * x - c * y - d * z,
-            a * x + b * w + c * z - d * y,
-            a * y - b * z + c * w + d * x,
-            a * z + b * y - c * x + d * w,
-        ]
-    )
-
-
-def inverse(quaternion: Numbers) -> Array:
-    """The reverse rotation of a unit quaternion."""
-    w, x, y, z = quaternion
-    return np.array([w, -x, -y, -z])
-
-
-def upright(quaternion: Numbers) -> Array:
-    """An attitude at heading 0: without the turn about the vertical that comes nearest to it."""
-    heading = 2.0 * math.atan2(quaternion[3], quaternion[0])
-    return times((math.cos(heading / 2.0), 0.0, 0.0, -math.sin(heading / 2.0)), quaternion)
-
+from scenegen.worlds.frame import TableFrame, inverse, times, upright
+from scenegen.worlds.starts import Start, Wanted, is_strategy, make_starts, phi_at
 
 Placed: TypeAlias = dict[str, tuple[tuple[float, float, float], Array, Any]]
 """Object name -> (place, quaternion (w, x, y, z), object), as robosuite's samplers give it."""
 
-HELD = 1e-3, 0.01  # metres and radians by which a held object may be off in a simulation
 TRIES = 1000  # scenes that are tried until one keeps clear of fixtures
 
 
@@ -307,7 +83,6 @@ class Placement:
         self._strategy = phi if is_strategy(phi) else None
         self._starts = make_starts(spec, phi, goal, as_int("seed", seed), as_seconds("timeout", timeout))
         self._frame = TableFrame(self.reference_pos, self.turn)
-        self._header = make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat"))
         if mujoco_objects is not None:
             self.add_objects(mujoco_objects)
 
@@ -388,13 +163,7 @@ class Placement:
     def phi_in(self, sim: Any) -> dict[str, float]:
         """phi of each label where the objects are in a simulation now. An object that the spec holds counts as in its
         place; raises RequestError where it is off by more than 1 mm or 0.01 rad, and before the first start."""
-        start, checked = self._started(), self.spec.checked
-        rows = turned(as_rows(self.poses(sim)[None]))
-        moved = held_elsewhere(checked, rows, *HELD)
-        if moved is not None:
-            raise RequestError(HELD_ELSEWHERE(**held(checked, moved[0]), place="in the simulation"))
-        rows = with_switches(checked, self._header, rows, None if start.on is None else start.on[None])
-        return {label: float(value[0]) for label, value in score(checked.core, list(rows), NUMPY).items()}
+        return phi_at(self.spec, self._started(), self.poses(sim))
 
     def report(self, success: bool, total: float = 0.0, steps: int = 0) -> None:
         """Tell the strategy how the episode ended that began with the last start; nothing without a strategy."""
@@ -411,7 +180,7 @@ class Placement:
 
     def _started(self) -> Start:
         if self.start is None:
-            raise RequestError(NO_START_YET())
+            raise RequestError(NO_EPISODE(state="no scene was placed yet", remedy="reset the environment first"))
         return self.start
 
     def _objects(self, placed: Placed) -> list[tuple[int, Any]]:
@@ -465,7 +234,7 @@ def _names(spec: Spec, names: Mapping[str, str]) -> dict[str, str]:
     found = {own: names.get(own, own) for own in spec.objects}
     for name, count in Counter(found.values()).items():
         if count > 1:
-            raise RequestError(NAME_TWICE(name=name))
+            raise RequestError(SAME_NAME(name=name, objects="objects"))
     return found
 
 

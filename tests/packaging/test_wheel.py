@@ -53,7 +53,7 @@ def test_what_the_wheel_holds(wheel, root):
     for folder in ("grammar", "specs"):
         for path in (root / folder).iterdir():
             assert f"scenegen/_data/{folder}/{path.name}" in names
-    assert "scenegen/py.typed" in names
+    assert {"scenegen/py.typed", "scenegen/_data/suites/tabletop/suite.json"} <= set(names)
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
     shipped = {name.split("/")[0] for name in names}
     # experiments/ and tests/ stay in the repository

@@ -16,7 +16,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry.footprint import Rectangle, convex_hull
 from scenegen.needs import need
-from scenegen.worlds.robosuite import inverse, times, upright
+from scenegen.worlds.frame import inverse, times, upright
 
 CORNERS = 12  # of a prism at most
 ROBOT = "the robot"

@@ -21,9 +21,9 @@ from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.geometry import NUMPY
 from scenegen.geometry.clearance import gap
 from scenegen.geometry.footprint import Polygon, Rectangle
+from scenegen.worlds.frame import upright
 from scenegen.worlds.libero.measure import Floor, LiveModel, Part, PrismShape, heading_of, prism_of
 from scenegen.worlds.pddl.translation import around, grown, meet
-from scenegen.worlds.robosuite import upright
 
 Fact: TypeAlias = tuple[str, ...]  # a predicate and names
 JOINTS = {"open": "is_open", "close": "is_close", "turnon": "turn_on", "turnoff": "turn_off"}  # LIBERO's methods

@@ -27,9 +27,10 @@ from scenegen.pose import as_rows
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.arrange import with_switches
 from scenegen.validation import as_int, as_seconds
+from scenegen.worlds.frame import inverse, times
 from scenegen.worlds.libero.measure import ROBOT, heading_of, matrix
 from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
-from scenegen.worlds.robosuite import InitStates, inverse, times
+from scenegen.worlds.robosuite import InitStates
 
 STREAM = 15  # the stream of random numbers of these states; worlds/robosuite.py and others have streams of their own
 STEPS = 20  # control steps of the environment's own, after which a state is judged again

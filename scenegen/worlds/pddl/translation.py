@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 from scenegen.errors import DataError, Diagnostic, Source, SpecError
-from scenegen.errors.template import nearest
+from scenegen.errors.diagnostic import nearest
 from scenegen.errors.worlds import (
     FACTS_MEAN_NOTHING,
     IMPORT_FAILS,

@@ -117,7 +117,7 @@ def test_bad_requests_are_answered():
         ("placement", lambda: placement().sample({"cubeA": ((0, 0, 0), None, Thing("cubeA"))})),
         ("placement", lambda: placement(things=[Thing("cubeB")]).sample()),
         ("placement", lambda: placement(things=[Thing("cubeA"), Thing("cubeB"), Thing("x")]).sample()),
-        ("no-start-yet", lambda: placement().phi),
+        ("no-episode", lambda: placement().phi),
         ("unknown-choice", lambda: Placement(SPEC, names={"blue": "cubeA"})),
         ("unknown-label", lambda: placement({"goal": (0, None)}).sample()),
         ("range-not-a-pair", lambda: placement(3)),
@@ -126,7 +126,7 @@ def test_bad_requests_are_answered():
         ("wrong-value", lambda: placement(z_offset="high")),
         ("wrong-value", lambda: Placement(SPEC, names=["cubeA"])),
         ("wrong-value", lambda: Placement(SPEC, reference_pos=(0, 0, math.inf))),
-        ("name-twice", lambda: Placement(SPEC, names={"red": "cubeB"})),
+        ("same-name", lambda: Placement(SPEC, names={"red": "cubeB"})),
         ("not-a-task", lambda: placement(lambda: PhiBox((0.0, 0.0), (0.1, 0.1))).sample()),
     ]
     for code, act in cases:
@@ -219,3 +219,10 @@ def test_frames_and_quaternions():
     assert upright([0, 0, half, half]) == pytest.approx([half, half, 0, 0])  # LIBERO's soup: half a turn about y + z
     i, j, k = np.eye(4)[1:]
     assert times(i, j) == pytest.approx(k) and times(j, i) == pytest.approx(-k)
+
+
+def test_a_strategy_without_gymnasium_says_what_to_install(monkeypatch):
+    lessons = strategy("uniform", PhiBox((-0.1,), (0.0,)), np.random.default_rng(0))
+    monkeypatch.setattr("scenegen.needs.found", lambda package: False)
+    with pytest.raises(RequestError, match=r"not-installed.*\n.*scenegen\[rl\]"):
+        placement(lessons)

@@ -1,0 +1,207 @@
+"""A scripted pick-and-place policy: it finds by scenegen where a thing has to go, and takes it there.
+
+    scenegen suite run SUITE --policy examples/policies/scripted.py:Scripted --world ...
+
+It sees the poses of all objects and knows the spec. What it does not know: its eye is off by `see` metres when it
+grasps, and its hand by `put` metres when it lets go (standard deviations, drawn anew for each thing).
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+import scenegen
+
+Moves = list[tuple[int, np.ndarray]]  # numbers of objects, and where each goes: x, y, theta
+Script = Iterator[np.ndarray]  # actions
+CANDIDATES = 128  # places that are looked at for each thing
+WIDEST = 0.075  # metres that go between the fingers
+REACH = 0.05, 0.5  # metres and radians of an action of 1
+OPEN, CLOSED = -1.0, 1.0
+ABOVE = 0.12  # metres that the hand keeps above what stands on the table
+DEEP = 0.025  # metres between the finger tips and the top of what they hold
+
+
+class Scripted:
+    """One for each world, which has `task` (spec and success label); made anew for each task."""
+
+    def __init__(self, env: Any, see: float = 0.003, put: float = 0.003) -> None:
+        self.label, self.see, self.put = env.task.success, see, put
+        self.spec = without_start(env.task.spec, self.label)
+        self.shapes = self.spec.checked.shapes
+
+    def reset(self, seed: int) -> None:
+        self.random = np.random.default_rng([seed, 1])
+        self.script, self.level = None, ABOVE
+
+    def __call__(self, observation: Any, instruction: str) -> np.ndarray:
+        self.seen = observation
+        if self.script is None:
+            self.rest = yaw(observation["hand"])
+            self.script = self.play(self.moves(flat(observation["objects"])))
+        return next(self.script)
+
+    def moves(self, poses: np.ndarray) -> Moves:
+        return plan(self.spec, self.label, poses)
+
+    def play(self, moves: Moves) -> Script:
+        """The actions: each yield is one, and the next thing that is seen."""
+        for which, goal in moves:
+            yield from self.carry(which, goal)
+        while True:  # out of the way
+            yield self.towards([0.0, self.seen["hand"][1], self.level], self.rest, OPEN)
+
+    def carry(self, which: int, goal: Any) -> Script:
+        shape, height = self.shapes[which], self.shapes[which].height
+        x, y, theta = flat(self.seen["objects"])[which]
+        tallest = max(other.height + pose[2] for other, pose in zip(self.shapes, self.seen["objects"], strict=True))
+        self.level = tallest + max(ABOVE, height)
+        grip = self.seen["objects"][which][2] + max(height - DEEP, 0.012)
+        off = self.random.normal(0.0, self.see, 2)
+        turning = nearest(goal[2] - theta, 0.0, math.tau) if shape.asset != "cylinder" else 0.0
+        turn = grasp(shape, theta, turning, self.rest)
+        at = np.array([x + off[0], y + off[1]])
+        yield from self.move([*at, self.level], turn, OPEN, near=0.03)
+        yield from self.move([*at, grip], turn, OPEN)
+        yield from self.hold([*at, grip], turn, CLOSED, lambda before, now, _: now > before - 5e-4)
+        yield from self.move([*at, self.level], turn, CLOSED, near=0.03)
+        turn += turning
+        at = goal[:2] + self.random.normal(0.0, self.put, 2)
+        yield from self.move([*at, self.level], turn, CLOSED, near=0.01)
+        yield from self.move([*at, grip + 0.003], turn, CLOSED)
+        yield from self.hold([*at, grip + 0.003], turn, OPEN, lambda _, now, first: now > first + 0.01)
+        yield from self.move([*at, self.level], turn, OPEN, near=0.05)
+
+    def move(self, goal: Any, turn: float, fingers: float, near: float = 0.004, steps: int = 25) -> Script:
+        """Towards a place until the hand is near."""
+        for _ in range(steps):
+            off = np.linalg.norm(np.subtract(goal, self.seen["hand"][:3]))
+            if off < near and abs(nearest(turn, yaw(self.seen["hand"]), math.tau) - yaw(self.seen["hand"])) < 0.1:
+                return
+            yield self.towards(goal, turn, fingers)
+
+    def hold(
+        self, goal: Any, turn: float, fingers: float, done: Callable[[float, float, float], bool], steps: int = 12
+    ) -> Script:
+        """At a place, until the fingers have done: how wide they were before, are now, and were at first."""
+        first = now = np.ptp(self.seen["fingers"])
+        for step in range(steps):
+            yield self.towards(goal, turn, fingers)
+            before, now = now, np.ptp(self.seen["fingers"])
+            if step and done(before, now, first):
+                return
+
+    def towards(self, goal: Any, turn: float, fingers: float) -> np.ndarray:
+        """The action that moves the hand towards a place, pointing down, with the fingers closing along `turn`."""
+        hand = self.seen["hand"]
+        shift = np.subtract(goal, hand[:3]) / REACH[0]
+        shift /= max(1.0, np.abs(shift).max())
+        rotation = rotation_vector(pointing_down(turn) @ matrix(hand[3:]).T) / REACH[1]
+        cosine, sine = math.cos(self.seen["turn"]), math.sin(self.seen["turn"])
+        to_robot = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        return np.concatenate([to_robot @ shift, np.clip(to_robot @ rotation, -1.0, 1.0), [fingers]])
+
+
+def without_start(spec: scenegen.Spec, label: str) -> scenegen.Spec:
+    """The spec of a suite's task without what the suite adds to it: that the goal does not hold at the start."""
+    before, _, last = spec.checked.source.rpartition("require ")
+    return scenegen.parse(before) if last.startswith(f"!{label}") else spec
+
+
+def plan(spec: scenegen.Spec, label: str, poses: np.ndarray) -> Moves:
+    """The fewest moves (object, (x, y, theta)) after which the label holds: one, or two; none if there are none."""
+    able = [which for which, shape in enumerate(spec.checked.shapes) if graspable(shape)]
+    able = [which for which in able if which not in spec.checked.fixed]
+    for count in (1, 2):
+        found = [best for group in combinations(able, count) if (best := places(spec, label, poses, group)) is not None]
+        if found:
+            return max(found, key=lambda one: one[0])[1]
+    return []
+
+
+def places(spec: scenegen.Spec, label: str, poses: np.ndarray, group: tuple[int, ...]) -> tuple[float, Moves] | None:
+    """The best of the places for a group of things, the others as they are: its margin, and the moves."""
+    kept = set(range(len(poses))) - set(group) - set(spec.checked.fixed)
+    fix = {spec.objects[which]: tuple(poses[which]) for which in kept}
+    try:
+        scenes = scenegen.sample(
+            spec, {label: (0.0, None)}, CANDIDATES, fix=fix, spread="base", timeout=60.0, workers=1
+        )
+    except scenegen.RequestError:
+        return None  # proved to be impossible, or not found
+    given = np.concatenate([scenes.poses, scenes.poses])
+    given[CANDIDATES:, group, 2] = poses[list(group), 2]  # the same places, turned as they are now
+    phi = spec.scenes(given).phi[label]
+    margin = np.where(phi >= 0.0, np.minimum(phi, room(spec, given, group)), -1.0)
+    margin[CANDIDATES:] += 0.01  # which is easier to do
+    best = int(np.argmax(margin))
+    return margin[best], [(which, given[best, which]) for which in group]
+
+
+def room(spec: scenegen.Spec, poses: np.ndarray, group: tuple[int, ...]) -> np.ndarray:
+    """(n,): metres between the things of a group and their nearest neighbours, as discs."""
+    radius = np.array([max(shape.footprint.extent) / 2.0 for shape in spec.checked.shapes])
+    found = np.full(len(poses), np.inf)
+    for which in group:
+        for other in set(range(len(radius))) - {which}:
+            apart = np.linalg.norm(poses[:, which, :2] - poses[:, other, :2], axis=1)
+            found = np.minimum(found, apart - radius[which] - radius[other])
+    return found
+
+
+def graspable(shape: Any) -> bool:
+    return min(shape.footprint.extent) <= WIDEST
+
+
+def grasp(shape: Any, theta: float, turning: float, now: float) -> float:
+    """The direction in which the fingers close on a thing, across it, if it is then turned by an angle: of those that
+    there are, the one that takes the hand least far from how it is turned, before and after."""
+    if shape.asset == "cylinder":
+        return now
+    length, width = shape.footprint.extent
+    across = theta + (math.pi / 2.0 if width <= length else 0.0)
+    period = math.pi / 2.0 if max(length, width) <= WIDEST else math.pi
+    return nearest(across, now - turning / 2.0, period)
+
+
+def nearest(angle: float, to: float, period: float) -> float:
+    """The angle nearest to another, of those that differ from the first by a period."""
+    return to + math.remainder(angle - to, period)
+
+
+def flat(poses: np.ndarray) -> np.ndarray:
+    """(N, 3): x, y and heading of poses (N, 7)."""
+    return np.column_stack([poses[:, :2], np.remainder(2.0 * np.arctan2(poses[:, 6], poses[:, 3]), math.tau)])
+
+
+def matrix(quaternion: np.ndarray) -> np.ndarray:
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def yaw(hand: np.ndarray) -> float:
+    """The direction in which the fingers close."""
+    return math.atan2(*matrix(hand[3:])[1::-1, 0])
+
+
+def pointing_down(turn: float) -> np.ndarray:
+    """The attitude of a hand that points down, with its x axis, along which the fingers close, turned by an angle."""
+    cosine, sine = math.cos(turn), math.sin(turn)
+    return np.array([[cosine, sine, 0.0], [sine, -cosine, 0.0], [0.0, 0.0, -1.0]])
+
+
+def rotation_vector(rotation: np.ndarray) -> np.ndarray:
+    """Axis times angle."""
+    off = rotation - rotation.T
+    axis = np.array([off[2, 1], off[0, 2], off[1, 0]])
+    sine = np.linalg.norm(axis) / 2.0
+    return axis / 2.0 * (math.atan2(sine, (np.trace(rotation) - 1.0) / 2.0) / sine if sine > 1e-9 else 1.0)

@@ -1,0 +1,65 @@
+"""Success by band of phi, and how well phi of a start tells success from failure: a table in Markdown.
+
+    python -m experiments.success.table SUITE OUTCOMES.jsonl ...
+
+AUC: the probability that phi of a start that succeeds is above that of one that fails; 0.5 is no relation. Intervals
+are 95 %: Wilson's for shares, of 2,000 bootstrap samples for AUC.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.arrays import Array
+from scenegen.worlds.suites.outcomes import read_outcomes
+from scenegen.worlds.suites.statistics import wilson
+from scenegen.worlds.suites.suite import Suite
+
+SAMPLES, SEED = 2000, 0
+
+
+def auc(phi: Array, success: npt.NDArray[np.bool_]) -> float:
+    """P(phi of a success > phi of a failure), ties by half; NaN where there is no success or no failure."""
+    won, lost = np.sort(phi[success]), phi[~success]
+    if not len(won) or not len(lost):
+        return float("nan")
+    above = len(won) - (np.searchsorted(won, lost, "left") + np.searchsorted(won, lost, "right")) / 2.0
+    return float(above.mean() / len(won))
+
+
+def interval(phi: Array, success: npt.NDArray[np.bool_]) -> tuple[float, float]:
+    """95 % of the AUC of bootstrap samples."""
+    rng = np.random.default_rng(SEED)
+    picks = rng.integers(len(phi), size=(SAMPLES, len(phi)))
+    low, high = np.nanquantile([auc(phi[pick], success[pick]) for pick in picks], [0.025, 0.975])
+    return float(low), float(high)
+
+
+def rows(suite: Suite, paths: Sequence[Path]) -> list[str]:
+    """A line for each task and policy."""
+    found = []
+    bands = [band.name for band in suite.tasks[0].bands]
+    head = ["task", "policy", "episodes", "success", *bands, "AUC of phi"]
+    found += [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
+    for task in suite.tasks:
+        for path in paths:
+            outcomes = read_outcomes(path, suite)
+            mine = [one for one in outcomes.episodes if one.task == task.name]
+            success = np.array([one.success for one in mine])
+            phi = np.array([suite[one.episode].phi[task.success] for one in mine])
+            by_band = [success[[one.band == band for one in mine]] for band in bands]
+            low, high = wilson(float(success.mean()), len(success))
+            share = f"{success.mean():.0%} ({low:.0%} to {high:.0%})"
+            ends = "{:.2f} to {:.2f}".format(*interval(phi, success))
+            cells = [task.name, outcomes.name, str(len(mine)), share, *(f"{one.mean():.0%}" for one in by_band)]
+            found.append(f"| {' | '.join([*cells, f'{auc(phi, success):.2f} ({ends})'])} |")
+    return found
+
+
+if __name__ == "__main__":
+    print("\n".join(rows(Suite.load(sys.argv[1]), [Path(one) for one in sys.argv[2:]])))

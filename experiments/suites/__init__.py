@@ -1,0 +1,1 @@
+"""What a suite saves: `python -m experiments.suites.power`."""

@@ -1,0 +1,167 @@
+"""`scenegen suite`: graded starts, frozen; policies on them, and what their outcomes say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenegen.cli.many import names_of, say_why
+from scenegen.cli.options import WORKERS, argument, choices, find_spec, option, seconds
+from scenegen.cli.output import print_error, progress_bar
+from scenegen.errors import RequestError
+from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
+
+if TYPE_CHECKING:
+    from scenegen.sampling.engine.engines import JobResult
+    from scenegen.sampling.request import Range
+    from scenegen.worlds.suites.outcomes import EpisodeOutcome
+
+OPTIONS = {  # of each action: those that must be given, and the others
+    "new": (("out",), ("bands", "log10p", "n", "seed", "success", "start", "timeout", "workers")),
+    "check": ((), ()),
+    "run": (
+        ("world", "policy", "out"),
+        ("bands", "reverse", "instruction", "episodes", "resume", "steps", "timeout", "workers"),
+    ),
+    "report": (("out",), ("pictures", "workers")),
+}
+
+
+def suite(
+    action: str = argument("new, check, run or report.", "ACTION", autocompletion=choices(*OPTIONS)),
+    places: list[str] = argument(
+        "For new: spec files. Else the suite's folder, or the name of a shipped suite; for report then files of"
+        " outcomes.",
+        "PLACE...",
+    ),
+    out: Path | None = option("new: the suite's folder. run: .jsonl. report: .html or .md.", "DIR|FILE"),
+    bands: list[str] | None = option(
+        "new: how many, equally probable; default: 5. Or a range of phi, once for each. run: the names of some.",
+        "K|NAME=LO:HI|NAME",
+    ),
+    log10p: bool = option("new: --bands are ranges of log10 of the share of starts at least as hard."),
+    n: int | None = option("new: starts of each band of each task; default: 50.", "N"),
+    seed: int | None = option("new: the same seed gives the same suite; default: 0.", "N"),
+    success: str | None = option("new: the label of success; default: goal, or the only one.", "LABEL"),
+    start: str | None = option("new: the label that starts satisfy; default: start, if there is one.", "LABEL"),
+    world: str | None = option("run: a function of a task that makes its environment.", "MODULE:NAME|FILE.py:NAME"),
+    policy: str | None = option("run: what acts.", "MODULE:NAME|FILE.py:NAME|URL"),
+    reverse: bool = option("run: the reversed tasks, whose starts are goals."),
+    instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),
+    episodes: str | None = option("run: some of them; default: all.", "FIRST:END"),
+    resume: bool = option("run: go on with a file."),
+    steps: int | None = option("run: of an episode at most; default: 1000.", "N"),
+    pictures: int | None = option("report: of so many starts; default: 8.", "N"),
+    timeout: float | None = option(
+        "new: seconds of a band. run: of an episode. Default: 600.", "SECONDS", parser=seconds
+    ),
+    workers: int | None = WORKERS,
+) -> None:
+    """Compare policies on suites: graded starts of several tasks, frozen, the same ones for everybody.
+
+    \b
+      scenegen suite new a.spec b.spec --bands 5 -n 50 --out mine/
+      scenegen suite new a.spec --bands near=-0.1:0 --bands far=:-0.1 --out mine/
+      scenegen suite check tabletop
+      scenegen suite run mine/ --world w.py:make --policy p.py:act --out a.jsonl
+      scenegen suite report mine/ a.jsonl b.jsonl --out report.html
+
+    A start is a scene in which the label of success does not hold. Of each task there are as many starts of each band
+    of phi, and the suite knows how probable each band is. Starts are ordinary scenes files: `scenegen render
+    mine/a.json` draws them. The first line of a spec is its instruction; one `# reverse: ...` makes a reversed task of
+    a spec with a label of its starts.
+
+    `run` writes a line for each episode; one that fails, dies or hangs counts as a failure, and the others go on.
+    """
+    given = {name: value for name, value in locals().items() if value is not None and value is not False}
+    del given["action"], given["places"]
+    if action not in OPTIONS:
+        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=OPTIONS))
+    needed, others = OPTIONS[action]
+    for name in given:
+        if name not in (*needed, *others):
+            of = ", ".join(f"`{one}`" for one, names in OPTIONS.items() if name in (*names[0], *names[1]))
+            raise RequestError(OUT_OF_PLACE(argument=name, rule=f"is an option of {of}", remedy="leave it out"))
+    for name in needed:
+        if name not in given:
+            raise RequestError(MISSING_ARGUMENT(argument=name, question=f"see `scenegen suite --help` on {action}"))
+    actions: dict[str, Any] = {"new": _new, "check": _check, "run": _run, "report": _report}
+    actions[action](places, **given)
+
+
+def _new(specs: list[str], out: Path, bands: list[str] | None = None, **given: Any) -> None:
+    from scenegen.worlds.suites.new import new_suite
+
+    paths = [find_spec(Path(one)) for one in specs]
+    with progress_bar() as bar:
+        task = bar.add_task("tasks", total=None)
+
+        def told(ended: JobResult, done: int, count: int) -> None:
+            bar.update(task, completed=done, total=count)
+            if ended.errors:
+                say_why(ended)
+
+        named = list(zip(names_of(paths), paths, strict=True))
+        made = new_suite(named, out, bands=_bands(bands), told=told, **given)
+    starts = sum(made.n * len(one.bands) for one in made.tasks)
+    print_error(f"{starts:,} starts of {len(made.tasks)} tasks in {out}, digest {made.digest}")
+
+
+def _bands(texts: list[str] | None) -> int | dict[str, Range]:
+    """The number of bands, or their ranges by name. Raises RequestError with a caret."""
+    from scenegen.sampling.request import parse_phi
+
+    if not texts:
+        return 5
+    if len(texts) == 1 and texts[0].isdecimal():
+        return int(texts[0])
+    return parse_phi(texts, [text.partition("=")[0].strip() for text in texts if "=" in text] or ["band"], "bands")
+
+
+def _check(places: list[str]) -> None:
+    from scenegen.worlds.suites.suite import check_suite
+
+    for place in places:
+        for one in check_suite(place):
+            what = "reversed tasks" if one.reverse else "tasks"
+            print_error(f"{place}: {len(one):,} starts of {len(one.tasks)} {what} are as they were made: {one.digest}")
+
+
+def _run(
+    places: list[str],
+    out: Path,
+    episodes: str | None = None,
+    bands: list[str] | None = None,
+    reverse: bool = False,
+    **given: Any,
+) -> None:
+    from scenegen.worlds.suites.run import run_suite
+    from scenegen.worlds.suites.suite import Suite
+
+    first, _, end = (episodes or ":").partition(":")
+    if not all(one.isdecimal() or not one for one in (first, end)) or (episodes is not None and ":" not in episodes):
+        raise RequestError(ARGUMENT_SYNTAX(what="a part of a suite", form="FIRST:END", example="0:500"))
+    loaded = Suite.load(places[0], reverse=reverse)
+    some = loaded.part(int(first or 0), int(end) if end else None, bands)
+    successes = done = 0
+    with progress_bar() as bar:
+        task = bar.add_task("episodes", total=len(some))
+
+        def told(outcome: EpisodeOutcome, count: int, total: int) -> None:
+            nonlocal successes, done
+            successes, done = successes + outcome.success, count
+            bar.update(task, completed=count, total=total, description=f"episodes: {successes} of {count} succeed")
+
+        try:
+            run_suite(loaded, places[0], out, episodes=some, told=told, **{"workers": 1, **given})
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(f"interrupted after {done} episodes; --resume goes on in {out}") from error
+    print_error(f"{successes:,} of {done:,} episodes succeed; outcomes in {out}")
+
+
+def _report(places: list[str], out: Path, **given: Any) -> None:
+    from scenegen.worlds.suites.report import report_suite
+
+    if not places[1:]:
+        raise RequestError(MISSING_ARGUMENT(argument="outcomes", question="which files is the report about?"))
+    print_error(f"report in {report_suite(places[0], [Path(one) for one in places[1:]], out, **given)}")

@@ -1,0 +1,85 @@
+"""A policy in a process of its own, behind HTTP: how values travel, and a server.
+
+`POST /reset` with {"seed": 7, "instruction": "..."} begins an episode, `POST /act` with {"observation": ...,
+"instruction": "..."} returns {"action": ...}; a policy that fails answers with status 500 and {"error": "..."}. Bodies
+are JSON. An array is an object: its bytes in base64 under `__array__`, beside `dtype`, such as "<f4", and `shape`.
+Nothing is pickled. This file needs numpy alone, so that it can be copied into any environment.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Mapping
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from typing import Any
+
+import numpy as np
+
+
+def encode(value: Any) -> bytes:
+    """A value as JSON: numbers, texts, lists and objects by name, and arrays. Raises TypeError for what is none."""
+    return json.dumps(value, default=_array).encode()
+
+
+def _array(value: Any) -> object:
+    if not hasattr(value, "__array__"):
+        raise TypeError(f"{type(value).__name__} does not travel")
+    array = np.asarray(value)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"arrays of {array.dtype} do not travel")
+    if not array.shape:
+        return array.item()
+    data = base64.b64encode(array.tobytes()).decode()
+    return {"__array__": data, "dtype": array.dtype.str, "shape": array.shape}
+
+
+def decode(data: bytes) -> Any:
+    """The value of some JSON. Raises ValueError."""
+    return json.loads(data, object_hook=_object)
+
+
+def _object(value: dict[str, Any]) -> Any:
+    if "__array__" not in value:
+        return value
+    data, dtype = base64.b64decode(value["__array__"]), np.dtype(value["dtype"])
+    if dtype.kind not in "biuf":
+        raise ValueError(f"arrays of {dtype} do not travel")
+    return np.frombuffer(data, dtype).reshape(value["shape"]).copy()
+
+
+def serve(policy: Callable[[Any, str], Any], port: int = 8000, host: str = "127.0.0.1") -> None:
+    """Answer for a policy until the process ends: policy(observation, instruction) is an action; its `reset(seed)`,
+    if it has one, begins an episode."""
+    server_of(policy, port, host).serve_forever()
+
+
+def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0.1") -> HTTPServer:
+    """The server, which listens already; port 0 is any free one."""
+
+    def answer(path: str, given: Mapping[str, Any]) -> dict[str, Any]:
+        if path == "/act":
+            return {"action": policy(given["observation"], given["instruction"])}
+        if hasattr(policy, "reset"):
+            policy.reset(given["seed"])
+        return {}
+
+    class Handler(BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"  # one connection for a run
+        disable_nagle_algorithm = True  # answers are two small packets: 40 ms a step otherwise
+
+        def do_POST(self) -> None:
+            status = 200
+            try:
+                body = encode(answer(self.path, decode(self.rfile.read(int(self.headers["content-length"])))))
+            except Exception as error:
+                status, body = 500, encode({"error": f"{type(error).__name__}: {error}"})
+            self.send_response(status)
+            self.send_header("content-length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_: object) -> None:
+            """Nothing is said of each step."""
+
+    return HTTPServer((host, port), Handler)

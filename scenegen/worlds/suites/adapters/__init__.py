@@ -1,0 +1,1 @@
+"""Worlds in which the starts of a suite are run."""

@@ -1,0 +1,83 @@
+"""A task of LIBERO, judged by LIBERO's own `check_success`: `libero:make`, or `libero:seeing` with pictures.
+
+The name of the suite's task is that of LIBERO's task; the start in row k of the task's scenes begins from row k of its
+init states, which are found as LIBERO finds them: LIBERO_CONFIG_PATH says where.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenegen.arrays import Array
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
+from scenegen.needs import need
+from scenegen.worlds.frame import TableFrame
+from scenegen.worlds.suites.adapters.arms import ArmWorld, Begun
+
+if TYPE_CHECKING:
+    from scenegen.worlds.suites.suite import GradedStart, SuiteTask
+
+SUITES = ("10", "90", "goal", "object", "spatial")
+HORIZON, WAIT, SEED = 600, 10, 0  # steps of an episode; steps in which things settle first; of what LIBERO draws itself
+
+
+def make(task: SuiteTask, pictures: bool = False) -> ArmWorld:
+    """Raises RequestError where LIBERO is missing or has no such task, and for starts beyond the init states."""
+    need("libero", "for the world of its tasks")
+    from libero.libero import get_libero_path
+    from libero.libero.envs.env_wrapper import ControlEnv
+
+    files = Path(get_libero_path("bddl_files"))
+    tasks = {path.stem: path for suite in SUITES for path in sorted(files.glob(f"libero_{suite}/*.bddl"))}
+    if task.name not in tasks:
+        raise RequestError(UNKNOWN_CHOICE(what="task of LIBERO's", plural="tasks", name=task.name, known=tuple(tasks)))
+    folder = Path(get_libero_path("init_states")) / tasks[task.name].parent.name
+    states = read_states(folder / f"{task.name}.pruned_init")
+    env = ControlEnv(str(tasks[task.name]), use_camera_obs=pictures, has_offscreen_renderer=pictures, hard_reset=False)
+    models = dict(env.env.objects_dict)
+
+    def begin(start: GradedStart) -> Begun:
+        if start.row >= len(states):
+            wanted = f"fewer than the {len(states)} init states in {folder}"
+            raise RequestError(OUT_OF_RANGE(argument="start", value=start.row, wanted=wanted))
+        env.seed(SEED)  # fixtures are drawn at a reset: they are the same each time
+        env.reset()
+        env.set_init_state(states[start.row])
+        env.robots[0].gripper.current_action[:] = 0.0  # which robosuite 1.4 keeps from the last episode
+        for _ in range(WAIT):
+            own = env.step([0.0] * 6 + [-1.0])[0]
+        return tuple(models), standing(env.sim, models, frame), own
+
+    frame = TableFrame(tuple(map(float, env.env.workspace_offset)))  # type: ignore[arg-type]
+    return ArmWorld(task, env, frame, models, begin, lambda world: bool(env.check_success()), HORIZON)
+
+
+def seeing(task: SuiteTask) -> ArmWorld:
+    """The same with the pictures of LIBERO's cameras in observations. It needs a GPU, or MUJOCO_GL=osmesa."""
+    return make(task, pictures=True)
+
+
+def read_states(path: Path) -> Array:
+    """(n, D): the rows of TASK.pruned_init.npz, or of TASK.pruned_init."""
+    if Path(f"{path}.npz").exists():
+        with np.load(f"{path}.npz") as arrays:
+            return np.asarray(arrays[arrays.files[0]], dtype=np.float64)
+    need("torch", "to read init states")
+    import torch
+
+    return np.asarray(torch.load(path, weights_only=False), dtype=np.float64)
+
+
+def standing(sim: Any, models: dict[str, Any], frame: TableFrame) -> Array:
+    """(N, 7): where bodies' origins are in the frame, upright, each with the heading nearest to its attitude."""
+    found = np.zeros((len(models), 7))
+    for row, model in zip(found, models.values(), strict=True):
+        body = sim.model.body_name2id(model.root_body)
+        x, y, heading = frame.pose(sim.data.body_xpos[body], sim.data.body_xquat[body])
+        height = sim.data.body_xpos[body][2] - frame.origin[2]
+        row[:] = x, y, height, np.cos(heading / 2.0), 0.0, 0.0, np.sin(heading / 2.0)
+    return found

@@ -1,0 +1,276 @@
+"""A suite: graded starts of several tasks, frozen in a folder of scenes files, one a task, and suite.json.
+
+A *cell* is one band of difficulty of one task. Start i is number i // C of cell i mod C, where C is the number of
+cells: the first C starts have one of each, and every multiple of C is a smaller suite of the same make. That follows
+from the files alone, so episode i has start i in every program that reads them. Format `scenegen/suite`, version 1.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from operator import not_
+from pathlib import Path
+from typing import Annotated, Literal, Self, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+
+from scenegen.api.reading import read_scenes
+from scenegen.api.scene_arrays import rows_of
+from scenegen.api.scenes import SceneSet, compare
+from scenegen.api.spec import Spec, parse
+from scenegen.arrays import Array
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
+from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.resources import shipped_suites
+from scenegen.scenes.arrange import check_scenes
+from scenegen.scenes.files import inside, read_bytes
+from scenegen.scenes.sets import Seed, Sha256
+from scenegen.validation import as_int, as_path
+
+# --------------------------------------------------------------------------------------------------------------------
+# suite.json.
+
+
+MANIFEST = "suite.json"
+BLANK = "0" * 64  # what the digest is computed with in its own place
+Model = TypeVar("Model", bound=BaseModel)
+NAME_PATTERN = "[A-Za-z0-9][A-Za-z0-9_.-]*"
+Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$")]
+
+
+class SuiteModel(BaseModel):
+    """A part of a suite's files."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
+
+
+class BandData(SuiteModel):
+    """A band of difficulty: phi of the success label from the first to the second, and its `probability` among the
+    starts that the task's spec allows; `error` is half of a 95 % interval of its log10. Of each start `log10p`, log10
+    of the share of these starts that is at least as hard, and a seed for what else is random in its episode."""
+
+    name: Name
+    phi: tuple[FiniteFloat, FiniteFloat]
+    probability: Annotated[FiniteFloat, Field(gt=0, le=1)]
+    error: Annotated[FiniteFloat, Field(ge=0)]
+    log10p: list[FiniteFloat]
+    seeds: list[Seed]
+
+
+class TaskData(SuiteModel):
+    """A task: `scenes` is its scenes file, band after band; its spec is that of the file, and `success` is the label
+    whose phi >= 0 is success."""
+
+    name: Name
+    instruction: str
+    success: str
+    scenes: Annotated[str, AfterValidator(inside)]
+    sha256: Sha256
+    bands: Annotated[list[BandData], Field(min_length=1)]
+
+
+class SuiteFile(SuiteModel):
+    """suite.json. `digest` is the SHA-256 of this file with 64 zeros in its place; the file has those of all others.
+    `reversed` are the tasks whose start is the goal of another one, and whose goal is its start."""
+
+    format: Literal["scenegen/suite"] = "scenegen/suite"
+    version: Literal[1] = 1
+    name: Name
+    digest: Sha256
+    seed: Seed
+    n: Annotated[int, Field(ge=1)]
+    tasks: Annotated[list[TaskData], Field(min_length=1)]
+    reversed: list[TaskData] = Field(default_factory=list, exclude_if=not_)
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        for tasks in (self.tasks, self.reversed):
+            for names in ([task.name for task in tasks], *([band.name for band in task.bands] for task in tasks)):
+                if len(set(names)) < len(names):
+                    raise ValueError("two tasks, or two bands of one, have the same name")
+        bands = [band for task in (*self.tasks, *self.reversed) for band in task.bands]
+        if any(not len(band.log10p) == len(band.seeds) == self.n for band in bands):
+            raise ValueError(f"a band has not {self.n} starts")
+        return self
+
+    def dump(self) -> bytes:
+        """The bytes of the file, with their digest."""
+        text = self.model_copy(update={"digest": BLANK}).model_dump_json(indent=1).encode() + b"\n"
+        return text.replace(BLANK.encode(), hashlib.sha256(text).hexdigest().encode(), 1)
+
+
+def load_model(model: type[Model], data: bytes, file: Path | str, what: str) -> Model:
+    """What some bytes of JSON hold. Raises DataError; `what` says what was expected of the file."""
+    try:
+        return model.model_validate_json(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where, said = ".".join(map(str, first["loc"])), first["msg"].lower().removeprefix("value error, ")
+        reason = f"`{where}`: {said}" if where else said
+        raise DataError(NOT_A_SUITE(file=file, what=what, reason=reason)) from None
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A suite in memory.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SuiteTask:
+    """A task of a suite. What its spec requires holds at every start; success is phi >= 0 of the label `success`.
+    `scenes` are its starts, n of each band in turn, and `poses` (n, N, 7) the same as `SceneSet.poses7` has them."""
+
+    name: str
+    spec: Spec
+    instruction: str
+    success: str
+    bands: tuple[BandData, ...]
+    scenes: SceneSet = field(repr=False)
+    poses: Array = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GradedStart:
+    """Start `number` of a suite: `poses` (N, 7) in the spec's frame: x, y, z of each object's lowest point in metres,
+    then qw, qx, qy, qz; `objects` are their names. `phi` is by label; `log10p` is log10 of the share of all starts that
+    is at least as hard, `probability` that of its band. `seed` is for what else is random; `row` is its number among
+    the task's scenes, `on` as in a SceneSet."""
+
+    number: int
+    task: SuiteTask
+    band: str
+    poses: Array = field(repr=False)
+    phi: dict[str, float]
+    log10p: float
+    probability: float
+    seed: int
+    row: int
+    on: Array | None = None
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        return self.task.spec.objects
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Suite:
+    """A suite: `len(suite)` starts, `suite[i]` is start i; `n` are those of each cell; `cells` are every band of every
+    task, in the order of starts."""
+
+    name: str
+    digest: str
+    n: int
+    reverse: bool
+    tasks: tuple[SuiteTask, ...]
+
+    @staticmethod
+    def load(folder: str | Path, *, reverse: bool = False) -> Suite:
+        """The suite in a folder, or a shipped one by its name; with `reverse` its reversed tasks. Every byte is held
+        against the digest. Raises DataError."""
+        folder = find_suite(folder)
+        file = read_manifest(folder)
+        if reverse and not file.reversed:
+            raise DataError(NOT_A_SUITE(file=folder, what="a suite with reversed tasks", reason="none has a way back"))
+        tasks = (_task(folder, one, file.n) for one in (file.reversed if reverse else file.tasks))
+        return Suite(file.name, file.digest, file.n, reverse, tuple(tasks))
+
+    @property
+    def cells(self) -> list[tuple[SuiteTask, BandData]]:
+        return [(task, band) for task in self.tasks for band in task.bands]
+
+    def __len__(self) -> int:
+        return len(self.cells) * self.n
+
+    def __iter__(self) -> Iterator[GradedStart]:
+        return map(self.__getitem__, range(len(self)))
+
+    def __getitem__(self, number: int) -> GradedStart:
+        number, cells = as_int("number", number), self.cells
+        if not 0 <= number < len(self):
+            raise IndexError(number)
+        which, cell = divmod(number, len(cells))
+        task, band = cells[cell]
+        row = [one.name for one in task.bands].index(band.name) * self.n + which
+        phi = {label: float(values[row]) for label, values in task.scenes.phi.items()}
+        on = None if task.scenes.on is None else task.scenes.on[row]
+        return GradedStart(
+            number,
+            task,
+            band.name,
+            task.poses[row],
+            phi,
+            band.log10p[which],
+            band.probability,
+            band.seeds[which],
+            row,
+            on,
+        )
+
+    def part(self, first: int = 0, end: int | None = None, bands: Collection[str] | None = None) -> list[int]:
+        """The numbers of the starts from `first` up to, not including, `end`, or of those of some bands. Raises
+        RequestError."""
+        end = len(self) if end is None else end
+        if not 0 <= first < end <= len(self):
+            wanted = f"FIRST:END, from 0 to {len(self)}"
+            raise RequestError(OUT_OF_RANGE(argument="episodes", value=f"{first}:{end}", wanted=wanted))
+        names = [band.name for _, band in self.cells]
+        for name in bands or ():
+            if name not in names:
+                raise RequestError(UNKNOWN_CHOICE(what="band", name=name, known=dict.fromkeys(names)))
+        return [number for number in range(first, end) if bands is None or names[number % len(names)] in bands]
+
+
+def find_suite(folder: str | Path) -> Path:
+    """The folder of a suite: one that there is, or else the shipped suite of that name."""
+    path = as_path("suite", folder)
+    return path if path.exists() else shipped_suites().get(str(folder), path)
+
+
+def read_manifest(folder: Path) -> SuiteFile:
+    """suite.json of a folder. Raises DataError, also for bytes without their digest and for other files than it
+    says."""
+    path = folder / MANIFEST
+    data = read_bytes(path, "a suite")
+    file = load_model(SuiteFile, data, path, "a suite")
+    blank = data.replace(file.digest.encode(), BLANK.encode(), 1)
+    if hashlib.sha256(blank).hexdigest() != file.digest:
+        raise DataError(NOT_A_SUITE(file=path, what="a suite", reason="it does not have the digest that it says"))
+    for task in (*file.tasks, *file.reversed):
+        scenes = folder / task.scenes
+        if hashlib.sha256(read_bytes(scenes, "a scenes file of the suite")).hexdigest() != task.sha256:
+            reason = f"it does not have the checksum that {MANIFEST} says"
+            raise DataError(NOT_A_SUITE(file=scenes, what="that of the suite", reason=reason))
+    return file
+
+
+def _task(folder: Path, data: TaskData, n: int) -> SuiteTask:
+    scenes = read_scenes(folder / data.scenes)
+    if data.success not in scenes.phi or len(scenes) != n * len(data.bands):
+        reason = f"it has not {n * len(data.bands)} scenes with the label `{data.success}`"
+        raise DataError(NOT_A_SUITE(file=folder / data.scenes, what="that of the suite", reason=reason))
+    spec = parse(scenes.header.spec.source, data.name)
+    return SuiteTask(data.name, spec, data.instruction, data.success, tuple(data.bands), scenes, scenes.poses7())
+
+
+def check_suite(folder: str | Path) -> list[Suite]:
+    """Compute everything of a suite again: checksums, phi of all starts by the specs' own text, what these require, and
+    the bands. Returns it, and the reversed one where there is one. Raises DataError for the first thing that is
+    wrong."""
+    folder = find_suite(folder)
+    both = (False, True) if read_manifest(folder).reversed else (False,)
+    suites = [Suite.load(folder, reverse=reverse) for reverse in both]
+    for suite in suites:
+        for task in suite.tasks:
+            name = f"the starts of {task.name}{' reversed' if suite.reverse else ''}"
+            for wrong in compare(task.spec.checked, task.scenes, name):
+                raise DataError(wrong)
+            check_scenes(task.spec.checked, rows_of(task.spec.checked, task.scenes))
+            for number, band in enumerate(task.bands):
+                phi = task.scenes.phi[task.success][number * suite.n : (number + 1) * suite.n]
+                low, high = band.phi
+                if (phi < low).any() or (phi > high).any() or (phi >= 0.0).any():
+                    reason = f"a start of the band {band.name} is out of its range, or solved"
+                    raise DataError(NOT_A_SUITE(file=name, what="what the suite says", reason=reason))
+    return suites

@@ -1,0 +1,63 @@
+"""`scenegen suite`: from a suite to outcomes and their page, and what is refused."""
+
+import pytest
+
+
+@pytest.fixture
+def small(root):
+    return root / "tests" / "golden" / "worlds" / "suites" / "small"
+
+
+@pytest.mark.long
+def test_the_program(small, scenegen, tmp_path):
+    said = scenegen("suite", "check", str(small))
+    assert said.status == 0 and said.err.count("are as they were made") == 2
+    out = tmp_path / "mine.jsonl"
+    toy = small.parents[3] / "worlds" / "suites" / "toy.py"
+    run = ["suite", "run", str(small), "--world", f"{toy}:make", "--policy", f"{toy}:towards", "--out", str(out)]
+    said = scenegen(*run, "--episodes", "0:2", "--steps", "30")
+    assert said.status == 0 and "2 of 2 episodes succeed" in said.err
+    assert scenegen(*run, "--steps", "30").err.startswith("error[unfinished-run]")
+    said = scenegen(*run, "--steps", "30", "--resume")
+    assert said.status == 0 and "4 of 4 episodes succeed" in said.err
+    acting = out.read_text().replace('"success": true', '"success": false', 1)
+    (tmp_path / "worse.jsonl").write_text(acting)
+    page = tmp_path / "report.html"
+    said = scenegen(
+        "suite", "report", str(small), str(out), str(tmp_path / "worse.jsonl"), "--out", str(page), "--pictures", "1"
+    )
+    text = page.read_text()
+    assert said.status == 0 and text.count("<img") == 1 and "http" not in text and "Put a beside b." in text
+
+
+@pytest.mark.parametrize(
+    "words, kind",
+    [
+        (["mend", "small"], "unknown-choice"),
+        (["check", "small", "--steps", "3"], "out-of-place"),
+        (["run", "small", "--out", "o.jsonl"], "missing-argument"),
+        (["report", "small", "--out", "o.html"], "missing-argument"),
+        (
+            ["run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a", "--episodes", "7"],
+            "argument-syntax",
+        ),
+        (
+            ["run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a", "--episodes", "7:9"],
+            "out-of-range",
+        ),
+        (["run", "small", "--out", "o.jsonl", "--world", "w", "--policy", "p:a"], "wrong-value"),
+        (
+            ["run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a", "--instruction", "loud"],
+            "unknown-choice",
+        ),
+        (["report", "small", "o.jsonl", "--out", "o.pdf"], "wrong-ending"),
+        (["new", "table_setting", "--out", "x", "--bands", "0"], "out-of-range"),
+        (["new", "table_setting", "--out", "x", "--bands", "near"], "argument-syntax"),
+        (["new", "table_setting", "--out", "x", "--success", "nothing"], "unknown-label"),
+    ],
+)
+def test_what_the_program_refuses(small, words, kind, scenegen, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small").symlink_to(small)
+    said = scenegen("suite", *words)
+    assert said.status == 1 and said.err.startswith(f"error[{kind}]"), said.err

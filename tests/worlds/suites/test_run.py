@@ -1,0 +1,178 @@
+"""Policies on a toy world: outcomes, errors, processes that die, runs that go on, a policy behind a server."""
+
+import os
+import signal
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenegen.errors import RequestError, ScenegenError
+from scenegen.errors.files import OTHER_REQUEST, UNFINISHED_RUN
+from scenegen.errors.worlds import WORLD_FAILS
+from scenegen.worlds.policy_server import decode, encode, server_of
+from scenegen.worlds.suites import run as running
+from scenegen.worlds.suites.outcomes import read_outcomes
+from scenegen.worlds.suites.run import Player, RemotePolicy, run_suite
+from scenegen.worlds.suites.suite import Suite
+
+from . import toy
+
+TOY = Path(toy.__file__)
+WORLD = f"{TOY}:make"
+
+
+def player(small, policy, world="make", **more):
+    return Player(small, more.get("reverse", False), f"{TOY}:{world}", policy, more.get("empty", False), 30)
+
+
+def test_episodes_are_played_on_their_starts(small):
+    steps = [player(small, f"{TOY}:towards")(number) for number in range(6)]
+    suite = Suite.load(small)
+    assert [one.episode for one in steps] == list(range(6)) and all(one.success for one in steps)
+    for start, one in zip(suite, steps, strict=True):
+        assert one.steps == pytest.approx(-start.phi["goal"] / 0.01, abs=1.0) and one.band == start.band
+
+
+def test_what_makes_a_policy(small):
+    """A function of env is given it, and a class is made; seeds begin episodes."""
+    assert player(small, f"{TOY}:seeing")(0).steps == 7
+    seeds = [start.seed % 2 == 1 for start in Suite.load(small)]
+    noisy = player(small, f"{TOY}:Noisy")
+    assert [noisy(number).success for number in (0, 1, 2, 3)] == seeds[:4]
+
+
+def test_without_an_instruction_and_in_reverse(small):
+    assert player(small, f"{TOY}:obedient")(0).success
+    empty = player(small, f"{TOY}:obedient", empty=True)(0)
+    assert (empty.success, empty.steps) == (False, 30)
+    back = player(small, f"{TOY}:away", reverse=True)(0)
+    assert back.success and back.task == "beside"
+
+
+def test_an_exception_is_an_outcome_and_the_next_episode_is_played(small):
+    one = player(small, f"{TOY}:dying")
+    assert one(1).error == "ValueError: no plan" and one(0).success
+
+
+@pytest.mark.parametrize(
+    "world, policy", [("broken", f"{TOY}:towards"), ("make", f"{TOY}:nobody"), ("make", "no.such.module:act")]
+)
+def test_what_can_never_work_ends_the_run(small, world, policy):
+    with pytest.raises(ScenegenError) as caught:
+        player(small, policy, world)(0)
+    assert caught.value.diagnostics[0].kind == WORLD_FAILS
+
+
+def test_what_travels_to_a_policy(tmp_path):
+    image = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)[:, ::-1]
+    value = {"image": image, "state": {"q": np.float32(0.1), "at": np.array([1.5, np.nan])}, "words": ["a", None, 2]}
+    found = decode(encode(value))
+    assert found["words"] == value["words"] and np.array_equal(found["image"], image)
+    assert found["state"]["q"] == np.float32(0.1) and np.array_equal(
+        found["state"]["at"], [1.5, np.nan], equal_nan=True
+    )
+    with pytest.raises(TypeError):
+        encode({"object": np.array([object()])})
+    with pytest.raises(ValueError):
+        decode(b'{"__array__": "AAAA", "dtype": "O", "shape": [1]}')
+
+
+@pytest.fixture
+def served():
+    class Served:
+        def __init__(self):
+            self.seeds = []
+
+        def reset(self, seed):
+            self.seeds.append(seed)
+
+        def __call__(self, observation, instruction):
+            if observation["number"] == 1:
+                raise ValueError("no plan")
+            return toy.towards(observation, instruction)
+
+    policy = Served()
+    server = server_of(policy, 0)
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
+    thread.start()
+    yield policy, f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def test_a_policy_behind_a_server(small, served):
+    policy, url = served
+    here, there = player(small, f"{TOY}:towards"), player(small, url)
+    assert [there(number) for number in (0, 2)] == [here(number) for number in (0, 2)]
+    assert policy.seeds == [Suite.load(small)[number].seed for number in (0, 2)]
+    assert there(1).error == "RuntimeError: ValueError: no plan" and there(3).success
+
+
+def test_a_server_that_never_answers_ends_the_run(monkeypatch):
+    monkeypatch.setattr(running, "WAIT", 0.0)
+    with pytest.raises(ScenegenError) as caught:
+        RemotePolicy("http://127.0.0.1:9").reset(0)
+    assert caught.value.diagnostics[0].kind == WORLD_FAILS
+
+
+@pytest.mark.long
+def test_a_policy_that_dies_costs_one_episode(small, tmp_path):
+    def run(out, policy, **more):
+        path = run_suite(
+            Suite.load(small), small, tmp_path / out, world=WORLD, policy=f"{TOY}:{policy}", steps=30, **more
+        )
+        return read_outcomes(path).episodes
+
+    well = run("well.jsonl", "towards")
+    for workers in (1, 2):
+        found = run(f"{workers}.jsonl", "dying", workers=workers, timeout=8.0)
+        assert {one.episode: one.error for one in found if one.error} == {
+            1: "ValueError: no plan",
+            2: "its process ended with status 3",
+            4: "its process took more than 8 s",
+        }
+        assert [one for one in found if not one.error] == [one for one in well if one.episode in (0, 3, 5)]
+    assert (tmp_path / "1.jsonl").read_bytes() == (tmp_path / "2.jsonl").read_bytes()
+
+
+@pytest.mark.long
+def test_a_run_goes_on(small, tmp_path):
+    suite = Suite.load(small)
+    given = {"world": WORLD, "policy": f"{TOY}:Noisy", "steps": 30}
+    whole = run_suite(suite, small, tmp_path / "whole.jsonl", **given).read_bytes()
+    out = run_suite(suite, small, tmp_path / "part.jsonl", episodes=suite.part(4), **given)
+    with pytest.raises(RequestError) as caught:
+        run_suite(suite, small, out, **given)
+    assert caught.value.diagnostics[0].kind == UNFINISHED_RUN
+    out.write_bytes(out.read_bytes() + b'{"episode": 0, "task": "bes')  # killed in the midst of a line
+    run_suite(suite, small, out, resume=True, **given)
+    assert out.read_bytes() == whole
+    with pytest.raises(RequestError) as caught:
+        run_suite(suite, small, out, resume=True, **{**given, "policy": f"{TOY}:towards"})
+    assert caught.value.diagnostics[0].kind == OTHER_REQUEST
+
+
+@pytest.mark.long
+def test_a_killed_run_keeps_what_it_has(small, tmp_path, interruptible):
+    suite, out = Suite.load(small), tmp_path / "out.jsonl"
+
+    def told(outcome, done, count):
+        if done == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        run_suite(suite, small, out, world=WORLD, policy=f"{TOY}:towards", steps=30, told=told)
+    assert len(read_outcomes(out).episodes) == 3
+
+
+def test_files_are_no_other_modules(small, tmp_path):
+    """A policy in a file called random.py, with a module beside it."""
+    (tmp_path / "beside_it.py").write_text("GAIN = 0.5\n")
+    policy = (
+        "import beside_it\n\ndef policy(observation, instruction):\n    return -beside_it.GAIN * observation['a'][:2]\n"
+    )
+    (tmp_path / "random.py").write_text(policy)
+    assert player(small, f"{tmp_path}/random.py:policy")(0).success

@@ -21,6 +21,7 @@ from scenegen.worlds.frame import inverse, times, upright
 CORNERS = 12  # of a prism at most
 ROBOT = "the robot"
 FLAT = 0.012  # half a site's height: a flat site is a surface, a higher one a compartment
+STEEP = 0.95  # the cosine of the angle from which on a site is no floor, but a slope
 GRID = np.linspace(-0.95, 0.95, 13)  # of rays onto a site, in parts of its half size
 OFF = 0.006  # metres by which rays onto one floor differ
 DOWN = (0.0, 0.0, -1.0)
@@ -222,12 +223,18 @@ class LiveModel:
         return float(np.median(heights)) if heights else z
 
     def floor(self, site: str, half: Array, fixture: str, joints: Mapping[str, float]) -> Floor:
-        """The floor of a fixture at one of its sites, by rays from within it. A site that no ray finds a floor below is
-        its own floor."""
+        """The floor of a fixture at one of its sites, by rays from within it. A site on a slope, or that no ray finds a
+        floor below, is its own floor."""
         with self.cleared(joints):
             number = self.mj.mj_name2id(self.model, self.mj.mjtObj.mjOBJ_SITE, site)
             x, y, z = self.data.site_xpos[number].tolist()
-            size = np.abs(self.data.site_xmat[number].reshape(3, 3) @ half)
+            turn = self.data.site_xmat[number].reshape(3, 3)
+            size = np.abs(turn @ half)
+            if abs(turn[2, 2]) < STEEP:  # LIBERO takes what is up to 10 cm over it, along its own axis
+                ends = half * (1.0, 1.0, 0.0) * np.array([(u, v, 0.0) for u in (-1, 1) for v in (-1, 1)])
+                over = np.concatenate([ends, (*ends, 0.0, 0.0, half[2] + 0.1)]) @ turn.T + (x, y, z)
+                low, high = over[:, :2].min(axis=0).tolist(), over[:, :2].max(axis=0).tolist()
+                return Floor((*low, *high), (*low, *high), z)
             begin = z if size[2] > FLAT else z + 0.05
             hits = []
             for u, v in ((u, v) for u in GRID * size[0] for v in GRID * size[1]):

@@ -7,32 +7,24 @@ import io
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
-from itertools import count
 from typing import Any
 
 import numpy as np
 
 from scenegen.api.request import Phi, read_phi
-from scenegen.api.sample import draw_scenes
-from scenegen.api.scenes import SceneSet
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.geometry import NUMPY
-from scenegen.geometry.workspace import turned
-from scenegen.lang.formula.interpret import phi as score
-from scenegen.pose import as_rows
-from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scenes.arrange import with_switches
+from scenegen.sampling.request import Range
 from scenegen.validation import as_int, as_seconds
-from scenegen.worlds.frame import inverse, times
-from scenegen.worlds.libero.measure import ROBOT, heading_of, matrix
+from scenegen.worlds.frame import TableFrame, inverse, times
+from scenegen.worlds.libero.measure import ROBOT, matrix
 from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
 from scenegen.worlds.robosuite import InitStates
+from scenegen.worlds.starts import RangeStarts, Start, phi_at
 
-STREAM = 15  # the stream of random numbers of these states; worlds/robosuite.py and others have streams of their own
 STEPS = 20  # control steps of the environment's own, after which a state is judged again
 DEEP = 0.003  # metres: contacts that are deeper push things away
 STILL = 0.01  # metres by which things may move in those steps, and initial facts be off
@@ -68,7 +60,7 @@ class _Verdict:
     reason: str
     agrees: bool | None = None  # phi's sign and the judgement, of what has settled
     state: Array | None = None
-    read: Mapping[str, float] | None = None
+    read: Mapping[str, float] = field(default_factory=dict)
     moved: float = math.nan
 
 
@@ -106,48 +98,37 @@ def init_states(
         ranges = {"start": Range(0.0), **ranges}
     judge = accept or getattr(env, "check_success", None) or env._check_success
     maker = _Maker(env, own, lambda: bool(judge()), as_seconds("settle", settle), missing)
-    good: list[tuple[_Verdict, dict[str, float]]] = []
-    refused: Counter[str] = Counter()
-    settled: list[bool] = []
-    drawn, side = 0, None
-    for scenes, index in _draws(own, ranges, n, as_int("seed", seed), as_seconds("timeout", timeout)):
-        if len(good) >= n or drawn >= max(tries * n if good else 0, LEAST):
-            break
-        if not missing and not good and drawn >= UPRIGHT:
-            side = drawn - UPRIGHT
-        found = maker.judged(scenes, index, side)
-        drawn += 1
-        settled += [] if found.agrees is None else [found.agrees]
-        if found.reason:
-            refused[found.reason] += 1
-        else:
-            good.append((found, {label: float(values[index]) for label, values in scenes.phi.items()}))
+    told: list[_Verdict] = []
+    good: list[tuple[_Verdict, Start]] = []
+    side = None
+    starts = RangeStarts(
+        own.spec, lambda: ranges, as_int("seed", seed), as_seconds("timeout", timeout), first=n + n // 4
+    )
+    while len(good) < n and len(told) < max(tries * n if good else 0, LEAST):
+        if not missing and not good and len(told) >= UPRIGHT:
+            side = len(told) - UPRIGHT
+        try:
+            start = starts.take()
+        except RequestError:
+            if told:
+                break  # there were scenes, but no more in the time
+            raise
+        told.append(maker.judged(start, side))
+        if not told[-1].reason:
+            good.append((told[-1], start))
     maker.restore()
-    width = len(own.live.sim.get_state().flatten())
+    width, settled = len(own.live.sim.get_state().flatten()), [one.agrees for one in told if one.agrees is not None]
     return SettledStates(
         np.array([one.state for one, _ in good], dtype=np.float64).reshape(len(good), width),
-        {label: np.array([one[label] for _, one in good]) for label in own.spec.labels},
-        {label: np.array([(one.read or {})[label] for one, _ in good]) for label in own.spec.labels},
+        {label: np.array([start.phi[label] for _, start in good]) for label in own.spec.labels},
+        {label: np.array([one.read[label] for one, _ in good]) for label in own.spec.labels},
         np.array([one.moved for one, _ in good]),
         own,
-        drawn,
+        len(told),
         len(settled),
         sum(settled),
-        dict(refused),
+        Counter(one.reason for one in told if one.reason),
     )
-
-
-def _draws(
-    own: EnvironmentSpec, ranges: Mapping[str, Range], n: int, seed: int, timeout: float
-) -> Iterator[tuple[SceneSet, int]]:
-    """Scenes in the ranges, without end: a set, and which of it."""
-    for number in count():
-        one = int(np.random.SeedSequence([seed, STREAM, number]).generate_state(1)[0])
-        request = SampleRequest(
-            ranges, n + n // 4 + 4, seed=one, timeout=timeout, keep_partial=True, workers=1, strict=True
-        )  # in this process: simulators do not like to be forked
-        scenes = draw_scenes(own.spec, request)
-        yield from ((scenes, index) for index in range(len(scenes)))
 
 
 class _Maker:
@@ -175,10 +156,9 @@ class _Maker:
         self.data.qpos[:] = self.live.start
         self.live.mj.mj_forward(self.model, self.data)
 
-    def judged(self, scenes: SceneSet, index: int, side: int | None) -> _Verdict:
+    def judged(self, start: Start, side: int | None) -> _Verdict:
         """Put a scene in, and hold it against all conditions, the cheap ones first."""
-        poses, on = scenes.poses7()[index], None if scenes.on is None else scenes.on[index]
-        self.put(poses, side)
+        self.put(start.poses, side)
         planned = self.places()
         if not self.come_to_rest():
             return _Verdict("does not come to rest")
@@ -189,7 +169,7 @@ class _Maker:
         if np.abs(self.places() - planned)[:, :2].max(initial=0.0) > FAR:
             return _Verdict("falls")
         state = np.asarray(self.live.sim.get_state().flatten(), dtype=np.float64)
-        rested, read = self.places(), self.phi(scenes, poses, on)
+        rested, read = self.places(), self.phi(start)
         solved = read.get("goal", 0.0) >= 0.0
         if hasattr(self.env, "set_init_state"):
             with _silence():
@@ -278,20 +258,18 @@ class _Maker:
         """(N, 3): where the things are in the world."""
         return self.poses()[:, :3]
 
-    def phi(self, scenes: SceneSet, poses: Array, on: Array | None) -> dict[str, float]:
+    def phi(self, start: Start) -> dict[str, float]:
         """phi by label as the simulation is; a thing counts as being on what it is on in the scene."""
-        own = self.own
+        own, poses = self.own, start.poses
         found = np.column_stack([poses[:, :2], 2.0 * np.arctan2(poses[:, 6], poses[:, 3])])
         for which, name in enumerate(own.spec.objects):
             if name in own.sliders:
                 found[which, 0] = self.data.qpos[own.sliders[name].address] * own.sliders[name].lever
             elif name in self.live.movers:
                 body = self.live.things[name]
-                found[which, :2] = self.data.xpos[body][:2] - own.origin[:2]
-                found[which, 2] = heading_of(times(self.data.xquat[body], inverse(own.attitudes[name])))
-        rows = turned(as_rows(found[None]))
-        rows = with_switches(own.spec.checked, scenes.header, rows, None if on is None else on[None])
-        return {label: float(value[0]) for label, value in score(own.spec.checked.core, list(rows), NUMPY).items()}
+                turn = times(self.data.xquat[body], inverse(own.attitudes[name]))
+                found[which] = TableFrame(own.origin).pose(self.data.xpos[body], turn)
+        return phi_at(own.spec, start, found)
 
     def keeps_all(self) -> bool:
         return not self.missing or all(map(self.keeps, self.own.facts))

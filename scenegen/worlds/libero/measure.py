@@ -21,7 +21,7 @@ from scenegen.worlds.frame import inverse, times, upright
 CORNERS = 12  # of a prism at most
 ROBOT = "the robot"
 FLAT = 0.012  # half a site's height: a flat site is a surface, a higher one a compartment
-STEEP = 0.95  # the cosine of the angle from which on a site is no floor, but a slope
+STEEP = 0.95  # a site none of whose axes is as upright as this, by the cosine, is on a slope
 GRID = np.linspace(-0.95, 0.95, 13)  # of rays onto a site, in parts of its half size
 OFF = 0.006  # metres by which rays onto one floor differ
 DOWN = (0.0, 0.0, -1.0)
@@ -230,11 +230,13 @@ class LiveModel:
             x, y, z = self.data.site_xpos[number].tolist()
             turn = self.data.site_xmat[number].reshape(3, 3)
             size = np.abs(turn @ half)
-            if abs(turn[2, 2]) < STEEP:  # LIBERO takes what is up to 10 cm over it, along its own axis
-                ends = half * (1.0, 1.0, 0.0) * np.array([(u, v, 0.0) for u in (-1, 1) for v in (-1, 1)])
-                over = np.concatenate([ends, (*ends, 0.0, 0.0, half[2] + 0.1)]) @ turn.T + (x, y, z)
-                low, high = over[:, :2].min(axis=0).tolist(), over[:, :2].max(axis=0).tolist()
-                return Floor((*low, *high), (*low, *high), z)
+            if np.abs(turn[2]).max() < STEEP:  # LIBERO takes what is up to 10 cm over it, along its own axis
+                ends = np.array(
+                    [(u, v, w) for u in (-half[0], half[0]) for v in (-half[1], half[1]) for w in (0.0, 0.1)]
+                )
+                low, high = (ends @ turn.T).min(axis=0).tolist(), (ends @ turn.T).max(axis=0).tolist()
+                own = (x + low[0], y + low[1], x + high[0], y + high[1])
+                return Floor(own, own, z)
             begin = z if size[2] > FLAT else z + 0.05
             hits = []
             for u, v in ((u, v) for u in GRID * size[0] for v in GRID * size[1]):

@@ -16,7 +16,7 @@ import numpy as np
 from scenegen.api.request import Phi, read_phi
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import OUT_OF_RANGE
+from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
 from scenegen.sampling.request import Range
 from scenegen.validation import as_int, as_seconds
 from scenegen.worlds.frame import TableFrame, inverse, times
@@ -77,6 +77,7 @@ def init_states(
     timeout: float = 60.0,
 ) -> SettledStates:
     """n states of an environment of LIBERO or robosuite at a range of phi, at rest, and verified by its own judgement.
+    The environment has been reset, and is left as it was then.
 
     `phi` is a range as `scenegen.sample` takes it, by default of starts that miss the goal; starts that miss are as
     the initial facts have them, unless the range of `start` is given. Things settle for `settle` seconds at most, while
@@ -91,6 +92,9 @@ def init_states(
     if as_int("n", n) < 1:
         raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted="1 or more"))
     own = spec_of(env) if spec is None else spec
+    if own.live.sim is not own.live.env.sim:
+        wanted = "what spec_of makes of the environment after its last reset"
+        raise RequestError(WRONG_VALUE(argument="spec", value="the spec of a model that is gone", wanted=wanted))
     ranges = read_phi(own.spec, {"goal": (None, MISS)} if phi is None else phi)
     high = ranges["goal"].high if "goal" in ranges else None
     missing = high is not None and high <= 0.0
@@ -176,7 +180,7 @@ class _Maker:
                 self.env.set_init_state(state)
         if self.judge() != solved:
             return _Verdict(f"phi is {'>= 0, but not solved' if solved else '< 0, but solved'}", False)
-        if solved == self.missing:
+        if solved != (start.phi.get("goal", 0.0) >= 0.0):
             return _Verdict(f"{'solves' if solved else 'loses'} the goal while it settles", True)
         if not self.keeps_all():
             return _Verdict("initial facts are off by more than 1 cm", True)

@@ -20,7 +20,7 @@ from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
 from scenegen.sampling.request import Range
 from scenegen.validation import as_int, as_seconds
 from scenegen.worlds.frame import TableFrame, inverse, times
-from scenegen.worlds.libero.measure import ROBOT, matrix
+from scenegen.worlds.libero.measure import FLAT, ROBOT, STEEP, matrix
 from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
 from scenegen.worlds.robosuite import InitStates
 from scenegen.worlds.starts import RangeStarts, Start, phi_at
@@ -163,7 +163,9 @@ class _Maker:
     def judged(self, start: Start, side: int | None) -> _Verdict:
         """Put a scene in, and hold it against all conditions, the cheap ones first."""
         self.put(start.poses, side)
-        planned = self.places()
+        planned, wanted = self.places(), start.phi.get("goal", 0.0) >= 0.0
+        if wanted and not all(self.reaches(name, site) for name, site in self.own.tight.items()):
+            return _Verdict("too low or too high for the site")
         if not self.come_to_rest():
             return _Verdict("does not come to rest")
         if any(ROBOT in (a, b) and {a, b} & {*self.things} for a, b, _ in self.live.contacts()):
@@ -180,7 +182,7 @@ class _Maker:
                 self.env.set_init_state(state)
         if self.judge() != solved:
             return _Verdict(f"phi is {'>= 0, but not solved' if solved else '< 0, but solved'}", False)
-        if solved != (start.phi.get("goal", 0.0) >= 0.0):
+        if solved != wanted:
             return _Verdict(f"{'solves' if solved else 'loses'} the goal while it settles", True)
         if not self.keeps_all():
             return _Verdict("initial facts are off by more than 1 cm", True)
@@ -228,6 +230,15 @@ class _Maker:
     def touches(self, name: str) -> bool:
         self.live.mj.mj_fwdPosition(self.model, self.data)
         return self.live.depth((name,)) >= 2e-4
+
+    def reaches(self, name: str, site: str) -> bool:
+        """Whether the height of a thing in a compartment is one that LIBERO takes, to 2 mm: no formula has it."""
+        number = self.live.mj.mj_name2id(self.model, self.live.mj.mjtObj.mjOBJ_SITE, site)
+        turn = self.data.site_xmat[number].reshape(3, 3)
+        half = float(np.abs(turn @ self.model.site_size[number])[2])
+        over = float(self.data.xpos[self.live.things[name]][2] - self.data.site_xpos[number][2])
+        open_ = half < FLAT or np.abs(turn[2]).max() < STEEP
+        return bool(open_ or -half - 0.012 <= over <= half + 0.002)
 
     def come_to_rest(self) -> bool:
         """Step the simulation with the arm held, until nothing moves or the time is over. True if the things rest."""

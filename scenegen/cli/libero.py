@@ -54,7 +54,7 @@ def libero(
     failed = []
     with progress_bar() as bar:
         shown = bar.add_task("tasks", total=len(tasks))
-        for task, made in zip(tasks, run_pieces(job, tasks, workers or cores()), strict=True):
+        for task, made in zip(tasks, run_pieces(job, tasks, cores() if workers is None else workers), strict=True):
             bar.advance(shown)
             if isinstance(made, ScenegenError):
                 failed.append(task.name)

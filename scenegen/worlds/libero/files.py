@@ -42,7 +42,6 @@ def tasks_of(name: str) -> list[LiberoTask]:
     path = Path(name)
     if path.suffix == ".bddl" and path.is_file():
         return [LiberoTask(path.resolve().parent.name, path.stem, path.resolve())]
-    need("libero", "for its suites and tasks")
     folder = Path(_paths()["bddl_files"])
     found = [
         LiberoTask(one.parent.name, one.stem, one)
@@ -56,6 +55,7 @@ def tasks_of(name: str) -> list[LiberoTask]:
 
 
 def _paths() -> dict[str, str]:
+    need("libero", "for its suites and tasks")
     with _silence():
         from libero.libero import get_libero_path
 

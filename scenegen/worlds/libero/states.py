@@ -29,6 +29,7 @@ STEPS = 20  # control steps of the environment's own, after which a state is jud
 DEEP = 0.003  # metres: contacts that are deeper push things away
 STILL = 0.01  # metres by which things may move in those steps, and initial facts be off
 FAR = 0.5  # metres: what moves farther while it settles has fallen off
+UP = 0.985  # the cosine of 10 degrees, by which things of starts may tip
 LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
 SLOW = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
@@ -163,7 +164,7 @@ class _Maker:
     def judged(self, start: Start, side: int | None) -> _Verdict:
         """Put a scene in, and hold it against all conditions, the cheap ones first."""
         self.put(start.poses, side)
-        planned, wanted = self.places(), start.phi.get("goal", 0.0) >= 0.0
+        planned, ups, wanted = self.places(), self.ups(), start.phi.get("goal", 0.0) >= 0.0
         if wanted and not all(self.reaches(name, site) for name, site in self.own.tight.items()):
             return _Verdict("too low or too high for the site")
         if not self.come_to_rest():
@@ -172,7 +173,8 @@ class _Maker:
             return _Verdict("touches the robot")
         if self.live.depth(self.live.movers) > DEEP:
             return _Verdict("contacts deeper than 3 mm")
-        if np.abs(self.places() - planned)[:, :2].max(initial=0.0) > FAR:
+        tips = (self.ups() * ups).sum(axis=1).min(initial=1.0) < UP and self.missing
+        if tips or np.abs(self.places() - planned)[:, :2].max(initial=0.0) > FAR:
             return _Verdict("falls")
         state = np.asarray(self.live.sim.get_state().flatten(), dtype=np.float64)
         rested, read = self.places(), self.phi(start)
@@ -272,6 +274,11 @@ class _Maker:
     def places(self) -> Array:
         """(N, 3): where the things are in the world."""
         return self.poses()[:, :3]
+
+    def ups(self) -> Array:
+        """(N, 3): which way is up, as each thing sees it."""
+        found: Array = self.data.xmat[[self.live.things[name] for name in self.things], 6:]
+        return found
 
     def phi(self, start: Start) -> dict[str, float]:
         """phi by label as the simulation is; a thing counts as being on what it is on in the scene."""

@@ -54,7 +54,7 @@ def measure(file: Path, states: int, seed: int, anew: int) -> dict[str, Any]:
     line: dict[str, Any] = {"imports": True, "spec_s": round(time.time() - begun, 2)}
     made = {}
     for name, wanted in REQUESTS.items():
-        begun = time.time()
+        begun, used = time.time(), time.process_time()
         try:
             made[name] = found = init_states(env, wanted, states, spec=own, seed=seed)
         except Exception as error:
@@ -68,6 +68,7 @@ def measure(file: Path, states: int, seed: int, anew: int) -> dict[str, Any]:
             "agreed": found.agreed,
             "refused": dict(found.refused),
             "seconds": round(time.time() - begun, 1),
+            "cpu_s": round(time.process_time() - used, 1),
             "phi": [round(float(one), 5) for one in found.phi["goal"]],
         }
     if not anew:

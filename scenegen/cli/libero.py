@@ -13,7 +13,7 @@ from scenegen.cli.output import complain, print_error, print_message, progress_b
 from scenegen.errors import ScenegenError
 
 if TYPE_CHECKING:
-    from scenegen.worlds.libero.files import LiberoTask, StatesJob, TaskReport
+    from scenegen.worlds.libero.files import LiberoTask, StatesJob
 
 
 def libero(
@@ -54,25 +54,25 @@ def libero(
     failed = []
     with progress_bar() as bar:
         shown = bar.add_task("tasks", total=len(tasks))
-        for task, made in zip(tasks, run_pieces(job, tasks, workers or cores()), strict=True):
+        for task, made in zip(tasks, run_pieces(job, tasks, cores() if workers is None else workers), strict=True):
             bar.advance(shown)
             if isinstance(made, ScenegenError):
                 failed.append(task.name)
                 print_message(f"{task.name} failed:")
                 complain(*made.diagnostics)
             else:
-                print_error(f"{task.name}: {made.line}")
+                print_error(f"{task.name}: {made}")
     print_error(f"states of {len(tasks)} tasks in {out}; LIBERO reads them with LIBERO_CONFIG_PATH={home.parent}")
     return exit_status(failed, len(tasks))
 
 
 @dataclass(frozen=True, slots=True)
 class _TaskJob:
-    """The job of one task among several: its report, or why it failed."""
+    """The job of one task among several: what was made, or why it failed."""
 
     states: StatesJob
 
-    def __call__(self, task: LiberoTask) -> TaskReport | ScenegenError:
+    def __call__(self, task: LiberoTask) -> str | ScenegenError:
         try:
             return self.states(task)
         except ScenegenError as error:

@@ -65,13 +65,20 @@ class StartSource(Protocol):
 
 
 class RangeStarts:
-    """Scenes with phi in a range that `wanted` gives for each. Draws grow from FIRST to MOST scenes; a range that is
+    """Scenes with phi in a range that `wanted` gives for each. Draws grow from `first` to MOST scenes; a range that is
     asked for again goes on with its own scenes."""
 
     def __init__(
-        self, spec: Spec, wanted: Callable[[], Phi | PhiBox | None], seed: int, timeout: float, ahead: int = AHEAD
+        self,
+        spec: Spec,
+        wanted: Callable[[], Phi | PhiBox | None],
+        seed: int,
+        timeout: float,
+        ahead: int = AHEAD,
+        first: int = FIRST,
     ) -> None:
         self._spec, self._wanted, self._seed, self._timeout, self._ahead = spec, wanted, seed, timeout, ahead
+        self._first = first
         self._draws = 0
         self._streams: OrderedDict[Ranges, Iterator[Start]] = OrderedDict()
         self._pools: OrderedDict[Ranges, list[Start]] = OrderedDict()
@@ -104,7 +111,7 @@ class RangeStarts:
         return tuple(sorted(read_phi(self._spec, wanted).items(), key=lambda item: item[0]))
 
     def _stream(self, ranges: Mapping[str, Range]) -> Iterator[Start]:
-        count = FIRST
+        count = self._first
         while True:
             source = np.random.SeedSequence([self._seed, STREAM, self._draws])
             self._draws += 1

@@ -7,8 +7,8 @@ import gc
 import io
 import json
 import logging
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from scenegen.errors.worlds import PLACEMENT
 from scenegen.needs import need
 from scenegen.sampling.request import parse_phi
 from scenegen.scenes.files import ensure_folder, whole_file, write_whole
-from scenegen.worlds.libero.spec import spec_of
 from scenegen.worlds.libero.states import SettledStates, init_states
 
 SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10", "libero_90")
@@ -38,39 +37,11 @@ class LiberoTask:
     file: Path
 
 
-@dataclass(frozen=True, slots=True)
-class TaskReport:
-    """What a request has made of a task: `states` of `wanted` ones, of `drawn` scenes. Of those that settled, in
-    `agreed` of `judged` phi's sign was LIBERO's judgement; `refused` counts what was left out, by reason. `phi` is that
-    of each state, `moved` how far anything moved in 20 steps of LIBERO's, in metres."""
-
-    suite: str
-    task: str
-    request: Mapping[str, object]
-    states: int
-    wanted: int
-    drawn: int
-    judged: int
-    agreed: int
-    refused: Mapping[str, int]
-    phi: Mapping[str, Sequence[float]]
-    moved: Sequence[float]
-
-    @property
-    def line(self) -> str:
-        """For people."""
-        why = ", ".join(f"{count} {reason}" for reason, count in self.refused.items())
-        goal = self.phi.get("goal", ())
-        span = f", phi of goal {min(goal):.3g} to {max(goal):.3g}" if goal else ""
-        return f"{self.states} states of {self.drawn} scenes{span}" + (f"; left out: {why}" if why else "")
-
-
 def tasks_of(name: str) -> list[LiberoTask]:
     """The tasks of a suite, the task of a name, or that of a BDDL file. Raises RequestError."""
     path = Path(name)
     if path.suffix == ".bddl" and path.is_file():
         return [LiberoTask(path.resolve().parent.name, path.stem, path.resolve())]
-    need("libero", "for its suites and tasks")
     folder = Path(_paths()["bddl_files"])
     found = [
         LiberoTask(one.parent.name, one.stem, one)
@@ -84,6 +55,7 @@ def tasks_of(name: str) -> list[LiberoTask]:
 
 
 def _paths() -> dict[str, str]:
+    need("libero", "for its suites and tasks")
     with _silence():
         from libero.libero import get_libero_path
 
@@ -110,10 +82,8 @@ def make_environment(task: LiberoTask, seed: int) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class StatesJob:
-    """Makes the states of a task, and writes them below `out`; a task whose states are there already is read.
-
-    `phi` are ranges as they are typed, by default of starts that miss.
-    """
+    """Makes the states of a task, and writes them below `out`, with a report; where the report of the same request is,
+    nothing is made. `phi` are ranges as they are typed, by default of starts that miss."""
 
     out: Path
     phi: tuple[str, ...] = ()
@@ -121,56 +91,54 @@ class StatesJob:
     seed: int = 0
     settle: float = 1.0
 
-    @property
+    def __call__(self, task: LiberoTask) -> str:
+        """What was made, in words. Raises RequestError, also where there are fewer states than wanted, which are
+        written all the same."""
+        report = self.done(task) or self.make(task)
+        left = ", ".join(f"{reason} ({count})" for reason, count in report["refused"].items())
+        if report["states"] < self.n:
+            raise RequestError(PLACEMENT(found=report["states"], wanted=self.n, reasons=left or "there are none"))
+        goal = report["phi"]["goal"]
+        said = f"{self.n} states of {report['drawn']} scenes, phi of goal {min(goal):.3g} to {max(goal):.3g}"
+        return said + (f"; left out: {left}" if left else "")
+
     def request(self) -> dict[str, object]:
         return {"phi": list(self.phi), "n": self.n, "seed": self.seed, "settle": self.settle}
 
-    def __call__(self, task: LiberoTask) -> TaskReport:
-        """Raises RequestError, also where there are fewer states than wanted, which are written all the same."""
-        done = self.done(task)
-        report = done if done is not None else self.make(task)
-        if report.states < report.wanted:
-            refused = ", ".join(f"{reason} ({count})" for reason, count in report.refused.items()) or "there are none"
-            raise RequestError(PLACEMENT(found=report.states, wanted=report.wanted, reasons=refused))
-        return report
-
-    def make(self, task: LiberoTask) -> TaskReport:
-        ranges: Phi | None = parse_phi(self.phi, LABELS) or None
+    def make(self, task: LiberoTask) -> dict[str, Any]:
+        wanted: Phi | None = parse_phi(self.phi, LABELS) or None
         env = make_environment(task, self.seed)
         try:
-            spec = spec_of(env)
-            made = init_states(env, ranges, self.n, settle=self.settle, spec=spec, seed=self.seed)
+            made = init_states(env, wanted, self.n, settle=self.settle, seed=self.seed)
         finally:
-            with contextlib.suppress(Exception):
-                env.close()
+            env.close()
             del env
             gc.collect()  # or its models would pile up
         return self.write(task, made)
 
-    def write(self, task: LiberoTask, made: SettledStates) -> TaskReport:
-        report = TaskReport(
-            task.suite, task.name, self.request, len(made.states), self.n, made.drawn, made.judged, made.agreed,
-            made.refused, {label: made.phi[label].tolist() for label in made.phi}, made.moved.tolist(),
-        )  # fmt: skip
+    def write(self, task: LiberoTask, made: SettledStates) -> dict[str, Any]:
+        report = {"task": task.name, "request": self.request(), "states": len(made.states), "drawn": made.drawn}
+        report |= {"judged": made.judged, "agreed": made.agreed, "refused": dict(made.refused)}
+        report |= {"phi": {label: one.tolist() for label, one in made.phi.items()}, "moved": made.moved.tolist()}
         states, specs, reports = (self.out / one / task.suite for one in ("init_files", "specs", "reports"))
         for folder in (self.out, *(one for each in (states, specs, reports) for one in (each.parent, each))):
             ensure_folder(folder)
-        if report.states:
+        if len(made.states):
             made.save(states / f"{task.name}.pruned_init")
             with whole_file(states / f"{task.name}.pruned_init.npz") as file:
                 np.savez_compressed(file, states=made.states)
         write_whole(specs / f"{task.name}.spec", made.spec.text.encode())
-        write_whole(reports / f"{task.name}.json", (json.dumps(asdict(report), indent=1) + "\n").encode())
+        write_whole(reports / f"{task.name}.json", (json.dumps(report, indent=1) + "\n").encode())
         return report
 
-    def done(self, task: LiberoTask) -> TaskReport | None:
+    def done(self, task: LiberoTask) -> dict[str, Any] | None:
         """The report of a task that was made before, by the same request."""
         try:
             found = json.loads((self.out / "reports" / task.suite / f"{task.name}.json").read_text())
-            report = TaskReport(**found)
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError):
             return None
-        return report if report.request == self.request else None
+        same = isinstance(found, dict) and found.get("request") == self.request()
+        return found if same else None
 
 
 def write_home(out: Path) -> Path:

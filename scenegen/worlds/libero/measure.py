@@ -6,7 +6,7 @@ Nothing here imports robosuite or LIBERO: an environment brings its own simulati
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +21,7 @@ from scenegen.worlds.frame import inverse, times, upright
 CORNERS = 12  # of a prism at most
 ROBOT = "the robot"
 FLAT = 0.012  # half a site's height: a flat site is a surface, a higher one a compartment
+STEEP = 0.95  # a site none of whose axes is as upright as this, by the cosine, is on a slope
 GRID = np.linspace(-0.95, 0.95, 13)  # of rays onto a site, in parts of its half size
 OFF = 0.006  # metres by which rays onto one floor differ
 DOWN = (0.0, 0.0, -1.0)
@@ -191,9 +192,8 @@ class LiveModel:
             ring = size[0] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
             corners = np.concatenate([np.c_[ring, np.full(24, z)] for z in (-size[1], size[1])])
         else:
-            round_ = {types.mjGEOM_SPHERE: (0, 0, 0), types.mjGEOM_CAPSULE: (0, 0, 1)}.get(kind)
-            half = size if round_ is None else size[0] + np.array(round_) * size[1]
-            corners = half * np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
+            middle, half = self.model.geom_aabb[geom].reshape(2, 3)
+            corners = middle + half * np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
         turned: Array = corners @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
         return turned
 
@@ -223,12 +223,20 @@ class LiveModel:
         return float(np.median(heights)) if heights else z
 
     def floor(self, site: str, half: Array, fixture: str, joints: Mapping[str, float]) -> Floor:
-        """The floor of a fixture at one of its sites, by rays from within it. A site that no ray finds a floor below is
-        its own floor."""
+        """The floor of a fixture at one of its sites, by rays from within it. A site on a slope, or that no ray finds a
+        floor below, is its own floor."""
         with self.cleared(joints):
             number = self.mj.mj_name2id(self.model, self.mj.mjtObj.mjOBJ_SITE, site)
             x, y, z = self.data.site_xpos[number].tolist()
-            size = np.abs(self.data.site_xmat[number].reshape(3, 3) @ half)
+            turn = self.data.site_xmat[number].reshape(3, 3)
+            size = np.abs(turn @ half)
+            if np.abs(turn[2]).max() < STEEP:  # LIBERO takes what is up to 10 cm over it, along its own axis
+                ends = np.array(
+                    [(u, v, w) for u in (-half[0], half[0]) for v in (-half[1], half[1]) for w in (0.0, 0.1)]
+                )
+                low, high = (ends @ turn.T).min(axis=0).tolist(), (ends @ turn.T).max(axis=0).tolist()
+                own = (x + low[0], y + low[1], x + high[0], y + high[1])
+                return Floor(own, own, z)
             begin = z if size[2] > FLAT else z + 0.05
             hits = []
             for u, v in ((u, v) for u in GRID * size[0] for v in GRID * size[1]):
@@ -291,27 +299,18 @@ class LiveModel:
             for value in grid[(grid >= part.low) & (grid <= part.high)].tolist():
                 self.data.qpos[part.address] = value
                 self.mj.mj_fwdPosition(self.model, self.data)
-                if holds(value) and self.depth(fixtures=True) < 5e-4:
+                within = max((far for a, b, far in self.contacts() if a == b and a in self.fixtures), default=0.0)
+                if holds(value) and within < 5e-4:
                     runs[-1].append(value)
                 elif runs[-1]:
                     runs.append([])
         return max(((run[0], run[-1]) for run in runs if run), key=lambda run: run[1] - run[0], default=None)
 
-    def depth(self, only: str | None = None, *, fixtures: bool = False) -> float:
-        """The depth of the deepest contact of the things that move, or of one of them; with `fixtures` of the parts of
-        fixtures with one another."""
-        found = 0.0
-        for contact in self.data.contact[: self.data.ncon]:
-            first, second = self.owner(contact.geom1), self.owner(contact.geom2)
-            if fixtures:
-                counts = first == second and first in self.fixtures
-            else:
-                wanted = self.movers if only is None else (only,)
-                counts = first != second and (first in wanted or second in wanted)
-            if counts:
-                found = max(found, -float(contact.dist))
-        return found
+    def contacts(self) -> Iterator[tuple[str, str, float]]:
+        """Whose shapes touch, and how deep they are in each other."""
+        for one in self.data.contact[: self.data.ncon]:
+            yield self.owner(one.geom1), self.owner(one.geom2), -float(one.dist)
 
-    def touches_robot(self) -> bool:
-        pairs = ({self.owner(one.geom1), self.owner(one.geom2)} for one in self.data.contact[: self.data.ncon])
-        return any(ROBOT in pair and not pair.isdisjoint(self.movers) for pair in pairs)
+    def depth(self, names: Collection[str]) -> float:
+        """The depth of the deepest contact of some things with others."""
+        return max((far for a, b, far in self.contacts() if a != b and (a in names or b in names)), default=0.0)

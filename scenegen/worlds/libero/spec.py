@@ -26,6 +26,8 @@ from scenegen.worlds.libero.measure import Floor, LiveModel, Part, PrismShape, h
 from scenegen.worlds.pddl.translation import around, grown, meet
 
 Fact: TypeAlias = tuple[str, ...]  # a predicate and names
+Origin: TypeAlias = tuple[float, float, float]
+Prisms: TypeAlias = Mapping[str, PrismShape]
 JOINTS = {"open": "is_open", "close": "is_close", "turnon": "turn_on", "turnoff": "turn_off"}  # LIBERO's methods
 PLACES = ("on", "in", "stack")
 BLOCK = 0.006  # the height of a fixture whose compartments are used: things on the table keep clear of its outline
@@ -49,8 +51,8 @@ class EnvironmentSpec:
     text: str
     spec: Spec
     live: LiveModel = field(repr=False)
-    origin: tuple[float, float, float]
-    prisms: Mapping[str, PrismShape]
+    origin: Origin
+    prisms: Prisms
     attitudes: Mapping[str, Array]
     sliders: Mapping[str, Part]
     facts: tuple[Fact, ...]
@@ -88,9 +90,7 @@ def _samplers(env: Any) -> list[Any]:
     return found
 
 
-def _plain(
-    live: LiveModel, origin: tuple[float, float, float], prisms: Mapping[str, PrismShape], samplers: Sequence[Any]
-) -> str:
+def _plain(live: LiveModel, origin: Origin, prisms: Prisms, samplers: Sequence[Any]) -> str:
     """The objects of robosuite's samplers, on the rectangle that these use."""
     boxes = []
     for one in samplers:
@@ -107,13 +107,7 @@ def _plain(
 class _Task:
     """A task of LIBERO's, as its environment has read it, in the words of the language."""
 
-    def __init__(
-        self,
-        live: LiveModel,
-        origin: tuple[float, float, float],
-        prisms: Mapping[str, PrismShape],
-        headings: Mapping[str, float],
-    ) -> None:
+    def __init__(self, live: LiveModel, origin: Origin, prisms: Prisms, headings: Mapping[str, float]) -> None:
         self.live, self.origin, self.prisms, self.headings = live, origin, prisms, headings
         self.problem = getattr(live.env, "parsed_problem", {})
         self.goal, self.facts = (
@@ -250,13 +244,9 @@ class _Task:
         return f"{rests} & {apart} <= {_n(half)} m"
 
     def _fits(self, name: str, free: Rectangle) -> bool:
-        """Whether a thing as it stands fits between walls at some heading."""
-        size = np.sort([free[2] - free[0], free[3] - free[1]])
-        x, y = np.array(self.prisms[name].corners).T
-        turns = np.linspace(0.0, math.pi, 37)[:, None]
-        along, across = np.cos(turns) * x + np.sin(turns) * y, np.cos(turns) * y - np.sin(turns) * x
-        extents = np.sort(np.stack([np.ptp(along, axis=1), np.ptp(across, axis=1)]), axis=0)
-        return bool((extents <= size[:, None]).all(axis=0).any())
+        """Whether a thing as it stands fits between walls, straight."""
+        room, extents = np.sort([free[2] - free[0], free[3] - free[1]]), np.ptp(self.prisms[name].corners, axis=0)
+        return bool((np.sort(extents) <= room).all())
 
     def _angle(self, name: str) -> str:
         """The headings that LIBERO gives a thing: that after the reset, or the range of its class."""

@@ -7,36 +7,29 @@ import io
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
-from itertools import count
 from typing import Any
 
 import numpy as np
 
 from scenegen.api.request import Phi, read_phi
-from scenegen.api.sample import draw_scenes
-from scenegen.api.scenes import SceneSet
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.geometry import NUMPY
-from scenegen.geometry.workspace import turned
-from scenegen.lang.formula.interpret import phi as score
-from scenegen.pose import as_rows
-from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scenes.arrange import with_switches
+from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
+from scenegen.sampling.request import Range
 from scenegen.validation import as_int, as_seconds
-from scenegen.worlds.frame import inverse, times
-from scenegen.worlds.libero.measure import heading_of, matrix
+from scenegen.worlds.frame import TableFrame, inverse, times
+from scenegen.worlds.libero.measure import FLAT, ROBOT, STEEP, matrix
 from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
 from scenegen.worlds.robosuite import InitStates
+from scenegen.worlds.starts import RangeStarts, Start, phi_at
 
-STREAM = 15  # the stream of random numbers of these states; worlds/robosuite.py and others have streams of their own
 STEPS = 20  # control steps of the environment's own, after which a state is judged again
 DEEP = 0.003  # metres: contacts that are deeper push things away
 STILL = 0.01  # metres by which things may move in those steps, and initial facts be off
 FAR = 0.5  # metres: what moves farther while it settles has fallen off
+UP = 0.985  # the cosine of 10 degrees, by which things of starts may tip
 LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
 SLOW = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
@@ -68,7 +61,7 @@ class _Verdict:
     reason: str
     agrees: bool | None = None  # phi's sign and the judgement, of what has settled
     state: Array | None = None
-    read: Mapping[str, float] | None = None
+    read: Mapping[str, float] = field(default_factory=dict)
     moved: float = math.nan
 
 
@@ -85,6 +78,7 @@ def init_states(
     timeout: float = 60.0,
 ) -> SettledStates:
     """n states of an environment of LIBERO or robosuite at a range of phi, at rest, and verified by its own judgement.
+    The environment has been reset, and is left as it was then.
 
     `phi` is a range as `scenegen.sample` takes it, by default of starts that miss the goal; starts that miss are as
     the initial facts have them, unless the range of `start` is given. Things settle for `settle` seconds at most, while
@@ -99,6 +93,9 @@ def init_states(
     if as_int("n", n) < 1:
         raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted="1 or more"))
     own = spec_of(env) if spec is None else spec
+    if own.live.sim is not own.live.env.sim:
+        wanted = "what spec_of makes of the environment after its last reset"
+        raise RequestError(WRONG_VALUE(argument="spec", value="the spec of a model that is gone", wanted=wanted))
     ranges = read_phi(own.spec, {"goal": (None, MISS)} if phi is None else phi)
     high = ranges["goal"].high if "goal" in ranges else None
     missing = high is not None and high <= 0.0
@@ -106,48 +103,37 @@ def init_states(
         ranges = {"start": Range(0.0), **ranges}
     judge = accept or getattr(env, "check_success", None) or env._check_success
     maker = _Maker(env, own, lambda: bool(judge()), as_seconds("settle", settle), missing)
-    good: list[tuple[_Verdict, dict[str, float]]] = []
-    refused: Counter[str] = Counter()
-    settled: list[bool] = []
-    drawn, side = 0, None
-    for scenes, index in _draws(own, ranges, n, as_int("seed", seed), as_seconds("timeout", timeout)):
-        if len(good) >= n or drawn >= max(tries * n if good else 0, LEAST):
-            break
-        if not missing and not good and drawn >= UPRIGHT:
-            side = drawn - UPRIGHT
-        found = maker.judged(scenes, index, side)
-        drawn += 1
-        settled += [] if found.agrees is None else [found.agrees]
-        if found.reason:
-            refused[found.reason] += 1
-        else:
-            good.append((found, {label: float(values[index]) for label, values in scenes.phi.items()}))
+    told: list[_Verdict] = []
+    good: list[tuple[_Verdict, Start]] = []
+    side = None
+    starts = RangeStarts(
+        own.spec, lambda: ranges, as_int("seed", seed), as_seconds("timeout", timeout), first=n + n // 4
+    )
+    while len(good) < n and len(told) < max(tries * n if good else 0, LEAST):
+        if not missing and not good and len(told) >= UPRIGHT:
+            side = len(told) - UPRIGHT
+        try:
+            start = starts.take()
+        except RequestError:
+            if told:
+                break  # there were scenes, but no more in the time
+            raise
+        told.append(maker.judged(start, side))
+        if not told[-1].reason:
+            good.append((told[-1], start))
     maker.restore()
-    width = len(own.live.sim.get_state().flatten())
+    width, settled = len(own.live.sim.get_state().flatten()), [one.agrees for one in told if one.agrees is not None]
     return SettledStates(
         np.array([one.state for one, _ in good], dtype=np.float64).reshape(len(good), width),
-        {label: np.array([one[label] for _, one in good]) for label in own.spec.labels},
-        {label: np.array([(one.read or {})[label] for one, _ in good]) for label in own.spec.labels},
+        {label: np.array([start.phi[label] for _, start in good]) for label in own.spec.labels},
+        {label: np.array([one.read[label] for one, _ in good]) for label in own.spec.labels},
         np.array([one.moved for one, _ in good]),
         own,
-        drawn,
+        len(told),
         len(settled),
         sum(settled),
-        dict(refused),
+        Counter(one.reason for one in told if one.reason),
     )
-
-
-def _draws(
-    own: EnvironmentSpec, ranges: Mapping[str, Range], n: int, seed: int, timeout: float
-) -> Iterator[tuple[SceneSet, int]]:
-    """Scenes in the ranges, without end: a set, and which of it."""
-    for number in count():
-        one = int(np.random.SeedSequence([seed, STREAM, number]).generate_state(1)[0])
-        request = SampleRequest(
-            ranges, n + n // 4 + 4, seed=one, timeout=timeout, keep_partial=True, workers=1, strict=True
-        )  # in this process: simulators do not like to be forked
-        scenes = draw_scenes(own.spec, request)
-        yield from ((scenes, index) for index in range(len(scenes)))
 
 
 class _Maker:
@@ -175,28 +161,30 @@ class _Maker:
         self.data.qpos[:] = self.live.start
         self.live.mj.mj_forward(self.model, self.data)
 
-    def judged(self, scenes: SceneSet, index: int, side: int | None) -> _Verdict:
+    def judged(self, start: Start, side: int | None) -> _Verdict:
         """Put a scene in, and hold it against all conditions, the cheap ones first."""
-        poses, on = scenes.poses7()[index], None if scenes.on is None else scenes.on[index]
-        self.put(poses, side)
-        planned = self.places()
+        self.put(start.poses, side)
+        planned, ups, wanted = self.places(), self.ups(), start.phi.get("goal", 0.0) >= 0.0
+        if wanted and not all(self.reaches(name, site) for name, site in self.own.tight.items()):
+            return _Verdict("too low or too high for the site")
         if not self.come_to_rest():
             return _Verdict("does not come to rest")
-        if self.live.touches_robot():
+        if any(ROBOT in (a, b) and {a, b} & {*self.things} for a, b, _ in self.live.contacts()):
             return _Verdict("touches the robot")
-        if self.live.depth() > DEEP:
+        if self.live.depth(self.live.movers) > DEEP:
             return _Verdict("contacts deeper than 3 mm")
-        if np.abs(self.places() - planned)[:, :2].max(initial=0.0) > FAR:
+        tips = (self.ups() * ups).sum(axis=1).min(initial=1.0) < UP and self.missing
+        if tips or np.abs(self.places() - planned)[:, :2].max(initial=0.0) > FAR:
             return _Verdict("falls")
         state = np.asarray(self.live.sim.get_state().flatten(), dtype=np.float64)
-        rested, read = self.places(), self.phi(scenes, poses, on)
+        rested, read = self.places(), self.phi(start)
         solved = read.get("goal", 0.0) >= 0.0
         if hasattr(self.env, "set_init_state"):
             with _silence():
                 self.env.set_init_state(state)
         if self.judge() != solved:
             return _Verdict(f"phi is {'>= 0, but not solved' if solved else '< 0, but solved'}", False)
-        if solved == self.missing:
+        if solved != wanted:
             return _Verdict(f"{'solves' if solved else 'loses'} the goal while it settles", True)
         if not self.keeps_all():
             return _Verdict("initial facts are off by more than 1 cm", True)
@@ -243,7 +231,16 @@ class _Maker:
 
     def touches(self, name: str) -> bool:
         self.live.mj.mj_fwdPosition(self.model, self.data)
-        return self.live.depth(name) >= 2e-4
+        return self.live.depth((name,)) >= 2e-4
+
+    def reaches(self, name: str, site: str) -> bool:
+        """Whether the height of a thing in a compartment is one that LIBERO takes, to 2 mm: no formula has it."""
+        number = self.live.mj.mj_name2id(self.model, self.live.mj.mjtObj.mjOBJ_SITE, site)
+        turn = self.data.site_xmat[number].reshape(3, 3)
+        half = float(np.abs(turn @ self.model.site_size[number])[2])
+        over = float(self.data.xpos[self.live.things[name]][2] - self.data.site_xpos[number][2])
+        open_ = half < FLAT or np.abs(turn[2]).max() < STEEP
+        return bool(open_ or -half - 0.012 <= over <= half + 0.002)
 
     def come_to_rest(self) -> bool:
         """Step the simulation with the arm held, until nothing moves or the time is over. True if the things rest."""
@@ -278,20 +275,23 @@ class _Maker:
         """(N, 3): where the things are in the world."""
         return self.poses()[:, :3]
 
-    def phi(self, scenes: SceneSet, poses: Array, on: Array | None) -> dict[str, float]:
+    def ups(self) -> Array:
+        """(N, 3): which way is up, as each thing sees it."""
+        found: Array = self.data.xmat[[self.live.things[name] for name in self.things], 6:]
+        return found
+
+    def phi(self, start: Start) -> dict[str, float]:
         """phi by label as the simulation is; a thing counts as being on what it is on in the scene."""
-        own = self.own
+        own, poses = self.own, start.poses
         found = np.column_stack([poses[:, :2], 2.0 * np.arctan2(poses[:, 6], poses[:, 3])])
         for which, name in enumerate(own.spec.objects):
             if name in own.sliders:
                 found[which, 0] = self.data.qpos[own.sliders[name].address] * own.sliders[name].lever
             elif name in self.live.movers:
                 body = self.live.things[name]
-                found[which, :2] = self.data.xpos[body][:2] - own.origin[:2]
-                found[which, 2] = heading_of(times(self.data.xquat[body], inverse(own.attitudes[name])))
-        rows = turned(as_rows(found[None]))
-        rows = with_switches(own.spec.checked, scenes.header, rows, None if on is None else on[None])
-        return {label: float(value[0]) for label, value in score(own.spec.checked.core, list(rows), NUMPY).items()}
+                turn = times(self.data.xquat[body], inverse(own.attitudes[name]))
+                found[which] = TableFrame(own.origin).pose(self.data.xpos[body], turn)
+        return phi_at(own.spec, start, found)
 
     def keeps_all(self) -> bool:
         return not self.missing or all(map(self.keeps, self.own.facts))

@@ -133,7 +133,7 @@ def test_files_of_a_task(tmp_path):
     one = {"goal": np.array([0.1, 0.2])}
     made = SettledStates(np.arange(6.0).reshape(2, 3), one, one, np.zeros(2), spec, 3, 2, 2, {"falls": 1})
     report = job.write(task, made)
-    assert report.line == "2 states of 3 scenes, phi of goal 0.1 to 0.2; left out: 1 falls"
+    assert job(task) == "2 states of 3 scenes, phi of goal 0.1 to 0.2; left out: falls (1)"  # it is there
     files = sorted(str(one.relative_to(tmp_path / "home")) for one in (tmp_path / "home").rglob("*.*"))
     assert files == [
         *("init_files/suite/task.pruned_init", "init_files/suite/task.pruned_init.npz"),
@@ -141,7 +141,7 @@ def test_files_of_a_task(tmp_path):
     ]
     with np.load(tmp_path / "home" / files[1], allow_pickle=False) as read:
         assert np.array_equal(read["states"], made.states) and read["states"].dtype == np.float64
-    assert job(task) == report  # without an environment: it is there
+    assert job.done(task) == report
     assert StatesJob(tmp_path / "home", ("goal=0:",), n=3).done(task) is None
     short = StatesJob(tmp_path / "home", ("goal=0:",), n=3)
     short.write(task, made)

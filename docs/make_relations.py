@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from scenegen.geometry.units import ANGLE, LENGTH
+from scenegen.geometry.primitives import ANGLE, LENGTH
 from scenegen.lang.check.scope import RelationEntry, defaults, groups, signature_of
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate

@@ -12,7 +12,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from scenegen.version import __version__
+from scenegen.resources import __version__
 
 # name -> the module that defines it
 _PUBLIC = {

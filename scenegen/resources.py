@@ -1,4 +1,5 @@
-"""The only module that knows where grammar/, specs/, suites/ and docs/ live.
+"""The version of the package, and where grammar/, specs/, suites/ and docs/ live. Imports nothing, so that everything
+may import it.
 
 An installed wheel carries them as scenegen/_data/ (see force-include in pyproject.toml); a checkout has them beside the
 package.
@@ -8,6 +9,8 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+
+__version__ = "0.1.0"  # the metadata of the package come from here
 
 PAGES = ("assets", "language", "language-models", "models", "not-here", "pictures", "time")  # as in pyproject.toml
 

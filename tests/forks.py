@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-LOADED = ("pybullet", "scenegen.processes.worker", "scenegen.sampling.engine.stream", "scenegen.sampling.methods")
+LOADED = ("pybullet", "scenegen.processes.process", "scenegen.sampling.engine.writer", "scenegen.sampling.methods")
 LOADED += ("scenegen.worlds.physics.settling", "scenegen.show.render.painter", "scenegen.show.render.worker")
 NUMBER = struct.Struct("<q")
 LARGEST = 1 << 20  # bytes of a request: the environment

@@ -5,6 +5,9 @@ import type { Boot, Decides, PackedMesh, Pose, Problem, Rarity, Refusal, Report,
 export const boot: Boot = JSON.parse(document.getElementById("data")!.textContent!);
 export const alone = boot.alone ?? null;
 
+/** The sampling methods that draw scenes, or motions, of a spec. */
+export const methodsFor = (of: Spec) => boot.methods.filter((one) => (one.motions || !of.time) && (!one.model || !!boot.model)).map((one) => one.name);
+
 export const text = signal(boot.text);
 export const saved = signal<{ path: string | null; sha: string | null; text: string | null; name: string }>({
   path: boot.path,

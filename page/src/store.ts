@@ -5,10 +5,8 @@ import { inside, learn, spread } from "./known";
 import { choose, frame, path, playing, rises, seek, taken } from "./motions";
 import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
-import { about, alone, bases, boot, busy, clash, edited, explaining, finding, judged, label, meshes, message, motion, movedScenes, moves, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
+import { about, alone, bases, boot, busy, clash, edited, explaining, finding, judged, label, meshes, message, methodsFor, motion, movedScenes, moves, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
 import type { Ends, Pose, Report, Request, Result, Spec } from "./types";
-
-const MOTION_METHODS = ["auto", "rejection", "splitting"];
 
 // ---- the text
 
@@ -128,7 +126,7 @@ function take(found: Spec, early: Look | null): void {
     const loose = new Set(found.objects.filter((one) => !one.fixed).map((one) => one.name));
     const fix = Object.fromEntries(Object.entries(now.fix).filter(([name]) => loose.has(name)));
     const n = Math.max(1, Math.min(now.n, found.most));
-    const method = found.time && !MOTION_METHODS.includes(now.method) ? "auto" : now.method;
+    const method = found.time && !methodsFor(found).includes(now.method) ? "auto" : now.method;
     request.value = { ...now, phi, fix, n, method };
     if (thing.value && !found.objects.some((one) => one.name === thing.value)) thing.value = null;
     rarity.value = kept.get(found.sha256) ?? {};

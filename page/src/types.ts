@@ -173,7 +173,8 @@ export interface Boot {
   request: Partial<Request>;
   draft?: Draft | null; // of what is opened: what was written in it and not saved
   welcome: boolean; // nothing was named: the examples are the first screen
-  missing: Record<string, string>; // formats that need an extra: what installs it
+  methods: { name: string; motions: boolean; model: boolean }[]; // of sampling: whether they draw motions, and need a model
+  formats: { name: string; title: string; motions: boolean; install: string | null }[]; // `install`: of a library that is missing
   // only in a page without a server
   alone?: {
     spec: Spec;

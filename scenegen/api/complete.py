@@ -21,7 +21,7 @@ from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import (
     ALL_HELD,
-    HELD_OUTSIDE,
+    CANNOT_BE_HELD,
     NO_SCENES,
     NOT_COMPLETED,
     OUT_OF_PLACE,
@@ -95,6 +95,7 @@ def complete(spec: Spec | LearnedModel, request: SampleRequest, fix: Any, draw: 
     for name, odd in (
         ("n", n not in (None, len(given))),
         ("settle", request.settle),
+        ("success", request.success is not None),
         ("method", request.method not in ("auto", "rejection")),
     ):
         if odd:
@@ -141,7 +142,7 @@ def _held(problem: Problem, given: Array) -> Array:
                 ends = (
                     f"[{problem.lowest[at]:g}, {problem.highest[at]:g}]" for at in (row_of(which, k) for k in PLACE)
                 )
-                raise RequestError(HELD_OUTSIDE(name=name, workspace=" x ".join(ends), **facts))
+                raise RequestError(CANNOT_BE_HELD(name=name, workspace=" x ".join(ends), **facts))
         if which in spec.fixed and not np.isnan(given[:, which, X]).any():
             check_held(replace(spec, fixed={which: spec.fixed[which]}), held)
     still = problem.lowest == problem.highest

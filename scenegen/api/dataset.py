@@ -25,14 +25,14 @@ from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.lease import held
 from scenegen.scenes.locations import inside
-from scenegen.scenes.open_store import open_store
 from scenegen.scenes.sets import Manifest, Rareness, ShardRequest
+from scenegen.scenes.stores import open_store
 from scenegen.validation import as_int
 
 if TYPE_CHECKING:
     from scenegen.api.scenes import SceneSet
+    from scenegen.scenes.files import Sink
     from scenegen.scenes.sets import Shard
-    from scenegen.scenes.shards import Sink
     from scenegen.scenes.stores import Store
 
 
@@ -192,7 +192,7 @@ class ShardDrawJob:
 
     def packed(self, item: ShardJob) -> tuple[Shard, list[bytes | memoryview]]:
         """The shard and its bytes, not written."""
-        from scenegen.scenes.shards import Parts
+        from scenegen.scenes.files import Parts
 
         sink = Parts()
         return _pack(item, self._drawn(item), sink), sink.parts
@@ -346,8 +346,8 @@ def _manifest(spec: Spec, plan: SpecPlan, n: int, seed: int, size: int, license:
     """Of a set before its first shard."""
     import numpy as np
 
+    from scenegen.resources import __version__
     from scenegen.scenes import sets
-    from scenegen.version import __version__
 
     checked = spec.checked
     request: dict[str, Any] = {

@@ -12,9 +12,8 @@ import numpy.typing as npt
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, RequestError
-from scenegen.errors.files import HELD_ELSEWHERE, TABLE_UNUSED
-from scenegen.errors.requests import UNKNOWN_OBJECT, WRONG_VALUE
-from scenegen.errors.time import MOTION_HAS_ENDED, NOT_OVER_TIME, TRAJECTORY_START
+from scenegen.errors.files import HELD_ELSEWHERE, TABLE_UNUSED, TRAJECTORY_START
+from scenegen.errors.requests import MOTION_HAS_ENDED, NOT_OVER_TIME, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.lang.formula.timed import Timed, TimedValues, score
 from scenegen.pose import SIZE, as_rows
 from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor

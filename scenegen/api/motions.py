@@ -18,7 +18,7 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.time import NOT_OVER_TIME
+from scenegen.errors.requests import NOT_OVER_TIME
 from scenegen.pose import X
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.scenes.blocks import Block
@@ -124,8 +124,8 @@ def read_motions(path: str | Path) -> MotionSet:
     """The motions of a .json, .jsonl or .parquet file, or of a set by its folder or URL. Raises DataError,
     RequestError."""
     if is_set(path):
-        from scenegen.scenes.open_store import open_store
         from scenegen.scenes.sets import read_motion_set
+        from scenegen.scenes.stores import open_store
 
         found = read_motion_set(open_store(as_location(path)))
     else:

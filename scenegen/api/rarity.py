@@ -24,11 +24,9 @@ from scenegen.errors.requests import (
     REQUIREMENT_NOT_FOUND,
     UNKNOWN_LABEL,
 )
-from scenegen.errors.time import NO_MOTION_MEETS, NO_MOTION_SATISFIES
 from scenegen.lang.spec import written
 from scenegen.sampling.problem import Budget
-from scenegen.sampling.rarity import WORK, PhiDistribution, Rarity, RequirementUnmet, measure, mixed
-from scenegen.sampling.rarity_grown import measure_vast, needs_growth
+from scenegen.sampling.rarity import WORK, PhiDistribution, Rarity, RequirementUnmet, measure, mixed, needs_growth
 from scenegen.sampling.report import Estimate
 from scenegen.sampling.request import MAX_SEED
 from scenegen.search.effort import Effort, StoppedError
@@ -181,11 +179,11 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) ->
     found = measure(spec.declared, labels, seed, stop=_Until(budget))
     if isinstance(found, RequirementUnmet):
         misses = -found.best if math.isfinite(found.best) else None
-        raise RequestError(NO_MOTION_MEETS(evaluations=found.evaluations, misses=misses))
+        raise RequestError(REQUIREMENT_NOT_FOUND(motion="motion", evaluations=found.evaluations, misses=misses))
     bounds = phi_bounds(timed, lowest, highest, Effort(lambda: budget.overdrawn))
     reports = tuple(_report(name, bounds[name], found.reaches[name]) for name in labels)
     warnings = _cut_short(budget, found, labels) or tuple(
-        NO_MOTION_SATISFIES(name=one.label) for one in reports if one.reached[1] < 0.0
+        NEVER_SATISFIED(name=one.label, motion="motion") for one in reports if one.reached[1] < 0.0
     )
     return SpecRarity(reports, found.requirement, seed, found.evaluations, warnings)
 
@@ -195,6 +193,8 @@ def _measure(
 ) -> Rarity:
     """By splitting, or by growth where splitting does not serve. Raises RequestError where no scene is found that meets
     the requirement."""
+    from scenegen.sampling.growth.rarity import measure_vast
+
     checked = spec.checked
     lowest, highest = checked.box()
     if needs_growth(checked, labels):

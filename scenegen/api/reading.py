@@ -77,8 +77,8 @@ def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, sp
     if is_set(path):
         if spec is not None:
             raise _says_itself(path)
-        from scenegen.scenes.open_store import open_store
         from scenegen.scenes.sets import read_set
+        from scenegen.scenes.stores import open_store
 
         reading = read_set(open_store(as_location(path)))
     else:

@@ -12,11 +12,12 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     LABEL_NOT_NAMED,
+    MISSING_ARGUMENT,
+    NOT_FOR_MOTIONS,
     RANGE_NOT_A_PAIR,
     UNKNOWN_CHOICE,
     WITHOUT_MODEL,
 )
-from scenegen.errors.time import NOT_FOR_MOTIONS
 from scenegen.needs import need
 from scenegen.processes.pool import check_workers
 from scenegen.sampling.request import METHODS, Range, SampleRequest
@@ -91,7 +92,23 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
         )
     if request.settle:
         need("pybullet", "to settle scenes")
+    if request.success is not None or request.under is not None:
+        _check_success(spec, request)
     return request if method == request.method else replace(request, method=method)
+
+
+def _check_success(spec: Spec, request: SampleRequest) -> None:
+    """Raises RequestError where one of range and fit is missing, and where they have no place."""
+    if request.under is None:
+        raise RequestError(
+            MISSING_ARGUMENT(argument="under", question="name the file of `scenegen fit` that predicts it")
+        )
+    if request.success is None:
+        raise RequestError(MISSING_ARGUMENT(argument="success", question="say how often the policy should succeed"))
+    if request.raw:
+        reason = "raw scenes are all of a model's output"
+        raise RequestError(CONFLICTING_ARGUMENTS(one="raw", other="success", reason=reason))
+    _ = spec.checked  # fits are of specs that draw no numbers of things
 
 
 def plan_of(
@@ -114,7 +131,11 @@ def plan_of(
         proposer = None if model is None else model.proposer_of(checked, tuple(request.phi))
         return make_plan(make_problem(checked, request, budget), budget, proposer)
 
-    def settled(plan: Plan) -> Plan:
+    def selected(plan: Plan) -> Plan:
+        if request.success is not None and plan.reached:
+            from scenegen.worlds.fit.predicted import Predicted
+
+            plan = Predicted.of(plan)
         if not request.settle or not plan.reached:
             return plan
         from scenegen.worlds.physics.settling import Settling
@@ -125,13 +146,13 @@ def plan_of(
         from scenegen.sampling.motions.sampler import plan_motions
         from scenegen.sampling.motions.scores import make_problem as make_motion_problem
 
-        return settled(plan_motions(make_motion_problem(spec.declared, request, budget), budget, watch=watch))
+        return selected(plan_motions(make_motion_problem(spec.declared, request, budget), budget, watch=watch))
     if spec.counts:
         from scenegen.sampling.families import plan_numbers
 
-        plan: Plan = plan_numbers(spec.declared, request, budget, make, settled)
+        plan: Plan = plan_numbers(spec.declared, request, budget, make, selected)
     else:
-        plan = settled(make(spec.checked, request))
+        plan = selected(make(spec.checked, request))
     if plan.why is not None and on_note is not None:
         on_note(f"{plan.method}: {plan.why}")
     return plan

@@ -19,11 +19,13 @@ from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
 from scenegen.api.scenes import SceneSet, scenes_of
 from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
-from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, SampleRequest
+from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, Range, SampleRequest
 
 if TYPE_CHECKING:
+    from scenegen.api.motions import MotionSet
     from scenegen.sampling.engine.run import SampledScenes
     from scenegen.sampling.motions.schedule import Watch
     from scenegen.sampling.plan import Plan
@@ -46,6 +48,8 @@ def sample(
     keep_partial: bool = False,
     fix: Mapping[str, FixedPose | tuple[float, ...] | npt.ArrayLike] | SceneSet | npt.ArrayLike | None = None,
     settle: bool = False,
+    success: Range | tuple[float | None, float | None] | None = None,
+    under: str | Path | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
     on_note: Note | None = None,
@@ -63,7 +67,8 @@ def sample(
     by name, so that the others complete a given scene. Of many scenes, as arrays (n, 2) or (n, 3) by name, an array
     (n, N, 3) with NaN for what is free, or a SceneSet, each is completed once, in their order, at a small part of the
     cost of n calls; `n` is then their number, or left out. `settle` drops every scene in PyBullet for one simulated
-    second and returns those in which no object moves more than 1 cm or turns more than 5 degrees.
+    second and returns those in which no object moves more than 1 cm or turns more than 5 degrees. `success`, a pair of
+    rates, returns those at which a policy is predicted to succeed so often, by the fit in the file `under`.
 
     `workers` is the number of processes; left out, small requests stay in this one, others use all cores. The same
     arguments give the same scenes, whatever `workers`; `timeout` (seconds) can only cut a run short. Raises
@@ -76,7 +81,8 @@ def sample(
     alone = cast("Mapping[str, FixedPose | tuple[float, ...]]", {} if fix is None or many else fix)
     request = SampleRequest(
         read_phi(source, phi), USUAL if n is None else n, seed=seed, method=method, spread=spread, fix=alone,
-        settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial,
+        settle=settle, success=success, under=under, raw=raw, timeout=timeout, workers=workers,
+        keep_partial=keep_partial,
     )  # fmt: skip
     if many:
         return complete(source, request, fix, draw_scenes, n)
@@ -161,6 +167,18 @@ class Written:
 
     def __len__(self) -> int:
         return self.count
+
+
+def met(scenes: SceneSet | MotionSet) -> dict[str, PhiSummary]:
+    """What phi is in a set of at least one scene, or motion."""
+    return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
+
+
+def refuse_set_options(request: SampleRequest) -> None:
+    """Raises RequestError for options that only sets have."""
+    argument = request.misplaced("scenes", "motions", "files")
+    if argument is not None:
+        raise RequestError(ONLY_FOR_SETS(argument=argument))
 
 
 # --------------------------------------------------------------------------------------------------------------------

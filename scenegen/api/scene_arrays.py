@@ -1,26 +1,23 @@
-"""Scenes of one spec as arrays: what is done with sets of scenes is done with these."""
+"""What files say of a spec's scenes, and scenes as the rows of a core: the way from one to the other and back."""
 
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import NOT_INSTALLED, OUT_OF_PLACE, UNKNOWN_CHOICE
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.geometry.workspace import turned
 from scenegen.lang.spec import CheckedSpec, chosen
 from scenegen.needs import need
 from scenegen.pose import SIZE, THETA, X, Y, as_rows, row_count, row_of
 from scenegen.scenes.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
-from scenegen.scenes.blocks import BLOCK, COUNT, Block, columns, member_of, numbers_in
 from scenegen.scenes.data import (
     RAISED,
     VERSION,
@@ -29,7 +26,6 @@ from scenegen.scenes.data import (
     Pose,
     RegionData,
     RequestData,
-    SceneData,
     SceneFile,
     ShapeData,
     SpecRef,
@@ -38,144 +34,15 @@ from scenegen.scenes.data import (
     WorkspaceData,
     footprint_data,
     footprint_of,
+    heights_of,
 )
-from scenegen.scenes.formats import registry as table
-from scenegen.scenes.stage import heights_of, pose_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape
 from scenegen.things.surfaces import base_heights
-from scenegen.validation import as_path
 
 if TYPE_CHECKING:
-    import pandas
-    import torch
-
+    from scenegen.api.scenes import SceneSet
     from scenegen.sampling.problem import Problem
     from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
-
-
-NAMED = 10  # objects that a set names when it speaks of itself
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SceneArrays:
-    """Scenes of one spec.
-
-    `poses` is (n, N, 3): x and y in metres, theta in radians, objects in the order of `objects`. `phi` maps each label
-    to (n,) values in float64. `header` is the scene file without its scenes. `on` (n, M) says for each of the M objects
-    that stand on one of several surfaces (`header.choosers`) on which, counted from 1; None where there are none.
-    `rest` (n, N, 7) has place and quaternion, x, y, z, qw, qx, qy, qz, of objects that came to rest in a simulator;
-    then `poses` are x, y and the heading of the nearest upright attitude. None for scenes as they are planned.
-    """
-
-    poses: Array
-    phi: Mapping[str, Array]
-    header: SceneFile
-    warnings: tuple[Diagnostic, ...] = field(default=())
-    on: Array | None = field(default=None, kw_only=True)
-    rest: Array | None = field(default=None, kw_only=True)
-
-    def __len__(self) -> int:
-        return int(self.poses.shape[0])
-
-    @property
-    def objects(self) -> tuple[str, ...]:
-        return tuple(one.name for one in self.header.objects)
-
-    @property
-    def counts(self) -> dict[str, npt.NDArray[np.intp]]:
-        """How many things there are, (n,) by array of objects, where that is drawn: others have NaN in `poses`. Of an
-        object of a category the number of its asset, from 1."""
-        if not self.header.counts:
-            return {}
-        numbers = numbers_in(self.objects, self.header.counts, self.present)
-        return {one.name: number for one, number in zip(self.header.counts, numbers, strict=True)}
-
-    @property
-    def assets(self) -> dict[str, list[str]]:
-        """Which asset it is in each scene, by object of a category."""
-        known = {one.name: one.assets for one in self.header.counts if one.assets}
-        return {name: [known[name][k - 1] for k in each] for name, each in self.counts.items() if name in known}
-
-    @property
-    def present(self) -> npt.NDArray[np.bool_]:
-        """(n, N): which objects are there."""
-        return ~np.isnan(self.poses[:, :, X])
-
-    def parts(self) -> Iterator[tuple[dict[str, int], npt.NDArray[np.intp]]]:
-        """The numbers of things that there are, in lexicographic order, and the scenes that have them."""
-        counts = self.counts
-        if not counts:
-            yield {}, np.arange(len(self))
-            return
-        table = np.array(list(counts.values())).reshape(len(counts), len(self))
-        for numbers in np.unique(table, axis=1).T:
-            mine = np.flatnonzero((table == numbers[:, None]).all(axis=0))
-            yield dict(zip(counts, numbers.tolist(), strict=True)), mine
-
-    def only(self, numbers: Mapping[str, int], which: npt.NDArray[np.intp]) -> SceneArrays:
-        """Scenes that all have these numbers of things, as a set of scenes in which no number is drawn."""
-        header = member_of(self.header, numbers)
-        here = {one.name for one in header.objects}
-        columns = [column for column, name in enumerate(self.objects) if name in here]
-        chosen = [column for column, one in enumerate(self.header.choosers) if one.name in here]
-        return SceneArrays(
-            self.poses[which[:, None], columns],
-            {name: values[which] for name, values in self.phi.items()},
-            header,
-            on=None if self.on is None else self.on[which[:, None], chosen],
-            rest=None if self.rest is None else self.rest[which[:, None], columns],
-        )
-
-    def names(self) -> str:
-        """The first objects in words."""
-        more = len(self.objects) - NAMED
-        return ", ".join(self.objects[:NAMED]) + (f" and {more} more" if more > 0 else "")
-
-    def places(self, index: int) -> tuple[dict[str, Pose], dict[str, float]]:
-        """The poses of one scene by object, and its phi by label. Raises IndexError."""
-        choosers = {} if self.on is None else {one.name: one for one in self.header.choosers}
-        on = {} if self.on is None else dict(zip(choosers, self.on[index].tolist(), strict=True))
-        poses = {
-            name: pose_of(choosers.get(name), tuple(pose), on.get(name, 0.0))
-            for name, pose in zip(self.objects, self.poses[index].tolist(), strict=True)
-            if not math.isnan(pose[0])
-        }
-        return poses, {name: float(values[index]) for name, values in self.phi.items()}
-
-    def file(self) -> SceneFile:
-        """The scene file: validated data, ready to be written."""
-        if not len(self):
-            return self.header.without_scenes(tuple(self.phi))
-        counts = self.counts
-        scenes = [
-            SceneData(poses=poses, phi=phi, counts={name: int(each[number]) for name, each in counts.items()} or None)
-            for number, (poses, phi) in enumerate(map(self.places, range(len(self))))
-        ]
-        return self.header.model_copy(update={"scenes": scenes})
-
-    def save(self, path: str | Path) -> Path:
-        """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
-        path = as_path("path", path)
-        self.refuse_rest(path)
-        table.write_scenes(path, self.header, tuple(self.phi), self.blocks())
-        return path
-
-    def refuse_rest(self, what: object) -> None:
-        """Raises RequestError for scenes that came to rest in a simulator."""
-        if self.rest is not None:
-            rule = "takes scenes as they are planned, and these came to rest in a simulator, at any height and attitude"
-            remedy = "`scenegen eval`, `render` and `export` to mjcf, sdf and usd take them"
-            raise RequestError(OUT_OF_PLACE(option=what, rule=rule, remedy=remedy))
-
-    def blocks(self) -> Iterator[Block]:
-        """The scenes as file formats take them."""
-        for start in range(0, len(self), BLOCK):
-            part = slice(start, start + BLOCK)
-            rows = as_rows(self.poses[part])
-            if self.on is not None:
-                rows = np.concatenate([rows, self.on[part].T])
-            phi = np.array([values[part] for values in self.phi.values()]).reshape(len(self.phi), rows.shape[1])
-            yield Block(rows, phi)
 
 
 def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: RequestData) -> SceneFile:
@@ -254,7 +121,7 @@ class SpecScenes:
     rows: Array
 
 
-def parts_of(spec: CheckedSpec, scenes: SceneArrays) -> Iterator[SpecScenes]:
+def parts_of(spec: CheckedSpec, scenes: SceneSet) -> Iterator[SpecScenes]:
     """The scenes by the ordinary spec that they are of: the spec, or members of it where it draws how many things there
     are. Raises DataError as `rows_of` does."""
     for numbers, which in scenes.parts():
@@ -264,7 +131,7 @@ def parts_of(spec: CheckedSpec, scenes: SceneArrays) -> Iterator[SpecScenes]:
         yield SpecScenes(mine, which, rows_of(mine, some))
 
 
-def rows_of(spec: CheckedSpec, scenes: SceneArrays) -> Array:
+def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
     """The poses as (3N, n) storage in the spec's order of objects, headings in [0, 2 pi).
 
     Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
@@ -325,48 +192,6 @@ def _stored_motions(objects: int, steps: int, rows: Array) -> Array:
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# Sets of scenes as the arrays and tables of other libraries. Each is imported when it is asked for.
-
-
-def to_numpy(scenes: SceneArrays) -> tuple[Array, Array]:
-    """Poses (n, N, 3) and phi (n, L), both float64 and copies: what is done to them leaves the scenes alone."""
-    phi = np.empty((len(scenes), len(scenes.phi)))
-    for column, values in enumerate(scenes.phi.values()):
-        phi[:, column] = values
-    return scenes.poses.copy(), phi
-
-
-def to_torch(
-    scenes: SceneArrays, dtype: torch.dtype | None, device: torch.device | str | None
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """The same as tensors. Raises RequestError where torch is not installed."""
-    need("torch", "for `to_torch()`")
-    import torch
-
-    poses, phi = (torch.from_numpy(array) for array in to_numpy(scenes))
-    return poses.to(device, dtype), phi.to(device, dtype)
-
-
-def to_pandas(scenes: SceneArrays) -> pandas.DataFrame:
-    """One row per scene, the columns of the Parquet files: `mug.x`, `mug.y`, `mug.theta`, ..., `phi.task`.
-
-    Raises RequestError where pandas is not installed, OutputError where two columns would share a name.
-    """
-    try:
-        import pandas
-    except ModuleNotFoundError as error:
-        known = {"package": "pandas", "purpose": "for data frames", "command": "pip install pandas"}
-        raise RequestError(NOT_INSTALLED(**known)) from error
-    names = columns(scenes.header, tuple(scenes.phi))
-    poses, phi = to_numpy(scenes)
-    on = [] if scenes.on is None else [scenes.on]
-    counts = scenes.counts
-    each = [number[:, None].astype(np.float64) for number in counts.values()]
-    table = np.concatenate([poses.reshape(len(scenes), row_count(len(scenes.objects))), *on, *each, phi], axis=1)
-    return pandas.DataFrame(table, columns=names).astype({f"{COUNT}{name}": np.int64 for name in counts})
-
-
-# --------------------------------------------------------------------------------------------------------------------
 # Poses as simulators take them: a place and a quaternion.
 
 
@@ -382,7 +207,7 @@ def poses7(
     tensor: bool,
     dtype: str,
 ) -> Any:
-    """(n, N, 7) of poses (n, N, 3): x, y, z, qw, qx, qy, qz; `on` and `rest` as SceneArrays has them. Raises
+    """(n, N, 7) of poses (n, N, 3): x, y, z, qw, qx, qy, qz; `on` and `rest` as SceneSet has them. Raises
     RequestError."""
     if dtype not in DTYPES:
         raise RequestError(UNKNOWN_CHOICE(what="dtype", name=dtype, known=DTYPES))

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api import scene_arrays
-from scenegen.api.scene_arrays import SceneArrays, header_of, parts_of, stored_rows
+from scenegen.api.scene_arrays import header_of, parts_of, poses7, stored_rows
 from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import PHI_DIFFERS
-from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, WRONG_VALUE
+from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, NOT_INSTALLED, OUT_OF_PLACE, WRONG_VALUE
 from scenegen.geometry import NUMPY, Circle
 from scenegen.geometry.workspace import turned
 from scenegen.lang.checker import check_text
@@ -27,9 +26,11 @@ from scenegen.lang.formula.interpret import deciding_atom
 from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import THETA, TWO_PI, X, as_poses, row_count
-from scenegen.scenes.blocks import Block, element
-from scenegen.scenes.data import Pose, SceneData, SceneFile
+from scenegen.needs import need
+from scenegen.pose import THETA, TWO_PI, X, as_poses, as_rows, row_count
+from scenegen.scenes.blocks import BLOCK, COUNT, Block, columns, element, member_of, numbers_in
+from scenegen.scenes.data import Pose, SceneData, SceneFile, pose_of
+from scenegen.scenes.formats import registry
 from scenegen.scenes.formats.jsonl import block_of
 from scenegen.validation import as_path
 
@@ -89,6 +90,8 @@ class Scene:
         return picture(self.file(), self.rest)
 
 
+NAMED = 10  # objects that a set names when it speaks of itself
+
 Picked = slice | npt.NDArray[np.bool_] | npt.NDArray[np.integer] | list[int]
 
 TOLERANCE = 1e-9  # how far stored and computed phi may lie apart
@@ -96,14 +99,26 @@ CACHED = 32_768  # scenes scored at a time, so that they stay in cache
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SceneSet(SceneArrays):
-    """Scenes of one spec: `poses` (n, N, 3), `phi` by label, `header`, `warnings`; see SceneArrays.
+class SceneSet:
+    """Scenes of one spec.
+
+    `poses` is (n, N, 3): x and y in metres, theta in radians, objects in the order of `objects`. `phi` maps each label
+    to (n,) values in float64. `header` is the scene file without its scenes. `on` (n, M) says for each of the M objects
+    that stand on one of several surfaces (`header.choosers`) on which, counted from 1; None where there are none.
+    `rest` (n, N, 7) has place and quaternion, x, y, z, qw, qx, qy, qz, of objects that came to rest in a simulator;
+    then `poses` are x, y and the heading of the nearest upright attitude. None for scenes as they are planned.
 
     A number picks a scene, and a slice, a mask or an array of numbers a smaller set. Notebooks show the first scenes as
     pictures. Neither poses nor phi can be written to, and phi is what the header's spec gives: DataError is raised for
     other values. `Spec.scenes` makes a set of poses alone.
     """
 
+    poses: Array
+    phi: Mapping[str, Array]
+    header: SceneFile
+    warnings: tuple[Diagnostic, ...] = field(default=())
+    on: Array | None = field(default=None, kw_only=True)
+    rest: Array | None = field(default=None, kw_only=True)
     trusted: InitVar[bool] = False  # phi was computed here, or a reader of files is to compare it
     _drawn: list[bytes | None] = field(default_factory=list, init=False, repr=False)  # the sheet, once it is drawn
 
@@ -137,18 +152,129 @@ class SceneSet(SceneArrays):
             return SceneSet(self.poses[index], phi, self.header, on=on, rest=rest, trusted=True)
         return Scene(*self.places(index), self.header, None if self.rest is None else self.rest[index])
 
+    def __len__(self) -> int:
+        return int(self.poses.shape[0])
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        return tuple(one.name for one in self.header.objects)
+
+    @property
+    def counts(self) -> dict[str, npt.NDArray[np.intp]]:
+        """How many things there are, (n,) by array of objects, where that is drawn: others have NaN in `poses`. Of an
+        object of a category the number of its asset, from 1."""
+        if not self.header.counts:
+            return {}
+        numbers = numbers_in(self.objects, self.header.counts, self.present)
+        return {one.name: number for one, number in zip(self.header.counts, numbers, strict=True)}
+
+    @property
+    def assets(self) -> dict[str, list[str]]:
+        """Which asset it is in each scene, by object of a category."""
+        known = {one.name: one.assets for one in self.header.counts if one.assets}
+        return {name: [known[name][k - 1] for k in each] for name, each in self.counts.items() if name in known}
+
+    @property
+    def present(self) -> npt.NDArray[np.bool_]:
+        """(n, N): which objects are there."""
+        return ~np.isnan(self.poses[:, :, X])
+
+    def parts(self) -> Iterator[tuple[dict[str, int], npt.NDArray[np.intp]]]:
+        """The numbers of things that there are, in lexicographic order, and the scenes that have them."""
+        counts = self.counts
+        if not counts:
+            yield {}, np.arange(len(self))
+            return
+        table = np.array(list(counts.values())).reshape(len(counts), len(self))
+        for numbers in np.unique(table, axis=1).T:
+            mine = np.flatnonzero((table == numbers[:, None]).all(axis=0))
+            yield dict(zip(counts, numbers.tolist(), strict=True)), mine
+
+    def only(self, numbers: Mapping[str, int], which: npt.NDArray[np.intp]) -> SceneSet:
+        """Scenes that all have these numbers of things, as a set of scenes in which no number is drawn."""
+        header = member_of(self.header, numbers)
+        here = {one.name for one in header.objects}
+        placed = [column for column, name in enumerate(self.objects) if name in here]
+        chosen = [column for column, one in enumerate(self.header.choosers) if one.name in here]
+        return SceneSet(
+            self.poses[which[:, None], placed],
+            {name: values[which] for name, values in self.phi.items()},
+            header,
+            on=None if self.on is None else self.on[which[:, None], chosen],
+            rest=None if self.rest is None else self.rest[which[:, None], placed],
+            trusted=True,
+        )
+
+    def names(self) -> str:
+        """The first objects in words."""
+        more = len(self.objects) - NAMED
+        return ", ".join(self.objects[:NAMED]) + (f" and {more} more" if more > 0 else "")
+
+    def places(self, index: int) -> tuple[dict[str, Pose], dict[str, float]]:
+        """The poses of one scene by object, and its phi by label. Raises IndexError."""
+        choosers = {} if self.on is None else {one.name: one for one in self.header.choosers}
+        on = {} if self.on is None else dict(zip(choosers, self.on[index].tolist(), strict=True))
+        poses = {
+            name: pose_of(choosers.get(name), tuple(pose), on.get(name, 0.0))
+            for name, pose in zip(self.objects, self.poses[index].tolist(), strict=True)
+            if not math.isnan(pose[0])
+        }
+        return poses, {name: float(values[index]) for name, values in self.phi.items()}
+
+    def file(self) -> SceneFile:
+        """The scene file: validated data, ready to be written."""
+        if not len(self):
+            return self.header.without_scenes(tuple(self.phi))
+        counts = self.counts
+        scenes = [
+            SceneData(poses=poses, phi=phi, counts={name: int(each[number]) for name, each in counts.items()} or None)
+            for number, (poses, phi) in enumerate(map(self.places, range(len(self))))
+        ]
+        return self.header.model_copy(update={"scenes": scenes})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the scenes, as .json, .jsonl or .parquet by the path's ending; the file appears whole or not at all."""
+        path = as_path("path", path)
+        self.refuse_rest(path)
+        registry.write_scenes(path, self.header, tuple(self.phi), self.blocks())
+        return path
+
+    def refuse_rest(self, what: object) -> None:
+        """Raises RequestError for scenes that came to rest in a simulator."""
+        if self.rest is not None:
+            rule = "takes scenes as they are planned, and these came to rest in a simulator, at any height and attitude"
+            remedy = "`scenegen eval`, `render` and `export` to mjcf, sdf and usd take them"
+            raise RequestError(OUT_OF_PLACE(option=what, rule=rule, remedy=remedy))
+
+    def blocks(self) -> Iterator[Block]:
+        """The scenes as file formats take them."""
+        for start in range(0, len(self), BLOCK):
+            part = slice(start, start + BLOCK)
+            rows = as_rows(self.poses[part])
+            if self.on is not None:
+                rows = np.concatenate([rows, self.on[part].T])
+            phi = np.array([values[part] for values in self.phi.values()]).reshape(len(self.phi), rows.shape[1])
+            yield Block(rows, phi)
+
     def __iter__(self) -> Iterator[Scene]:
         return (self[index] for index in range(len(self)))
 
     def to_numpy(self) -> tuple[Array, Array]:
         """Copies: poses (n, N, 3) in metres and radians, and phi (n, L), labels in the order of `phi`, in float64."""
-        return scene_arrays.to_numpy(self)
+        phi = np.empty((len(self), len(self.phi)))
+        for column, values in enumerate(self.phi.values()):
+            phi[:, column] = values
+        return self.poses.copy(), phi
 
     def to_torch(
         self, dtype: torch.dtype | None = None, device: torch.device | str | None = None
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """The same as tensors, what `spec.robustness()` takes and gives; float64 unless `dtype` says otherwise."""
-        return scene_arrays.to_torch(self, dtype, device)
+        need("torch", "for `to_torch()`")
+        import torch
+
+        poses, phi = (torch.from_numpy(array) for array in self.to_numpy())
+        return poses.to(device, dtype), phi.to(device, dtype)
 
     def poses7(self, *, tensor: bool = False, dtype: str = "float64") -> Any:
         """(n, N, 7): x, y, z of each object's lowest point under the middle of its footprint, in metres, and its
@@ -157,7 +283,7 @@ class SceneSet(SceneArrays):
         A numpy array, or a torch `tensor`, in float32 or float64. Raises RequestError for another dtype, and where
         torch is not installed.
         """
-        return scene_arrays.poses7(self.header, self.poses, self.on, self.rest, tensor=tensor, dtype=dtype)
+        return poses7(self.header, self.poses, self.on, self.rest, tensor=tensor, dtype=dtype)
 
     def mirrored(self) -> SceneSet:
         """Each scene as in a mirror: x counted from the other side of the workspace, headings turned with it, and phi
@@ -181,7 +307,18 @@ class SceneSet(SceneArrays):
 
         Raises RequestError where pandas is not installed, OutputError where two columns would share a name.
         """
-        return scene_arrays.to_pandas(self)
+        try:
+            import pandas
+        except ModuleNotFoundError as error:
+            known = {"package": "pandas", "purpose": "for data frames", "command": "pip install pandas"}
+            raise RequestError(NOT_INSTALLED(**known)) from error
+        names = columns(self.header, tuple(self.phi))
+        poses, phi = self.to_numpy()
+        on = [] if self.on is None else [self.on]
+        counts = self.counts
+        each = [number[:, None].astype(np.float64) for number in counts.values()]
+        table = np.concatenate([poses.reshape(len(self), row_count(len(self.objects))), *on, *each, phi], axis=1)
+        return pandas.DataFrame(table, columns=names).astype({f"{COUNT}{name}": np.int64 for name in counts})
 
     def _sheet(self) -> bytes | None:
         """The contact sheet of the first scenes, drawn when a notebook first shows it."""

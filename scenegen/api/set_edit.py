@@ -18,8 +18,7 @@ from scenegen.scenes import sets
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.lease import held
 from scenegen.scenes.locations import inside
-from scenegen.scenes.open_store import open_store
-from scenegen.scenes.stores import Store
+from scenegen.scenes.stores import Store, open_store
 
 SPLIT = 12  # the stream of random numbers of splits
 MEMORY = 1 << 29  # bytes of the scenes that wait for the shards of all parts of a split

@@ -1,114 +1,16 @@
-"""Sets of scenes: as many as one wants, in Parquet files of equal size, in a folder or an object store."""
+"""The card of a set of scenes: its README.md, as hubs of data read it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from scenegen.api.request import Note, check_request, plan_of
-from scenegen.api.sample import PhiSummary, Written, partial
-from scenegen.api.scene_arrays import header_of, stored_form
-from scenegen.api.spec import LearnedModel, Spec, spec_of
-from scenegen.errors import Diagnostic, RequestError
-from scenegen.pose import row_count
-from scenegen.sampling.request import Progress, SampleRequest
-from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.formats.registry import MOTIONS
-from scenegen.scenes.open_store import open_store
 
 if TYPE_CHECKING:
-    from scenegen.sampling.plan import Plan, Tally
     from scenegen.scenes.sets import Manifest
     from scenegen.scenes.stores import Store
-
-
-MORE = 4  # columns of motions beside poses and phi: number, time and two facts
-
-
-def write_set(
-    location: str,
-    source: Spec | LearnedModel,
-    request: SampleRequest,
-    *,
-    progress: Progress | None = None,
-    on_note: Note | None = None,
-) -> Written:
-    """The scenes of a request as a set of shards. The bytes depend on the request and `shard_size` alone, neither on
-    the engine nor on the number of workers.
-
-    Raises what `sample_to` raises, and RequestError for an engine that is not there.
-    """
-    store = open_store(location, on_note)
-    request = check_request(source, request)
-    from scenegen.sampling.engine.engines import ShardWriter, check_engine, open_engine
-    from scenegen.sampling.engine.run import request_of
-    from scenegen.sampling.engine.sets import write_set as write
-    from scenegen.sampling.problem import Budget
-    from scenegen.sampling.report import fell_short, summed_up
-    from scenegen.scenes import sets
-    from scenegen.scenes.lease import held, refuse_held
-    from scenegen.version import __version__
-
-    numbers, block = _numbers(spec_of(source)), BLOCK
-    if spec_of(source).over_time is not None:
-        block = sets.motion_block(numbers)
-    size = sets.shard_size(request.shard_size, numbers, len(spec_of(source).objects), block)
-    check_engine(request.engine, request.address)
-    refuse_held(store)
-    sets.refuse_taken(store, resume=request.resume)
-    budget = Budget(request.timeout)
-    with closing(plan_of(source, request, budget, on_note)) as plan:
-        labels = plan.problem.labels
-
-        def account(tally: Tally) -> Mapping[str, Any]:
-            return summed_up(plan, tally)[0]
-
-        with held(store) as hold, open_engine(request.engine, request.workers, plan, request.address) as chosen:
-            header = header_of(plan.problem, {"method": plan.method})
-            writing = ShardWriter(plan, store, header, labels, stored_form(plan.problem))
-            facts = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, "method": request.method}
-            manifest = sets.Manifest(
-                request={**request_of(plan.problem, {"scenegen": __version__}), **facts},
-                labels=list(labels),
-                shard_size=size,
-                header=sets.header_data(header),
-            )
-
-            def spent() -> bool:
-                hold.check()
-                return budget.spent
-
-            tally, manifest = write(
-                store, plan, chosen, manifest, writing, account,
-                resume=request.resume, keep_partial=request.keep_partial, spent=spent, progress=progress, block=block,
-            )  # fmt: skip
-            warnings: tuple[Diagnostic, ...] = ()
-            if tally is not None:
-                warnings, shortfall = _warnings(source, request, plan, tally), fell_short(plan, tally, budget.spent)
-                if shortfall is not None:
-                    if not manifest.complete:
-                        raise RequestError(shortfall.but(folder=store.location if manifest.shards else None))
-                    warnings = (*warnings, partial(shortfall))
-            write_card(store, manifest)
-    phi = {label: PhiSummary(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
-    return Written(store.location, manifest.scenes, header_of(plan.problem, manifest.sampler), phi, warnings)
-
-
-def _numbers(spec: Spec) -> int:
-    """How many numbers of a scene, or motion, files have."""
-    rows = row_count(len(spec.objects)) + len(spec.labels)
-    return rows if spec.horizon is None else (rows + MORE) * spec.horizon.moments
-
-
-def _warnings(source: Spec | LearnedModel, request: SampleRequest, plan: Plan, tally: Tally) -> tuple[Diagnostic, ...]:
-    from scenegen.sampling.report import summed_up
-
-    warnings = summed_up(plan, tally)[1]
-    if isinstance(source, LearnedModel) and request.method == "model":
-        warnings = (*warnings, *source.advice(request.phi, None, request.raw))
-    return warnings
 
 
 def write_card(store: Store, manifest: Manifest) -> None:

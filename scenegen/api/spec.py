@@ -11,10 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span, SpecError
-from scenegen.errors.declarations import COUNT_OUT_OF_RANGE, COUNT_SYNTAX, NUMBERS_NOT_HERE, UNKNOWN_COUNT, UNKNOWN_PICK
+from scenegen.errors.declarations import NUMBERS_NOT_HERE, WRONG_COUNT
 from scenegen.errors.language import PHI_TOO_LARGE
-from scenegen.errors.requests import CHOICES_NOT_HERE, NEEDED_HERE, WRONG_VALUE
-from scenegen.errors.time import NOT_OVER_TIME, TIME_NOT_HERE
+from scenegen.errors.requests import (
+    ARGUMENT_SYNTAX,
+    CHOICES_NOT_HERE,
+    NEEDED_HERE,
+    NOT_OVER_TIME,
+    TIME_NOT_HERE,
+    WRONG_VALUE,
+)
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.checker import check_file, check_text
 from scenegen.lang.formula.timed import Horizon, Movers, Timed
@@ -97,11 +103,11 @@ class Spec:
         for name, given in counts.items():
             if name not in self.counts:
                 each = tuple(one for one in self.counts if one.startswith(f"{name}["))
-                raise RequestError(UNKNOWN_COUNT(name=name, each=each, known=tuple(self.counts)))
+                raise RequestError(WRONG_COUNT(name=name, each=each, known=tuple(self.counts)))
             least, most = self.counts[name]
             number = _number_of(name, given, self.assets.get(name, ()))
             if not least <= number <= most:
-                raise RequestError(COUNT_OUT_OF_RANGE(name=name, number=number, least=least, most=most))
+                raise RequestError(WRONG_COUNT(name=name, number=number, least=least, most=most))
             numbers[name] = number
         if not counts:
             return self
@@ -287,9 +293,10 @@ def _number_of(name: str, given: int | str, assets: tuple[str, ...]) -> int:
     if re.fullmatch("[0-9]{1,9}", given, re.ASCII):
         return int(given)
     if assets:
-        raise RequestError(UNKNOWN_PICK(object=name, name=given, known=assets))
+        raise RequestError(WRONG_COUNT(object=name, name=given, known=assets))
     text = f"{name}={given}"
-    raise RequestError(COUNT_SYNTAX(Span(Source("count", text, argument=True), 0, len(text))))
+    here = Span(Source("count", text, argument=True), 0, len(text))
+    raise RequestError(ARGUMENT_SYNTAX(here, what="a number of things", form="NAME=NUMBER", example="block=5"))
 
 
 def load(path: str | Path, root: str | Path | None = None) -> Spec:

@@ -17,9 +17,8 @@ from scenegen.pose import as_poses, row_count
 from scenegen.scenes.blocks import Block, joined
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.locations import as_location, inside
-from scenegen.scenes.open_store import open_store
 from scenegen.scenes.sets import Manifest, Shard
-from scenegen.scenes.stores import Store
+from scenegen.scenes.stores import Store, open_store
 from scenegen.validation import as_int
 
 

@@ -1,22 +1,23 @@
-"""Scenes straight into a file, however many there are."""
+"""Scenes straight into a file or a set, however many there are."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
-from scenegen.api.sample import PhiSummary, Written, partial
+from scenegen.api.sample import PhiSummary, Written, refuse_set_options
+from scenegen.api.sample import partial as kept_anyway
 from scenegen.api.scene_arrays import header_of, stored_form
-from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
-from scenegen.errors import RequestError
-from scenegen.errors.files import ONLY_FOR_SETS
+from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
-from scenegen.sampling.request import FixedPose, Progress, SampleRequest
-from scenegen.scenes.blocks import Block
+from scenegen.sampling.request import FixedPose, Progress, Range, SampleRequest
+from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
 from scenegen.scenes.formats.scenes_json import BYTES, MOST_BYTES
@@ -24,9 +25,14 @@ from scenegen.scenes.locations import as_location, names_set
 from scenegen.validation import as_int, as_path
 
 if TYPE_CHECKING:
-    from scenegen.api.motions import MotionSet
+    from scenegen.sampling.engine.engines import ShardWriter
+    from scenegen.sampling.plan import Plan, Tally
     from scenegen.scenes.motions import AnyFile
+    from scenegen.scenes.sets import Manifest
+    from scenegen.scenes.stores import Store
 
+FILE_SHARD = 1 << 26  # bytes of a shard of a file in progress, at most
+MORE = 4  # columns of motions beside poses and phi: number, time and two facts
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
 
@@ -44,6 +50,8 @@ def sample_to(
     keep_partial: bool = False,
     fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
     settle: bool = False,
+    success: Range | tuple[float | None, float | None] | None = None,
+    under: str | Path | None = None,
     workers: int | None = None,
     resume: bool = False,
     engine: str = "local",
@@ -67,7 +75,8 @@ def sample_to(
     """
     request = SampleRequest(
         read_phi(source, phi), n, seed=seed, method=method, spread=spread, fix={} if fix is None else fix,
-        settle=settle, raw=raw, timeout=timeout, workers=workers, keep_partial=keep_partial, resume=resume,
+        settle=settle, success=success, under=under, raw=raw, timeout=timeout, workers=workers,
+        keep_partial=keep_partial, resume=resume,
         engine=engine, address=address, shard_size=shard_size,
     )  # fmt: skip
     return write_scenes(path, source, request, progress=progress, on_note=on_note)
@@ -82,62 +91,157 @@ def write_scenes(
     on_note: Note | None = None,
 ) -> Written:
     """The scenes of a request, in a file or a set. Raises what `sample_to` raises."""
-    if names_set(path):
-        from scenegen.api.sets import write_set
+    write = _write_set if names_set(path) else _write_file
+    return write(path, source, request, progress, on_note)
 
-        return write_set(as_location(path), source, request, progress=progress, on_note=on_note)
-    refuse_set_options(request)
-    path = as_path("path", path)
-    over_time = spec_of(source).over_time is not None
-    format_of(path, MOTIONS if over_time else SCENES)
-    check_writable(path)
-    if path.suffix.lower() == ".json" and not over_time:
-        _check_json(as_int("n", request.n), spec_of(source))
+
+def _write_set(
+    path: str | Path,
+    source: Spec | LearnedModel,
+    request: SampleRequest,
+    progress: Progress | None,
+    on_note: Note | None,
+) -> Written:
+    """The bytes depend on the request and `shard_size` alone, neither on the engine nor on the number of workers."""
+    from scenegen.scenes.stores import open_store
+
+    store, spec = open_store(as_location(path), on_note), spec_of(source)
     request = check_request(source, request)
-    from scenegen.sampling.engine.run import to_file
+    from scenegen.api.sets import write_card
+    from scenegen.sampling.engine.engines import check_engine, open_engine
+    from scenegen.sampling.engine.writer import write_set
     from scenegen.sampling.problem import Budget
-    from scenegen.scenes.shards import folder_of
-    from scenegen.version import __version__
+    from scenegen.scenes import sets
+    from scenegen.scenes.lease import held, refuse_held
 
+    numbers = _numbers(spec)
+    block = BLOCK if spec.horizon is None else sets.motion_block(numbers)
+    size = sets.shard_size(request.shard_size, numbers, len(spec.objects), block)
+    check_engine(request.engine, request.address)
+    refuse_held(store)
+    sets.refuse_taken(store, resume=request.resume)
     budget = Budget(request.timeout)
-    plan = plan_of(source, request, budget, on_note)
-    seen = _PhiStatistics()
-    stored = stored_form(plan.problem)
-    headers: list[AnyFile] = []
+    with closing(plan_of(source, request, budget, on_note)) as plan:
+        with held(store) as hold, open_engine(request.engine, request.workers, plan, request.address) as engine:
 
-    def header(info: Mapping[str, object]) -> AnyFile:
-        headers.append(header_of(plan.problem, info))
-        return headers[-1]
+            def spent() -> bool:
+                hold.check()
+                return budget.spent
 
-    tally, warnings, shortfall = to_file(
-        path,
-        plan,
-        header,
-        budget,
-        versions={"scenegen": __version__},
-        resume=request.resume,
-        joining=seen,
-        stored=stored and (lambda block: Block(stored(block.rows), block.phi)),
-        progress=progress,
+            manifest = _manifest(plan, size, method=request.method)
+            tally, manifest = write_set(
+                store, plan, engine, manifest, _shard_writer(plan, sets.PARQUET, store),
+                lambda tally: _account(plan, tally), resume=request.resume, keep_partial=request.keep_partial,
+                spent=spent, progress=progress, block=block,
+            )  # fmt: skip
+            warnings: tuple[Diagnostic, ...] = ()
+            if tally is not None:
+                kept = store.location if manifest.shards else None
+                warnings = _warnings(source, request, plan, tally, budget.spent, manifest.complete, kept)
+            write_card(store, manifest)
+        phi = {label: PhiSummary(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
+        return Written(store.location, manifest.scenes, header_of(plan.problem, manifest.sampler), phi, warnings)
+
+
+def _write_file(
+    path: str | Path,
+    source: Spec | LearnedModel,
+    request: SampleRequest,
+    progress: Progress | None,
+    on_note: Note | None,
+) -> Written:
+    refuse_set_options(request)
+    path, spec = as_path("path", path), spec_of(source)
+    format_of(path, SCENES if spec.over_time is None else MOTIONS)
+    check_writable(path)
+    if path.suffix.lower() == ".json" and spec.over_time is None:
+        _check_json(as_int("n", request.n), spec)
+    request = check_request(source, request)
+    from scenegen.sampling.engine.engines import open_engine
+    from scenegen.sampling.engine.writer import folder_of, write_file
+    from scenegen.sampling.problem import Budget
+    from scenegen.scenes.sets import RAW
+
+    size = max(1, FILE_SHARD // (8 * _numbers(spec) * BLOCK)) * BLOCK
+    budget, seen = Budget(request.timeout), _PhiStatistics()
+    with closing(plan_of(source, request, budget, on_note)) as plan:
+        with open_engine("local", None, plan) as engine:
+            tally = write_file(
+                path, plan, engine, _manifest(plan, size), partial(_shard_writer, plan, RAW),
+                lambda tally: header_of(plan.problem, _account(plan, tally)), resume=request.resume,
+                keep_partial=request.keep_partial, spent=lambda: budget.spent, progress=progress, joining=seen,
+            )  # fmt: skip
+        folder = folder_of(path)
+        written = request.keep_partial and bool(tally.scenes)
+        warnings = _warnings(source, request, plan, tally, budget.spent, written, folder if folder.exists() else None)
+        if not seen.count:  # the file was there already, and only its folder was left to be removed
+            for block in _blocks_of(path, spec.over_time is not None):
+                seen(block)
+        header = header_of(plan.problem, _account(plan, tally))
+        return Written(path, seen.count, header, seen.phi(plan.problem.labels), warnings)
+
+
+def _first_header(plan: Plan) -> AnyFile:
+    """The header before the run."""
+    header: AnyFile = header_of(plan.problem, {"method": plan.method})
+    return header
+
+
+def _manifest(plan: Plan, size: int, **facts: object) -> Manifest:
+    """Before the run."""
+    from scenegen.resources import __version__
+    from scenegen.sampling.engine.run import request_of
+    from scenegen.scenes.sets import Manifest, header_data
+
+    asked = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, **facts}
+    return Manifest(
+        request={**request_of(plan.problem, {"scenegen": __version__}), **asked},
+        labels=list(plan.problem.labels),
+        shard_size=size,
+        header=header_data(_first_header(plan)),
     )
+
+
+def _shard_writer(plan: Plan, ending: str, store: Store) -> ShardWriter:
+    from scenegen.sampling.engine.engines import ShardWriter
+
+    return ShardWriter(plan, store, _first_header(plan), plan.problem.labels, stored_form(plan.problem), ending)
+
+
+def _account(plan: Plan, tally: Tally) -> dict[str, object]:
+    from scenegen.sampling.report import summed_up
+
+    return dict(summed_up(plan, tally)[0])
+
+
+def _warnings(
+    source: Spec | LearnedModel,
+    request: SampleRequest,
+    plan: Plan,
+    tally: Tally,
+    spent: bool,
+    written: bool,
+    folder: object,
+) -> tuple[Diagnostic, ...]:
+    """Of a run that ended. Raises RequestError where it found too few scenes, and they were not `written`; `folder`
+    keeps them then, if one does."""
+    from scenegen.sampling.report import fell_short, summed_up
+
+    warnings = summed_up(plan, tally)[1]
     if isinstance(source, LearnedModel) and request.method == "model":
         warnings = (*warnings, *source.advice(request.phi, None, request.raw))
-    if shortfall is not None:
-        if not (request.keep_partial and tally.scenes):
-            folder = folder_of(path)
-            raise RequestError(shortfall.but(folder=folder if folder.exists() else None))
-        warnings = (*warnings, partial(shortfall))
-    if not seen.count:  # the file was there already, and only its folder was left to be removed
-        for block in _blocks_of(path, over_time):
-            seen(block)
-    return Written(path, seen.count, headers[-1], seen.phi(plan.problem.labels), warnings)
+    shortfall = fell_short(plan, tally, spent)
+    if shortfall is None:
+        return warnings
+    if not written:
+        raise RequestError(shortfall.but(folder=folder))
+    return (*warnings, kept_anyway(shortfall))
 
 
-def refuse_set_options(request: SampleRequest) -> None:
-    """Raises RequestError for options that only sets have."""
-    argument = request.misplaced("scenes", "motions", "files")
-    if argument is not None:
-        raise RequestError(ONLY_FOR_SETS(argument=argument))
+def _numbers(spec: Spec) -> int:
+    """How many numbers of a scene, or motion, files have."""
+    rows = row_count(len(spec.objects)) + len(spec.labels)
+    return rows if spec.horizon is None else (rows + MORE) * spec.horizon.moments
 
 
 def _blocks_of(path: Path, over_time: bool) -> Iterable[Block]:
@@ -154,11 +258,6 @@ def _check_json(n: int, spec: Spec) -> None:
     most = min(MAX_JSON, MOST_BYTES // (BYTES * (row_count(len(spec.objects)) + len(spec.labels))))
     if n > most:
         raise RequestError(TOO_MANY(n=n, most=most))
-
-
-def met(scenes: SceneSet | MotionSet) -> dict[str, PhiSummary]:
-    """What phi is in a set of at least one scene, or motion."""
-    return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
 
 
 class _PhiStatistics:

@@ -16,7 +16,7 @@ def main() -> None:
     os.environ["PYTHONSAFEPATH"] = "1"  # Pythons that libraries start import nothing from the working folder
     try:
         # Loading takes a moment, in which Ctrl-C must not show a traceback either.
-        from scenegen.processes.worker import keep_memory, raise_gc_threshold
+        from scenegen.processes.process import keep_memory, raise_gc_threshold
 
         raise_gc_threshold()
         keep_memory()

@@ -14,8 +14,7 @@ from scenegen.cli.output import complain, note, print_error, print_json, print_r
 from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.program import PHI_NOT_COMPARED
-from scenegen.errors.requests import NO_SUCH_SCENE_NUMBER, OUT_OF_PLACE
-from scenegen.errors.time import NO_SUCH_MOTION
+from scenegen.errors.requests import NO_SUCH_NUMBER, OUT_OF_PLACE
 from scenegen.lang.formula.core import REQUIRE
 
 if TYPE_CHECKING:
@@ -88,7 +87,7 @@ def evaluate(
     if scene is not None and not explain:
         raise RequestError(OUT_OF_PLACE(option="--scene", rule="shows one scene of --explain", remedy="add --explain"))
     if scene is not None and not 1 <= scene <= len(found):
-        raise RequestError(NO_SUCH_SCENE_NUMBER(number=scene, file=scenes, count=len(found)))
+        raise RequestError(NO_SUCH_NUMBER(what="scene", number=scene, file=scenes, first=1, last=len(found)))
     one = (scene or 1) if explain and (scene is not None or len(found) == 1) else None
     if json:
         print_json(as_json(checked, found, explain, one))
@@ -197,7 +196,7 @@ def evaluate_trajectories(
         if motion not in motions:
             numbers = [number for number in motions if number is not None]
             ends = {"first": min(numbers), "last": max(numbers)} if numbers else {}
-            raise RequestError(NO_SUCH_MOTION(number=motion, file=path, **ends))
+            raise RequestError(NO_SUCH_NUMBER(what="motion", number=motion, file=path, **ends))
         motions = {motion: motions[motion]}
     if figure is not None and len(motions) > 1:
         rule = f"draws one motion, and {path} has {len(motions):,}"

@@ -89,16 +89,17 @@ def choices(*names: str) -> Callable[[str], list[str]]:
 def parse_counts(options: list[str] | None) -> dict[str, str]:
     """The numbers of `--count` options as typed, e.g. ["block=5"], or assets, ["mug=025_mug"]: the spec knows which.
     Raises RequestError with a caret."""
-    from scenegen.errors.declarations import COUNT_SYNTAX, COUNT_TWICE
+    from scenegen.errors.requests import ARGUMENT_SYNTAX, GIVEN_TWICE
 
     found: dict[str, str] = {}
     for text in options or ():
         here = Span(Source("count", text, argument=True), 0, len(text))
         name, _, number = (part.strip() for part in text.partition("="))
         if not name or not number:
-            raise RequestError(COUNT_SYNTAX(here))
+            example = "--count block=5; of an object of a category the asset: --count mug=025_mug"
+            raise RequestError(ARGUMENT_SYNTAX(here, what="a number of things", form="NAME=NUMBER", example=example))
         if name in found:
-            raise RequestError(COUNT_TWICE(here, name=name))
+            raise RequestError(GIVEN_TWICE(here, what=f"the number of `{name}`"))
         found[name] = number
     return found
 
@@ -116,7 +117,7 @@ def whole(text: str | int) -> int:
 
 def seconds(text: str | float) -> float:
     """A span of time as typed: seconds, or with a unit of the language, 90s or 2min. Raises typer.BadParameter."""
-    from scenegen.geometry.units import quantity
+    from scenegen.geometry.primitives import quantity
 
     found = re.fullmatch(r"\s*(.*?)\s*(ms|s|min|)\s*", str(text))
     try:

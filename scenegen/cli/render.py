@@ -13,8 +13,7 @@ from scenegen.cli.options import ADDRESS, ENGINE, MESHES, PICTURES, POSES_OF, ar
 from scenegen.cli.output import note, note_others, print_error, progress_bar
 from scenegen.errors import RequestError, Source, Span
 from scenegen.errors.program import NOT_ITS_MODEL
-from scenegen.errors.requests import ARGUMENT_SYNTAX, OUT_OF_PLACE, OUT_OF_RANGE
-from scenegen.errors.time import NOT_ONE_MOTION
+from scenegen.errors.requests import ARGUMENT_SYNTAX, NOT_ONE_MOTION, OUT_OF_PLACE, OUT_OF_RANGE
 from scenegen.scenes.formats.registry import is_motions
 
 if TYPE_CHECKING:

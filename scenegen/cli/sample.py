@@ -21,12 +21,7 @@ from scenegen.cli.output import (
     write_data,
 )
 from scenegen.errors import RequestError
-from scenegen.errors.requests import (
-    CONFLICTING_ARGUMENTS,
-    OUT_OF_PLACE,
-    WITHOUT_MODEL,
-)
-from scenegen.errors.time import NOT_FOR_MOTIONS
+from scenegen.errors.requests import CONFLICTING_ARGUMENTS, NOT_FOR_MOTIONS, OUT_OF_PLACE, WITHOUT_MODEL
 from scenegen.sampling.request import OF_MODELS, Range, SampleRequest
 from scenegen.scenes.locations import inside, names_set
 
@@ -223,7 +218,7 @@ def _request(subject: Spec | Model, options: SampleOptions) -> SampleRequest:
 
 
 def _sample_scenes(subject: Spec | Model, request: SampleRequest, options: SampleOptions) -> None:
-    from scenegen.api.stream import refuse_set_options
+    from scenegen.api.sample import refuse_set_options
     from scenegen.scenes.blocks import BLOCK
 
     if not options.stored:
@@ -293,7 +288,7 @@ def _complete(subject: Spec | Model, request: SampleRequest, options: SampleOpti
 
 def _hand_out(scenes: SceneSet, options: SampleOptions) -> None:
     """Write scenes to a file or the output, say what they are, and draw them."""
-    from scenegen.api.stream import met
+    from scenegen.api.sample import met
 
     if options.path is not None:
         scenes.save(options.path)
@@ -350,7 +345,8 @@ def _sample_motions(spec: Spec, request: SampleRequest, options: SampleOptions) 
     cannot be written to."""
     from scenegen.api.motions import draw_motions, read_motions
     from scenegen.api.request import check_request
-    from scenegen.api.stream import met, refuse_set_options, write_scenes
+    from scenegen.api.sample import met, refuse_set_options
+    from scenegen.api.stream import write_scenes
     from scenegen.scenes.blocks import BLOCK
 
     check_request(spec, request)

@@ -113,7 +113,7 @@ def _result(source: Path) -> str:
 
 def _quantity(name: str, text: str, wanted: str) -> float:
     """A length in metres or an angle in degrees, above 0. Raises RequestError."""
-    from scenegen.geometry.units import ANGLE, LENGTH, quantity
+    from scenegen.geometry.primitives import ANGLE, LENGTH, quantity
 
     known = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(mm|cm|m|deg|rad|turn)\s*", text)
     value, unit = quantity(*known.groups()) if known is not None else (0.0, None)

@@ -10,8 +10,7 @@ import typer
 from scenegen.cli.options import argument, option, spec_names
 from scenegen.cli.output import complain, print_error, print_message, write_data
 from scenegen.errors import OutputError, RequestError
-from scenegen.errors.files import CANNOT_WRITE
-from scenegen.errors.requests import UNKNOWN_SHIPPED_SPEC
+from scenegen.errors.files import CANNOT_WRITE, SPEC_NOT_FOUND
 
 
 def specs(
@@ -32,7 +31,7 @@ def specs(
     shipped = shipped_specs()
     if name is not None:
         if name not in shipped:
-            raise RequestError(UNKNOWN_SHIPPED_SPEC(name=name, known=shipped))
+            raise RequestError(SPEC_NOT_FOUND(name=name, known=shipped))
         write_data(shipped[name].read_bytes())
         return
     wide = max(map(len, shipped))

@@ -1,8 +1,8 @@
 """Diagnostics: what scenegen reports when something is wrong.
 
 Every problem a user can cause is a `Diagnostic`: a `Kind` with a stable code, a place in a text, and facts. The kinds
-are listed in the modules of this folder, one for each stage. `template.py` turns facts into prose, `diagnostic.py`
-prose into text and facts into data. Problems travel in `ScenegenError`. `catalog.py` has all kinds, and what `scenegen
+are listed in the modules of this folder, one for each stage. `diagnostic.py` turns facts into
+prose and data, and prose into text. Problems travel in `ScenegenError`. `catalog.py` has all kinds, and what `scenegen
 explain` says.
 """
 
@@ -19,11 +19,12 @@ from scenegen.errors.diagnostic import (
     Source,
     Span,
     SpecError,
+    nearest,
+    quoted,
     render,
     render_all,
     to_json,
 )
-from scenegen.errors.template import nearest, quoted
 
 __all__ = [
     "DataError",

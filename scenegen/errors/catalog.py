@@ -15,11 +15,10 @@ from pathlib import Path
 from scenegen.errors.diagnostic import Kind, names
 
 GROUPS = {
-    "language": "Text, names, values and lists of a spec",
+    "language": "Text, names, values, lists and time of a spec",
     "declarations": "Objects, their numbers, regions and statements of a spec",
-    "time": "Time, motions and pairs",
-    "requests": "Requests",
-    "files": "Files, sets of scenes, stores and clusters",
+    "requests": "Requests for scenes, motions and pairs",
+    "files": "Files, trajectories, sets of scenes, stores and clusters",
     "worlds": "Planning problems, and environments of other libraries",
     "learning": "Training, models, metrics, environments and curricula",
     "program": "The program, the page and the machine",

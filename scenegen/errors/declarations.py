@@ -220,9 +220,16 @@ REQUIREMENT_HARDLY_MET = Kind(
 )
 NEVER_SATISFIED = Kind(
     "never-satisfied",
-    "no scene that satisfies `{name}` was found; where phi reaches, `scenegen check` shows part by part",
-    help="change one of its parts",
+    (
+        "no {motion} that satisfies `{name}` was found",
+        "no scene that satisfies `{name}` was found; where phi reaches, `scenegen check` shows part by part",
+    ),
+    help=(
+        "{motion:?}let objects move faster or in more steps, or change one of its parts",
+        "change one of its parts",
+    ),
     severity="warning",
+    formerly=("no-motion-satisfies",),
 )
 HEADING_COMPARED = Kind(
     "heading-compared",
@@ -446,34 +453,22 @@ NUMBERS_NOT_HERE = Kind(
         "fix them: `--count {name}={most}`, `with_counts` in Python, or {name}[{most}] in the spec",
     ),
 )
-UNKNOWN_COUNT = Kind(
-    "unknown-count",
-    "the spec draws no number of `{name}`",
+WRONG_COUNT = Kind(
+    "wrong-count",
+    (
+        "there cannot be {number} of `{name}`",
+        "`{object}` cannot be the asset `{name}`",
+        "the spec draws no number of `{name}`",
+    ),
     help=(
+        "{number:?}the spec draws {least} to {most}",
         "it draws each of them by itself: {each:list}",
         NEAREST,
+        "{object:?}the spec draws one of {known:list}",
         "it draws the numbers of {known:list}",
         "it draws no number of things",
     ),
-)
-UNKNOWN_PICK = Kind(
-    "unknown-pick", "`{object}` cannot be the asset `{name}`", help=(NEAREST, "the spec draws one of {known:list}")
-)
-COUNT_OUT_OF_RANGE = Kind(
-    "count-out-of-range",
-    "there cannot be {number} of `{name}`",
-    help="the spec draws {least} to {most}",
-)
-COUNT_SYNTAX = Kind(
-    "count-syntax",
-    "a number of things is written NAME=NUMBER",
-    help="for instance: `<count=block=5>`; of an object of a category the asset: `<count=mug=025_mug>`",
-)
-COUNT_TWICE = Kind("count-twice", "the number of `{name}` is given twice")
-HELD_MAY_BE_MISSING = Kind(
-    "held-may-be-missing",
-    "`{name}` cannot be held: it may be missing",
-    help="hold what is always there, or fix the numbers with `<count>`",
+    formerly=("count-out-of-range", "unknown-pick", "unknown-count"),
 )
 NUMBER_LEFT_OUT = Kind(
     "number-left-out",

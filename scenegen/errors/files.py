@@ -29,11 +29,17 @@ BAD_LOOKS = Kind(
 )
 SPEC_NOT_FOUND = Kind(
     "spec-not-found",
-    "cannot read {path}: there is no file {path}, nor {path}.spec",
-    help=(
-        "did you mean `{nearest}`, which ships with scenegen?",
-        "{remedy}; `scenegen specs` lists those that ship with scenegen",
+    (
+        "cannot read {path}: there is no file {path}, nor {path}.spec",
+        "no spec of this name ships with scenegen: {name}",
     ),
+    help=(
+        "{path:?}did you mean `{nearest}`, which ships with scenegen?",
+        NEAREST,
+        "{remedy}; `scenegen specs` lists those that ship with scenegen",
+        "`scenegen specs` lists them",
+    ),
+    formerly=("unknown-shipped-spec",),
 )
 CANNOT_WRITE = Kind(
     "cannot-write",
@@ -270,7 +276,11 @@ PHI_DIFFERS = Kind(
 UNFINISHED_RUN = Kind(
     "unfinished-run",
     ("{folder} holds {outcomes:,} outcomes already", "{folder} holds {scenes:,} scenes of an unfinished run"),
-    help=("{outcomes:?}go on with <resume>, or name another file", "go on with <resume>, or delete the folder"),
+    help=(
+        "{outcomes:?}go on with <resume>, or name another file",
+        "{older:?}an earlier version of scenegen wrote it: end the run with that one, or delete the folder",
+        "go on with <resume>, or delete the folder",
+    ),
 )
 OTHER_REQUEST = Kind(
     "other-request",
@@ -360,7 +370,13 @@ ONLY_FOR_SEVERAL = Kind(
     help="leave it out: the processes of this machine share the work on one",
 )
 SAME_NAME = Kind(
-    "same-name", "two of the inputs are called `{name}`", help="give them one at a time, or rename one of the files"
+    "same-name",
+    ("two {objects} have the name `{name}`", "two of the inputs are called `{name}`"),
+    help=(
+        "{objects:?}give each a name of its own in `names`",
+        "give them one at a time, or rename one of the files",
+    ),
+    formerly=("name-twice",),
 )
 SOME_FAILED = Kind(
     "some-failed", "{failed:list} failed; the others of {count} are done", help="see what is said of each above"
@@ -389,4 +405,41 @@ REMADE_DIFFERS = Kind(
     "remade-differs",
     "{file} of {location} comes out with other bytes than its manifest says; nothing was written",
     help="use the versions of then: scenegen {scenegen}, numpy {numpy}, and the same pyarrow",
+)
+
+# motions and trajectories
+NOT_A_TRAJECTORY = Kind(
+    "not-a-trajectory",
+    "{file} is not a trajectory: {reason}",
+    help="a trajectory is a table (.csv, .jsonl, .parquet) with the columns t, mug.x, mug.y, mug.theta",
+)
+TRAJECTORY_TIMES = Kind(
+    "trajectory-times",
+    (
+        "{file}: time goes from {before:g} s to {time:g} s in row {row}",
+        "{file}: row {row} is at {found:g} s, and this moment of the spec is at {wanted:g} s",
+        "{file} has the time from {first:g} s to {last:g} s, and motions of the spec go from 0 s to {end:g} s",
+        "{file} has {rows:,} rows, and motions of the spec have {moments:,} moments",
+    ),
+    help=(
+        "{before:?}sort the rows by time, and keep one for each",
+        "{found:?}with <resample> poses between rows are interpolated",
+        "{first:?}record all of it, or let `time` end earlier",
+        "let `time` last longer; with <resample> rows beyond its end are not looked at",
+    ),
+    formerly=("trajectory-order", "trajectory-ends", "trajectory-too-long"),
+)
+TRAJECTORY_START = Kind(
+    "trajectory-start",
+    "{file}: its first row, at {start:.12g} s, counts as the moment 0",
+    severity="note",
+)
+NOT_MOTIONS = Kind("not-motions", "{file} is not a motions file: {reason}", help="`scenegen pairs` writes one")
+DAMAGED_MOTIONS = Kind(
+    "damaged-motions", "{file} is damaged[[ at `{place}`]]: {reason}", help="`scenegen pairs` writes another one"
+)
+NO_HEADER_IN_CSV = Kind(
+    "no-header-in-csv",
+    "{path} holds numbers alone: a .csv file has no place for spec and shapes",
+    help="write .json, .jsonl or .parquet",
 )

@@ -460,3 +460,102 @@ NESTED_ARRAY = Kind(
 OBJECTS_WITHOUT_NAMES = Kind(
     "objects-without-names", "`object` needs names", "a statement opens here", "write object mug, plate"
 )
+
+# time
+TIME_MISSING = Kind(
+    "time-missing",
+    ("`{word}` is about time, and this spec has none", "`moves` is about steps, and this spec has none"),
+    "{word:?}every scene stands by itself",
+    (
+        "{word:?}say how long a motion lasts: time 20 steps, or time [0, 10 s] every 0.5 s",
+        "say how long a motion lasts: time 20 steps",
+    ),
+    formerly=("moves-without-time",),
+)
+TIME_IN_IMPORT = Kind(
+    "time-in-import",
+    "only an imported file says how long a motion lasts",
+    "{path} has a `time` statement",
+    "move `time ...` from there into this spec",
+)
+HORIZON_OUT_OF_RANGE = Kind(
+    "horizon-out-of-range",
+    (
+        "a motion cannot have {steps:,.15g} steps",
+        "time begins at 0, not at {start:g} s",
+        "a step cannot last {length:g} s",
+    ),
+    ("it has 1 to {limit:,}", "{start:?}", "each moment is later than the one before"),
+    ("write every {such:g} s", "{start:?}write time [0, {length:g} s] every ..."),
+    formerly=("not-from-zero",),
+)
+NOT_WHOLE_STEPS = Kind(
+    "not-whole-steps",
+    "{amount:g}{unit} is not a whole number of steps",
+    "[[a step is {dt:g} s]]",
+    "write {mended}",
+)
+WRONG_WINDOW = Kind(
+    "wrong-window",
+    (
+        "{swapped:?}this window is empty",
+        "{lowest:?}this window begins after the last moment",
+        "{none:?}`{operator}` takes no window",
+        "this window begins before now",
+    ),
+    (
+        "{swapped:?}it ends before it begins",
+        "it begins {lowest:,} steps from now, and a motion has {steps:,}",
+        "{none:?}",
+        "`{operator}` looks at this moment and later ones",
+    ),
+    (
+        "write {swapped}",
+        "{lowest:?}let it begin earlier, or let time last longer",
+        "{none:?}write {operator} f, or eventually[2, 5] f",
+        "let it begin at 0",
+    ),
+    formerly=("empty-window", "window-in-the-past", "window-beyond", "no-window-here"),
+)
+WINDOW_CUT = Kind(
+    "window-cut",
+    "this window ends after the last moment",
+    "it ends {highest:,} steps from now, and a motion has {steps:,}: what lies beyond is not looked at",
+    "leave out the window, or let time last longer",
+    severity="warning",
+)
+LOOKS_BEYOND = Kind(
+    "looks-beyond",
+    "{name} looks beyond the last moment: phi is {sign}infinity in every motion",
+    "of no moment the least is infinity, and the largest minus infinity",
+    "let what is around end earlier, such as always[0, {most}] for what `next` looks at",
+)
+NO_PLACE_OVER_TIME = Kind(
+    "no-place-over-time",
+    (
+        "{most:?}random numbers of things have no place in a spec over time",
+        "`on any of` has no place in a spec over time",
+    ),
+    ("{most:?}", "what an object stands on stays the same in a motion"),
+    ("write {name}[{most}]", "name one surface"),
+    formerly=("choice-over-time", "numbers-over-time"),
+)
+TIME_UNFINISHED = Kind(
+    "time-unfinished",
+    (
+        "{movers:?}unknown word `{name}`",
+        "unknown word `{name}` after a number of steps",
+        "this `time` statement is not finished",
+    ),
+    (
+        "{movers:?}expected `one` or `all`",
+        "{name:?}expected `steps`",
+        "expected `steps` after a number, or `every` and a time after an interval",
+    ),
+    (
+        NEAREST,
+        "{movers:?}write moves one: in each step one object moves; or moves all",
+        "write time 20 steps, or time [0, 10 s] every 0.5 s",
+    ),
+    formerly=("unknown-time-word", "unknown-movers"),
+)

@@ -57,7 +57,7 @@ NOT_A_STATE = Kind(
 )
 
 # environments
-NO_EPISODE = Kind("no-episode", "{state}", help="{remedy}")
+NO_EPISODE = Kind("no-episode", "{state}", help="{remedy}", formerly=("no-start-yet",))
 WRONG_ACTION = Kind(
     "wrong-action",
     (
@@ -214,18 +214,20 @@ MODEL_VERSION = Kind(
 MODEL_OF_ANOTHER_SPEC = Kind(
     "model-of-another-spec",
     (
+        "{fitted:?}no task of this fit has the objects, the workspace and the success formula of {spec}",
         "{path} was trained on another spec: `{found}`, not `{wanted}`",
         "{state} is of another spec: `{found}`, not `{wanted}`",
         "{folder} holds models of another spec than {spec}",
         "the model {model} was trained on another spec",
     ),
     help=(
+        "sample the spec of one of its tasks: {fitted:quoted8}",
         "{path:?}sample the model with its own spec, or train one on the spec given",
         "{state:?}resume with the same spec, or leave <resume> out to start again",
         "{folder:?}train on this spec",
         "make the environment from that one",
     ),
-    note="the model's spec has SHA-256 {hash_found}, the one given {hash_wanted}",
+    note="[[the model's spec has SHA-256 {hash_found}, the one given {hash_wanted}]]",
     formerly=("other-spec-resumed", "model-folder", "source-of-another-spec"),
 )
 POOR_MODEL = Kind(

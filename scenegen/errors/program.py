@@ -63,13 +63,14 @@ TRAINING_INTERRUPTED = Kind(
     severity="note",
     formerly=("time-is-up",),
 )
-ALREADY_DONE = Kind(
-    "already-done", "{epochs} epochs are already done; to train on, ask for more with <epochs>", severity="note"
-)
-STOPPED_EARLY = Kind(
-    "stopped-early",
-    "stopped after {epochs} epochs: no better than epoch {best}, which is kept (mean error of phi {error:.4g})",
+TRAINING_DONE = Kind(
+    "training-done",
+    (
+        "stopped after {epochs} epochs: no better than epoch {best}, which is kept (mean error of phi {error:.4g})",
+        "{epochs} epochs are already done; to train on, ask for more with <epochs>",
+    ),
     severity="note",
+    formerly=("already-done", "stopped-early"),
 )
 NEW_RATE = Kind(
     "new-rate",

@@ -30,11 +30,6 @@ UNKNOWN_CHOICE = Kind(
     "[[{path}: ]]unknown {what} `{name}`",
     help=("{instead}", NEAREST, "the {plural} are {known:quoted}", "the {what}s are {known:quoted}"),
 )
-NO_VALID_SCENE = Kind(
-    "no-valid-scene",
-    "no scene was found that meets what {file} requires, so there is nothing to say about any",
-    help="`scenegen check` names the requirements that clash",
-)
 CONFLICTING_ARGUMENTS = Kind(
     "conflicting-arguments",
     "{one:argument} and {other:argument} contradict each other[[: {reason}]]",
@@ -57,10 +52,13 @@ ARGUMENT_SYNTAX = Kind(
     "argument-syntax",
     "{what} is written {form}",
     help=("write a band: {band}", "for instance {example}"),
-    formerly=("setting-syntax", "size-syntax", "held-syntax", "range-syntax", "range-without-end"),
+    formerly=("setting-syntax", "size-syntax", "held-syntax", "range-syntax", "range-without-end", "count-syntax"),
 )
 GIVEN_TWICE = Kind(
-    "given-twice", "{what} is given twice", help="give it once", formerly=("setting-twice", "label-twice", "held-twice")
+    "given-twice",
+    "{what} is given twice",
+    help="give it once",
+    formerly=("setting-twice", "label-twice", "held-twice", "count-twice"),
 )
 NEEDED_HERE = Kind(
     "needed-here",
@@ -98,13 +96,11 @@ NOT_AN_INDEX = Kind(
         "pick with a number, a slice, an array of numbers, or a mask of {count:,} truth values",
     ),
 )
-UNKNOWN_SHIPPED_SPEC = Kind(
-    "unknown-shipped-spec",
-    "no spec of this name ships with scenegen: {name}",
-    help=(NEAREST, "`scenegen specs` lists them"),
-)
-NO_SUCH_SCENE_NUMBER = Kind(
-    "no-such-scene-number", "there is no scene {number}", help="{file} holds the scenes 1 to {count}"
+NO_SUCH_NUMBER = Kind(
+    "no-such-number",
+    "there is no {what} {number}",
+    help=("{last:?}{file} holds the {what}s {first} to {last}", "{file} holds a single one, without a number"),
+    formerly=("no-such-scene-number", "no-such-motion"),
 )
 NO_SCENES = Kind("no-scenes", "there are no scenes[[ in {file}]][[ with {counted}]]", help="sample some first")
 NOT_INSTALLED = Kind("not-installed", "{package} is needed {purpose}, and is not installed", help="{command}")
@@ -163,15 +159,19 @@ SINGLE_VALUE = Kind(
 UNKNOWN_OBJECT = Kind(
     "unknown-object", "the spec has no object `{name}`", help=(NEAREST, "the spec has {known:quoted8}")
 )
-HELD_BY_SPEC = Kind(
-    "held-by-spec",
-    "`{name}` is held in place by the spec already",
-    help="leave it out, or take the `at` of `{name}` away",
-)
-HELD_OUTSIDE = Kind(
-    "held-outside",
-    "`{name}` cannot be held at ({x:g}, {y:g}): that is outside the workspace",
-    help="the workspace is {workspace}",
+CANNOT_BE_HELD = Kind(
+    "cannot-be-held",
+    (
+        "`{name}` cannot be held at ({x:g}, {y:g}): that is outside the workspace",
+        "`{name}` cannot be held: it {missing}",
+        "`{name}` is held in place by the spec already",
+    ),
+    help=(
+        "the workspace is {workspace}",
+        "{missing:?}hold what is always there, or fix the numbers with `<count>`",
+        "leave it out, or take the `at` of `{name}` away",
+    ),
+    formerly=("held-outside", "held-may-be-missing", "held-by-spec"),
 )
 NOT_A_POSE = Kind(
     "not-a-pose", "the pose of `{name}` is {value}", help="write (x, y) or (x, y, theta), in metres and radians"
@@ -202,9 +202,18 @@ TOO_IMPROBABLE = Kind(
 )
 REQUIREMENT_NOT_FOUND = Kind(
     "requirement-not-found",
-    "no scene was found that meets what the spec requires[[, in {evaluations:,} evaluations]]",
-    help="require less, or make the workspace larger",
+    (
+        "{file:?}no scene was found that meets what {file} requires, so there is nothing to say about any",
+        "no {motion} was found that meets what the spec requires[[, in {evaluations:,} evaluations]]",
+        "no scene was found that meets what the spec requires[[, in {evaluations:,} evaluations]]",
+    ),
+    help=(
+        "{file:?}`scenegen check` names the requirements that clash",
+        "{motion:?}require less, let objects move farther in a step, or make the workspace larger",
+        "require less, or make the workspace larger",
+    ),
     note="[[the best one misses it by {misses:.4g}]]",
+    formerly=("no-motion-meets", "no-valid-scene"),
 )
 NO_ROOM = Kind(
     "no-room",
@@ -317,18 +326,18 @@ UNREACHED_CELLS = Kind(
 )
 SCENES_ALIKE = Kind(
     "scenes-alike",
-    "scenes of one ancestor are still alike: each is worth {share:.0%} of an independent one[[, with {counted}]]",
+    (
+        "scenes of one ancestor are still alike: each is worth {share:.0%} of an independent one[[, with {counted}]]",
+        "after {moves:,} moves the chains still resemble what they were ({correlation:.0%} correlation)"
+        "[[, with {counted}]]",
+    ),
     help="compare runs with several seeds",
-    note="the table may be too full for its objects to pass each other; shares of arrangements are uncertain",
+    note=(
+        "{share:?}the table may be too full for its objects to pass each other; shares of arrangements are uncertain",
+        "the range may have parts between which no move leads; the shares of such parts are uncertain",
+    ),
     severity="warning",
-)
-CHAINS_CORRELATED = Kind(
-    "chains-correlated",
-    "after {moves:,} moves the chains still resemble what they were ({correlation:.0%} correlation)"
-    "[[, with {counted}]]",
-    help="compare runs with several seeds",
-    note="the range may have parts between which no move leads; the shares of such parts are uncertain",
-    severity="warning",
+    formerly=("chains-correlated",),
 )
 UNSETTLED = Kind(
     "unsettled",
@@ -345,4 +354,60 @@ CHOICES_NOT_HERE = Kind(
     ),
     "`{name}` is declared with `on any of`, and poses alone do not say on what it stands",
     "let `{name}` stand on one surface",
+)
+
+# motions, and pairs of a start and a goal
+TIME_NOT_HERE = Kind(
+    "time-not-here",
+    "{file} is a spec over time: this takes specs of single scenes",
+    help="score motions with `scenegen eval` or spec.trace_robustness(), or leave out `time` and the words of time",
+)
+NOT_OVER_TIME = Kind(
+    "not-over-time",
+    "{file} is a spec of single scenes: its motions have no phi",
+    help="say how long a motion lasts: time 20 steps; for scenes call spec.robustness()",
+)
+MOTION_HAS_ENDED = Kind(
+    "motion-has-ended",
+    "the motion has ended: its {moments:,} moments were added, the last at {end:g} s",
+    help="call reset() before another motion begins",
+)
+TOO_FEW_MOTIONS = Kind(
+    "too-few-motions",
+    (
+        "found {found:,} of {wanted:,} {pairs}[[ with {counted}]]: {reason}",
+        "found {found:,} of {wanted:,} motions: {reason}[[; {folder} keeps what is done: go on with <resume>]]",
+    ),
+    help=(
+        "{pairs:?}ask for a wider range of starts, for another number of moved objects, or for more time",
+        "ask for another range or for more time, or let objects move faster or in more steps",
+    ),
+    formerly=("too-few-pairs",),
+)
+CANNOT_MOVE_SO_MANY = Kind(
+    "cannot-move-so-many",
+    "{wanted} objects cannot move: {free} of them can",
+    help="ask for {most} at most",
+)
+NO_BOUND_ON_STEPS = Kind(
+    "no-bound-on-steps",
+    "nothing says how far `{name}` moves in a step",
+    help="write `require speed({name}) <= 20 cm/s`, or hold it in place",
+)
+NOT_FOR_MOTIONS = Kind(
+    "not-for-motions",
+    "{argument:argument} is not for specs over time",
+    help="leave it out",
+)
+NOT_ONE_MOTION = Kind(
+    "not-one-motion",
+    (
+        "{path} would show one motion, and there are {count:,}",
+        "{path} would show a motion, and {file} holds scenes",
+    ),
+    help=(
+        "{count:?}choose one with <motion>, or name a folder and draw the figures gif or mp4 of all",
+        "`scenegen sample` draws motions of a spec with `time`; `--figure gif` animates how a layout is solved",
+    ),
+    formerly=("which-motion",),
 )

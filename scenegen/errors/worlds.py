@@ -124,6 +124,7 @@ PLACEMENT = Kind(
         "none of {tried} scenes keeps clear of the fixtures {fixtures:quoted}",
         "`{jointless}` has no free joint, so no state says where it is",
         "the environment has no object `{name}`",
+        "{found} of {wanted} states hold in the simulation; of the others {reasons}",
     ),
     help=(
         "declare them in the spec, name them in `names`, or give `rest`, a sampler of robosuite's own{strangers:?}",
@@ -133,6 +134,7 @@ PLACEMENT = Kind(
         "declare the fixtures in the spec, or give `ensure_valid_placement=False`{tried:?}",
         "hold it in place in the spec, with `at`{jointless:?}",
         "its objects are {known:quoted}; give the object's name there in `names`, or hold it in place with `at`",
+        "ask for another range of phi, or for more tries{found:?}",
     ),
     formerly=(
         "object-not-placed",
@@ -143,8 +145,6 @@ PLACEMENT = Kind(
         "object-not-there",
     ),
 )
-NO_START_YET = Kind("no-start-yet", "no scene was placed yet", help="reset the environment first")
-NAME_TWICE = Kind("name-twice", "two objects have the name `{name}`", help="give each a name of its own in `names`")
 TOO_FEW_LAYOUTS = Kind(
     "too-few-layouts",
     "{scenes} scenes for {environments} environments",
@@ -155,7 +155,7 @@ TOO_FEW_LAYOUTS = Kind(
 NOT_A_SUITE = Kind(
     "not-a-suite",
     "{file} is not {what}: {reason}",
-    help="`scenegen suite new` makes suites, and `scenegen suite run` outcomes; neither is edited",
+    help="`scenegen suite new` makes suites, `scenegen suite run` outcomes, `scenegen fit` fits; none is edited",
 )
 WORLD_FAILS = Kind(
     "world-fails",

@@ -3,8 +3,7 @@
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon
 from scenegen.geometry.interval import Interval
 from scenegen.geometry.namespace import MATH, NUMPY, Namespace
-from scenegen.geometry.primitives import PRIMITIVES, Primitive, Shape
-from scenegen.geometry.units import ANGLE, BARE, LENGTH, Unit, UnitMismatch
+from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, PRIMITIVES, Primitive, Shape, Unit, UnitMismatch
 
 __all__ = [
     "ANGLE",

@@ -8,9 +8,15 @@ from pathlib import Path
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.errors.declarations import CONSTANT_LABEL, IMPOSSIBLE_REQUIREMENT, NO_FREE_OBJECT, SPEC_TOO_LARGE
-from scenegen.errors.language import NO_FORMULA, NOT_CONSTANT, WRONG_OVERRIDE
-from scenegen.errors.time import LOOKS_BEYOND, NO_PLACE_OVER_TIME, TIME_MISSING
-from scenegen.geometry.units import ANGLE, BARE, LENGTH
+from scenegen.errors.language import (
+    LOOKS_BEYOND,
+    NO_FORMULA,
+    NO_PLACE_OVER_TIME,
+    NOT_CONSTANT,
+    TIME_MISSING,
+    WRONG_OVERRIDE,
+)
+from scenegen.geometry.primitives import ANGLE, BARE, LENGTH
 from scenegen.lang.check.draft import Draft, Look
 from scenegen.lang.check.expressions import FormulaLowering
 from scenegen.lang.check.families import always_the_same, family, is_category, refuse_surfaces

@@ -21,10 +21,9 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import RequestError
 from scenegen.processes.pool import one_thread
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import GUIDED, LARGEST_PIECE, PILOT, Budget, Problem
+from scenegen.sampling.problem import GUIDED, LARGEST_PIECE, PILOT, Budget, Cells, Problem
 from scenegen.sampling.proposer import Proposer
 from scenegen.sampling.report import shortfall, too_early
-from scenegen.sampling.request import Cells
 from scenegen.search.effort import NEVER, Stop
 
 if TYPE_CHECKING:

@@ -21,8 +21,7 @@ from typing import Any, Generic, TypeVar
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
-from scenegen.processes.worker import FAILED
+from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
 from scenegen.validation import as_int
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -16,9 +16,10 @@ import numpy as np
 
 from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.declarations import HELD_MAY_BE_MISSING, NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
+from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
 from scenegen.errors.requests import (
     BEYOND_BOUNDS,
+    CANNOT_BE_HELD,
     NO_ROOM,
     NO_SUCH_SCENE,
     REQUIREMENT_NOT_FOUND,
@@ -31,8 +32,8 @@ from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec, Picked, combinations, rows_among, written
 from scenegen.pose import X, along, row_count
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.request import Cells, FixedPose, SampleRequest, hold_fixed
+from scenegen.sampling.problem import Budget, Cells, Problem, hold_fixed
+from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.scenes.blocks import numbers_in
 
 
@@ -271,7 +272,9 @@ def plan_numbers(
     everything = list(combinations(spec.counts))
     for name, held in request.fix.items():
         if name in spec.objects and any(name not in member.objects for member in spec.members):
-            raise RequestError(HELD_MAY_BE_MISSING(held.span if isinstance(held, FixedPose) else None, name=name))
+            raise RequestError(
+                CANNOT_BE_HELD(held.span if isinstance(held, FixedPose) else None, name=name, missing="may be missing")
+            )
     each = max(1, -(-request.n // len(everything)))
     numbers: list[dict[str, int]] = []
     plans: list[Plan] = []

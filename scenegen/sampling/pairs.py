@@ -16,7 +16,7 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
-from scenegen.errors.time import CANNOT_MOVE_SO_MANY, TOO_FEW_PAIRS
+from scenegen.errors.requests import CANNOT_MOVE_SO_MANY, TOO_FEW_MOTIONS
 from scenegen.lang.spec import CheckedSpec, combinations, rows_among, written
 from scenegen.pose import PLACE, along, row_count, row_of, rows_of
 from scenegen.sampling.engine.run import draw
@@ -81,7 +81,7 @@ def draw_pairs(goal: Problem, starts: PairStarts, moved: int | None, budget: Bud
         start, ends, given_up, reason = _rounds(goal, starts, free, moved, budget, rng)
     shortfall = None
     if start.shape[1] < wanted:
-        shortfall = TOO_FEW_PAIRS(found=start.shape[1], wanted=wanted, reason=reason)
+        shortfall = TOO_FEW_MOTIONS(pairs="pairs", found=start.shape[1], wanted=wanted, reason=reason)
     return _checked(goal, starts, start, ends, moved, given_up, shortfall)
 
 
@@ -285,7 +285,7 @@ def _member(
         first = error.diagnostics[0]
         if first.kind in (*WITHOUT, CANNOT_MOVE_SO_MANY) or (first.kind in NOT_FOUND and not budget.spent):
             return first
-        if first.kind not in (*NOT_FOUND, TOO_FEW_PAIRS) and not budget.spent:
+        if first.kind not in (*NOT_FOUND, TOO_FEW_MOTIONS) and not budget.spent:
             raise
         raise RequestError(*(one.but(counted=written(numbers)) for one in error.diagnostics)) from None
 

@@ -16,11 +16,12 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from scenegen.arrays import Array, Index
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.sampling.problem import Problem
-from scenegen.sampling.request import Cells
+from scenegen.sampling.problem import Cells, Problem
+from scenegen.scenes.blocks import Block
 
 # --------------------------------------------------------------------------------------------------------------------
 # A hash of a plan's values. It does not depend on the version of Python or pickle.
@@ -104,13 +105,11 @@ MANY_PIECES = 1 << 30  # more than there are processes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
-    """m candidates in a fixed, random order: rows (3N, m), phi (L, m) of all labels, the requirement's last, and the
-    cell of each, (m,), -1 for those out of range. `facts` (F,) are added up over all pieces."""
+class Piece(Block):
+    """m candidates in a fixed, random order, phi of all labels, the requirement's last; and the cell of each, (m,), -1
+    for those out of range. `facts` (F,) are added up over all pieces."""
 
-    rows: Array
-    phi: Array
-    cell: Index
+    cell: npt.NDArray[np.integer[Any]]
     facts: Array
 
 
@@ -260,6 +259,51 @@ class Plan(ABC):
 
     def close(self) -> None:  # noqa: B027 - most plans have nothing to close
         """End the processes that drawing has started: called at the end of a run. Drawing again starts them again."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Selection(Plan):
+    """`plan` without some of its scenes. Candidates are left out before they are spread over cells, so what they must
+    be is part of the target: within a cell, scenes follow the plan's distribution given it, and all n are found."""
+
+    plan: Plan
+
+    @property
+    def method(self) -> str:
+        return self.plan.method
+
+    @property
+    def reached(self) -> Sequence[int]:
+        return self.plan.reached
+
+    @property
+    def ruled_out(self) -> frozenset[int]:
+        return self.plan.ruled_out
+
+    @property
+    def fewest(self) -> int:
+        return self.plan.fewest
+
+    @property
+    def patience(self) -> int | None:
+        return self.plan.patience
+
+    @property
+    def evaluations(self) -> float:
+        return self.plan.evaluations
+
+    @property
+    def scenes_per_piece(self) -> float:
+        return self.plan.scenes_per_piece
+
+    def misses(self) -> tuple[Array, Array]:
+        return self.plan.misses()
+
+    def check(self, rows: Array, phi: Array) -> None:
+        self.plan.check(rows, phi)
+
+    def close(self) -> None:
+        self.plan.close()
 
 
 class NoPlan(ABC):

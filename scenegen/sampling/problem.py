@@ -12,26 +12,24 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.arrays import Array
+from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import NO_SUCH_SCENE, NO_TIME_TO_CHECK, TOO_IMPROBABLE
+from scenegen.errors.requests import (
+    ALL_HELD,
+    CANNOT_BE_HELD,
+    NO_SUCH_SCENE,
+    NO_TIME_TO_CHECK,
+    NOT_A_POSE,
+    TOO_IMPROBABLE,
+    UNKNOWN_OBJECT,
+)
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import REQUIRE, Core, gated, read_rows
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import row_count
-from scenegen.sampling.request import (
-    Cells,
-    FixedPose,
-    Range,
-    SampleRequest,
-    cut,
-    empty_range,
-    hold_fixed,
-    within_reach,
-)
+from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_count, row_of, span_of
+from scenegen.sampling.request import FixedPose, Range, SampleRequest, empty_range, within_reach
 from scenegen.search import label_bounds
-from scenegen.search.clash import clash, explain
 from scenegen.search.contract import (
     EVERYTHING,
     ROUNDS,
@@ -47,6 +45,69 @@ from scenegen.search.contract import (
 from scenegen.search.effort import Effort, StoppedError, TooMuchError, scoring
 from scenegen.search.surfaces import improbable, worlds
 from scenegen.search.tape import Tape, make_tape
+from scenegen.validation import as_list
+
+# --------------------------------------------------------------------------------------------------------------------
+# Cutting the requested range of phi into cells that get equal shares of the scenes (docs/sampling.md).
+
+
+CELLS_PER_LABEL = {0: 1, 1: 32, 2: 16}  # cells along each bounded label; 8 for three or more
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """The product of the bounded ranges, cut into equal cells, plus the constraints of all labels.
+
+    `edges[k]` are the borders along bounded label `bounded[k]` (an index into the labels); `low` and `high` are (L,)
+    with infinities for open ends.
+    """
+
+    labels: tuple[str, ...]
+    bounded: tuple[int, ...]
+    edges: tuple[Array, ...]
+    low: Array
+    high: Array
+
+    @property
+    def count(self) -> int:
+        return math.prod(len(edge) - 1 for edge in self.edges)
+
+    def find(self, phi: Array) -> Index:
+        """The cell of each of B scenes from their phi, (L, B) -> (B,); -1 if a label is out of its range."""
+        inside = ((phi >= self.low[:, None]) & (phi <= self.high[:, None])).all(axis=0)
+        cell = np.zeros(phi.shape[1], dtype=np.intp)
+        for label, edge in zip(self.bounded, self.edges, strict=True):
+            along = np.searchsorted(edge, phi[label], side="right") - 1
+            cell = cell * (len(edge) - 1) + np.clip(along, 0, len(edge) - 2)
+        return np.where(inside, cell, -1)
+
+    def limits(self, cell: int) -> tuple[Array, Array]:
+        """Lowest and highest phi of every label in a cell, each (L,)."""
+        low, high = self.low.copy(), self.high.copy()
+        for label, edge in zip(reversed(self.bounded), reversed(self.edges), strict=True):
+            cell, along = divmod(cell, len(edge) - 1)
+            low[label], high[label] = edge[along], edge[along + 1]
+        return low, high
+
+    def describe(self, cell: int) -> str:
+        """The cell as ranges of phi: `task 0.05:0.054`."""
+        low, high = self.limits(cell)
+        return ", ".join(f"{self.labels[k]} {low[k]:.4g}:{high[k]:.4g}" for k in self.bounded) or "the whole range"
+
+
+def cut(request: SampleRequest, labels: Sequence[str], most: float = math.inf) -> Cells:
+    """The cells of a request; a single one for `--spread base`, or if no range is bounded. About `most` at most: what
+    wants a few scenes needs no more."""
+    ranges = [request.phi.get(label, Range()) for label in labels]
+    low = np.array([-np.inf if wanted.low is None else wanted.low for wanted in ranges])
+    high = np.array([np.inf if wanted.high is None else wanted.high for wanted in ranges])
+    bounded = tuple(k for k, wanted in enumerate(ranges) if wanted.bounded) if request.spread == "flat" else ()
+    pieces = CELLS_PER_LABEL.get(len(bounded), 8)
+    if most < pieces ** len(bounded):
+        pieces = math.ceil(most ** (1 / len(bounded)))
+    edges = tuple(np.linspace(low[k], high[k], pieces + 1) for k in bounded)
+    return Cells(tuple(labels), bounded, edges, low, high)
+
 
 # --------------------------------------------------------------------------------------------------------------------
 # How many scenes a piece of a run has.
@@ -259,6 +320,8 @@ def _impossible(
     wanted: Mapping[int, Ends],
     effort: Effort,
 ) -> Diagnostic:
+    from scenegen.search.clash import clash, explain
+
     asked = _asked(phi)
     try:
         found = clash(core, lowest, highest, wanted, search=False, effort=effort)
@@ -285,6 +348,8 @@ def _refuse_points(core: Core, lowest: Array, highest: Array, phi: Mapping[str, 
     wanted = _wanted(core, low, high)
     if any(map(np.isnan, (*low, *high))):
         return
+    from scenegen.search.clash import clash  # few requests are refused
+
     if clash(core, lowest, highest, wanted, search=False, effort=effort) is not None:
         raise RequestError(_impossible(core, lowest, highest, phi, wanted, effort))
 
@@ -375,3 +440,63 @@ def _alive(
     if thin:
         alive &= ~improbable(tape, lo, hi, thin)
     return np.asarray(alive.reshape(len(wanted), count).any(axis=1))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Objects that a request holds.
+
+
+def hold_fixed(
+    spec: CheckedSpec, fixed: Mapping[str, FixedPose | tuple[float, ...]]
+) -> tuple[Array, Array, dict[str, tuple[float, ...]]]:
+    """The box of poses, (3N,) each, in which the rows of fixed objects have zero width; and the fixed poses, headings
+    in [0, 2 pi).
+
+    Raises RequestError for an unknown object, one that the spec already fixes, a place outside the workspace, values
+    that are not numbers, and if nothing is left to sample.
+    """
+    lowest, highest = spec.box()
+    for which in spec.fixed:
+        row = row_of(which, THETA)
+        lowest[row] = highest[row] = _heading(float(lowest[row]))
+    known: dict[str, tuple[float, ...]] = {}
+    for name, given in fixed.items():
+        held = _as_pose(name, given)
+        # An object of a category is called after its asset; here its own name stands for whichever it is.
+        called = [one for one in spec.objects if one == name or one.startswith(f"{name}:")]
+        if not called:
+            raise RequestError(UNKNOWN_OBJECT(held.span, name=name, known=spec.objects))
+        for which in map(spec.objects.index, called):
+            if which in spec.fixed:
+                raise RequestError(CANNOT_BE_HELD(held.span, name=name))
+            x, y = ((float(lowest[row]), float(highest[row])) for row in (row_of(which, X), row_of(which, Y)))
+            if not (x[0] <= held.x <= x[1] and y[0] <= held.y <= y[1]):
+                box = f"[{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}]"
+                raise RequestError(CANNOT_BE_HELD(held.span, name=name, x=held.x, y=held.y, workspace=box))
+            pose = (held.x, held.y) if held.theta is None else (held.x, held.y, _heading(held.theta))
+            known[spec.objects[which]] = pose
+            rows = span_of(which, len(pose))
+            lowest[rows] = highest[rows] = pose
+    if not (lowest < highest).any():
+        raise RequestError(ALL_HELD(consequence="nothing is left to sample"))
+    return lowest, highest, known
+
+
+def _as_pose(name: str, given: object) -> FixedPose:
+    if isinstance(given, FixedPose):
+        return given
+    pose = as_list(given)
+    if isinstance(pose, list) and len(pose) in (len(PLACE), len(FLAT)):
+        try:
+            x, y, *theta = (float(value) for value in pose)
+        except (TypeError, ValueError):
+            pass
+        else:
+            if all(map(math.isfinite, (x, y, *theta))):
+                return FixedPose(x, y, theta[0] if theta else None)
+    raise RequestError(NOT_A_POSE(name=name, value=repr(given)))
+
+
+def _heading(theta: float) -> float:
+    turned = math.remainder(theta, TWO_PI) % TWO_PI
+    return 0.0 if turned >= TWO_PI else turned

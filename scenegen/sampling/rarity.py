@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,8 +25,9 @@ from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import Circle
 from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
 from scenegen.lang.formula.interpret import phi as evaluate
+from scenegen.lang.spec import CheckedSpec
+from scenegen.sampling.problem import Cells
 from scenegen.sampling.report import Estimate, ratio
-from scenegen.sampling.request import Cells
 from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_frame
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.levels import ChainPopulation, Region
@@ -83,24 +84,7 @@ class Tail:
         return self.sign * float(first[max(0, len(first) - max(1, round(share * len(first))))])
 
 
-class Run(Protocol):
-    """One direction of a label's distribution: a `Tail`, or a mixture of them; see there."""
-
-    @property
-    def sign(self) -> int: ...
-
-    @property
-    def levels(self) -> Array: ...
-
-    @property
-    def end(self) -> float: ...
-
-    @property
-    def whole(self) -> bool: ...
-
-    def __call__(self, phi: float) -> Estimate | None: ...
-
-    def quantile(self, share: float) -> float: ...
+Run: TypeAlias = "Tail | MixedTail"  # one direction of a label's distribution
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +128,7 @@ def climb(
     weights: Array,
     sign: int,
     work: int,
-    check: Callable[[], None],
+    check: Callable[[], None] = NEVER.check,
     row: int = 0,
     stop: Stop = NEVER,
 ) -> tuple[Tail, int]:
@@ -217,6 +201,8 @@ DEPTH = 15  # levels that the effort of a run must cover if every level takes th
 WORK = 5_000_000_000  # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
 PER_SHAPE = 60  # cost of a footprint with corners, in plain nodes; two of them in one node cost four times as much
 CAREFUL = 4  # the same for the requirement: all runs start from there
+MANY = 20  # with so many moving rows, chains that start at uniform scenes fail
+AFFORDED = 100  # chains: if the effort does not allow so many, growth is used instead
 SETTLE = 4  # more rounds once the requirement is met, before its chains start the runs
 
 
@@ -226,7 +212,7 @@ def measure(
     highest: Array,
     labels: Sequence[str],
     seed: int = 0,
-    check: Callable[[], None] | None = None,
+    check: Callable[[], None] = NEVER.check,
     work: int = WORK,
     stop: Stop = NEVER,
 ) -> Rarity | RequirementUnmet:
@@ -236,11 +222,7 @@ def measure(
     `stop` raises StoppedError, runs end with what they have, and labels that were not begun are left out; it is raised
     again if there are none."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        return _measure(gated(core), lowest, highest, labels, seed, check or _go_on, work, stop)
-
-
-def _go_on() -> None:
-    """The default for `check`: never stops."""
+        return _measure(gated(core), lowest, highest, labels, seed, check, work, stop)
 
 
 def _measure(
@@ -283,6 +265,22 @@ def _measure(
         reaches[label] = PhiDistribution(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
+
+
+def needs_growth(spec: CheckedSpec, labels: Sequence[str]) -> bool:
+    """Whether growth (growth/rarity.py) serves better: for many objects, where some choose among surfaces, which chains
+    hardly ever change, or if phi takes long to compute."""
+    if spec.choices:
+        return True
+    core, (lowest, highest) = gated(spec.core), spec.box()
+    gate = (REQUIRE,) if REQUIRE in core.labels else ()
+    for label in labels:
+        one = part_of(core, (label, *gate))
+        dimension = make_frame(one, lowest, highest).dimension
+        moves = ROUNDS * longest(max(1, dimension)) * DEPTH
+        if dimension > MANY or AFFORDED * 2 * len(labels) * cost(one) * moves > COUNTED * WORK:
+            return True
+    return False
 
 
 def cost(core: Core) -> int:

@@ -17,9 +17,9 @@ from scenegen.errors.requests import (
     TOO_FEW_IN_CELL,
     TOO_FEW_IN_RANGE,
     TOO_FEW_MEET_REQUIREMENT,
+    TOO_FEW_MOTIONS,
     UNREACHED_CELLS,
 )
-from scenegen.errors.time import TOO_FEW_MOTIONS
 from scenegen.lang.formula.core import REQUIRE, Atom
 from scenegen.lang.formula.interpret import deciding_atoms
 from scenegen.sampling.plan import Plan, Tally

@@ -12,37 +12,30 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, cast, get_args
 
-import numpy as np
-import numpy.typing as npt
-
-from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.language import MORE_THAN_A_TURN
 from scenegen.errors.requests import (
-    ALL_HELD,
     ARGUMENT_SYNTAX,
     BEYOND_BOUNDS,
     GIVEN_TWICE,
-    HELD_BY_SPEC,
-    HELD_OUTSIDE,
     LABEL_NOT_NAMED,
     NOT_A_NUMBER,
-    NOT_A_POSE,
     ONLY_AT_BOUND,
+    OUT_OF_RANGE,
     RANGE_NOT_A_PAIR,
     RANGE_REVERSED,
     SINGLE_VALUE,
     UNKNOWN_LABEL,
-    UNKNOWN_OBJECT,
+    WRONG_VALUE,
 )
-from scenegen.geometry.units import quantity
-from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, span_of
-from scenegen.validation import Option, as_int, as_list, by_name, options_of
+from scenegen.pose import FLAT, PLACE, THETA, TWO_PI
+from scenegen.validation import Option, as_int, as_list, as_number, as_path, by_name, options_of
 
 if TYPE_CHECKING:
-    from scenegen.lang.spec import CheckedSpec
+    pass
 
 Progress: TypeAlias = Callable[[int, int, int], None]
 """Called after each piece: scenes found, scenes requested, candidates in the requested cells."""
@@ -111,6 +104,8 @@ def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "ph
 
 
 def _parse_range(text: str, source: Source, offset: int) -> Range:
+    from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
+
     whole = Span(source, offset, offset + len(text))
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
@@ -125,8 +120,7 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
         if part.strip() and value is None:
             here = Span(source, start, start + len(part))
             raise RequestError(NOT_A_NUMBER(here, text=part, usage=PHI_USAGE))
-        value = value if value is None else quantity(amount, suffix)[0]
-        ends.append(value)
+        ends.append(value if value is None else quantity(amount, suffix)[0])
     if ends == [None, None]:
         raise RequestError(ARGUMENT_SYNTAX(whole, **RANGE, example="0.05:0.2; or leave the option out"))
     result = Range(ends[0], ends[1], whole)
@@ -162,6 +156,22 @@ def empty_range(wanted: Range) -> Diagnostic | None:
     if wanted.low is not None and wanted.high is not None and wanted.low > wanted.high:
         return RANGE_REVERSED(wanted.span, high=wanted.high, low=wanted.low)
     return None
+
+
+def _parse_success(text: str, labels: tuple[str, ...]) -> Range:
+    return _parse_range(text, Source("success", text, argument=True), 0)
+
+
+def _as_rates(name: str, value: Any) -> Range:
+    """A range of rates: a Range, or two ends, None for an open one. Raises RequestError."""
+    ends = [value.low, value.high] if isinstance(value, Range) else as_list(value)
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="two rates: success=(0.4, 0.6)"))
+    low, high = (None if end is None else as_number(name, end) for end in ends)
+    if not 0.0 <= (0.0 if low is None else low) < (1.0 if high is None else high) <= 1.0:
+        wanted = "LO:HI of rates from 0 to 1, LO below HI"
+        raise RequestError(OUT_OF_RANGE(argument=name, value=str(Range(low, high)), wanted=wanted))
+    return Range(low, high)
 
 
 def _check_fix(name: str, fix: object) -> Mapping[str, Any]:
@@ -218,6 +228,8 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
 def _amount(part: str, base: str, here: Span) -> float:
     """A coordinate in metres, or a heading in radians: a number, with a unit of the language or without. Raises
     RequestError."""
+    from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
+
     amount, suffix = unit_of(part)
     value = number(amount)
     if value is None:
@@ -232,8 +244,8 @@ def _amount(part: str, base: str, here: Span) -> float:
     return quantity(amount, suffix)[0]
 
 
-def _optional_int(name: str, value: object) -> int | None:
-    return None if value is None else as_int(name, value)
+def _optional(check: Callable[[str, Any], Any], name: str, value: object) -> Any:
+    return None if value is None else check(name, value)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -280,10 +292,11 @@ class SampleRequest:
     depends on the spec is checked by `api.request.check_request` and `within_reach`.
 
     `phi` are the ranges by label. `fix` has the poses of fixed objects by name: (x, y) or (x, y, theta), in metres and
-    radians. `method` is one of METHODS. `timeout` (seconds) and `workers` (processes; None: as many
-    as save time) change no scene, nor do `resume`, `engine`, `address` and `shard_size`, which say how scenes are
-    written. A range that phi reaches only at its bound, with probability 0, is replaced by a band beside it, with a
-    warning; with `strict` it is refused, for those who promise the range and show no warnings.
+    radians. `success` is the Range of rates, or its ends, that the fit in the file `under` may predict. `method` is one
+    of METHODS. `timeout` (seconds) and `workers` (processes; None: as many as save time) change no scene, nor do
+    `resume`, `engine`, `address` and `shard_size`, which say how scenes are written. A range that phi reaches only at
+    its bound, with probability 0, is replaced by a band beside it, with a warning; with `strict` it is refused, for
+    those who promise the range and show no warnings.
     """
 
     phi: Annotated[
@@ -326,6 +339,27 @@ class SampleRequest:
         bool,
         Option("Only scenes in which nothing moves when dropped in a simulator."),
     ] = False
+    success: Annotated[
+        Range | tuple[float | None, float | None] | None,
+        Option(
+            "Only scenes at which a policy is predicted to succeed so often, by the fit of --under.",
+            "LO:HI",
+            typed=str | None,
+            parse=_parse_success,
+            check=functools.partial(_optional, _as_rates),
+            of=("scenes",),
+        ),
+    ] = None
+    under: Annotated[
+        str | Path | None,
+        Option(
+            "The fit of the policy, a file of `scenegen fit`.",
+            "FIT",
+            typed=Path | None,
+            check=functools.partial(_optional, as_path),
+            of=("scenes",),
+        ),
+    ] = None
     workers: Annotated[
         int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING)
     ] = None
@@ -341,7 +375,7 @@ class SampleRequest:
         Option(
             "Scenes of each file of a set, a multiple of 65536.",
             "N",
-            check=_optional_int,
+            check=functools.partial(_optional, as_int),
             of=("sets",),
             panel=SETS,
         ),
@@ -427,121 +461,3 @@ def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warning
         band = Range(max(low - BAND, lowest), min(high + BAND, highest))
         raise RequestError(SINGLE_VALUE(wanted.span, label=name, value=low, band=band))
     return wanted
-
-
-def hold_fixed(
-    spec: CheckedSpec, fixed: Mapping[str, FixedPose | tuple[float, ...]]
-) -> tuple[Array, Array, dict[str, tuple[float, ...]]]:
-    """The box of poses, (3N,) each, in which the rows of fixed objects have zero width; and the fixed poses, headings
-    in [0, 2 pi).
-
-    Raises RequestError for an unknown object, one that the spec already fixes, a place outside the workspace, values
-    that are not numbers, and if nothing is left to sample.
-    """
-    lowest, highest = spec.box()
-    for which in spec.fixed:
-        row = row_of(which, THETA)
-        lowest[row] = highest[row] = _heading(float(lowest[row]))
-    known: dict[str, tuple[float, ...]] = {}
-    for name, given in fixed.items():
-        held = _as_pose(name, given)
-        # An object of a category is called after its asset; here its own name stands for whichever it is.
-        called = [one for one in spec.objects if one == name or one.startswith(f"{name}:")]
-        if not called:
-            raise RequestError(UNKNOWN_OBJECT(held.span, name=name, known=spec.objects))
-        for which in map(spec.objects.index, called):
-            if which in spec.fixed:
-                raise RequestError(HELD_BY_SPEC(held.span, name=name))
-            x, y = ((float(lowest[row]), float(highest[row])) for row in (row_of(which, X), row_of(which, Y)))
-            if not (x[0] <= held.x <= x[1] and y[0] <= held.y <= y[1]):
-                box = f"[{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}]"
-                raise RequestError(HELD_OUTSIDE(held.span, name=name, x=held.x, y=held.y, workspace=box))
-            pose = (held.x, held.y) if held.theta is None else (held.x, held.y, _heading(held.theta))
-            known[spec.objects[which]] = pose
-            rows = span_of(which, len(pose))
-            lowest[rows] = highest[rows] = pose
-    if not (lowest < highest).any():
-        raise RequestError(ALL_HELD(consequence="nothing is left to sample"))
-    return lowest, highest, known
-
-
-def _as_pose(name: str, given: object) -> FixedPose:
-    if isinstance(given, FixedPose):
-        return given
-    pose = as_list(given)
-    if isinstance(pose, list) and len(pose) in (len(PLACE), len(FLAT)):
-        try:
-            x, y, *theta = (float(value) for value in pose)
-        except (TypeError, ValueError):
-            pass
-        else:
-            if all(map(math.isfinite, (x, y, *theta))):
-                return FixedPose(x, y, theta[0] if theta else None)
-    raise RequestError(NOT_A_POSE(name=name, value=repr(given)))
-
-
-def _heading(theta: float) -> float:
-    turned = math.remainder(theta, TWO_PI) % TWO_PI
-    return 0.0 if turned >= TWO_PI else turned
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Cutting the requested range of phi into cells that get equal shares of the scenes (docs/sampling.md).
-
-
-_PER_LABEL = {0: 1, 1: 32, 2: 16}  # cells along each bounded label; 8 for three or more
-
-
-@dataclass(frozen=True, slots=True)
-class Cells:
-    """The product of the bounded ranges, cut into equal cells, plus the constraints of all labels.
-
-    `edges[k]` are the borders along bounded label `bounded[k]` (an index into the labels); `low` and `high` are (L,)
-    with infinities for open ends.
-    """
-
-    labels: tuple[str, ...]
-    bounded: tuple[int, ...]
-    edges: tuple[Array, ...]
-    low: Array
-    high: Array
-
-    @property
-    def count(self) -> int:
-        return math.prod(len(edge) - 1 for edge in self.edges)
-
-    def find(self, phi: Array) -> npt.NDArray[np.intp]:
-        """The cell of each of B scenes from their phi, (L, B) -> (B,); -1 if a label is out of its range."""
-        inside = ((phi >= self.low[:, None]) & (phi <= self.high[:, None])).all(axis=0)
-        cell = np.zeros(phi.shape[1], dtype=np.intp)
-        for label, edge in zip(self.bounded, self.edges, strict=True):
-            along = np.searchsorted(edge, phi[label], side="right") - 1
-            cell = cell * (len(edge) - 1) + np.clip(along, 0, len(edge) - 2)
-        return np.where(inside, cell, -1)
-
-    def limits(self, cell: int) -> tuple[Array, Array]:
-        """Lowest and highest phi of every label in a cell, each (L,)."""
-        low, high = self.low.copy(), self.high.copy()
-        for label, edge in zip(reversed(self.bounded), reversed(self.edges), strict=True):
-            cell, along = divmod(cell, len(edge) - 1)
-            low[label], high[label] = edge[along], edge[along + 1]
-        return low, high
-
-    def describe(self, cell: int) -> str:
-        """The cell as ranges of phi: `task 0.05:0.054`."""
-        low, high = self.limits(cell)
-        return ", ".join(f"{self.labels[k]} {low[k]:.4g}:{high[k]:.4g}" for k in self.bounded) or "the whole range"
-
-
-def cut(request: SampleRequest, labels: Sequence[str], most: float = math.inf) -> Cells:
-    """The cells of a request; a single one for `--spread base`, or if no range is bounded. About `most` at most: what
-    wants a few scenes needs no more."""
-    ranges = [request.phi.get(label, Range()) for label in labels]
-    low = np.array([-np.inf if wanted.low is None else wanted.low for wanted in ranges])
-    high = np.array([np.inf if wanted.high is None else wanted.high for wanted in ranges])
-    bounded = tuple(k for k, wanted in enumerate(ranges) if wanted.bounded) if request.spread == "flat" else ()
-    pieces = _PER_LABEL.get(len(bounded), 8)
-    if most < pieces ** len(bounded):
-        pieces = math.ceil(most ** (1 / len(bounded)))
-    edges = tuple(np.linspace(low[k], high[k], pieces + 1) for k in bounded)
-    return Cells(tuple(labels), bounded, edges, low, high)

@@ -7,6 +7,8 @@ import ctypes
 import difflib
 import errno
 import functools
+import hashlib
+import io
 import os
 import re
 import shutil
@@ -16,7 +18,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
-from typing import IO
+from typing import IO, Any, Protocol
 
 from scenegen.errors import DataError, OutputError, ScenegenError
 from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, TOO_LARGE_TO_READ
@@ -232,6 +234,16 @@ def _sync_file_range() -> Callable[[int, int, int, int], int] | None:
     return call
 
 
+def sync_folder(folder: Path) -> None:
+    """Make new names in a folder durable, if folders can be synchronised."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
 def _umask() -> int:
     with _ONE_AT_A_TIME:  # it can only be read by changing it, for all threads
         mask = os.umask(0)
@@ -382,3 +394,50 @@ def others(folder: Path, total: int, ending: str) -> int:
     return sum(
         match[1] != scene_name(int(match[2]), total) or not 1 <= int(match[2]) <= total for match in found if match
     )
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The bytes of a file that is packed in parts, and their hash.
+
+
+class Sink(Protocol):
+    """Takes the parts of a file."""
+
+    def write(self, part: bytes | memoryview, /) -> object: ...
+
+
+class Parts:
+    """Keeps the parts of a file as they are: nothing is moved when it grows."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes | memoryview] = []
+
+    def write(self, part: bytes | memoryview) -> None:
+        self.parts.append(part)
+
+
+class HashingWriter(io.RawIOBase):
+    """A file to write to that passes its parts on to a sink; its hash is known with its last byte. `write` raises what
+    the sink raises."""
+
+    def __init__(self, sink: Sink) -> None:
+        self.size = 0
+        self._sink, self._hash = sink, hashlib.sha256()
+
+    @property
+    def sha256(self) -> str:
+        """Of all parts so far."""
+        return self._hash.hexdigest()
+
+    def writable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self.size
+
+    def write(self, data: Any) -> int:
+        part = bytes(data)  # no copy of bytes
+        self._sink.write(part)
+        self._hash.update(part)
+        self.size += len(part)
+        return len(part)

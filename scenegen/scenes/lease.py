@@ -24,9 +24,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.files import CANNOT_WRITE, SET_IN_USE, SET_LOST
+from scenegen.scenes.sets import LOCK
 from scenegen.scenes.stores import Store, reason_of
 
-LOCK = ".lock"
 LEASE = 120.0  # seconds; the clocks of machines and stores may differ by less
 RENEWED = 30.0  # seconds between two writes of a hold
 SETTLE = 1.0  # seconds

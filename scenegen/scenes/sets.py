@@ -4,6 +4,9 @@ Every shard is a scene file of its own. The manifest has the request, a line for
 range of phi) and, as long as the run goes on, where it stands. It replaces the one before in one step, after the shards
 that it names are complete; so it is valid whatever happens, and a run goes on from it with the same bytes. Files whose
 names begin with `_` or a dot belong to an unfinished run; readers of Parquet folders skip them.
+
+A large file in progress, `x.jsonl`, is a set, too, in the folder `x.jsonl.part/`. Its shards are of any size, and hold
+bare arrays (`part-000000.npy`), since the header, which some formats write first, is known last.
 """
 
 from __future__ import annotations
@@ -28,23 +31,22 @@ from scenegen.errors.files import (
     FINISHED_SET,
     FOLDER_NOT_EMPTY,
     NOT_A_SET,
+    NOT_MOTIONS,
     OTHER_REQUEST,
     SHARD_SIZE,
     TOO_MANY_TO_READ,
     UNFINISHED_RUN,
 )
-from scenegen.errors.time import NOT_MOTIONS
 from scenegen.scenes.blocks import BLOCK, MOST, Block, SceneFileReading, joined
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.files import UNFINISHED, inside
-from scenegen.scenes.formats import parquet
+from scenegen.scenes.files import UNFINISHED, HashingWriter, Sink, inside
 from scenegen.scenes.formats.header import load_header
 from scenegen.scenes.formats.registry import MOTIONS, format_of
 from scenegen.scenes.motions import AnyFile, MotionFile
-from scenegen.scenes.shards import HashingWriter, Sink, shortened
 from scenegen.scenes.stores import Store
 
 if TYPE_CHECKING:
+    from scenegen.scenes.formats import parquet  # loaded where it is used: a file in progress needs no pyarrow
     from scenegen.scenes.formats.motions import MotionArrays
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -113,8 +115,11 @@ class ShardRequest(BaseModel):
 
 
 MANIFEST = "manifest.json"
+LOCK = ".lock"  # says who writes: see `lease`
 CARD = "README.md"
 SHARDS = "part-"  # how the names of shards begin
+PARQUET, RAW = ".parquet", ".npy"  # endings of shards: of a set, of a file in progress
+JOINED = "joined"  # a file in progress, once its shards are joined
 RUN = "_run"  # the folder of what only an unfinished run needs
 SHARD_BYTES = 1 << 28  # of a shard's numbers, as long as --shard-size does not say otherwise
 SHARD_SCENES = 1 << 20
@@ -197,7 +202,7 @@ class Manifest(_StrictSetModel):
         if len({shard.file for shard in self.shards}) < len(self.shards):
             raise ValueError("two shards have the same `file`")
         for shard in self.shards:
-            if not shard.file.endswith(".parquet"):
+            if not shard.file.endswith((PARQUET, RAW)):
                 raise ValueError(f"`file` of a shard is `{shard.file}`, which does not end in .parquet")
             if list(shard.phi) != self.labels:
                 raise ValueError(f"phi of {shard.file} is not that of the labels")
@@ -207,6 +212,11 @@ class Manifest(_StrictSetModel):
             if made is not None and (made.n != shard.scenes or not made.phi.keys() <= set(self.labels)):
                 raise ValueError(f"`made` of {shard.file} is not what it was made for")
         return self
+
+    @property
+    def begun(self) -> bool:
+        """Whether there is something to go on with."""
+        return bool(self.shards) or self.checkpoint is not None
 
     @property
     def scenes(self) -> int:
@@ -253,6 +263,7 @@ def pack_shard(
     pieces: int,
     rarity: Mapping[str, Rareness] | None = None,
     made: ShardRequest | None = None,
+    ending: str = PARQUET,
 ) -> Shard:
     """Pass the bytes of a shard of one block or more to a sink; the same scenes give the same bytes. With `rarity` it
     says of each scene how rare its phi is. Raises what the sink raises."""
@@ -268,32 +279,48 @@ def pack_shard(
         return np.array([rarity[label](row) for label, row in zip(labels, phi, strict=True)])
 
     with HashingWriter(sink) as packed:
-        if isinstance(header, SceneFile):
-            parquet.write(packed, header, labels, seen(), None if rarity is None else rare)
+        if ending == RAW:
+            for block in seen():
+                np.lib.format.write_array(packed, np.concatenate([block.rows, block.phi]), allow_pickle=False)
         else:
-            format_of(Path(shard_name(number)), header.format).write(packed, header, labels, seen())
+            more = () if rarity is None else (rare,)
+            format_of(Path(shard_name(number)), header.format).write(packed, header, labels, seen(), *more)
         size, digest = packed.size, packed.sha256
     rows = (np.concatenate([part[index] for part in parts]) for index in range(len(labels)))
     phi = {
         label: PhiOf(lowest=float(row.min()), mean=float(row.mean()), highest=float(row.max()))
         for label, row in zip(labels, rows, strict=True)
     }
-    name, count = shard_name(number), sum(part.shape[1] for part in parts)
+    name, count = shard_name(number, ending), sum(part.shape[1] for part in parts)
     return Shard(file=name, scenes=count, bytes=size, sha256=digest, pieces=pieces, phi=phi, made=made)
 
 
-def shard_name(number: int) -> str:
+def shard_name(number: int, ending: str = PARQUET) -> str:
     """The file of a shard, counted from 0."""
-    return f"{SHARDS}{number:06d}.parquet"
+    return f"{SHARDS}{number:06d}{ending}"
+
+
+def raw_blocks(store: Store, manifest: Manifest) -> Iterator[Block]:
+    """The scenes of a file in progress, as its blocks were added. The iterator raises DataError for damage."""
+    labels = len(manifest.labels)
+    for shard in manifest.shards:
+        data = store.read(shard.file)
+        if hashlib.sha256(data).hexdigest() != shard.sha256:
+            raise _other_checksum(store, shard)
+        file = io.BytesIO(data)
+        while file.tell() < len(data):
+            table: Array = np.lib.format.read_array(file, allow_pickle=False)
+            yield Block(table[:-labels], table[-labels:])
 
 
 def save_checkpoint(store: Store, shards: int, state: Mapping[str, Any], waiting: Array | None) -> Checkpoint:
-    """Where a run stands after so many shards; scenes that wait for the next go to a file. Raises OutputError."""
+    """Where a run stands after so many shards; scenes that wait for the next go to a file, which is never one that an
+    earlier checkpoint names. Raises OutputError."""
     if waiting is None:
         return Checkpoint(state=dict(state)).checked(b"")
     sink = io.BytesIO()
     np.save(sink, waiting, allow_pickle=False)
-    name = f"{RUN}/waiting-{shards:06d}.npy"
+    name = f"{RUN}/waiting-{shards:06d}-{state['pieces']:06d}.npy"
     store.write(name, sink.getbuffer())
     return Checkpoint(state=dict(state), waiting=name).checked(sink.getbuffer())
 
@@ -346,6 +373,12 @@ def read_manifest(store: Store) -> Manifest:
     return manifest
 
 
+def shortened(value: object) -> str:
+    """A value in JSON, for a message."""
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 def _edited(store: Store, error: ValidationError, field: str) -> DataError:
     problem = error.errors(include_url=False)[0]
     where = field + ".".join(map(str, problem["loc"]))
@@ -371,25 +404,25 @@ def refuse_taken(store: Store, *, resume: bool) -> Manifest | None:
     found = read_manifest(store)
     if found.complete and not resume:
         raise RequestError(FINISHED_SET(location=store.location))
-    if found.shards and not resume:
+    if found.begun and not resume:
         raise RequestError(UNFINISHED_RUN(folder=store.location, scenes=found.scenes))
     return found
 
 
 def begin(store: Store, manifest: Manifest, *, resume: bool) -> Manifest:
-    """The manifest of a new set, or that of the same request as the run before left it. A run that had completed no
-    shard is begun again, whatever its request was.
+    """The manifest of a new set, or that of the same request as the run before left it. A run without a
+    checkpoint is begun again, whatever its request was.
 
     Raises what `refuse_taken` raises, RequestError for a set of another request, DataError for shards that are missing
     or are other files, OutputError for a folder that cannot be written to.
     """
     found = refuse_taken(store, resume=resume)
-    if found is None or not (found.shards or found.complete):
+    if found is None or not (found.begun or found.complete):
         store.make()
         _remove_others(store, manifest)
         write_manifest(store, manifest)
         return manifest
-    _same_request(store, found, manifest)
+    same_request(store, found, manifest)
     there = store.sizes()
     for shard in found.shards:
         if there.get(shard.file) != shard.bytes:
@@ -398,12 +431,14 @@ def begin(store: Store, manifest: Manifest, *, resume: bool) -> Manifest:
     header = any_header(store, found)
     if store.local and isinstance(header, SceneFile):  # elsewhere each costs a request or two
         for shard in found.shards:
-            check_shard(store, header, found.labels, shard)
+            if shard.file.endswith(PARQUET):
+                check_shard(store, header, found.labels, shard)
     store.delete(*filter(_is_unfinished, there))
     return found
 
 
-def _same_request(store: Store, found: Manifest, wanted: Manifest) -> None:
+def same_request(store: Store, found: Manifest, wanted: Manifest) -> None:
+    """Raises RequestError for an unfinished run of another request."""
     before = {**found.request, "shard size": found.shard_size}
     now = {**json.loads(json.dumps(wanted.request)), "shard size": wanted.shard_size}
     # any other difference also changes the plan, so other differences are named first
@@ -428,7 +463,22 @@ def _remove_others(store: Store, manifest: Manifest) -> None:
 
 def _is_unfinished(name: str) -> bool:
     """Whether a file is a temporary one of this set, left by a run that was killed."""
-    return name.endswith(UNFINISHED) and name.startswith(tuple(f".{one}" for one in (SHARDS, MANIFEST, CARD)))
+    return name.endswith(UNFINISHED) and name.startswith(tuple(f".{one}" for one in (SHARDS, MANIFEST, CARD, JOINED)))
+
+
+def is_ours(name: str) -> bool:
+    """Whether a file in the folder of a file in progress is of its run; its manifest left out."""
+    return name.startswith((SHARDS, f"{RUN}/", JOINED, "."))
+
+
+def discard(store: Store, *, complete: bool = False) -> None:
+    """Remove what there is of a file in progress: the manifest first, because it must not name missing files, but last
+    if it says that the run is complete. Raises OutputError."""
+    if not complete:
+        store.delete(MANIFEST)
+    store.delete(*(name for name in store.sizes() if is_ours(name) and name != LOCK))
+    store.delete_folder(RUN)
+    store.delete(MANIFEST)
 
 
 def read_set(store: Store) -> SceneFileReading:
@@ -516,12 +566,16 @@ def set_header(store: Store, manifest: Manifest) -> SceneFile:
 def read_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> SceneFileReading:
     """One shard of a set with this header and these labels. Raises DataError for a file that is not the one of the
     manifest, as far as its end tells."""
+    from scenegen.scenes.formats import parquet
+
     path = Path(store.path(shard.file))
     return parquet.read(path, _opened(store, shard), functools.partial(_check, store, header, labels, shard))
 
 
 def read_shard_group(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard, index: int) -> Block:
     """The scenes of one row group of a shard. Raises DataError as `read_shard` does."""
+    from scenegen.scenes.formats import parquet
+
     path = Path(store.path(shard.file))
     check = functools.partial(_check, store, header, labels, shard)
     return next(parquet.read_groups(path, [index], _opened(store, shard), check))
@@ -529,6 +583,8 @@ def read_shard_group(store: Store, header: SceneFile, labels: Sequence[str], sha
 
 def check_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> None:
     """Raises DataError as `read_shard` does; no scene is read."""
+    from scenegen.scenes.formats import parquet
+
     check = functools.partial(_check, store, header, labels, shard)
     next(parquet.read_groups(Path(store.root, shard.file), [], _opened(store, shard), check), None)
 
@@ -540,7 +596,11 @@ def check_bytes(store: Store, shard: Shard) -> None:
         while part := file.read(PART):
             digest.update(part)
     if digest.hexdigest() != shard.sha256:
-        raise _damaged(store, shard, "its checksum is not that of the manifest")
+        raise _other_checksum(store, shard)
+
+
+def _other_checksum(store: Store, shard: Shard) -> DataError:
+    return _damaged(store, shard, "its checksum is not that of the manifest")
 
 
 def _opened(store: Store, shard: Shard) -> Any:

@@ -1,29 +1,29 @@
 """A folder of files on a disk or in an object store, by path or URL: s3://bucket/set/, gs://..., hdfs://...
 
-Needs pyarrow, whose file systems these are. Files are written as a whole: by renaming on a disk, as one object in a
-store. A store that fails is asked again for a minute, unless its answer is final (no permission, no such bucket); a
-disk that fails is not.
+Files are written as a whole: by renaming on a disk, as one object in a store. A store that fails is asked again for a
+minute, unless its answer is final (no permission, no such bucket); a disk that fails is not. Object stores are file
+systems of pyarrow, which is loaded for them alone.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
+import shutil
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-import pyarrow
-import pyarrow.fs
-
-from scenegen.errors import DataError, OutputError
+from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, UNKNOWN_STORE
-from scenegen.scenes.files import FULL, FlushingWriter, below, inside, whole_file
+from scenegen.errors.requests import NOT_INSTALLED
+from scenegen.scenes.files import FULL, FlushingWriter, Parts, Sink, below, inside, sync_folder, whole_file
 from scenegen.scenes.locations import is_url
-from scenegen.scenes.shards import Parts, Sink
 
 # --------------------------------------------------------------------------------------------------------------------
 # Work on a store that may fail for a while: tried again with growing waits, told once, and failures in few words.
@@ -33,7 +33,6 @@ T = TypeVar("T")
 
 PATIENCE = 60.0  # seconds for which a store that fails is asked again
 FIRST_WAIT, LONGEST_WAIT = 0.25, 8.0  # seconds between tries, doubled each time
-FAILURES = (OSError, pyarrow.ArrowException)
 # Of the answers of object stores, those that another try cannot change. pyarrow has no types for them.
 _FINAL = re.compile(r"ACCESS_DENIED|NO_SUCH_BUCKET|INVALID_ACCESS_KEY|SIGNATURE_DOES_NOT|NoSuchBucket|AccessDenied")
 
@@ -72,13 +71,19 @@ class RetriedWork:
             self.tries += 1
             try:
                 return work()
-            except FAILURES as error:
+            except failures() as error:
                 if final(error) or self.seconds + wait > self.patience:
                     raise
                 if self.tries == 1:
                     self.tell(error)
             time.sleep(wait)
             wait = min(2.0 * wait, LONGEST_WAIT)
+
+
+def failures() -> tuple[type[Exception], ...]:
+    """What a disk or an object store raises."""
+    pyarrow = sys.modules.get("pyarrow")
+    return (OSError,) if pyarrow is None else (OSError, pyarrow.ArrowException)
 
 
 def final(error: Exception) -> bool:
@@ -109,7 +114,7 @@ class Store:
     """A folder at `location`, as its user names it. It can be pickled, and sent to another machine."""
 
     location: str
-    system: Any  # a pyarrow.fs.FileSystem
+    system: Any  # a pyarrow.fs.FileSystem; None for a disk
     root: str  # the folder in the file system, without a slash at its end
     local: bool
     patience: float = PATIENCE  # seconds for which an object store that fails is asked again
@@ -124,6 +129,8 @@ class Store:
         """The bytes of a file. Raises DataError."""
 
         def work() -> bytes:
+            if self.local:
+                return Path(self.path(name)).read_bytes()
             for _ in range(REPLACED):
                 before = self._version(name)
                 with self.system.open_input_stream(self.path(name)) as stream:
@@ -136,8 +143,12 @@ class Store:
 
     def open(self, name: str) -> Any:
         """A file, open for reading at any place of it. Raises DataError, and so does reading from it."""
+        if self.local:
+            return self._reading(name, lambda: Path(self.path(name)).open("rb"))
+        from pyarrow import PythonFile
+
         file = self._reading(name, lambda: self.system.open_input_file(self.path(name)))
-        return file if self.local else pyarrow.PythonFile(_RetriedFile(self, name, file), mode="r")
+        return PythonFile(_RetriedFile(self, name, file), mode="r")
 
     def write(self, name: str, *parts: bytes | memoryview) -> None:
         """Write a file, which appears whole or not at all. Raises OutputError."""
@@ -170,6 +181,7 @@ class Store:
             path.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as file:
                 yield FlushingWriter(file)
+            sync_folder(path.parent)
         except OutputError as error:
             if isinstance(error.__cause__, OSError):  # a set's own words say what is kept
                 raise self._not_written(name, error.__cause__) from error.__cause__
@@ -179,16 +191,27 @@ class Store:
 
     def sizes(self) -> dict[str, int]:
         """The files of the folder and its subfolders, with their sizes; none if it does not exist. Raises DataError."""
-        selector = pyarrow.fs.FileSelector(self.root, recursive=True, allow_not_found=True)
+        if self.local:
+            return self._reading(".", lambda: _sizes(self.root))
+        from pyarrow import fs
+
+        selector = fs.FileSelector(self.root, recursive=True, allow_not_found=True)
         found = self._reading(".", lambda: self.system.get_file_info(selector))
         start = len(self.root) + 1
-        return {one.path[start:]: one.size for one in found if one.type == pyarrow.fs.FileType.File}
+        return {one.path[start:]: one.size for one in found if one.type == fs.FileType.File}
 
     def changed(self, name: str) -> float:
         """When a file was last written, in seconds since 1970 by the store's clock; 0 if it is not there. Raises
         DataError."""
-        found = self._reading(name, lambda: self.system.get_file_info(self.path(name)))
-        return 0.0 if found.type == pyarrow.fs.FileType.NotFound else found.mtime_ns / 1e9
+
+        def work() -> float:
+            if self.local:
+                path = Path(self.path(name))
+                return path.stat().st_mtime if path.exists() else 0.0
+            found = self.system.get_file_info(self.path(name))
+            return 0.0 if found.mtime_ns is None else found.mtime_ns / 1e9
+
+        return self._reading(name, work)
 
     def delete(self, *names: str) -> None:
         """Remove files; those that are not there are left alone. Raises OutputError."""
@@ -196,7 +219,10 @@ class Store:
 
             def work(name: str = name) -> None:
                 with contextlib.suppress(FileNotFoundError):
-                    self.system.delete_file(self.path(name))
+                    if self.local:
+                        Path(self.path(name)).unlink(missing_ok=True)
+                    else:
+                        self.system.delete_file(self.path(name))
 
             self._writing(name, work)
 
@@ -205,7 +231,10 @@ class Store:
 
         def work() -> None:
             with contextlib.suppress(FileNotFoundError):
-                self.system.delete_dir(self.path(name))
+                if self.local:
+                    shutil.rmtree(self.path(name))
+                else:
+                    self.system.delete_dir(self.path(name))
 
         self._writing(name, work)
 
@@ -235,7 +264,7 @@ class Store:
     def _reading(self, name: str, work: Callable[[], T]) -> T:
         try:
             return self._attempts(name).run(work)
-        except FAILURES as error:
+        except failures() as error:
             remedy = "check the location" + ("" if self.local else " and your credentials")
             raise DataError(
                 CANNOT_READ(file=name, location=self.location, reason=reason_of(error), remedy=remedy)
@@ -247,7 +276,7 @@ class Store:
             attempts.run(work)
         except OutputError:
             raise
-        except FAILURES as error:
+        except failures() as error:
             facts = {"tries": attempts.tries, "seconds": attempts.seconds} if attempts.tries > 1 else {}
             raise self._not_written(name, error, **facts) from error
 
@@ -304,17 +333,41 @@ class _RetriedFile(io.RawIOBase):
         super().close()
 
 
+def _sizes(root: str) -> dict[str, int]:
+    """The files below a folder, with their sizes. Raises OSError for what is no folder."""
+
+    def refuse(error: OSError) -> None:
+        if not isinstance(error, FileNotFoundError):
+            raise error
+
+    paths = (Path(folder, name) for folder, _, names in os.walk(root, onerror=refuse) for name in names)
+    return {str(path.relative_to(root)): path.stat().st_size for path in paths if path.is_file()}
+
+
+def open_store(location: str, tell: Tell | None = None) -> Store:
+    """The store of a set at a path or URL: see `store_at`. Raises RequestError without pyarrow, which sets need."""
+    try:
+        import pyarrow  # noqa: F401 - loaded here for the first time
+    except ModuleNotFoundError as error:
+        command = 'pip install "scenegen[parquet]"'
+        raise RequestError(NOT_INSTALLED(package="pyarrow", purpose="for sets of scenes", command=command)) from error
+    return store_at(location, tell)
+
+
 def store_at(location: str, tell: Tell | None = None) -> Store:
     """The store at a URL or path; nothing is read or written. `tell` hears of failures that are tried again. Raises
     DataError for a URL that no file system knows."""
     if not is_url(location):
         root = str(Path(location).expanduser().absolute())
-        return Store(location, pyarrow.fs.LocalFileSystem(), root.rstrip("/") or "/", True, tell=tell)
+        return Store(location, None, root.rstrip("/") or "/", True, tell=tell)
+    import pyarrow
+    from pyarrow import fs
+
     try:
-        system, root = pyarrow.fs.FileSystem.from_uri(location)
+        system, root = fs.FileSystem.from_uri(location)
     except (OSError, ValueError, pyarrow.ArrowException) as error:
         raise DataError(UNKNOWN_STORE(location=shown(location), reason=reason_of(error))) from error
-    local = isinstance(system, pyarrow.fs.LocalFileSystem)
+    local = isinstance(system, fs.LocalFileSystem)
     return Store(shown(location), system, root.rstrip("/"), local, tell=tell)
 
 

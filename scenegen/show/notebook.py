@@ -19,7 +19,7 @@ from scenegen.scenes.data import SceneFile
 
 if TYPE_CHECKING:
     from scenegen.api.outline import SpecHolder
-    from scenegen.api.scene_arrays import SceneArrays
+    from scenegen.api.scenes import SceneSet
 
 
 SHOWN = 8  # scenes of a sheet
@@ -30,7 +30,7 @@ LINES = 40  # of the formula of a label
 
 
 def sheet(file: SceneFile, rest: Array | None = None) -> bytes | None:
-    """The contact sheet of a scene file as PNG, None for one without scenes; `rest` as SceneArrays has it. Raises
+    """The contact sheet of a scene file as PNG, None for one without scenes; `rest` as SceneSet has it. Raises
     DataError."""
     return _drawn(file, WIDTH, rest, sheet=True) if file.scenes else None
 
@@ -54,7 +54,7 @@ def _drawn(file: SceneFile, width: int, rest: Array | None, *, sheet: bool) -> b
         return (drawn.sheet if sheet else drawn.pictures[0]).read_bytes()
 
 
-def page(scenes: SceneArrays, draw: Callable[[], bytes | None]) -> str:
+def page(scenes: SceneSet, draw: Callable[[], bytes | None]) -> str:
     """A set of scenes as HTML, on its own: the picture is part of the text. Nothing in a scene file is trusted."""
     try:
         drawn = draw()
@@ -71,13 +71,13 @@ def page(scenes: SceneArrays, draw: Callable[[], bytes | None]) -> str:
     return "<div>" + "".join(parts) + "</div>"
 
 
-def _heading(scenes: SceneArrays) -> str:
+def _heading(scenes: SceneSet) -> str:
     title = scenes.header.spec.title
     count = f"{len(scenes):,} scene{'s' * (len(scenes) != 1)} of {html.escape(scenes.names())}"
     return f"<b>{html.escape(title)}</b><br>{count}" if title else f"<b>{count}</b>"
 
 
-def _table(scenes: SceneArrays) -> str:
+def _table(scenes: SceneSet) -> str:
     if not len(scenes):
         return ""
     rows = ["<tr><th>label</th><th>target phi</th><th>lowest</th><th>mean</th><th>highest</th></tr>"]

@@ -12,11 +12,18 @@ import numpy as np
 from PIL import Image
 
 from scenegen.api.outline import chosen_label
-from scenegen.api.scene_arrays import SceneArrays, parts_of
+from scenegen.api.scene_arrays import parts_of
+from scenegen.api.scenes import SceneSet
 from scenegen.arrays import Array
 from scenegen.errors import RequestError, quoted
-from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.time import NO_SUCH_MOTION, TIME_NOT_HERE, WHICH_MOTION
+from scenegen.errors.requests import (
+    NO_SCENES,
+    NO_SUCH_NUMBER,
+    NOT_ONE_MOTION,
+    TIME_NOT_HERE,
+    UNKNOWN_CHOICE,
+    WRONG_VALUE,
+)
 from scenegen.geometry import NUMPY
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom
@@ -28,7 +35,6 @@ from scenegen.pose import as_poses, as_rows, flat
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import check_writable, scene_name, whole_files, write_whole
 from scenegen.scenes.formats.motions import MotionArrays, scenes_header
-from scenegen.scenes.stage import overlaps_of
 from scenegen.show.figures import heatmap as heat
 from scenegen.show.figures.charts import phi_chart
 from scenegen.show.figures.dimensions import FigureObject, FigureScene, dimensions, short
@@ -37,6 +43,7 @@ from scenegen.show.figures.sheet import contact_sheet, thumbnail_size
 from scenegen.show.figures.strip import HELD, STEP, animation, pages, strip, video
 from scenegen.show.figures.sweep import sweep
 from scenegen.show.figures.topview import topview
+from scenegen.show.stage import overlaps_of
 from scenegen.things.surfaces import cells_of
 from scenegen.validation import as_path, as_words
 
@@ -116,7 +123,7 @@ class Job:
     """What a figure is made of: the scenes, the names of all figures that are made, the label that they are about (the
     first if None), and how pictures are drawn."""
 
-    scenes: SceneArrays
+    scenes: SceneSet
     kinds: tuple[str, ...]
     label: str | None
     look: PictureStyle
@@ -141,7 +148,7 @@ class Job:
 
 
 def figures(
-    scenes: SceneArrays,
+    scenes: SceneSet,
     out: str | Path,
     kinds: tuple[str, ...],
     *,
@@ -306,10 +313,10 @@ def animate(
         raise RequestError(UNKNOWN_CHOICE(what="ending", name=path.suffix, known=MOVING))
     count = len(motions.poses)
     if motion is None and count > 1:
-        raise RequestError(WHICH_MOTION(path=path.name, count=count))
+        raise RequestError(NOT_ONE_MOTION(path=path.name, count=count))
     number = 1 if motion is None else motion
     if not 1 <= number <= count:
-        raise RequestError(NO_SUCH_MOTION(number=number, file="the set", first=1, last=count))
+        raise RequestError(NO_SUCH_NUMBER(what="motion", number=number, file="the set", first=1, last=count))
     kinds = (ending[1:],)
     look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
     check_writable(path)
@@ -336,7 +343,7 @@ def _one(
         made["_phi.png"] = phi_chart(times.tolist(), {name: row.tolist() for name, row in signals.items()})
     if set(kinds) <= {"phi"}:
         return made
-    drawn = list(look.pictures(SceneArrays(motions.poses[number], {}, scenes_header(motions.header)).file()))
+    drawn = list(look.pictures(SceneSet(motions.poses[number], {}, scenes_header(motions.header)).file()))
     if "gif" in kinds:
         made[".gif"] = animation(drawn, values, label)
     if "mp4" in kinds:

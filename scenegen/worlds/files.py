@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenegen.api.scene_arrays import SceneArrays
+from scenegen.api.scenes import SceneSet
 from scenegen.errors import OutputError, RequestError
 from scenegen.errors.declarations import ONE_FILE_MANY_NUMBERS
 from scenegen.errors.files import CANNOT_WRITE, ENDING_OF_ANOTHER, NO_FORMAT, WRONG_ENDING
@@ -43,6 +43,7 @@ EXPORTS: dict[str, str] = {
     "sdf": "scenegen.worlds.export.sdf",
     "usd": "scenegen.worlds.export.usd",
 }
+TITLES = {"mjcf": "MuJoCo", "sdf": "SDF (Gazebo)", "usd": "USD (Isaac Sim)"}  # on the page; else the name itself
 NEEDS = {"usd": "pxr"}  # packages that only an extra of scenegen installs
 CRATES = (".usd", ".usdc")  # endings of files that are binary: `files` gives their text
 MESHES = "meshes"
@@ -208,7 +209,7 @@ def check_looks(out: Path, to: str, looks: str | Path | None, option: str = "loo
 
 
 def export(
-    scenes: SceneArrays,
+    scenes: SceneSet,
     out: Path,
     to: str | None,
     meshes: Path | None = None,

@@ -21,8 +21,7 @@ import numpy as np
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.needs import need
-from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
-from scenegen.processes.worker import DONE
+from scenegen.processes.process import DONE, GONE, WorkerMessage, WorkerProcess
 from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.own_files import is_read, own_file, reason_of
 from scenegen.things.colored_mesh import ColoredMesh, check_texture

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scenegen.api.motions import MotionSet, read_motions
 from scenegen.api.reading import read_scenes
-from scenegen.api.scene_arrays import SceneArrays, rows_of
+from scenegen.api.scene_arrays import rows_of
 from scenegen.api.scenes import SceneSet, check_count
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE
@@ -52,13 +52,13 @@ class Exported:
 
 
 def of_scenes(
-    scenes: SceneArrays,
+    scenes: SceneSet,
     out: Path,
     facts: Sequence[str] | None = None,
     own: Own = None,
     goal: Sequence[str] | None = None,
     *,
-    ends: SceneArrays | None = None,
+    ends: SceneSet | None = None,
     whole_goal: bool = False,
 ) -> Exported:
     """The problems of scenes; with `ends`, those of motions that begin in the scenes and end there. Where the spec
@@ -94,7 +94,7 @@ def of_scenes(
     return replace(files, warnings=unsaid(made))
 
 
-def _comment(scenes: SceneArrays, place: int) -> str:
+def _comment(scenes: SceneSet, place: int) -> str:
     phi = ", ".join(f"{name} = {values[place]:.6g}" for name, values in scenes.phi.items())
     return f"Scene {place + 1}" + (f"; phi: {phi}" if phi else "")
 

@@ -1,278 +1,37 @@
 """A drop-in for the `placement_initializer` of robosuite's environments: objects start where a spec wants them.
 
 Starts are verified scenes, drawn ahead: at a range of phi, or at the next task of a strategy. They are placed in the
-simulator's frame, and read back from it. `init_states` writes starts as LIBERO keeps them.
+simulator's frame, and read back from it. `init_states` writes starts as files of states; LIBERO has libero/.
 """
 
 from __future__ import annotations
 
 import copy
-import math
-from collections import Counter, OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard, runtime_checkable
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from scenegen.api.request import Phi, read_phi
-from scenegen.api.sample import draw_scenes
-from scenegen.api.scene_arrays import make_header, poses7, stored_rows
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.files import HELD_ELSEWHERE
-from scenegen.errors.learning import NOT_A_TASK
+from scenegen.errors.files import SAME_NAME
+from scenegen.errors.learning import NO_EPISODE
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.worlds import NAME_TWICE, NO_START_YET, PLACEMENT
-from scenegen.geometry import NUMPY
-from scenegen.geometry.workspace import turned
-from scenegen.lang.formula.interpret import phi as score
-from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy
+from scenegen.errors.worlds import PLACEMENT
+from scenegen.learn.curriculum.tasks import Outcome
 from scenegen.needs import need
-from scenegen.pose import as_poses, as_rows, row_count
-from scenegen.sampling.request import Range, SampleRequest
-from scenegen.scenes.arrange import held, held_elsewhere, with_switches
-from scenegen.scenes.data import RequestData
 from scenegen.scenes.files import whole_file
 from scenegen.validation import as_int, as_number, as_path, as_point, as_seconds
-
-if TYPE_CHECKING:
-    from scenegen.learn.curriculum.library import Library, LibraryStream
-
-
-Wanted: TypeAlias = "Phi | PhiBox | Strategy | StartSource | Callable[[], Phi | PhiBox | None] | None"
-"""A range of phi (see `scenegen.sample`), a strategy, a source of starts, or a function that gives a range for each."""
-
-FIRST, MOST = 1024, 16_384  # scenes of the first draw at a range, and of later ones at most
-RANGES = 64  # ranges whose scenes are kept, the most recent ones
-STREAM = 12  # the stream of random numbers of starts; api/batches.py and others have streams of their own
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Start:
-    """A verified scene: `poses` (N, 7), see `SceneSet.poses7`, `phi` by label, `on` (M,) of objects on one of several
-    surfaces, and the strategy's task."""
-
-    poses: Array
-    phi: Mapping[str, float]
-    on: Array | None
-    task: PhiBox | None = None
-
-
-@runtime_checkable
-class StartSource(Protocol):
-    def take(self) -> Start:
-        """The next scene. Raises RequestError."""
-        ...
-
-
-class RangeStarts:
-    """Scenes with phi in a range that `wanted` gives for each. Draws grow from FIRST to MOST scenes; a range that is
-    asked for again goes on with its own scenes."""
-
-    def __init__(self, spec: Spec, wanted: Callable[[], Phi | PhiBox | None], seed: int, timeout: float) -> None:
-        self._spec, self._wanted, self._seed, self._timeout = spec, wanted, seed, timeout
-        self._draws = 0
-        self._streams: OrderedDict[tuple[tuple[str, Range], ...], Iterator[Start]] = OrderedDict()
-
-    def take(self) -> Start:
-        wanted = self._wanted()
-        if isinstance(wanted, PhiBox):
-            if not len(wanted.low) == len(wanted.high) == len(self._spec.labels):
-                raise RequestError(NOT_A_TASK(count=len(wanted.low), labels=self._spec.labels))
-            ends = zip(self._spec.labels, wanted.low, wanted.high, strict=True)
-            wanted = {label: (low, high) for label, low, high in ends}
-        ranges = read_phi(self._spec, wanted)
-        key = tuple(sorted(ranges.items(), key=lambda item: item[0]))
-        if key not in self._streams:
-            self._streams[key] = self._stream(ranges)
-            if len(self._streams) > RANGES:
-                self._streams.popitem(last=False)
-        self._streams.move_to_end(key)
-        try:
-            return next(self._streams[key])
-        except RequestError:
-            del self._streams[key]  # a generator that raised has ended
-            raise
-
-    def _stream(self, ranges: Mapping[str, Range]) -> Iterator[Start]:
-        count = FIRST
-        while True:
-            source = np.random.SeedSequence([self._seed, STREAM, self._draws])
-            self._draws += 1
-            seed = int(source.generate_state(1)[0])
-            request = SampleRequest(
-                ranges, count, seed=seed, timeout=self._timeout, keep_partial=True, workers=1, strict=True
-            )  # in this process: simulators do not like to be forked
-            scenes = draw_scenes(self._spec, request)
-            places = scenes.poses7()
-            for index in np.random.default_rng(source).permutation(len(scenes)).tolist():
-                phi = {label: float(values[index]) for label, values in scenes.phi.items()}
-                yield Start(places[index], phi, None if scenes.on is None else scenes.on[index])
-            count = min(4 * count, MOST)
-
-
-class StrategyStarts:
-    """Scenes at the next task of a strategy, or at the nearest phi there is."""
-
-    def __init__(self, spec: Spec, goal: str | None, strategy: Strategy, seed: int) -> None:
-        self._spec, self._goal, self._strategy, self._seed = spec, goal, strategy, seed
-        self._header = make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat"))
-        self._stream: LibraryStream | None = None  # made at the first start: it draws thousands of scenes
-
-    def take(self) -> Start:
-        with as_request_errors():
-            return self._take()
-
-    def _take(self) -> Start:
-        from scenegen.learn.curriculum.library import LibraryStream
-        from scenegen.learn.curriculum.request import read_phi as read_task
-
-        if self._stream is None:
-            self._stream = LibraryStream(_library(self._spec, self._goal), self._seed)
-        task = self._strategy.next_task()
-        if not isinstance(task, PhiBox):
-            raise RequestError(NOT_A_TASK(value=repr(task)))
-        target = self._stream.library.target
-        row, phi = self._stream.take(read_task(target, task, points=True), nearest=True)
-        rows = np.asarray(row)[:, None]
-        count = row_count(len(self._spec.objects))
-        on = stored_rows(self._spec.checked, rows)[count:].T if self._spec.checked.choices else None
-        places = poses7(self._header, as_poses(rows[:count]), on, tensor=False, dtype="float64")
-        found = dict(zip(self._spec.labels, map(float, phi), strict=False))
-        return Start(places[0], found, None if on is None else on[0], task)
-
-
-def make_starts(spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float) -> StartSource:
-    """Raises RequestError for an invalid range."""
-    if isinstance(wanted, StartSource):
-        return wanted
-    if is_strategy(wanted):
-        need("gymnasium", "for starts chosen by a strategy")
-        return StrategyStarts(spec, goal, wanted, seed)
-    if callable(wanted):
-        return RangeStarts(spec, wanted, seed, timeout)
-    fixed: Any = wanted
-    if not isinstance(fixed, PhiBox):
-        read_phi(spec, fixed)
-    return RangeStarts(spec, lambda: fixed, seed, timeout)
-
-
-def is_strategy(wanted: object) -> TypeGuard[Strategy]:
-    return all(callable(getattr(wanted, call, None)) for call in ("next_task", "report"))
-
-
-def phi_space(spec: Spec, goal: str | None = None) -> PhiBox:
-    """The range of phi to train on, for a strategy: from the hardest thousandth of scenes to satisfied. `goal` is the
-    label to satisfy, by default all. Raises RequestError where there is nothing to learn."""
-    need("gymnasium", "for starts chosen by a strategy")
-    with as_request_errors():
-        return _library(spec, goal).space
-
-
-def _library(spec: Spec, goal: str | None) -> Library:
-    from scenegen.learn.curriculum.goal import make_goal
-    from scenegen.learn.curriculum.library import open_library
-
-    return open_library(make_goal(spec, goal), spec, None)
-
-
-@contextmanager
-def as_request_errors() -> Iterator[None]:
-    """Turns the errors of environments, which are gymnasium's, into RequestError."""
-    from gymnasium import error
-
-    try:
-        yield
-    except error.Error as problem:
-        diagnostic = getattr(problem, "diagnostic", None)
-        if diagnostic is None:
-            raise
-        raise RequestError(diagnostic) from problem
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A drop-in for the `placement_initializer` of robosuite's environments: objects start where a spec wants them.
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The spec's table in the world of a simulator, and quaternions (w, x, y, z).
-
-
-Numbers: TypeAlias = Sequence[float] | Array
-
-
-@dataclass(frozen=True, slots=True)
-class TableFrame:
-    """Where the spec's point (0, 0) at the height of the table is, in metres, and by how much the spec's x axis is
-    turned against the world's, in radians, counter-clockwise."""
-
-    origin: tuple[float, float, float]
-    turn: float = 0.0
-
-    def place(self, pose: Numbers) -> tuple[Array, Array]:
-        """A pose x, y, z, qw, qx, qy, qz of the spec's frame: its place and quaternion in the world."""
-        x, y, z, qw, qx, qy, qz = pose
-        cosine, sine = math.cos(self.turn), math.sin(self.turn)
-        at = np.array([cosine * x - sine * y, sine * x + cosine * y, z]) + self.origin
-        return at, times((math.cos(self.turn / 2.0), 0.0, 0.0, math.sin(self.turn / 2.0)), (qw, qx, qy, qz))
-
-    def pose(self, at: Numbers, quaternion: Numbers) -> tuple[float, float, float]:
-        """The reverse for a body: x, y and heading in the spec's frame. The heading is the turn about the vertical
-        that comes nearest to the attitude."""
-        x, y = at[0] - self.origin[0], at[1] - self.origin[1]
-        cosine, sine = math.cos(self.turn), math.sin(self.turn)
-        heading = 2.0 * math.atan2(quaternion[3], quaternion[0]) - self.turn
-        return cosine * x + sine * y, cosine * y - sine * x, heading
-
-
-def times(first: Numbers, second: Numbers) -> Array:
-    """The product of two quaternions: the second rotation, then the first."""
-    a, b, c, d = first
-    w, x, y, z = second
-    return np.array(
-        [
-            a * w - b * x - c * y - d * z,
-            a * x + b * w + c * z - d * y,
-            a * y - b * z + c * w + d * x,
-            a * z + b * y - c * x + d * w,
-        ]
-    )
-
-
-def inverse(quaternion: Numbers) -> Array:
-    """The reverse rotation of a unit quaternion."""
-    w, x, y, z = quaternion
-    return np.array([w, -x, -y, -z])
-
-
-def upright(model: Any) -> Array:
-    """The quaternion of an object that stands as it should at heading 0.
-
-    robosuite's objects may have an `init_quat`; many of LIBERO's have to be turned about x or y first: `rotation` is
-    then a range of angles in radians for `rotation_axis`, or maps axes to ranges. Turns about z are headings.
-    """
-    rotation, axis = getattr(model, "rotation", None), getattr(model, "rotation_axis", None)
-    turns = rotation if isinstance(rotation, Mapping) else {axis: rotation}
-    found = np.array([1.0, 0.0, 0.0, 0.0])
-    for index, name in enumerate("xy"):
-        angles = turns.get(name)
-        if angles is None:
-            continue
-        half = 0.5 * (float(np.mean([min(angles), max(angles)])) if isinstance(angles, Iterable) else float(angles))
-        turn = np.array([math.cos(half), 0.0, 0.0, 0.0])
-        turn[1 + index] = math.sin(half)
-        found = times(turn, found)
-    return times(found, model.init_quat) if getattr(model, "init_quat", None) is not None else found
-
+from scenegen.worlds.frame import TableFrame, inverse, times, upright
+from scenegen.worlds.starts import Start, Wanted, is_strategy, make_starts, phi_at
 
 Placed: TypeAlias = dict[str, tuple[tuple[float, float, float], Array, Any]]
 """Object name -> (place, quaternion (w, x, y, z), object), as robosuite's samplers give it."""
 
-HELD = 1e-3, 0.01  # metres and radians by which a held object may be off in a simulation
 TRIES = 1000  # scenes that are tried until one keeps clear of fixtures
 
 
@@ -320,10 +79,10 @@ class Placement:
         self.ensure_valid_placement = ensure_valid_placement
         self.mujoco_objects: list[Any] = []
         self.start: Start | None = None
+        self.attitudes: dict[str, Array] = {}
         self._strategy = phi if is_strategy(phi) else None
         self._starts = make_starts(spec, phi, goal, as_int("seed", seed), as_seconds("timeout", timeout))
         self._frame = TableFrame(self.reference_pos, self.turn)
-        self._header = make_header(spec.checked, {}, RequestData(phi={}, n=1, spread="flat"))
         if mujoco_objects is not None:
             self.add_objects(mujoco_objects)
 
@@ -397,20 +156,14 @@ class Placement:
                 found[which] = pose[0], pose[1], 2.0 * np.arctan2(pose[6], pose[3])
                 continue
             body = sim.model.body_name2id(model.root_body)
-            attitude = times(sim.data.body_xquat[body], inverse(upright(model)))
+            attitude = times(sim.data.body_xquat[body], inverse(self._attitude(model)))
             found[which] = self._frame.pose(sim.data.body_xpos[body], attitude)
         return found
 
     def phi_in(self, sim: Any) -> dict[str, float]:
         """phi of each label where the objects are in a simulation now. An object that the spec holds counts as in its
         place; raises RequestError where it is off by more than 1 mm or 0.01 rad, and before the first start."""
-        start, checked = self._started(), self.spec.checked
-        rows = turned(as_rows(self.poses(sim)[None]))
-        moved = held_elsewhere(checked, rows, *HELD)
-        if moved is not None:
-            raise RequestError(HELD_ELSEWHERE(**held(checked, moved[0]), place="in the simulation"))
-        rows = with_switches(checked, self._header, rows, None if start.on is None else start.on[None])
-        return {label: float(value[0]) for label, value in score(checked.core, list(rows), NUMPY).items()}
+        return phi_at(self.spec, self._started(), self.poses(sim))
 
     def report(self, success: bool, total: float = 0.0, steps: int = 0) -> None:
         """Tell the strategy how the episode ended that began with the last start; nothing without a strategy."""
@@ -419,9 +172,15 @@ class Placement:
             values = tuple(start.phi.values())
             self._strategy.report(Outcome(start.task, values, bool(success), float(total), int(steps)))
 
+    def _attitude(self, model: Any) -> Array:
+        """The quaternion of an object that stands as it should at heading 0: as `attitudes` has it, else its
+        `init_quat`."""
+        found = self.attitudes.get(model.name, getattr(model, "init_quat", None))
+        return np.array([1.0, 0.0, 0.0, 0.0] if found is None else found, dtype=np.float64)
+
     def _started(self) -> Start:
         if self.start is None:
-            raise RequestError(NO_START_YET())
+            raise RequestError(NO_EPISODE(state="no scene was placed yet", remedy="reset the environment first"))
         return self.start
 
     def _objects(self, placed: Placed) -> list[tuple[int, Any]]:
@@ -460,7 +219,7 @@ class Placement:
             z += lift.get(model.name, 0.0) if isinstance(lift, dict) else lift
             if on_top:
                 z -= model.bottom_offset[-1]
-            found[model.name] = (float(x), float(y), float(z)), times(quaternion, upright(model)), model
+            found[model.name] = (float(x), float(y), float(z)), times(quaternion, self._attitude(model)), model
         return found
 
 
@@ -475,7 +234,7 @@ def _names(spec: Spec, names: Mapping[str, str]) -> dict[str, str]:
     found = {own: names.get(own, own) for own in spec.objects}
     for name, count in Counter(found.values()).items():
         if count > 1:
-            raise RequestError(NAME_TWICE(name=name))
+            raise RequestError(SAME_NAME(name=name, objects="objects"))
     return found
 
 
@@ -532,11 +291,11 @@ class InitStates:
 
 
 def init_states(env: Any, placement: Placement, n: int) -> InitStates:
-    """n states of an environment of robosuite or LIBERO, with the objects where the placement wants them.
+    """n states of an environment of robosuite, with the objects where the placement wants them.
 
-    The environment is reset once; what the placement does not place stays as it is then. Give the placement the
-    environment's objects: for LIBERO, mujoco_objects=list(env.env.objects_dict.values()). Raises RequestError, also for
-    an object of the spec that has no free joint.
+    The environment is reset once: how its objects stand then is how the placement puts them, whatever it does not place
+    stays as it is. Give the placement the environment's objects. `scenegen.libero` makes the spec of an environment,
+    too, and its states come to rest. Raises RequestError, also for an object of the spec that has no free joint.
     """
     n = as_int("n", n)
     if n < 1:
@@ -544,6 +303,9 @@ def init_states(env: Any, placement: Placement, n: int) -> InitStates:
     env.reset()
     sim = env.sim
     begun = sim.get_state()
+    for model in placement.mujoco_objects:
+        for joint in list(model.joints)[:1]:
+            placement.attitudes[model.name] = upright(sim.data.get_joint_qpos(joint)[3:7])
     states, phi, read = [], [], []
     for _ in range(n):
         sim.set_state(begun)

@@ -248,3 +248,11 @@ def test_new_overwrites_nothing(refused, here, name):
 
 def test_new_where_there_is_no_folder(refused):
     assert "cannot write nowhere/mine.spec" in refused("new", "nowhere/mine")
+
+
+def test_the_help_of_sample_needs_no_arrays():
+    program = (
+        "import sys; from scenegen.cli.app import run; run(['sample', '--help']); sys.exit('numpy' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -4,6 +4,7 @@ command: a job each, the bad ones named, the bytes those of one at a time.
 """
 
 import json
+import math
 import os
 import random
 import signal
@@ -82,11 +83,14 @@ def test_sampling_what_is_not_found(number, here):
 @pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])  # two: test_resume.py
 def test_many_scenes_are_kept_and_gone_on_with(workers, here, scenegen):
     """Ctrl-C in the midst of many scenes; what is there goes on to the same bytes as a run without a break."""
-    words = ["sample", "two.spec", "--phi", "task=0.4:", "-n", "250000", "--seed", "3", "--workers", workers]
+    words = ["sample", "two.spec", "--phi", "task=0.4:", "-n", "700000", "--seed", "3", "--workers", workers]
     process = started([*words, "--out", "o.parquet"], here)
     part = here / "o.parquet.part"
     deadline = time.monotonic() + 60
-    while not list(part.glob("shard-*")) and process.poll() is None and time.monotonic() < deadline:
+    begun = math.inf
+    while process.poll() is None and time.monotonic() < deadline and _used(process) < begun + 0.1:
+        if begun == math.inf and (part / "manifest.json").exists():
+            begun = _used(process)
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
@@ -182,7 +186,7 @@ def started_resume(words, cwd):
 
 
 def shards(folder):
-    return len(list(folder.glob("shard-*.npy"))) if folder.exists() else 0
+    return len(list(folder.glob("part-*.npy"))) if folder.exists() else 0
 
 
 def until(condition, process, seconds=60):
@@ -203,13 +207,13 @@ def test_killed_in_the_midst_of_resuming(here, scenegen):
     words = [*WORDS, "-n", COUNT, "--workers", "2", "--out", "o.parquet"]
     part = here / "o.parquet.part"
     first = started_resume(words, here)
-    until(lambda: part.exists() and list(part.glob("shard-*")), first)
+    until(lambda: list(part.glob(".part-*")), first)
     first.send_signal(signal.SIGINT)
     assert "go on with --resume" in first.communicate(timeout=60)[1] and first.returncode == 130
     before = shards(part)
     assert before >= 1
     second = started_resume([*words, "--resume"], here)
-    until(lambda: list(part.glob("*.new")), second)
+    until(lambda: list(part.glob(".part-*")), second)
     workers = children(second.pid)
     second.kill()
     second.wait()

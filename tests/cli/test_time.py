@@ -123,7 +123,7 @@ def test_the_range_of_motions(scenegen, here, monkeypatch):
     [
         (PASS.replace("require speed(mug) <= 30 cm/s", ""), "error[no-bound-on-steps]"),
         (PASS.replace("mug, plate", "mug at (0.1, 0.1), plate", 1), "error[no-free-object]"),
-        (PASS.replace("<= 30 cm/s", "<= 30 cm/s & rightOf(mug, (1.2, 0.5))"), "error[no-motion-meets]"),
+        (PASS.replace("<= 30 cm/s", "<= 30 cm/s & rightOf(mug, (1.2, 0.5))"), "error[requirement-not-found]"),
     ],
 )
 def test_no_range(text, said, scenegen, here, monkeypatch):
@@ -152,8 +152,8 @@ def motions(passing, here):
 @pytest.mark.parametrize(
     ("options", "code"),
     [
-        ("motions.jsonl --out x.gif", "which-motion"),
-        ("motions.jsonl --out x.gif --motion 3", "no-such-motion"),
+        ("motions.jsonl --out x.gif", "not-one-motion"),
+        ("motions.jsonl --out x.gif --motion 3", "no-such-number"),
         ("motions.jsonl --out x.webm --motion 1", "unknown-choice"),
         ("motions.jsonl --out x.gif --motion 1 --label tusk", "unknown-label"),
         ("motions.jsonl --out x.gif --motion 1 --depth", "out-of-place"),
@@ -329,7 +329,7 @@ def test_phi_over_time_as_a_figure(scenegen, here):
 @pytest.mark.parametrize(
     ("rows", "options", "said"),
     [
-        ("1", "--motion 3", "error[no-such-motion]: there is no motion 3"),
+        ("1", "--motion 3", "error[no-such-number]: there is no motion 3"),
         ("12", "--figure phi.png", "error[out-of-place]: --figure draws one motion, and a.csv has 2"),
         ("12", "--motion 2 --figure phi.jpg", "error[wrong-ending]"),
         ("121", "", "error[not-a-trajectory]: a.csv is not a trajectory: rows of one motion are not together"),

@@ -13,7 +13,7 @@ import scenegen
 from scenegen.api.feasibility import doubts, idle
 from scenegen.errors import Kind, ScenegenError
 from scenegen.errors.catalog import GROUPS, catalog
-from scenegen.errors.template import fields
+from scenegen.errors.diagnostic import fields
 from scenegen.learn import curriculum
 from scenegen.learn.curriculum.strategies import strategy
 

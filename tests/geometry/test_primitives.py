@@ -12,7 +12,7 @@ import torch
 from scenegen.geometry import ANGLE, BARE, LENGTH, MATH, NUMPY, PRIMITIVES, Box, Circle, Interval, Unit, UnitMismatch
 from scenegen.geometry import interval as iv
 from scenegen.geometry.namespace import turning
-from scenegen.geometry.units import agree, over, quantity, times
+from scenegen.geometry.primitives import agree, over, quantity, times
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.learn.robustness.compile import TORCH

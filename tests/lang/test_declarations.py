@@ -268,9 +268,9 @@ def test_one_asset_is_fixed_by_name_or_number_and_the_text_says_so():
     alone = parsed(f'category("mug", [{A_CATEGORIES}])')
     assert not alone.counts and alone.checked.objects == ("mug:red", "plate")
     for counts, code in (
-        ({"cup[1]": "green"}, "unknown-pick"),
-        ({"cup[1]": 3}, "count-out-of-range"),
-        ({"cup": 1}, "unknown-count"),
+        ({"cup[1]": "green"}, "wrong-count"),
+        ({"cup[1]": 3}, "wrong-count"),
+        ({"cup": 1}, "wrong-count"),
     ):
         with pytest.raises(ScenegenError) as caught:
             spec.with_counts(counts)
@@ -322,7 +322,7 @@ def test_it_is_held_by_its_own_name_whichever_it_is():
     assert np.allclose(there[~np.isnan(there).any(axis=2)], (0.3, 0.2))
     with pytest.raises(ScenegenError) as caught:
         scenegen.sample(parsed(), {}, n=1, fix={"mug:red": (0.3, 0.2)})
-    assert caught.value.diagnostics[0].code == "held-may-be-missing"
+    assert caught.value.diagnostics[0].code == "cannot-be-held"
     picked = parsed().with_counts({"mug": "blue"})
     assert np.allclose(scenegen.sample(picked, {}, n=1, fix={"mug": (0.3, 0.2)}).poses[0, 0, :2], (0.3, 0.2))
 
@@ -429,7 +429,7 @@ def test_a_number_is_fixed_and_the_others_are_drawn():
     assert some.declared.title == "Blocks"
     assert not some.with_counts({"cup": 1}).counts and spec.with_counts({}) is spec
     for counts, code in (
-        ({"blok": 3}, "unknown-count"), ({"block": 5}, "count-out-of-range"), ({"mug": 1}, "unknown-count"),
+        ({"blok": 3}, "wrong-count"), ({"block": 5}, "wrong-count"), ({"mug": 1}, "wrong-count"),
         ({"block": 2.5}, "wrong-value"), ([3], "wrong-value"),
     ):  # fmt: skip
         with pytest.raises(RequestError) as error:

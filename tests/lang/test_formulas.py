@@ -20,8 +20,17 @@ from scenegen import parse
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, children, gated, last_uses
-from scenegen.lang.formula.interpret import Algebra, deciding_atom, deciding_atoms, evaluate, fold, is_constant
-from scenegen.lang.formula.nearest import every, find_groups, minimum
+from scenegen.lang.formula.interpret import (
+    Algebra,
+    deciding_atom,
+    deciding_atoms,
+    evaluate,
+    every,
+    find_groups,
+    fold,
+    is_constant,
+    minimum,
+)
 from scenegen.learn.robustness import Robustness
 from tests.learn.robustness.formulas import scenes, seeds, specs
 

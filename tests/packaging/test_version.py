@@ -1,4 +1,4 @@
-"""One version: scenegen/version.py. The package's metadata comes from there; CHANGELOG.md has a section for it."""
+"""One version, in scenegen/resources.py. The package's metadata comes from there; CHANGELOG.md has a section for it."""
 
 import re
 

@@ -15,9 +15,9 @@ from scenegen.lang.formula.core import Apply, Atom, gated
 from scenegen.sampling import problem as module
 from scenegen.sampling import report
 from scenegen.sampling.engine.blocks import run_blocks
+from scenegen.sampling.growth.rarity import NoRoom, grow_islands
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rarity_grown import NoRoom, grow_islands
 from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, make_frame

@@ -468,7 +468,7 @@ def test_groups_of_cells_have_equal_shares_whatever_they_reach():
 @pytest.mark.parametrize(
     ("options", "code"),
     [
-        ({"fix": {"block[4]": (0.5, 0.5)}}, "held-may-be-missing"),
+        ({"fix": {"block[4]": (0.5, 0.5)}}, "cannot-be-held"),
         ({"fix": {"blok": (0.5, 0.5)}}, "unknown-object"),
         ({"n": 0}, "out-of-range"),
         ({"method": "model"}, "without-model"),

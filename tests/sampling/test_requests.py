@@ -20,23 +20,12 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.sampling.choice import CELLS
 from scenegen.sampling.engine.run import draw as run
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import Budget, Cells, cut, hold_fixed, make_problem
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection import trial as covers
 from scenegen.sampling.rejection.trial import MOST, make_trial
 from scenegen.sampling.report import probability, ratio, student
-from scenegen.sampling.request import (
-    BAND,
-    Cells,
-    FixedPose,
-    Range,
-    SampleRequest,
-    cut,
-    hold_fixed,
-    parse_fix,
-    parse_phi,
-    within_reach,
-)
+from scenegen.sampling.request import BAND, FixedPose, Range, SampleRequest, parse_fix, parse_phi, within_reach
 from scenegen.search.effort import TooMuchError
 
 from ..fuzz.tables import table

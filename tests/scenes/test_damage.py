@@ -17,10 +17,8 @@ from scenegen.api.scenes import from_file
 from scenegen.api.spec import parse
 from scenegen.api.stream import sample_to
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
-from scenegen.scenes import blocks, shards
-from scenegen.scenes.blocks import Block
+from scenegen.scenes import blocks
 from scenegen.scenes.formats import jsonl, parquet, scenes_json
-from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.header import dump_header
 from scenegen.scenes.formats.registry import read_scenes as opened
 from scenegen.scenes.formats.scenes_json import load
@@ -105,44 +103,6 @@ def room_for(size):
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-def block(count):
-    random = np.random.default_rng(1)
-    return Block(random.random((6, count)), random.random((1, count)))
-
-
-def steps(scenes, path, *, resume=False, limits=(1 << 40,) * 4):
-    """Two blocks with a checkpoint each, then the file; each step under a limit of its own."""
-    with shards.open_shards(path, {"n": 1}, 6, resume=resume) as run:
-        for number in range(int(run.state.get("used", 0)), 2):
-            with room_for(limits[number]):
-                run.append(block(2000))
-                run.checkpoint({"used": number + 1}, np.zeros((7, 3)))
-        with room_for(limits[2]):
-            run.join(lambda sink: table.format_of(path).write(sink, scenes.header, ("task",), run.blocks()))
-            run.finish()
-
-
-@pytest.mark.parametrize("ending", [".parquet", ".jsonl"])
-@pytest.mark.parametrize("when", ["first shard", "second shard", "joining"])
-def test_said_and_kept(when, ending, scenes, tmp_path):
-    path = tmp_path / f"x{ending}"
-    place = ("first shard", "second shard", "joining").index(when)
-    with pytest.raises(OutputError) as caught:
-        steps(scenes, path, limits=[*[1 << 40] * place, 50_000, 1 << 40, 1 << 40])
-    (problem,) = caught.value.diagnostics
-    assert problem.title == f"cannot write {path}: file too large"
-    assert "requested and" not in str(caught.value)
-    folder = shards.folder_of(path)
-    if place == 0:
-        assert "nothing was left behind" in problem.help and not list(tmp_path.iterdir())
-        return
-    assert problem.help.startswith(f"the disk is full; {folder} keeps {2000 * place:,} scenes: ")
-    assert folder.is_dir() and not path.exists()
-    steps(scenes, path, resume=True)
-    steps(scenes, tmp_path / f"y{ending}")
-    assert path.read_bytes() == (tmp_path / f"y{ending}").read_bytes() and not folder.exists()
 
 
 def test_a_file_written_at_once(scenes, tmp_path):
@@ -305,7 +265,7 @@ def test_motions_that_fill_the_memory_are_refused(motions, monkeypatch):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from scenegen.errors.time import NOT_A_TRAJECTORY
+    from scenegen.errors.files import NOT_A_TRAJECTORY
     from scenegen.scenes.formats.registry import read_motions
     from scenegen.scenes.formats.tables import read_table
 
@@ -327,7 +287,7 @@ def test_texts_of_tables_are_in_memory_once(tmp_path):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from scenegen.errors.time import NOT_A_TRAJECTORY
+    from scenegen.errors.files import NOT_A_TRAJECTORY
     from scenegen.scenes.formats.tables import read_table
 
     table = pa.table({"t": ["1", "2.5", None, "x" * 1_000_000] * 2000, "u": [[0.5]] * 8000})

@@ -11,6 +11,8 @@ import pytest
 from scenegen.errors import DataError, OutputError
 from scenegen.scenes import files
 from scenegen.scenes.files import (
+    HashingWriter,
+    Parts,
     begin_writing,
     check_folder,
     check_writable,
@@ -19,7 +21,6 @@ from scenegen.scenes.files import (
     whole_files,
     write_whole,
 )
-from scenegen.scenes.shards import HashingWriter, Parts
 
 
 def failing(code):

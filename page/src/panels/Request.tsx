@@ -1,5 +1,5 @@
 // What scenes are wanted.
-import { alone, boot, request, result, spec } from "../state";
+import { alone, boot, methodsFor, request, result, spec } from "../state";
 import { change, next, sample, setCount } from "../store";
 import { Handles } from "./Handles";
 
@@ -7,7 +7,7 @@ export function RequestPanel() {
   const now = spec.value;
   if (!now) return <p class="empty">Correct the spec to ask for {boot.scenes?.motions ? "motions" : "scenes"}.</p>;
   const wanted = request.value;
-  const methods = now.time ? ["auto", "rejection", "splitting"] : ["auto", "rejection", "growth", "splitting", ...(boot.model ? ["model"] : [])];
+  const methods = methodsFor(now);
   const most = Math.max(1, now.most);
   const count = <input type="number" min={1} max={most} value={wanted.n} onChange={(event) => change({ n: clamp(event, 1, most) })} />;
   const two = Object.values(wanted.phi).some(([low, high]) => low !== null && high !== null);

@@ -148,6 +148,7 @@ function TakeMenu() {
   const none = !scenes.value;
   const line = command();
   const moving = !!spec.value?.time, long = (spec.value?.time?.steps ?? 0) >= PLAYED;
+  const formats = boot.formats.filter((one) => one.motions || !moving);
   return (
     <Menu name="take">
       {alone ? (
@@ -163,9 +164,9 @@ function TakeMenu() {
         <>
           <h2>{shown.value.length} {moving ? "motions" : "scenes"}</h2>
           <div class="formats">
-            {[["json", "JSON"], ["jsonl", "JSON Lines"], ["parquet", "Parquet"], ...(moving ? [] : [["mjcf", "MuJoCo"], ["sdf", "SDF (Gazebo)"], ["usd", "USD (Isaac Sim)"]])].map(([format, name]) => <button key={format} data-format={format} disabled={none || !!boot.missing[format]} onClick={close(() => void download(format))}>{name}</button>)}
+            {formats.map(({ name, title, install }) => <button key={name} data-format={name} disabled={none || !!install} onClick={close(() => void download(name))}>{title}</button>)}
           </div>
-          {moving || !boot.missing.usd ? null : <p class="hint-line">USD: <code>{boot.missing.usd}</code>, then start <code>scenegen view</code> again.</p>}
+          {formats.filter((one) => one.install).map(({ name, title, install }) => <p key={name} class="hint-line">{title}: <code>{install}</code>, then start <code>scenegen view</code> again.</p>)}
         </>
       )}
       {moving && !alone ? (

@@ -27,7 +27,7 @@ from scenegen.editors.grammars.rules import (
 )
 from scenegen.editors.grammars.statements import EXACT, MEASURES, Extra, Findings, PhraseForm, TrialStatement, findings
 from scenegen.errors import RequestError, Source
-from scenegen.errors.requests import NO_VALID_SCENE, OUT_OF_RANGE, UNKNOWN_CHOICE
+from scenegen.errors.requests import OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_CHOICE
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import REQUIRE, Core, gated, part_of
 from scenegen.lang.formula.interpret import phi
@@ -73,7 +73,7 @@ def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "
     _, least = next(iter(spec.members))  # names what is there whatever the number of things
     scenes = valid_scenes(least.declared)
     if scenes is None:
-        raise RequestError(NO_VALID_SCENE(file=spec.declared.name))
+        raise RequestError(REQUIREMENT_NOT_FOUND(file=spec.declared.name))
     found = findings(Source(spec.declared.name, least.source), scenes)
     declared = declarations(text, spec.objects)
     chosen: Any = shape
@@ -331,12 +331,12 @@ ENOUGH = 64  # valid ones among them, or chains are run from those that there ar
 ROUNDS = 150  # moves of one object each
 
 
-def valid_scenes(spec: CheckedSpec, seed: int = 0) -> Array | None:
-    """Up to SCENES scenes (3N, M) that meet what the spec requires, the same for the same seed; None where none was
-    found. Uniform ones where these are common enough; else moves of single objects lead from one to the next. Of a
-    spec over time they are moments, and its requirement is not looked at."""
+def valid_scenes(spec: CheckedSpec) -> Array | None:
+    """Up to SCENES scenes (3N, M) that meet what the spec requires, always the same; None where none was found. Uniform
+    ones where these are common enough; else moves of single objects lead from one to the next. Of a spec over time they
+    are moments, and its requirement is not looked at."""
     lowest, highest = spec.box()
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     if spec.timed is not None:
         return _uniform(lowest, highest, rng)
     core = gated(spec.core)

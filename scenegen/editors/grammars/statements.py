@@ -18,7 +18,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import NUMPY, PRIMITIVES
-from scenegen.geometry.units import ANGLE, LENGTH, SPEED, TURN_RATE, Unit
+from scenegen.geometry.primitives import ANGLE, LENGTH, SPEED, TURN_RATE, Unit
 from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.scope import LIST_FUNCTIONS, signatures
 from scenegen.lang.check.values import CallFrame, FormulaValue, ListValue, NumberValue, PointValue, RegionValue, Value

@@ -13,7 +13,7 @@ from scenegen.editors.lsp.document import Document
 from scenegen.editors.lsp.names import Binding, Occurrence
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import Box, Circle, Footprint, Interval
-from scenegen.geometry.units import ANGLE, LENGTH, Unit, quantity
+from scenegen.geometry.primitives import ANGLE, LENGTH, Unit, quantity
 from scenegen.lang.check.expressions import FormulaLowering
 from scenegen.lang.check.imports import inline
 from scenegen.lang.check.objects import name_objects

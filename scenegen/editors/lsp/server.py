@@ -73,7 +73,7 @@ class Server(LanguageServer):
     outside `root` is read (default: each file's folder)."""
 
     def __init__(self, root: Path | None = None) -> None:
-        from scenegen.version import __version__
+        from scenegen.resources import __version__
 
         super().__init__("scenegen", __version__, text_document_sync_kind=types.TextDocumentSyncKind.Full)
         self._root = root

@@ -21,7 +21,7 @@ from scenegen.errors.language import (
     WRONG_DIVISOR,
     WRONG_NAME,
 )
-from scenegen.geometry.units import LENGTH, quantity
+from scenegen.geometry.primitives import LENGTH, quantity
 from scenegen.lang.check.functions import (
     OF_SUPPORT,
     function,

@@ -27,7 +27,7 @@ from scenegen.errors.declarations import (
     UNKNOWN_ASSET,
     UNUSABLE_SHAPE_FILE,
 )
-from scenegen.errors.time import NO_PLACE_OVER_TIME
+from scenegen.errors.language import NO_PLACE_OVER_TIME
 from scenegen.lang.check.imports import Project
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.regions import SIGNATURES

@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING, Any, Literal
 from scenegen.errors import Source, Span, SpecError
 from scenegen.errors.declarations import MEASURED_TOO_EARLY, STANDS_ELSEWHERE
 from scenegen.errors.language import (
+    HORIZON_OUT_OF_RANGE,
     MIXED_LIST,
+    NOT_WHOLE_STEPS,
     SAME_ARGUMENT_TWICE,
+    TIME_UNFINISHED,
     TOO_FEW_ELEMENTS,
+    WINDOW_CUT,
     WRONG_NUMBER_OF_ARGUMENTS,
     WRONG_UNIT,
+    WRONG_WINDOW,
 )
-from scenegen.errors.time import HORIZON_OUT_OF_RANGE, NOT_WHOLE_STEPS, TIME_UNFINISHED, WINDOW_CUT, WRONG_WINDOW
 from scenegen.geometry import PRIMITIVES, Footprint
-from scenegen.geometry.units import ANGLE, BARE, LENGTH, SPEED, TIME, TURN_RATE, Unit
+from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, SPEED, TIME, TURN_RATE, Unit
 from scenegen.lang.check.heights import of_options
 from scenegen.lang.check.template import FIRST
 from scenegen.lang.check.values import (

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import Span
 from scenegen.errors.declarations import MAY_BE_MISSING, MEASURED_TOO_EARLY, TOO_MANY_CASES
+from scenegen.errors.diagnostic import nearest
 from scenegen.errors.language import (
     INDEX_OUT_OF_RANGE,
     NO_SUCH_PART,
@@ -20,9 +21,8 @@ from scenegen.errors.language import (
     SAME_ARGUMENT_TWICE,
     TOO_FEW_ELEMENTS,
 )
-from scenegen.errors.template import nearest
 from scenegen.geometry import Circle, Footprint
-from scenegen.geometry.units import BARE, LENGTH
+from scenegen.geometry.primitives import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD
 from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (

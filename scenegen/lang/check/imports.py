@@ -22,8 +22,7 @@ from scenegen.errors.declarations import (
     OUTSIDE_FOLDER,
     SPEC_WITHOUT_FILE,
 )
-from scenegen.errors.language import SPEC_TOO_LONG
-from scenegen.errors.time import TIME_IN_IMPORT
+from scenegen.errors.language import SPEC_TOO_LONG, TIME_IN_IMPORT
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import MAX_CHARACTERS, parse, read_source
 from scenegen.lang.syntax.tokens import has_time

@@ -22,7 +22,7 @@ from scenegen.errors.language import (
     WRONG_UNIT,
 )
 from scenegen.geometry import PRIMITIVES, Footprint, UnitMismatch
-from scenegen.geometry.units import ANGLE, BARE, Unit, agree
+from scenegen.geometry.primitives import ANGLE, BARE, Unit, agree
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.scope import Scope
 from scenegen.lang.check.template import placeholders

@@ -19,6 +19,7 @@ from scenegen.errors.language import (
     NO_SUCH_PART,
     NOT_FINITE,
     SHADOWED_VARIABLE,
+    TIME_MISSING,
     TOO_MANY_PARAMETERS,
     UNKNOWN_NAME,
     UNKNOWN_PARAMETER,
@@ -28,7 +29,6 @@ from scenegen.errors.language import (
     WRONG_NUMBER_OF_ARGUMENTS,
     WRONG_ORDER,
 )
-from scenegen.errors.time import TIME_MISSING
 from scenegen.lang.check.imports import SourcedStatement
 from scenegen.lang.check.scope import BUILT_IN, NO_NUMBERS, STEPS, Declared, Scope, Signature
 from scenegen.lang.syntax import ast

@@ -25,7 +25,7 @@ from scenegen.errors.declarations import (
 )
 from scenegen.errors.language import EMPTY_RANGE
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
-from scenegen.geometry.units import ANGLE, BARE
+from scenegen.geometry.primitives import ANGLE, BARE
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.families import (
     MOST_COMBINATIONS,

@@ -16,7 +16,7 @@ from scenegen.errors import SpecError
 from scenegen.errors.declarations import SPEC_TOO_LARGE
 from scenegen.errors.language import EMPTY_RANGE, TOO_FEW_ELEMENTS
 from scenegen.geometry import NUMPY, PRIMITIVES
-from scenegen.geometry.units import BARE
+from scenegen.geometry.primitives import BARE
 from scenegen.lang.check.template import DependsOnValue, Template
 from scenegen.lang.check.values import (
     MOST_VARIABLES,

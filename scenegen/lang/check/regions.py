@@ -20,7 +20,7 @@ from scenegen.errors.declarations import (
 from scenegen.errors.language import MISPLACED_VALUE, NOT_CONSTANT
 from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.geometry.footprint import convex_hull, is_convex
-from scenegen.geometry.units import BARE, LENGTH
+from scenegen.geometry.primitives import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, FARTHEST, LARGEST, SMALLEST, Workspace
 from scenegen.lang.check.names import AREAS, SHAPES, bind
 from scenegen.lang.check.scope import Declared, Signature

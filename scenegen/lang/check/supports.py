@@ -29,7 +29,7 @@ from scenegen.errors.declarations import (
 )
 from scenegen.geometry import MATH, PRIMITIVES
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon, clipped, standing_area
-from scenegen.geometry.units import BARE, LENGTH
+from scenegen.geometry.primitives import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, Workspace
 from scenegen.lang.check.objects import not_open
 from scenegen.lang.check.scope import DeclaredObject

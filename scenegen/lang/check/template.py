@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeVar, cast
 
 from scenegen.errors import Span
 from scenegen.geometry import PRIMITIVES, Footprint
-from scenegen.geometry.units import Unit
+from scenegen.geometry.primitives import Unit
 from scenegen.lang.formula.builder import LONGEST, CoreBuilder, describe, number_text
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Junction, Node
 

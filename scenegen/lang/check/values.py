@@ -12,7 +12,7 @@ from scenegen.errors.declarations import MEASURED_TOO_EARLY
 from scenegen.errors.language import MIXED_LIST, NOT_FINITE, UNKNOWN_NAME, WRONG_NUMBER_OF_ARGUMENTS, WRONG_TYPE
 from scenegen.geometry import MATH, PRIMITIVES
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon
-from scenegen.geometry.units import BARE, LENGTH, Unit
+from scenegen.geometry.primitives import BARE, LENGTH, Unit
 from scenegen.geometry.workspace import BOARD, Workspace
 from scenegen.lang.check.scope import NO_NUMBERS, Scope
 from scenegen.lang.formula.builder import TRUE, CoreBuilder

@@ -8,7 +8,7 @@ from typing import Literal
 
 from scenegen.errors import Span
 from scenegen.geometry import MATH, POINT, PRIMITIVES, Footprint, Primitive
-from scenegen.geometry.units import Unit
+from scenegen.geometry.primitives import Unit
 from scenegen.lang.formula.core import (
     Apply,
     Atom,

@@ -14,7 +14,7 @@ from typing import Literal
 
 from scenegen.errors import Span
 from scenegen.geometry.footprint import Footprint
-from scenegen.geometry.units import Unit
+from scenegen.geometry.primitives import Unit
 from scenegen.pose import SIZE
 
 

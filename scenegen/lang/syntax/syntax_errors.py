@@ -18,18 +18,21 @@ from scenegen.errors.language import (
     CANNOT_BE_SAID,
     EQUALITY,
     FOREIGN_SIGN,
+    HORIZON_OUT_OF_RANGE,
     KEYWORD_AS_NAME,
     MISSING_OPERATOR,
     MISSING_SIGN,
     NOTHING_BESIDE,
+    TIME_MISSING,
+    TIME_UNFINISHED,
     UNCLOSED,
     UNEXPECTED,
     UNFINISHED_STATEMENT,
     UNKNOWN_STATEMENT,
     UNKNOWN_UNIT,
     UNNAMED_FORMULA,
+    WRONG_WINDOW,
 )
-from scenegen.errors.time import HORIZON_OUT_OF_RANGE, TIME_MISSING, TIME_UNFINISHED, WRONG_WINDOW
 from scenegen.lang.formula.timed import MAX_STEPS
 from scenegen.lang.syntax.foreign import PRIOR, RELATIONS, UNITS, explain_foreign_syntax, one_list, plain
 from scenegen.lang.syntax.tokens import (

@@ -32,8 +32,7 @@ from scenegen.learn.curriculum.request import StartRequest, check_options
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count
-from scenegen.scenes.data import RequestData, SceneFile
-from scenegen.scenes.stage import heights_of, varying
+from scenegen.scenes.data import RequestData, SceneFile, heights_of, varying
 
 if TYPE_CHECKING:
     from scenegen.show.render.worker import LiveRenderer

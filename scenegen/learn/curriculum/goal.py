@@ -47,12 +47,12 @@ def not_a_strategy(value: str) -> Diagnostic:
 
 
 @contextmanager
-def as_gymnasium(kind: type[error.Error] = error.Error) -> Iterator[None]:
+def as_gymnasium() -> Iterator[None]:
     """Turns scenegen's errors into errors of gymnasium."""
     try:
         yield
     except ScenegenError as problem:
-        raise refused(problem.diagnostics[0], kind) from problem
+        raise refused(problem.diagnostics[0]) from problem
 
 
 def count(name: str, value: object) -> int:

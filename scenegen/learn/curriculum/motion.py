@@ -20,8 +20,7 @@ from scenegen.api.spec import Spec, refuse_choices
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.learning import MOTIONS_OF_ANOTHER_SPEC, NO_START_IN_FILE, NOT_A_FIRST_SCENE, NOTHING_TO_MOVE
-from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_RANGE, WRONG_VALUE
-from scenegen.errors.time import NOT_OVER_TIME
+from scenegen.errors.requests import MISSING_ARGUMENT, NOT_OVER_TIME, OUT_OF_RANGE, WRONG_VALUE
 from scenegen.lang.formula.timed import Signal, Timed
 from scenegen.learn.curriculum.env import (
     Episodes,

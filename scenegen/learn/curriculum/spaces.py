@@ -15,7 +15,7 @@ from gymnasium import Space, error, spaces
 from scenegen.arrays import Array
 from scenegen.errors import quoted
 from scenegen.errors.learning import NOTHING_TO_MOVE, WRONG_ACTION
-from scenegen.errors.requests import HELD_BY_SPEC, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
+from scenegen.errors.requests import CANNOT_BE_HELD, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.geometry import PRIMITIVES, Circle
 from scenegen.lang.formula.core import Apply, Atom, Coord, Core, gated, part_of
 from scenegen.lang.spec import CheckedSpec, members_of
@@ -156,7 +156,7 @@ def _movable(spec: CheckedSpec, move: str | Sequence[str] | None) -> list[int]:
         if name not in spec.objects:
             raise refused(UNKNOWN_OBJECT(name=name, known=spec.objects))
         if spec.objects.index(name) not in free:
-            raise refused(HELD_BY_SPEC(name=name))
+            raise refused(CANNOT_BE_HELD(name=name))
         chosen.append(spec.objects.index(name))
     if not chosen:
         raise refused(WRONG_VALUE(argument="move", value="empty", wanted="an object, or leave it out to move all"))

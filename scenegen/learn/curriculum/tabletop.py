@@ -16,8 +16,7 @@ from scenegen.api.spec import Spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.learning import NO_UNMET_GOAL
-from scenegen.errors.requests import CHOICES_NOT_HERE, WRONG_VALUE
-from scenegen.errors.time import TIME_NOT_HERE
+from scenegen.errors.requests import CHOICES_NOT_HERE, TIME_NOT_HERE, WRONG_VALUE
 from scenegen.lang.formula.core import Coord, part_of
 from scenegen.lang.spec import chosen
 from scenegen.learn.curriculum.env import (

@@ -20,8 +20,17 @@ from torch._C import _functorch
 from scenegen.geometry import PRIMITIVES, Footprint, Namespace
 from scenegen.geometry.namespace import Turning
 from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction, last_uses, part_of
-from scenegen.lang.formula.interpret import Numbers, bare_rows, fold
-from scenegen.lang.formula.nearest import GapMinima, NearestPairs, every, find_groups, minimum, with_others
+from scenegen.lang.formula.interpret import (
+    GapMinima,
+    NearestPairs,
+    Numbers,
+    bare_rows,
+    every,
+    find_groups,
+    fold,
+    minimum,
+    with_others,
+)
 from scenegen.pose import AXES, NAMES, SIZE, THETA, TWO_PI, axis_of, owner, row_count, row_of
 
 # --------------------------------------------------------------------------------------------------------------------

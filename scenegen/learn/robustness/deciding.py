@@ -14,8 +14,7 @@ from scenegen.geometry import PRIMITIVES, Footprint, Namespace
 from scenegen.geometry.footprint import Box, Circle
 from scenegen.geometry.namespace import Turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, last_uses, part_of
-from scenegen.lang.formula.interpret import Algebra, bare_rows, fold
-from scenegen.lang.formula.nearest import GapMinima, every
+from scenegen.lang.formula.interpret import Algebra, GapMinima, bare_rows, every, fold
 from scenegen.learn.robustness.compile import GAP, NO_MINIMA, TORCH, coordinates, minima_of, nearest, run
 from scenegen.pose import SIZE, THETA
 

@@ -32,9 +32,8 @@ from scenegen.sampling.choice import choose
 from scenegen.sampling.engine.blocks import Drawing
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import Rarity, measure
-from scenegen.sampling.rarity_grown import measure_vast
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
-from scenegen.search.effort import StoppedError
+from scenegen.search.effort import NEVER, StoppedError
 
 Ends = tuple[float, float]
 Ranges = dict[str, Range]
@@ -255,7 +254,7 @@ class _Draws:
             with closing(run_pieces(Drawing(plan, len(self.spec.labels)), numbers_from(made.pieces))) as pieces:
                 while made.rows.shape[1] < count:
                     try:
-                        block, _, _ = next(pieces)
+                        block = next(pieces)
                     except StoppedError:
                         break
                     plan.check(block.rows, block.phi)
@@ -303,7 +302,7 @@ def _joint_share(labels: Sized) -> float:
 
 
 def reach(
-    spec: CheckedSpec, seed: int, check: Callable[[], None] | None = None, deadline: float = math.inf
+    spec: CheckedSpec, seed: int, check: Callable[[], None] = NEVER.check, deadline: float = math.inf
 ) -> dict[str, Ends]:
     """The range of phi of each label that scenes were found to have; `check` is called now and then, and must raise
     after the `deadline`, by the monotonic clock. Raises RequestError."""
@@ -321,18 +320,19 @@ def reach(
     return ends
 
 
-def _measured(spec: CheckedSpec, seed: int, check: Callable[[], None] | None, deadline: float) -> Rarity:
+def _measured(spec: CheckedSpec, seed: int, check: Callable[[], None], deadline: float) -> Rarity:
     """By chains, or by growth where these do not change surfaces, or find no scene that meets what is required."""
     if not spec.choices:
         lowest, highest = spec.box()
         found = measure(spec.core, lowest, highest, spec.labels, seed, check)
         if isinstance(found, Rarity):
             return found
+    from scenegen.sampling.growth.rarity import measure_vast
+
     try:
         return measure_vast(spec, spec.labels, seed, deadline=deadline)
     except (StoppedError, RequestError):  # time may be up
-        if check is not None:
-            check()
+        check()
         raise
 
 

@@ -16,7 +16,7 @@ import torch
 
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.learning import NO_TIME_TO_TRAIN, UNKNOWN_DEVICE
-from scenegen.errors.program import ALREADY_DONE, NEW_RATE, STOPPED_EARLY, TRAINING_INTERRUPTED
+from scenegen.errors.program import NEW_RATE, TRAINING_DONE, TRAINING_INTERRUPTED
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.checkpoint import TrainedModel, load_model
@@ -164,7 +164,7 @@ def train(
             say(NEW_RATE(epochs=config.epochs, before=before))
         if session.done:
             if session.epoch >= config.epochs:
-                say(ALREADY_DONE(epochs=session.epoch))
+                say(TRAINING_DONE(epochs=session.epoch))
             else:
                 say(_stopped_early(session))
             found = _held(out, spec, session.epoch)
@@ -264,7 +264,7 @@ def _stopped_early(session: TrainingSession) -> Diagnostic:
     kept = session.watch.kept
     assert kept is not None
     best = float(session.watch.seen[kept][:-1].mean())
-    return STOPPED_EARLY(epochs=session.epoch, best=kept + 1, error=best)
+    return TRAINING_DONE(epochs=session.epoch, best=kept + 1, error=best)
 
 
 def _silent(*_: object) -> None:

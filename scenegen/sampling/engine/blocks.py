@@ -31,7 +31,7 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.processes.pool import run_pieces
-from scenegen.sampling.plan import Plan, Tally
+from scenegen.sampling.plan import Piece, Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Block, joined
 from scenegen.search.effort import StoppedError
@@ -45,20 +45,20 @@ Cells = npt.NDArray[np.integer[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Piece k of a plan: its candidates in range, the cell of each as a small integer, and the piece's facts. The
-    requirement's margin, the last row of phi if there is one, is no longer needed then."""
+    """Piece k of a plan: its candidates in range, the cell of each as a small integer. The requirement's margin, the
+    last row of phi if there is one, is no longer needed then."""
 
     plan: Plan
     labels: int
 
-    def __call__(self, k: int) -> tuple[Block, Cells, Array]:
+    def __call__(self, k: int) -> Piece:
         made = self.plan.draw(k)
         block, cell = Block(made.rows, made.phi[: self.labels]), made.cell
         if len(cell) and cell.min() < 0:
             inside = np.flatnonzero(cell >= 0)
             block, cell = block.take(inside), cell[inside]
         small = np.min_scalar_type(-int(cell.max(initial=0)) - 1)  # cells often need a byte each, not eight
-        return block, cell.astype(small), made.facts
+        return Piece(block.rows, block.phi, cell.astype(small), made.facts)
 
 
 Cell = npt.NDArray[np.intp]
@@ -287,10 +287,10 @@ class RunProgress:
         patience = self.plan.patience
         return patience is not None and self.idle >= patience
 
-    def take(self, candidates: Block, cell: Cells, facts: Array) -> Generator[Block, None, None]:
+    def take(self, piece: Piece) -> Generator[Block, None, None]:
         """The blocks that one more piece completes."""
-        found = self.assembler.found
-        yield from self.assembler.offer(candidates, cell)
+        found, facts = self.assembler.found, piece.facts
+        yield from self.assembler.offer(piece, piece.cell)
         if len(facts) > len(self.facts):  # an empty piece may have fewer facts than others
             self.facts, facts = facts.copy(), self.facts
         self.facts[: len(facts)] += facts
@@ -340,7 +340,7 @@ def run_blocks(
     run = RunProgress(plan, size)
     with closing(run_pieces(Drawing(plan, labels), itertools.count(), workers)) as pieces:
         for piece in run.follow(pieces, spent, progress):
-            yield from run.take(*piece)
+            yield from run.take(piece)
     scarcest = run.assembler.scarcest
     rest = run.assembler.rest()
     if rest is not None:

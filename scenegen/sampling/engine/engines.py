@@ -6,16 +6,19 @@ pieces, writing a shard, and fetching scenes. Which process or machine does what
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import importlib
 import itertools
+import queue
+import threading
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -27,11 +30,10 @@ from scenegen.processes.pool import check_workers, one_thread, run_pieces
 from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import Cells, Drawing
 from scenegen.sampling.engine.run import jobs
-from scenegen.sampling.engine.stream import BlockPacker
 from scenegen.sampling.plan import Plan
 from scenegen.scenes.blocks import Block, taken
 from scenegen.scenes.motions import AnyFile
-from scenegen.scenes.sets import Shard, pack_shard, shard_name
+from scenegen.scenes.sets import PARQUET, Shard, pack_shard, shard_name
 from scenegen.scenes.stores import Store, Tell
 
 SceneHandle = Any
@@ -40,40 +42,40 @@ SceneHandle = Any
 ENGINES = {"local": "", "ray": "scenegen.sampling.engine.ray"}  # where those are that are not this machine
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DrawnPiece:
-    """A piece without its candidates out of range: the cell of each candidate (m,), the piece's facts, and the
-    candidates, held by the engine."""
-
-    cell: Cells
-    facts: Array
-    scenes: SceneHandle
+DrawnPiece = tuple[SceneHandle, Cells, Array]
+"""A piece without its candidates out of range: these, held by the engine, the cell of each (m,), and its facts."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShardWriter:
     """The work of writing a shard from blocks of scenes: every scene is checked once more, then the file is written. It
-    is sent to other processes. Raises AssertionError for a scene that fails the check, OutputError."""
+    is sent to other processes. Raises AssertionError for a scene that fails the check, OutputError. `ahead` is called
+    with every block, too."""
 
     plan: Plan
     store: Store
     header: AnyFile
     labels: tuple[str, ...]
     stored: Callable[[Array], Array] | None = None  # makes of the core's rows what files hold
+    ending: str = PARQUET
+    ahead: Callable[[Block], None] | None = None
 
     def __call__(self, number: int, pieces: int, blocks: Iterable[Block]) -> Shard:
         return self.write(number, pieces, map(self.ready, blocks))
 
     def write(self, number: int, pieces: int, blocks: Iterable[Block]) -> Shard:
         """A shard of blocks that are `ready`."""
-        with self.store.whole(shard_name(number)) as sink:
-            return pack_shard(sink, number, self.header, self.labels, blocks, pieces=pieces)
+        with self.store.whole(shard_name(number, self.ending)) as sink:
+            return pack_shard(sink, number, self.header, self.labels, blocks, pieces=pieces, ending=self.ending)
 
     def ready(self, block: Block) -> Block:
         """A block as files hold it, checked."""
         if self.plan.verified:
             self.plan.check(block.rows, block.phi)
-        return block if self.stored is None else Block(self.stored(block.rows), block.phi)
+        found = block if self.stored is None else Block(self.stored(block.rows), block.phi)
+        if self.ahead is not None:
+            self.ahead(found)
+        return found
 
 
 def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
@@ -95,7 +97,10 @@ def parts_of(which: Array) -> tuple[int, Index]:
 
 
 class Engine(ABC):
-    """One run's engine: a context manager that ends its processes."""
+    """One run's engine: a context manager that ends its processes. `threaded` says that threads of this process pack
+    what the run gives them."""
+
+    threaded = False
 
     def __enter__(self) -> Engine:
         return self
@@ -147,6 +152,62 @@ class Engine(ABC):
 # while they fill; so little of the last one is left when the last scene is drawn.
 
 
+T = TypeVar("T")
+
+WAIT = 0.5  # seconds after which a thread that waits looks whether all is over
+
+
+class BlockPacker(Generic[T]):
+    """`work` gets the blocks in a thread, as they are added; one of them waits at most."""
+
+    def __init__(self, threads: ThreadPoolExecutor, work: Callable[[Iterator[Block]], T]) -> None:
+        self._blocks: queue.Queue[Block | None] = queue.Queue(1)
+        self._over = threading.Event()
+        self._result = threads.submit(lambda: work(self._added()))
+
+    def add(self, block: Block) -> None:
+        """One more block. Raises what the work has raised."""
+        if not self._put(block):
+            self._result.result()
+
+    def finish(self) -> None:
+        """There are no more blocks."""
+        self._put(None)
+
+    def _put(self, block: Block | None) -> bool:
+        """Whether the work goes on: it has failed if it ends before its last block."""
+        while not self._result.done():
+            with contextlib.suppress(queue.Full):
+                self._blocks.put(block, timeout=WAIT)
+                return True
+        return False
+
+    @property
+    def done(self) -> bool:
+        return self._result.done()
+
+    def result(self) -> T:
+        """What the work returns, once that is known. Raises what it raises."""
+        return self._result.result()
+
+    def give_up(self) -> None:
+        """The work is not to be completed: its iterator of blocks raises CancelledError."""
+        self._over.set()
+        self._result.cancel()
+
+    def _added(self) -> Iterator[Block]:
+        while True:
+            try:
+                block = self._blocks.get(timeout=WAIT)
+            except queue.Empty:
+                if self._over.is_set():
+                    raise CancelledError from None
+                continue
+            if block is None:
+                return
+            yield block
+
+
 WRITERS = 3  # shards that are packed and written at a time
 
 Written = tuple[Shard, list[str]]
@@ -159,6 +220,7 @@ class Local(Engine):
     def __init__(self, workers: int) -> None:
         self._workers = workers
         self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
+        self.threaded = workers > 1
         self._tell: Tell | None = None
         self._packing: BlockPacker[Written] | None = None  # the shard that is being filled
         self._packed: deque[tuple[BlockPacker[Written], int]] = deque()  # those that are full, and their pieces
@@ -166,8 +228,8 @@ class Local(Engine):
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
         with closing(run_pieces(drawing, itertools.count(first), self._workers)) as pieces:
-            for scenes, cell, facts in pieces:
-                yield DrawnPiece(cell, facts, scenes)
+            for piece in pieces:
+                yield piece, piece.cell, piece.facts
 
     def choose(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
         return chosen(which, parts)

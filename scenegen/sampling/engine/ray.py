@@ -29,8 +29,7 @@ from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.processes.pool import one_thread
-from scenegen.processes.process import SAFE_PATH
-from scenegen.processes.worker import VARIABLES, raise_gc_threshold
+from scenegen.processes.process import SAFE_PATH, VARIABLES, raise_gc_threshold
 from scenegen.sampling.engine.blocks import Cells, Drawing
 from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, chosen, parts_of
 from scenegen.scenes.blocks import Block
@@ -94,7 +93,7 @@ class Cluster(Engine):
                 cell, facts, seconds = found
                 together = max(1, min(TOGETHER, round(TASK / max(seconds, 1e-3))))
                 self._candidates += len(cell)
-                yield DrawnPiece(cell, facts.copy(), _Stored(scenes))
+                yield _Stored(scenes), cell, facts.copy()
         finally:
             for counts, _ in waiting:
                 self._ray.cancel(counts, force=False)
@@ -290,10 +289,10 @@ def draw(sent: StoredJob, first: int, count: int) -> list[tuple[Cells, Array, fl
         for k in range(first, first + count):
             begun = time.perf_counter()
             try:
-                scenes, cell, facts = job(k)
+                piece = job(k)
             except StoppedError as stopped:
                 return found + [stopped, None] * (first + count - k)
-            found += [(cell, facts, time.perf_counter() - begun), scenes]
+            found += [(piece.cell, piece.facts, time.perf_counter() - begun), Block(piece.rows, piece.phi)]
     return found
 
 

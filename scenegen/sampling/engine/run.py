@@ -7,55 +7,38 @@ order, into memory or into a file. Every scene is checked once more on its way.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenegen.arrays import Array
 from scenegen.errors import Diagnostic
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import run_blocks
-from scenegen.sampling.engine.stream import stream_scenes
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import fell_short, summed_up
-from scenegen.sampling.request import Progress
+from scenegen.sampling.request import Progress, Range
 from scenegen.scenes.blocks import Block
-
-if TYPE_CHECKING:
-    from scenegen.scenes.motions import AnyFile
-
 
 SMALL = 1 << 29  # evaluations of formula nodes below which processes cost more time than they save: a few seconds
 AT_LEAST = 1 << 27  # of them for each process, for the same reason
 
-Header = Callable[[dict[str, object]], "AnyFile"]
-"""From the content of `sampler` to the file without its scenes, or its motions."""
 
-
-@dataclass(frozen=True, slots=True)
-class SampledScenes:
-    """Scenes: rows (3N, n) and phi (L, n) in float64, how they were made, and warnings.
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledScenes(Block):
+    """All scenes of a run, how they were made, and warnings.
 
     `info` goes into the scene file's `sampler` (no timings: the same seed gives the same bytes). `shortfall` is set if
     fewer than the requested n scenes were found.
     """
 
-    rows: Array
-    phi: Array
     info: Mapping[str, object]
     warnings: tuple[Diagnostic, ...] = ()
     shortfall: Diagnostic | None = None
-
-    @property
-    def count(self) -> int:
-        return int(self.rows.shape[1])
 
 
 def jobs(plan: Plan) -> int:
@@ -90,44 +73,6 @@ def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> S
         return SampledScenes(rows[:, :count], phi[:, :count], info, warnings, fell_short(plan, tally, budget.spent))
 
 
-def to_file(
-    path: Path,
-    plan: Plan,
-    header: Header,
-    budget: Budget,
-    *,
-    versions: Mapping[str, str],
-    resume: bool = False,
-    joining: Callable[[Block], None] | None = None,
-    stored: Callable[[Block], Block] | None = None,
-    progress: Progress | None = None,
-) -> tuple[Tally, tuple[Diagnostic, ...], Diagnostic | None]:
-    """The scenes of a plan in a file, block by block: see `stream_scenes`. Returns the tally, the warnings, and why
-    there are fewer scenes than wanted, if there are.
-
-    A run is only resumed by the same `versions`, numpy's included. With fewer scenes than wanted there is no file,
-    unless the request keeps partial results.
-    """
-    problem = plan.problem
-    with closing(plan):
-        tally = stream_scenes(
-            path,
-            plan,
-            problem.labels,
-            lambda tally: header(summed_up(plan, tally)[0]),
-            request=request_of(problem, versions),
-            workers=jobs(plan),
-            resume=resume,
-            keep_partial=problem.request.keep_partial,
-            spent=lambda: budget.spent,
-            inspect=lambda block: _check(plan, block),
-            joining=joining,
-            stored=stored,
-            progress=progress,
-        )
-        return tally, summed_up(plan, tally)[1], fell_short(plan, tally, budget.spent)
-
-
 def _check(plan: Plan, block: Block) -> None:
     if plan.verified:
         plan.check(block.rows, block.phi)
@@ -135,8 +80,9 @@ def _check(plan: Plan, block: Block) -> None:
 
 def request_of(problem: Problem, versions: Mapping[str, str]) -> dict[str, object]:
     """JSON that, together with a plan, determines the scenes."""
-    request = problem.request
+    request, rates = problem.request, problem.request.success
     return {
+        **({"success": [rates.low, rates.high]} if isinstance(rates, Range) else {}),
         "spec": problem.spec.sha256,
         "phi": {label: [phi.low, phi.high] for label, phi in request.phi.items()},
         "spread": request.spread,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -38,21 +38,18 @@ WORK = 2_000_000_000  # node visits, times moments, of the runs together, and of
 CAREFUL, SETTLE = 2, 4  # rounds of moves on a level of the requirement, and once it is met
 
 
-def measure(
-    spec: CheckedSpec, labels: Sequence[str], seed: int = 0, check: Callable[[], None] | None = None, stop: Stop = NEVER
-) -> Rarity | RequirementUnmet:
+def measure(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, stop: Stop = NEVER) -> Rarity | RequirementUnmet:
     """P(phi >= t) and P(phi <= t) of each of the labels of a spec over time, among the motions that meet its
-    requirement and stay within the limits. The same arguments give the same numbers. `check` is called between
-    levels. Where `stop` raises StoppedError, runs end with what they have. Raises what `make_problem` raises, and
-    StoppedError where it is not known yet what meets the requirement."""
+    requirement and stay within the limits. The same arguments give the same numbers. Where `stop` raises StoppedError,
+    runs end with what they have. Raises what `make_problem` raises, and StoppedError where it is not known yet what
+    meets the requirement."""
     problem = make_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
-    check = check or _go_on
     with np.errstate(all="ignore"):
         moves = 10 + problem.steps + len(problem.names)
         work = WORK // cost(spec)
         count = int(COUNTED * work) // (2 * len(labels) * ROUNDS * moves * DEPTH)
         count = problem.at_once(min(max(count, FEWEST), MOST), 4 * ISLANDS) // ISLANDS * ISLANDS
-        base, weights, best = _require(problem, count, moves, seed, work, check, stop)
+        base, weights, best = _require(problem, count, moves, seed, work, stop)
         if not weights.any():
             return RequirementUnmet(best, base.evaluations)
         reaches, spent = dict[str, PhiDistribution](), base.evaluations
@@ -61,16 +58,12 @@ def measure(
             for sign in (1, -1):
                 chains = base.copy()
                 tail, made = climb(
-                    chains, partial(chains.run, moves), weights, sign, work // (2 * len(labels)), check, row, stop
+                    chains, partial(chains.run, moves), weights, sign, work // (2 * len(labels)), row=row, stop=stop
                 )
                 tails.append(tail)
                 spent += made
             reaches[label] = PhiDistribution(tails[0], tails[1], spent)
     return Rarity(reaches, _required(weights, problem.log_excess), spent)
-
-
-def _go_on() -> None:
-    """The default for `check`: never stops."""
 
 
 def _required(weights: Array, excess: float) -> Estimate | None:
@@ -81,7 +74,7 @@ def _required(weights: Array, excess: float) -> Estimate | None:
 
 
 def _require(
-    problem: MotionProblem, count: int, moves: int, seed: int, work: int, check: Callable[[], None], stop: Stop
+    problem: MotionProblem, count: int, moves: int, seed: int, work: int, stop: Stop
 ) -> tuple[MotionChains, Array, float]:
     """Chains that meet the limits, then the requirement, with the weights of their islands (0 if they do not), and the
     largest margin."""
@@ -90,7 +83,6 @@ def _require(
     for row in reversed(range(len(problem.labels), len(problem.labels) + len(GATES))):
         met = bool((margins(chains, 1, row) >= 0.0).all())
         while not met and chains.evaluations < work:
-            check()
             level = next_level(margins(chains, 1, row), chains.region.low[row], KEPT)
             if level is None:
                 break

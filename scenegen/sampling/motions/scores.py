@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import NO_TIME_TO_CHECK
-from scenegen.errors.time import NO_BOUND_ON_STEPS
+from scenegen.errors.requests import NO_BOUND_ON_STEPS, NO_TIME_TO_CHECK
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import (
@@ -31,15 +30,24 @@ from scenegen.lang.formula.core import (
     moved,
     part_of,
 )
-from scenegen.lang.formula.interpret import Numbers, PrunedNumbers, bare_rows, fold
+from scenegen.lang.formula.interpret import (
+    GapMinima,
+    NearestPairs,
+    Numbers,
+    PrunedNumbers,
+    bare_rows,
+    find_groups,
+    fold,
+    minimum,
+)
 from scenegen.lang.formula.interpret import phi as evaluate
-from scenegen.lang.formula.nearest import GapMinima, NearestPairs, find_groups, minimum
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimeNode, over_time
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, along, row_of, rows_of
 from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_step_bounds
 from scenegen.sampling.motions.problem import MotionProblem, cost, within_a_turn
-from scenegen.sampling.request import SampleRequest, hold_fixed, within_reach
+from scenegen.sampling.problem import hold_fixed
+from scenegen.sampling.request import SampleRequest, within_reach
 from scenegen.search.effort import NEVER, Stop, StoppedError, asking
 
 STATES = 1 << 16  # states scored at a time, which stay in cache

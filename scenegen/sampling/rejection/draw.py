@@ -11,8 +11,7 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction, Node, children
-from scenegen.lang.formula.interpret import evaluate
-from scenegen.lang.formula.nearest import FEWEST_GAPS, GapMinima, find_groups
+from scenegen.lang.formula.interpret import FEWEST_GAPS, GapMinima, evaluate, find_groups
 from scenegen.pose import BELOW_TURN, THETA, along, row_count
 from scenegen.sampling.problem import PLAN, Problem
 from scenegen.search.effort import Effort, per_scene

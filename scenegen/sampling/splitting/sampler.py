@@ -18,7 +18,7 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import CHAINS_CORRELATED
+from scenegen.errors.requests import SCENES_ALIKE
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, NoPlan, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
@@ -260,7 +260,7 @@ class Splitting(Plan):
             info["probability_of"] = "range and requirement"
         warnings: tuple[Diagnostic, ...] = ()
         if plan.left > 2 * NEGLIGIBLE:
-            warnings = (CHAINS_CORRELATED(moves=plan.thinning, correlation=float(plan.left)),)
+            warnings = (SCENES_ALIKE(moves=plan.thinning, correlation=float(plan.left)),)
         return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
 
 

@@ -22,7 +22,7 @@ from scenegen.errors import DataError
 from scenegen.errors.files import BAD_LINE, OTHER_LABELS
 from scenegen.pose import NAMES, row_count, rows_of
 from scenegen.scenes.blocks import BLOCK, Block, SceneFileReading, check_finite, counts_in, member_of, regrouped
-from scenegen.scenes.data import SceneData, SceneFile
+from scenegen.scenes.data import SceneData, SceneFile, chosen_surface
 from scenegen.scenes.files import opened
 from scenegen.scenes.formats.header import (
     check_objects,
@@ -33,7 +33,6 @@ from scenegen.scenes.formats.header import (
     not_scenes,
     parse,
 )
-from scenegen.scenes.stage import chosen_surface
 
 # Numbers that are finite for any digits; others are left to the strict reader.
 _NUMBER = r"(-?(?:0|[1-9][0-9]{0,16})(?:\.[0-9]+)?(?:[eE][+-]?[0-9]{1,2})?)"

@@ -19,7 +19,7 @@ from pydantic import ValidationError
 
 from scenegen.arrays import Array, Index
 from scenegen.errors import DataError
-from scenegen.errors.time import DAMAGED_MOTIONS, NO_HEADER_IN_CSV, NOT_MOTIONS
+from scenegen.errors.files import DAMAGED_MOTIONS, NO_HEADER_IN_CSV, NOT_MOTIONS
 from scenegen.pose import NAMES, X, as_rows
 from scenegen.scenes.blocks import COUNT, Block, member_of, numbers_in
 from scenegen.scenes.data import RAISED, VERSION, RequestData, SceneFile

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from scenegen.arrays import Array
 from scenegen.errors import DataError
-from scenegen.errors.time import DAMAGED_MOTIONS, NOT_MOTIONS
+from scenegen.errors.files import DAMAGED_MOTIONS, NOT_MOTIONS
 from scenegen.pose import NAMES
 from scenegen.scenes.blocks import COUNT, PHI, Block, element, joined
 from scenegen.scenes.files import opened

@@ -22,13 +22,7 @@ import pyarrow.parquet as pq
 from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, ScenegenError
 from scenegen.errors.declarations import NUMBERS_DISAGREE
-from scenegen.errors.files import (
-    COLUMN_NOT_A_NUMBER,
-    DAMAGED_PARQUET,
-    NOT_SCENES,
-    TOO_LARGE_TO_READ,
-    WRONG_COLUMNS,
-)
+from scenegen.errors.files import COLUMN_NOT_A_NUMBER, DAMAGED_PARQUET, NOT_SCENES, TOO_LARGE_TO_READ, WRONG_COLUMNS
 from scenegen.processes.process import cannot_start
 from scenegen.scenes.blocks import (
     BLOCK,

@@ -23,8 +23,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.diagnostic import Kind
-from scenegen.errors.files import DOUBTFUL_POSE, TABLE_CELL, TABLE_COLUMN, TABLE_ROW
-from scenegen.errors.time import NOT_A_TRAJECTORY, TRAJECTORY_TIMES
+from scenegen.errors.files import DOUBTFUL_POSE, NOT_A_TRAJECTORY, TABLE_CELL, TABLE_COLUMN, TABLE_ROW, TRAJECTORY_TIMES
 from scenegen.geometry.workspace import Workspace
 from scenegen.needs import need
 from scenegen.pose import NAMES, THETA, TWO_PI, X

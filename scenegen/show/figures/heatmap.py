@@ -13,8 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 from scenegen.geometry import Box, Circle
 from scenegen.pose import THETA, X, Y, places
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.stage import PictureSetup, poses_of, stage_of
 from scenegen.show.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, TEXT, TITLE, flow, write
+from scenegen.show.stage import PictureSetup, poses_of, stage_of
 from scenegen.things.library import RGB
 from scenegen.things.outline import Floats
 from scenegen.things.palette import mix

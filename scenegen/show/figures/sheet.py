@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.scenes.blocks import element
 from scenegen.scenes.data import CountData, SceneData, SceneFile
-from scenegen.scenes.stage import overlaps_of
+from scenegen.show.stage import overlaps_of
 
 SHOWN = 64  # maximum number of scenes
 PAPER, INK, QUIET, WARM = (250, 250, 249), (38, 40, 44), (112, 116, 124), (178, 58, 44)

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.outline import chosen_label
-from scenegen.api.scene_arrays import SceneArrays, make_header, rows_of, stored_rows
+from scenegen.api.scene_arrays import make_header, rows_of, stored_rows
+from scenegen.api.scenes import SceneSet
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES
@@ -40,7 +41,7 @@ NEAR = 0.002  # how far from its target the phi of a scene may be
 MARGIN = 1e-4  # by which requirements are kept
 
 
-def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tuple[SceneArrays, str]:
+def sweep(scenes: SceneSet, label: str | None = None, frames: int = 24) -> tuple[SceneSet, str]:
     """Scenes in which one layout goes from hard to solved, and the label that this is about.
 
     It starts at the set's hardest scene or, where all are nearly solved, at one drawn from the base distribution.
@@ -71,10 +72,10 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     poses = np.ascontiguousarray(as_poses(rows[:placed]))
     on = stored_rows(spec, rows)[placed:].T if spec.choices else None
     values = {name: np.array(np.broadcast_to(phi[name], len(poses))) for name in spec.labels}
-    return SceneArrays(poses, values, header, on=on), chosen
+    return SceneSet(poses, values, header, on=on, trusted=True), chosen
 
 
-def _hardest_numbers(spec: CheckedSpec, scenes: SceneArrays, label: str) -> tuple[CheckedSpec, SceneArrays]:
+def _hardest_numbers(spec: CheckedSpec, scenes: SceneSet, label: str) -> tuple[CheckedSpec, SceneSet]:
     """The scenes with as many things as the hardest has, and the spec that these are of."""
     hardest = int(scenes.phi[label].argmin()) if label in scenes.phi else 0
     found = next((numbers, which) for numbers, which in scenes.parts() if hardest in which)

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.resources import __version__
 from scenegen.show.looks.camera import Camera, Floats, at_angles, from_place
 from scenegen.things.library import RGB
-from scenegen.version import __version__
 
 VIEW = "look"  # the view whose camera a look places
 SEEDS = 2**63  # one more than the largest seed

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.scenes.stage import PictureSetup
 from scenegen.show.looks.camera import Floats
+from scenegen.show.stage import PictureSetup
 from scenegen.things.library import RGB
 
 PLAIN, WOOD = "plain", "wood"

@@ -17,9 +17,9 @@ from scenegen.errors import RequestError, quoted
 from scenegen.errors.program import NO_EGL
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.stage import MARGIN, TALLEST
 from scenegen.show.looks.camera import PLACES, VIEWS
 from scenegen.show.looks.look import SEEDS, VIEW
+from scenegen.show.stage import MARGIN, TALLEST
 from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.palette import PALETTE
 from scenegen.validation import as_int, as_words

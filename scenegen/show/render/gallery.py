@@ -13,11 +13,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.geometry import Circle
 from scenegen.processes.process import cores
-from scenegen.scenes.stage import MARGIN, PictureObject, PictureSetup
 from scenegen.show.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, SMALL, TEXT, TITLE
 from scenegen.show.looks.camera import PLACES
 from scenegen.show.render.files import PictureOptions
 from scenegen.show.render.scenes import draw
+from scenegen.show.stage import MARGIN, PictureObject, PictureSetup
 from scenegen.things import ASSETS, Shape, shape_of
 from scenegen.things.library import Asset, cabinet_shape
 
@@ -26,7 +26,7 @@ RISES = (0.05, 0.4, 0.8, 1.2)  # heights above the far edge, in sides of the tab
 TURN = math.radians(-32.0)  # heading of the assets: to the right, and a little towards the viewer
 VIEW = "perspective"
 ASIDE = 50.0  # metres: the place of assets that are not in the picture
-COLUMNS = 8
+COLUMNS, WIDTH = 8, 170  # of the sheet, and pixels of a picture on it
 
 
 def gallery(names: Sequence[str], size: tuple[int, int], workers: int | None = None) -> dict[str, bytes]:
@@ -81,25 +81,25 @@ def _shown(name: str) -> Shape:
     return cabinet_shape((0.0, 0.0, 0.4)) if name == "cabinet" else shape_of(name)
 
 
-def library_sheet(pictures: Mapping[str, bytes], width: int = 170) -> bytes:
+def library_sheet(pictures: Mapping[str, bytes]) -> bytes:
     """All pictures with names and sizes as a PNG file."""
     images = {}
     for name, data in pictures.items():
         with Image.open(io.BytesIO(data)) as picture:
-            scale = width / picture.size[0]
+            scale = WIDTH / picture.size[0]
             height = round(picture.size[1] * scale)
-            images[name] = picture.convert("RGB").resize((width, height), Image.Resampling.LANCZOS)
+            images[name] = picture.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
     font, small, title = (ImageFont.load_default(size=size) for size in (TEXT, SMALL - 2, TITLE))
     columns = min(COLUMNS, len(images))
     depth = height + TEXT + SMALL + 18 + GAP
     rows = math.ceil(len(images) / columns)
     head = EDGE + TITLE + 18
-    extent = (2 * EDGE + columns * width + (columns - 1) * GAP, head + rows * depth - GAP + EDGE)
+    extent = (2 * EDGE + columns * WIDTH + (columns - 1) * GAP, head + rows * depth - GAP + EDGE)
     sheet = Image.new("RGB", (max(extent[0], 320), extent[1]), PAPER)
     draw_on = ImageDraw.Draw(sheet)
     draw_on.text((EDGE, EDGE), f"{len(images)} objects", INK, title)
     for number, (name, image) in enumerate(images.items()):
-        x, y = EDGE + number % columns * (width + GAP), head + number // columns * depth
+        x, y = EDGE + number % columns * (WIDTH + GAP), head + number // columns * depth
         sheet.paste(image, (x, y))
         draw_on.text((x, y + height + 5), name, INK, font)
         draw_on.text((x, y + height + TEXT + 9), measures(ASSETS[name]), QUIET, small)

@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.geometry.footprint import Box, Circle, Footprint
-from scenegen.scenes.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.show.looks.camera import Camera, Floats, downwards
 from scenegen.show.looks.look import Look
 from scenegen.show.looks.textures import WOOD as WOODEN
 from scenegen.show.looks.textures import Textures, wood
 from scenegen.show.render.files import GROUND, TABLE, Image, Mask, Picture, RenderedView, Rows
+from scenegen.show.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.things.library import RGB
 from scenegen.things.surfaces import reach_of
 

@@ -21,12 +21,12 @@ import pybullet
 
 from scenegen.geometry import Polygon
 from scenegen.geometry.workspace import BOARD
-from scenegen.scenes.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.show.looks.camera import Camera, frame
 from scenegen.show.looks.look import VIEW, Look, Tint
 from scenegen.show.looks.textures import Textures
 from scenegen.show.render.files import FIRST, Image, Model, Picture, PictureOptions, RenderedView
 from scenegen.show.render.light import TOWARDS, Lighting, landscape_camera, light_camera
+from scenegen.show.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.things import PLAIN
 from scenegen.things.bodies import parts_of
 from scenegen.things.colored_mesh import ColoredMesh

@@ -24,7 +24,6 @@ from scenegen.processes.process import cores
 from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.files import scene_name, whole_files
 from scenegen.scenes.own_files import is_read, own_file, reason_of
-from scenegen.scenes.stage import PictureSetup, places_of, poses_of, stage_of
 from scenegen.show.figures.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
 from scenegen.show.looks.camera import USUAL, frame
 from scenegen.show.looks.configuration import read_looks
@@ -43,6 +42,7 @@ from scenegen.show.render.files import (
     usual_size,
 )
 from scenegen.show.render.worker import RenderJob
+from scenegen.show.stage import PictureSetup, places_of, poses_of, stage_of
 from scenegen.things.colored_mesh import check_texture
 from scenegen.things.meshfile import mesh_surfaces
 from scenegen.things.outline import MeshError

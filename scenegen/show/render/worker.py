@@ -17,11 +17,11 @@ from PIL import Image, ImageDraw, ImageFont
 from scenegen.needs import need
 from scenegen.processes.pool import Pool
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.stage import PictureSetup, places_of, stage_of
 from scenegen.show.looks.camera import Camera, Floats
 from scenegen.show.looks.look import Look
 from scenegen.show.looks.textures import Textures
 from scenegen.show.render.files import FIRST, Model, Picture, PictureOptions, RenderedView, check_request, encode
+from scenegen.show.stage import PictureSetup, places_of, stage_of
 
 if TYPE_CHECKING:
     from scenegen.show.render.painter import Painter

@@ -14,26 +14,28 @@ from typing import Any
 
 from scenegen.api.motions import read_motions
 from scenegen.api.reading import read_scenes
-from scenegen.api.scene_arrays import SceneArrays, rows_of, stored_rows
+from scenegen.api.scene_arrays import rows_of, stored_rows
+from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import MAX_BYTES, Spec, parse
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.files import WRONG_ENDING
+from scenegen.errors.files import DAMAGED_MOTIONS, WRONG_ENDING
 from scenegen.errors.program import NOT_OPENED
 from scenegen.errors.requests import NO_SCENES
-from scenegen.errors.time import DAMAGED_MOTIONS
 from scenegen.lang.spec import combinations, written
 from scenegen.lang.syntax.parse import read_source
 from scenegen.learn.model import is_family, load_model
 from scenegen.needs import INSTALL, found
 from scenegen.pose import as_poses, row_count
 from scenegen.resources import shipped_specs
+from scenegen.sampling.request import METHODS
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import is_stream, read_stream, write_whole
-from scenegen.scenes.formats.registry import FORMATS, is_motions
+from scenegen.scenes.formats.registry import FORMATS, MOTION_FORMATS, is_motions
 from scenegen.show.view.jobs.evaluate import scene_set, shown
 from scenegen.show.view.jobs.source import with_numbers
 from scenegen.show.view.limits import MAX_FILES, MAX_TEXT, most_scenes
 from scenegen.show.view.worker import dumps
+from scenegen.worlds.files import EXPORTS, NEEDS, TITLES
 
 MOST_NAME = 255  # bytes of the name of a file or folder
 MOST_DRAFTS = 200  # that are kept; the oldest go
@@ -215,7 +217,7 @@ def stored_scenes(file: Path) -> tuple[list[Part], Spec, SceneFile]:
     return scenes, spec, found.header
 
 
-def _shown(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
+def _shown(spec: Spec, scenes: SceneSet, note: str) -> dict[str, Any]:
     rows = rows_of(spec.checked, scenes)  # in the order of the spec, whatever the file's is
     count = row_count(len(spec.objects))
     on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
@@ -245,7 +247,7 @@ class OpenProject:
     welcome: bool = False
 
     def data(self) -> dict[str, Any]:
-        """What the page gets at first; `missing` are formats with what installs them."""
+        """What the page gets at first."""
         return {
             "text": self.text,
             "name": self.name,
@@ -257,8 +259,30 @@ class OpenProject:
             "parts": list(self.parts[:-1]),
             "request": self.request,
             "welcome": self.welcome,
-            "missing": {} if found("pxr") else {"usd": INSTALL["pxr"]},
+            "methods": methods_data(),
+            "formats": formats_data(),
         }
+
+
+def methods_data() -> list[dict[str, Any]]:
+    """The sampling methods that the page offers: whether they draw motions, and whether they need a model."""
+    return [{"name": name, "motions": one.over_time, "model": one.proposes} for name, one in METHODS.items()]
+
+
+FILES = {".json": "JSON", ".jsonl": "JSON Lines", ".parquet": "Parquet"}  # what the page calls scene files
+
+
+def formats_data() -> list[dict[str, Any]]:
+    """The formats in which the page gives scenes: of scene files, then of simulators. `motions` says whether motions
+    have it, too; `install` is what installs a library that it needs and that is missing, else None."""
+    rows: list[tuple[str, str, bool, str | None]] = []
+    for ending in FORMATS:
+        rows.append((ending[1:], FILES.get(ending, ending[1:]), ending in MOTION_FORMATS, None))
+    for name in EXPORTS:
+        package = NEEDS.get(name)
+        install = INSTALL[package] if package and not found(package) else None
+        rows.append((name, TITLES.get(name, name), False, install))
+    return [dict(zip(("name", "title", "motions", "install"), row, strict=True)) for row in rows]
 
 
 def open_(what: Path | None) -> OpenProject:

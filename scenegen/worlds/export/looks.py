@@ -12,10 +12,10 @@ import numpy as np
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.stage import PictureSetup, stage_of
 from scenegen.show.looks.camera import Camera
 from scenegen.show.looks.look import Look, Point, looks_jsonl
 from scenegen.show.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
+from scenegen.show.stage import PictureSetup, stage_of
 from scenegen.things.library import RGB
 
 SIDE = 1024  # pixels along the longer side of a wooden table

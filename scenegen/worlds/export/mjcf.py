@@ -160,13 +160,14 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
             for element, place in zip(bodies, qpos, strict=True):
                 element.set("pos", numbers(*place[:3]))
                 element.set("quat", numbers(*place[3:]))
-        if together:
+        if together and len(world.poses) > 1:
             free = [value for body, place in zip(world.bodies, qpos, strict=True) if not body.fixed for value in place]
             node(keys, "key", name=f"scene_{scene:04d}", qpos=numbers(*free))
-        else:
+        elif not together:
             yield document(root)
     if together:
-        root.append(keys)
+        if len(keys):
+            root.append(keys)
         yield document(root)
 
 

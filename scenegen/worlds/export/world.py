@@ -24,8 +24,7 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.spec import Region
 from scenegen.pose import as_poses, flat, row_count
 from scenegen.scenes.blocks import Block, counts_in, member_of
-from scenegen.scenes.data import RegionData, SceneFile, ShapeData, check_sizes, footprint_of
-from scenegen.scenes.stage import heights_of
+from scenegen.scenes.data import RegionData, SceneFile, ShapeData, check_sizes, footprint_of, heights_of
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape
 from scenegen.things.bodies import DENSITY, collision_of, friction_of, mass_of, parts_of
 from scenegen.things.colored_mesh import ColoredMesh

@@ -20,7 +20,7 @@ from scenegen.errors import RequestError, Source, SpecError
 from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.errors.worlds import FACTS_MEAN_NOTHING, PDDL_TOO_LARGE
 from scenegen.geometry import NUMPY
-from scenegen.geometry.units import ANGLE, LENGTH
+from scenegen.geometry.primitives import ANGLE, LENGTH
 from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.names import resolve
 from scenegen.lang.check.scope import LABEL, Declared, Scope, signature_of

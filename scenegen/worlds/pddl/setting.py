@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cache
 
 from scenegen.errors import DataError, Diagnostic
-from scenegen.errors.template import nearest
+from scenegen.errors.diagnostic import nearest
 from scenegen.errors.worlds import PDDL_UNKNOWN_NAME, UNKNOWN_CATEGORY
 from scenegen.geometry import Box, Circle
 from scenegen.lang.check.scope import BUILT_IN, prelude

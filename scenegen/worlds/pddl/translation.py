@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 from scenegen.errors import DataError, Diagnostic, Source, SpecError
-from scenegen.errors.template import nearest
+from scenegen.errors.diagnostic import nearest
 from scenegen.errors.worlds import (
     FACTS_MEAN_NOTHING,
     IMPORT_FAILS,
@@ -57,16 +57,16 @@ def collisions(setting: Setting, options: dict[str, list[str]]) -> list[str]:
     for name, made in setting.furniture.items():
         if made.body is not None:
             x, y, _ = setting.poses.get(name, (0.0, 0.0, 0.0))
-            boxes[setting.ids[name]] = _grown((x, y, x, y), max(made.body[:2]) * 0.75)
+            boxes[setting.ids[name]] = grown((x, y, x, y), max(made.body[:2]) * 0.75)
             fixed.add(setting.ids[name])
     for name, shape in setting.shapes.items():
         reach = reach_of(shape_from(shape).footprint)
         places = [_box(setting, one, boxes) for one in options.get(name) or ["workspace"]]
-        boxes[setting.ids[name]] = _grown(_around(places), reach)
+        boxes[setting.ids[name]] = grown(around(places), reach)
     return [
         f"require apart({one}, {other}) >= 0"
         for (one, first), (other, second) in itertools.combinations({**boxes, **boards}.items(), 2)
-        if not (one in fixed and other in fixed) and _meet(first, second)
+        if not (one in fixed and other in fixed) and meet(first, second)
     ]
 
 
@@ -78,16 +78,16 @@ def _box(setting: Setting, surface: str, boxes: dict[str, Rectangle]) -> Rectang
     return boxes.get(surface, setting.space)
 
 
-def _grown(box: Rectangle, by: float) -> Rectangle:
+def grown(box: Rectangle, by: float) -> Rectangle:
     return box[0] - by, box[1] - by, box[2] + by, box[3] + by
 
 
-def _around(boxes: Sequence[Rectangle]) -> Rectangle:
+def around(boxes: Sequence[Rectangle]) -> Rectangle:
     left, bottom, right, top = zip(*boxes, strict=True)
     return min(left), min(bottom), max(right), max(top)
 
 
-def _meet(one: Rectangle, other: Rectangle) -> bool:
+def meet(one: Rectangle, other: Rectangle) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 

@@ -27,7 +27,7 @@ from scenegen.needs import need
 from scenegen.pose import as_poses, flat
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
-from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
+from scenegen.sampling.plan import Account, Piece, Selection, Tally, digest
 from scenegen.scenes.blocks import BLOCK
 from scenegen.search.effort import NEVER, Stop
 from scenegen.things import Shape
@@ -157,9 +157,7 @@ class Refusals:
 # --------------------------------------------------------------------------------------------------------------------
 # A plan without the scenes that do not settle.
 #
-# It filters candidates before they are spread over cells, so settling is part of the target: within a cell, scenes
-# follow the plan's distribution conditional on settling, and all n requested scenes are found. Of motions the scene in
-# which they begin is dropped.
+# Of motions the scene in which they begin is dropped.
 
 
 MOST = 256  # about how many scenes of a piece are dropped: a few seconds of one core
@@ -178,7 +176,7 @@ class _Memory:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Settling(Plan):
+class Settling(Selection):
     """`plan` without the scenes that do not settle.
 
     One process draws it and drops the scenes on all `workers` (drawing takes a thousandth of the time of dropping). A
@@ -187,7 +185,6 @@ class Settling(Plan):
     the numbers of scenes dropped and refused, then those in which each object moved too far, then the plan's own.
     """
 
-    plan: Plan
     workers: int | None = None
     stop: Stop = NEVER
     _memory: _Memory = field(default_factory=_Memory, repr=False)
@@ -195,32 +192,8 @@ class Settling(Plan):
     shared_by: ClassVar[int] = 1
 
     @property
-    def method(self) -> str:
-        return self.plan.method
-
-    @property
     def plan_digest(self) -> str:
         return digest("settling", self._at_once, self.plan.plan_digest)
-
-    @property
-    def reached(self) -> Sequence[int]:
-        return self.plan.reached
-
-    @property
-    def ruled_out(self) -> frozenset[int]:
-        return self.plan.ruled_out
-
-    @property
-    def fewest(self) -> int:
-        return self.plan.fewest
-
-    @property
-    def patience(self) -> int | None:
-        return self.plan.patience
-
-    @property
-    def evaluations(self) -> float:
-        return self.plan.evaluations
 
     @property
     def fact_count(self) -> int:
@@ -254,12 +227,6 @@ class Settling(Plan):
         objects = self.problem.spec.objects
         scenes, refused, *moved = map(int, tally.facts[: 2 + len(objects)] or [0] * (2 + len(objects)))
         return Refusals(objects, scenes, refused, tuple(moved))
-
-    def misses(self) -> tuple[Floats, Floats]:
-        return self.plan.misses()
-
-    def check(self, rows: Floats, phi: Floats) -> None:
-        self.plan.check(rows, phi)
 
     def draw(self, k: int) -> Piece:
         """Those of the first candidates of piece k in each cell that settle. Raises what `stop` raises."""

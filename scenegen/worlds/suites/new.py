@@ -49,13 +49,14 @@ Told = Callable[[JobResult, int, int], None]  # a task that is made, or failed; 
 @dataclass(frozen=True, slots=True)
 class TaskPlan:
     """A task whose starts are to be drawn: `source` is the text of its spec, with what starts require; `back` says that
-    it is a reversed one."""
+    it is a reversed one. Ranges of phi are those of the goal: a reversed task has as many bands, equally probable."""
 
     name: str
     source: str
     instruction: str
     success: str
-    back: bool
+    bands: Bands
+    back: bool = False
 
     @property
     def file(self) -> str:
@@ -92,17 +93,18 @@ def new_suite(
     if re.fullmatch(NAME_PATTERN, out.resolve().name) is None:
         wanted = "a folder called by letters and digits"
         raise RequestError(WRONG_VALUE(argument="out", value=f"`{out}`", wanted=wanted))
-    plans = [one for name, path in specs for one in _tasks(name, path, success, start)]
-    made: list[tuple[TaskData, bytes]] = []
-    job = _MakeTask(bands, log10p, n, seed, timeout)
-    for ended in each(job, [(one.file.removesuffix(".json"), one) for one in plans], "local", workers):
-        told(ended, len(made) + 1, len(plans))
-        if ended.errors:
-            raise RequestError(*ended.errors)
-        made.append(ended.value)
+    plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands)]
+    if not log10p:
+        plans = [replace(one, bands=count) if one.back else one for one in plans]
+    job = _MakeTask(log10p, n, seed, timeout)
+    jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
-        for plan, (task, data) in zip(plans, made, strict=True):
+        for done, (plan, ended) in enumerate(zip(plans, each(job, jobs, "local", workers), strict=True), 1):
+            told(ended, done, len(plans))
+            if ended.errors:
+                raise RequestError(*ended.errors)
+            task, data = ended.value
             put(task.scenes, data)
             ways[plan.back].append(task)
         manifest = SuiteFile(name=out.resolve().name, digest=BLANK, seed=seed, n=n, tasks=ways[0], reversed=ways[1])
@@ -110,7 +112,7 @@ def new_suite(
     return SuiteFile.model_validate_json(manifest.dump())
 
 
-def _tasks(name: str, path: Path, success: str | None, start: str | None) -> list[TaskPlan]:
+def _tasks(name: str, path: Path, success: str | None, start: str | None, bands: Bands) -> list[TaskPlan]:
     """The task of a spec file, and the reversed one if it has one. Raises RequestError for labels that it lacks."""
     spec = load(path)
     source = spec.checked.source
@@ -124,10 +126,10 @@ def _tasks(name: str, path: Path, success: str | None, start: str | None) -> lis
         raise RequestError(UNKNOWN_LABEL(name=GOAL, known=spec.labels))
     instruction = spec.checked.title or name.replace("_", " ")
     forth = f"{source}require !{goal}" + (f" & {begin}" if begin else "") + "\n"
-    plans = [TaskPlan(name, forth, instruction, goal, back=False)]
+    plans = [TaskPlan(name, forth, instruction, goal, bands)]
     said = re.search(r"^#\s*reverse:\s*(\S.*?)\s*$", read_bytes(path, "a spec").decode(), re.MULTILINE)
     if begin is not None and said is not None:
-        plans.append(TaskPlan(name, f"{source}require !{begin} & {goal}\n", said[1], begin, back=True))
+        plans.append(TaskPlan(name, f"{source}require !{begin} & {goal}\n", said[1], begin, bands, back=True))
     return plans
 
 
@@ -139,7 +141,6 @@ def _tasks(name: str, path: Path, success: str | None, start: str | None) -> lis
 class _MakeTask:
     """The job of one task: its part of suite.json, and the bytes of its scenes file."""
 
-    bands: Bands
     log10p: bool
     n: int
     seed: int
@@ -151,10 +152,10 @@ class _MakeTask:
         if not curve.ends[0] < curve.ends[1]:
             wanted = "a label whose phi differs between starts"
             raise RequestError(WRONG_VALUE(argument="success", value=f"`{plan.success}`", wanted=wanted))
-        ranges = _ranges(self._wanted(plan), self.log10p, curve, bounds)
+        ranges = _ranges(plan.bands, self.log10p, curve, bounds)
         if any(curve.between(low, high)[0] < FEW / COUNTED for _, low, high in ranges):
             curve = _Curve.rare(rarity(spec, plan.success, seed=self.seed).labels[0])
-            ranges = _ranges(self._wanted(plan), self.log10p, curve, bounds)
+            ranges = _ranges(plan.bands, self.log10p, curve, bounds)
         bands: list[BandData] = []
         parts: list[SceneSet] = []
         for name, low, high in ranges:
@@ -183,11 +184,6 @@ class _MakeTask:
             sha256=hashlib.sha256(data).hexdigest(), bands=bands,
         )  # fmt: skip
         return task, data
-
-    def _wanted(self, plan: TaskPlan) -> Bands:
-        """The bands that were asked for. Ranges of phi are those of the goal: a reversed task has as many bands,
-        equally probable."""
-        return len(self.bands) if plan.back and not isinstance(self.bands, int) and not self.log10p else self.bands
 
     def _bytes(self, spec: Spec, parts: Sequence[SceneSet], bands: Sequence[BandData]) -> bytes:
         phi = {label: np.concatenate([part.phi[label] for part in parts]) for label in spec.labels}

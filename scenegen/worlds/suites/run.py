@@ -27,10 +27,10 @@ from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.worlds import WORLD_FAILS
 from scenegen.processes.pool import check_workers
-from scenegen.processes.process import GONE, WorkerMessage, WorkerProcess
-from scenegen.processes.worker import FAILED
+from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
 from scenegen.scenes.files import reported, write_whole
 from scenegen.validation import as_path, as_seconds
+from scenegen.worlds.policy_server import decode, encode
 from scenegen.worlds.suites.outcomes import (
     EpisodeOutcome,
     Instruction,
@@ -40,7 +40,6 @@ from scenegen.worlds.suites.outcomes import (
     read_outcomes,
     same_run,
 )
-from scenegen.worlds.suites.server import decode, encode
 from scenegen.worlds.suites.suite import GradedStart, Suite, SuiteTask
 
 SAID = 200  # characters of an error that outcomes keep
@@ -68,10 +67,10 @@ def run_suite(
     """Run episodes of the suite in `folder`, by default all, and write their outcomes to a file, which is returned.
 
     `world` names a function of a task that returns an environment, `policy` a function of observation and instruction,
-    a class or function of no argument or of `env` that makes one, or the URL of a server (see server.py): "module:name"
-    or "file.py:name". An episode ends where the environment says so, at success, or after so many steps; `timeout`, in
-    seconds, kills one that hangs. `resume` goes on with a file. Raises RequestError, DataError, OutputError, and
-    ScenegenError where world or policy cannot be had at all.
+    a class, or a function of `env`, that makes one, or the URL of a server (scenegen/worlds/policy_server.py):
+    "module:name" or "file.py:name". An episode ends where the environment says so, at success, or after so many steps;
+    `timeout`, in seconds, kills one that hangs. `resume` goes on with a file. Raises RequestError, DataError,
+    OutputError, and ScenegenError where world or policy cannot be had at all.
     """
     out, timeout = as_path("out", out), as_seconds("timeout", timeout)
     if instruction not in get_args(Instruction):
@@ -259,8 +258,8 @@ def policy_of(text: str, env: Any) -> Policy:
 
 
 class RemotePolicy:
-    """A policy behind a server (see server.py). `reset` waits a while for one that is restarted; raises ScenegenError
-    where none comes."""
+    """A policy behind a server (scenegen/worlds/policy_server.py). `reset` waits a while for one that is restarted;
+    raises ScenegenError where none comes."""
 
     def __init__(self, url: str) -> None:
         self._url, self._link = url, http.client.HTTPConnection(urlsplit(url).netloc)

@@ -28,7 +28,7 @@ from scenegen.learn.training.dataset import held_count, held_places, split
 from scenegen.learn.training.feed import whole_file
 from scenegen.learn.training.gathering import Gathering
 from scenegen.learn.training.paper import boosted, uniform
-from scenegen.sampling import rarity_grown
+from scenegen.sampling.growth import rarity
 from scenegen.sampling.rarity import RequirementUnmet
 from scenegen.scenes.data import RequestData
 
@@ -320,7 +320,7 @@ TEXT_REACH = "object a, b\nrequire dist(a, b) >= 10 cm\ntask: dist(a, b) <= 30 c
 def grown(monkeypatch):
     """Chains find nothing; growth takes little time."""
     monkeypatch.setattr(balanced_reach, "measure", lambda *given: RequirementUnmet(-0.1, 1))
-    monkeypatch.setattr(rarity_grown, "EFFORT", 2e7)
+    monkeypatch.setattr(rarity, "EFFORT", 2e7)
 
 
 def test_growth_tells_what_chains_do_not_reach(grown):

@@ -14,10 +14,14 @@ from types import SimpleNamespace
 import numpy as np
 
 from scenegen.geometry import Circle
-from scenegen.sampling.engine.stream import stream_scenes
+from scenegen.sampling.engine.engines import Local, ShardWriter
+from scenegen.sampling.engine.writer import CHECKPOINT, write_file
 from scenegen.sampling.plan import Piece
-from scenegen.sampling.request import Cells, Range, SampleRequest, cut
+from scenegen.sampling.problem import Cells, cut
+from scenegen.sampling.request import Range, SampleRequest
+from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import ObjectData, RequestData, SceneFile, ShapeData, SpecRef, WorkspaceData, footprint_data
+from scenegen.scenes.sets import RAW, Manifest, header_data
 
 SOURCE = "object mug, plate\ntask: leftOf(mug, plate)\n"
 SHA = hashlib.sha256(SOURCE.encode()).hexdigest()
@@ -73,14 +77,26 @@ def header_of(made, facts=None):
     )
 
 
-def stream(path, made, **options):
+def request_of(made):
+    request = {"spec": SHA, "low": made.low, "phi": {"task": [made.low, 0.9]}, "spread": made.spread}
+    request |= {"seed": made.seed, "n": made.wanted, "plan": made.plan_digest}
+    return {**request, "scenegen": "", "numpy": ""}
+
+
+def stream(path, made, *, workers=1, size=BLOCK, checkpoint=CHECKPOINT, header=None, **options):
     """Stream to a file; the tally."""
 
-    def header(tally):
+    def usual(tally):
         facts = {"pieces": tally.pieces, "candidates": tally.candidates, "facts": list(tally.facts)}
         return header_of(made, {**facts, "strays": list(tally.strays)})
 
-    return stream_scenes(Path(path), made, ("task",), header, request={"spec": SHA, "low": made.low}, **options)
+    first = header_of(made)
+    manifest = Manifest(request=request_of(made), labels=["task"], shard_size=8 * size, header=header_data(first))
+    writing = lambda store: ShardWriter(made, store, first, ("task",), ending=RAW)  # noqa: E731
+    with Local(workers) as engine:
+        return write_file(
+            Path(path), made, engine, manifest, writing, header or usual, checkpoint=checkpoint, block=size, **options
+        )
 
 
 def run(words):

@@ -22,15 +22,16 @@ from scenegen.api.scenes import evaluate
 from scenegen.errors import OutputError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import gated
-from scenegen.processes.process import environment
-from scenegen.processes.worker import VARIABLES
+from scenegen.processes.process import VARIABLES, environment
 from scenegen.sampling.engine.blocks import BlockAssembler
-from scenegen.sampling.engine.stream import stream_scenes
+from scenegen.sampling.engine.engines import Local, ShardWriter
+from scenegen.sampling.engine.writer import folder_of, write_file
+from scenegen.sampling.plan import Tally
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.data import RequestData
-from scenegen.scenes.shards import folder_of
+from scenegen.scenes.sets import RAW, Manifest, header_data
 
 from ...laws import examples
 
@@ -223,9 +224,14 @@ def streamed(path, spec, workers):
         draws = tally.pieces * problem.piece_size
         return make_header(spec, {"method": "rejection", "seed": 9, "draws": draws}, request)
 
-    return stream_scenes(
-        path, Rejected(problem), spec.labels, header, request={"spec": spec.sha256}, workers=workers, size=6000
+    plan, first = Rejected(problem), header(Tally(0, 0, 0, 0))
+    facts = {"spec": spec.sha256, "phi": request.phi, "n": 20_000, "seed": 9, "spread": "flat"}
+    manifest = Manifest(
+        request={**facts, "scenegen": "", "numpy": ""}, labels=["task"], shard_size=12_000, header=header_data(first)
     )
+    writing = lambda store: ShardWriter(plan, store, first, spec.labels, ending=RAW)  # noqa: E731
+    with Local(workers) as engine:
+        return write_file(path, plan, engine, manifest, writing, header, block=6000)
 
 
 def test_scenes_are_those_asked_for(tmp_path, spec):
@@ -252,7 +258,7 @@ def test_workers_hand_out_the_same_bytes(tmp_path, spec):
 PROGRAM = """
 import resource, sys
 import numpy as np
-from scenegen.processes.worker import keep_memory
+from scenegen.processes.process import keep_memory
 if sys.argv[1] == "kept":
     keep_memory()
 for _ in range(100):  # four arrays of 1 MB that come and go

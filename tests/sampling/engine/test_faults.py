@@ -13,7 +13,7 @@ import pytest
 
 from scenegen.errors import OutputError
 from scenegen.errors.files import CANNOT_WRITE
-from scenegen.sampling.engine import sets
+from scenegen.sampling.engine import writer
 from scenegen.sampling.engine.engines import Local
 from scenegen.scenes import files, stores
 from scenegen.scenes import stores as trying
@@ -118,7 +118,7 @@ class InPairs(Local):
 @pytest.mark.parametrize("what", ["save_checkpoint", "write_manifest"])
 def test_no_shard_is_left_out_when_the_manifest_cannot_be_written(what, plain, tmp_path, monkeypatch):
     """Neither does the one after it take its place."""
-    folder, write, calls = tmp_path / "set", getattr(sets, what), []
+    folder, write, calls = tmp_path / "set", getattr(writer, what), []
 
     def full(store, *args):
         calls.append(1)
@@ -126,7 +126,7 @@ def test_no_shard_is_left_out_when_the_manifest_cannot_be_written(what, plain, t
             raise OutputError(CANNOT_WRITE(file="x", location="y", reason="full", remedy="make room"))
         return write(store, *args)
 
-    monkeypatch.setattr(sets, what, full)
+    monkeypatch.setattr(writer, what, full)
     with InPairs(2) as engine, pytest.raises(OutputError, match="full"):
         run(folder, engine)
     monkeypatch.undo()

@@ -13,6 +13,7 @@ import pytest
 
 from scenegen.sampling.engine import ray as ray_engine
 from scenegen.sampling.engine.engines import chosen
+from scenegen.sampling.plan import Piece
 from scenegen.scenes.blocks import Block
 from scenegen.search.effort import StoppedError
 
@@ -104,7 +105,7 @@ def test_time_that_is_up_in_the_midst_of_a_task(monkeypatch):
         def __call__(self, k):
             if k == 7:
                 raise StoppedError("so far")
-            return Block(np.zeros((3, k)), np.zeros((1, k))), np.zeros(k, dtype=np.int8), np.ones(1)
+            return Piece(np.zeros((3, k)), np.zeros((1, k)), np.zeros(k, dtype=np.int8), np.ones(1))
 
     monkeypatch.setattr(ray_engine, "_job", lambda _: Job())
     made = ray_engine.draw(ray_engine.packed("anything"), 5, 4)

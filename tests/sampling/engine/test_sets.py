@@ -1,6 +1,5 @@
 """Sets of shards: the same bytes from each engine, whatever happens on the way."""
 
-import dataclasses
 import functools
 import hashlib
 import itertools
@@ -13,8 +12,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.sampling.engine.engines import Local, chosen, open_engine
-from scenegen.sampling.engine.stream import BlockPacker
+from scenegen.sampling.engine.engines import BlockPacker, Local, chosen, open_engine
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.formats.registry import read_scenes, write_scenes
 from scenegen.scenes.sets import MANIFEST, read_manifest, read_set
@@ -34,7 +32,7 @@ class Elsewhere(Local):
 
     def pieces(self, drawing, first):
         for drawn in super().pieces(drawing, first):
-            yield dataclasses.replace(drawn, scenes=self.hold(drawn.scenes))
+            yield self.hold(drawn[0]), *drawn[1:]
 
     def choose(self, which, parts):
         return self.hold(chosen(which, {number: self.kept[held] for number, held in parts.items()}))

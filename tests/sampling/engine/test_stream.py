@@ -5,6 +5,7 @@ import errno
 import json
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
@@ -15,10 +16,10 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.scenes import shards
+from scenegen.sampling.engine.writer import folder_of
+from scenegen.scenes import sets
 from scenegen.scenes.blocks import joined
 from scenegen.scenes.formats.registry import FORMATS, read_scenes
-from scenegen.scenes.shards import folder_of
 
 HERE = Path(__file__).parent
 SMALL = {"checkpoint": 0.0, "size": 300}
@@ -75,7 +76,7 @@ def struck(run, path, moments, expected):
     """Strike a run at each moment, every third one twice, and resume it each time."""
     for number, moment in enumerate(moments):
         assert run(path, kill=moment)[0] == -signal.SIGKILL, moment
-        assert len(list(path.parent.glob("*/pool-*"))) <= 2, moment
+        assert len(list(path.parent.glob("*/_run/waiting-*"))) <= 2, moment
         if number % 3 == 0:
             run(path, kill=12.5, resume=True)
         assert run(path, resume=True)[0] == 0, moment
@@ -112,11 +113,11 @@ def test_killed_once_all_is_done(run, tmp_path, unbroken):
                 left += 1
                 assert path.read_bytes() == written
                 manifest = folder / "manifest.json"
-                done = manifest.exists() and json.loads(manifest.read_text())["joined"]
+                done = manifest.exists() and json.loads(manifest.read_text())["complete"]
                 status, operations = run(path, resume=True, **early)
                 assert status == 0 and not folder.exists()
                 if pieces == 1000:
-                    assert path.read_bytes() == written and (operations < 20 or not done)
+                    assert path.read_bytes() == written and (operations < 30 or not done)
                 else:
                     assert not done and read_scenes(path).whole().count > 600
         assert left > 2
@@ -161,7 +162,7 @@ def test_another_request_is_refused(run, tmp_path):
     from made import Made, stream
 
     path = tmp_path / "x.jsonl"
-    run(path, kill=30)
+    run(path, kill=60)
     for other, said in (
         (Made(2000, seed=1), "`seed` was 0, and is 1 now"),
         (Made(2001), "`n` was 2000, and is 2001 now"),
@@ -179,6 +180,12 @@ def test_another_request_is_refused(run, tmp_path):
     assert path.exists()
 
 
+def contents(folder):
+    """The files that a run goes on from."""
+    files = (entry for entry in folder.rglob("*") if entry.is_file() and not entry.name.startswith("."))
+    return {entry.name: entry.read_bytes() for entry in files}
+
+
 @pytest.mark.parametrize(
     "what", ["shard", "bit", "swap", "pool", "pool bit", "cut", "state", "manifest", "foreign", "busy"]
 )
@@ -186,43 +193,44 @@ def test_folders_that_cannot_be_resumed(what, run, tmp_path):
     from made import Made, stream
 
     path, folder = tmp_path / "x.jsonl", tmp_path / "x.jsonl.part"
-    run(path, kill=30)
+    run(path, kill=60)
+    known = (folder / "manifest.json").read_text()
+    named = json.loads(known)
+    first, last = (folder / named["shards"][place]["file"] for place in (0, -1))
+    waiting = folder / named["checkpoint"]["waiting"]
     if what == "shard":
-        shard = min(folder.glob("shard-*"))
-        shard.write_bytes(shard.read_bytes()[:-1])
+        first.write_bytes(first.read_bytes()[:-1])
     elif what in ("bit", "pool bit"):
-        damaged = max(folder.glob("pool-*" if what == "pool bit" else "shard-*"))
+        damaged = waiting if what == "pool bit" else last
         data = bytearray(damaged.read_bytes())
         data[-10] ^= 64
         damaged.write_bytes(data)
     elif what == "swap":  # the same bits, read from the other end
-        shard = min(folder.glob("shard-*"))
-        shard.write_bytes(shard.read_bytes().replace(b"<f8", b">f8", 1))
+        first.write_bytes(first.read_bytes().replace(b"<f8", b">f8", 1))
     elif what == "state":
-        known = (folder / "manifest.json").read_text()
-        pieces = json.loads(known)["state"]["pieces"]
+        pieces = named["checkpoint"]["state"]["pieces"]
         (folder / "manifest.json").write_text(known.replace(f'"pieces": {pieces}', f'"pieces": {pieces + 1}'))
     elif what == "pool":
-        max(folder.glob("pool-*")).unlink()
+        waiting.unlink()
     elif what == "cut":
-        max(folder.glob("pool-*")).write_bytes(b"")
+        waiting.write_bytes(b"")
     elif what == "manifest":
         (folder / "manifest.json").write_text("{}")
     elif what == "foreign":
         (folder / "thesis.tex").write_text("")
-    before = {entry.name: entry.read_bytes() for entry in folder.iterdir()}
+    before = contents(folder)
     said = {"foreign": "is in the way: it holds `thesis.tex`", "busy": "another run is writing"}
     if what == "busy":
         import fcntl
 
-        with (folder / "lock").open("wb") as file:
+        with (folder / ".lock").open("r+b") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             with pytest.raises(OutputError, match=said[what]):
                 stream(path, Made(2000), resume=True, size=300)
     else:
         with pytest.raises((DataError, OutputError), match=said.get(what, "is damaged: it cannot be resumed")):
             stream(path, Made(2000), resume=True, size=300)
-    assert {entry.name: entry.read_bytes() for entry in folder.iterdir()} == before
+    assert contents(folder) == before
 
 
 def test_what_a_run_leaves_that_had_just_begun_is_replaced(run, tmp_path, unbroken):
@@ -303,7 +311,7 @@ def test_an_interrupt_keeps_all_of_it(tmp_path, unbroken, monkeypatch):
     with pytest.raises(KeyboardInterrupt, match=r"keeps [0-9,]+ scenes: go on with `resume`"):
         stream(path, Interrupted(2000), size=300)
     manifest = json.loads((tmp_path / "x.jsonl.part" / "manifest.json").read_text())
-    assert manifest["state"]["pieces"] == 3
+    assert manifest["checkpoint"]["state"]["pieces"] == 3
     stream(path, Made(2000), size=300, resume=True)
     assert path.read_bytes() == unbroken[".jsonl"]
 
@@ -313,13 +321,14 @@ def test_a_block_that_does_not_pass_inspection_is_not_stored(tmp_path):
 
     blocks = []
 
-    def inspect(block):
-        blocks.append(block)
-        if len(blocks) == 3:
-            raise AssertionError("not asked for")
+    class Inspected(Made):
+        def check(self, rows, phi):
+            blocks.append(rows)
+            if len(blocks) == 3:
+                raise AssertionError("not asked for")
 
     with pytest.raises(AssertionError):
-        stream(tmp_path / "x.jsonl", Made(2000), size=300, checkpoint=0.0, inspect=inspect)
+        stream(tmp_path / "x.jsonl", Inspected(2000, verified=True), size=300, checkpoint=0.0)
     manifest = json.loads((tmp_path / "x.jsonl.part" / "manifest.json").read_text())
     assert sum(shard["scenes"] for shard in manifest["shards"]) == 600
 
@@ -343,7 +352,7 @@ def test_disk_full(tmp_path, monkeypatch, unbroken):
     from made import Made, stream
 
     path = tmp_path / "x.jsonl"
-    save, calls = shards._save, []
+    save, calls = sets.HashingWriter.write, []
 
     def full(*args):
         calls.append(1)
@@ -352,12 +361,74 @@ def test_disk_full(tmp_path, monkeypatch, unbroken):
         return save(*args)
 
     with monkeypatch.context() as patch:
-        patch.setattr(shards, "_save", full)
+        patch.setattr(sets.HashingWriter, "write", full)
         with pytest.raises(OutputError, match="no space left") as caught:
             stream(path, Made(2000), **SMALL)
     assert "`resume`" in caught.value.diagnostics[0].help
     stream(path, Made(2000), resume=True, size=300)
     assert path.read_bytes() == unbroken[".jsonl"]
+
+
+def steps(path, *, resume=False, limits=(1 << 40,) * 3):
+    """Two shards with a checkpoint each, then the file; in each step no file may grow beyond a limit of its own."""
+    from made import Made, header_of, stream
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    limit = lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))  # noqa: E731
+    made = Made(4000, size=2500, spread="base", low=-0.95)
+
+    def spent():
+        limit(limits[1])
+        return False
+
+    def header(tally):
+        if tally.scenes == 4000:
+            limit(limits[2])
+        return header_of(made)
+
+    limit(limits[0])
+    try:
+        stream(path, made, size=2000, checkpoint=0.0, resume=resume, spent=spent, header=header)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".jsonl"])
+@pytest.mark.parametrize("when", ["first shard", "second shard", "joining"])
+def test_said_and_kept(when, ending, tmp_path):
+    path = tmp_path / f"x{ending}"
+    place = ("first shard", "second shard", "joining").index(when)
+    with pytest.raises(OutputError) as caught:
+        steps(path, limits=[*[1 << 40] * place, 50_000, 1 << 40, 1 << 40])
+    (problem,) = caught.value.diagnostics
+    assert problem.title == f"cannot write {path}: file too large"
+    assert "requested and" not in str(caught.value)
+    folder = folder_of(path)
+    if place == 0:
+        assert "nothing was left behind" in problem.help and not list(tmp_path.iterdir())
+        return
+    assert problem.help.startswith(f"the disk is full; {folder} keeps {2000 * place:,} scenes: ")
+    assert folder.is_dir() and not path.exists()
+    steps(path, resume=True)
+    steps(tmp_path / f"y{ending}")
+    assert path.read_bytes() == (tmp_path / f"y{ending}").read_bytes() and not folder.exists()
+
+
+def test_a_run_of_an_earlier_version_is_refused(tmp_path):
+    from made import Made, stream
+
+    folder = tmp_path / "x.jsonl.part"
+    folder.mkdir()
+    known = {"format": "scenegen/shards", "version": 2, "shards": [{"file": "shard-000000.npy", "scenes": 600}]}
+    (folder / "manifest.json").write_text(json.dumps(known))
+    for name in ("shard-000000.npy", "pool-000001.npy", "lock"):
+        (folder / name).write_bytes(b"")
+    before = contents(folder)
+    for resume in (False, True):
+        with pytest.raises(RequestError, match="holds 600 scenes of an unfinished run") as caught:
+            stream(tmp_path / "x.jsonl", Made(2000), size=300, resume=resume)
+        assert "an earlier version of scenegen wrote it" in caught.value.diagnostics[0].help
+    assert contents(folder) == before
 
 
 PEAK = """

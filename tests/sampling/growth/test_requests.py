@@ -17,15 +17,15 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.resources import shipped_specs
-from scenegen.sampling import rarity_grown as module
 from scenegen.sampling.engine.run import draw
+from scenegen.sampling.growth import rarity as module
 from scenegen.sampling.growth.graph import Clause
 from scenegen.sampling.growth.machine import Particles, make_machine
 from scenegen.sampling.growth.population import AncestorEffect, spread_over
+from scenegen.sampling.growth.rarity import measure_vast
 from scenegen.sampling.growth.room import FreePoses
 from scenegen.sampling.problem import make_problem
-from scenegen.sampling.rarity import measure
-from scenegen.sampling.rarity_grown import measure_vast, needs_growth
+from scenegen.sampling.rarity import measure, needs_growth
 from scenegen.sampling.request import Range, SampleRequest
 
 

@@ -10,13 +10,11 @@ import scenegen
 from scenegen.api.request import check_request, plan_of
 from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.errors import DataError, RequestError
-from scenegen.sampling.engine.engines import ShardWriter, open_engine
-from scenegen.sampling.engine.sets import write_set
-from scenegen.sampling.engine.stream import stream_scenes
+from scenegen.sampling.engine.engines import Local, ShardWriter, open_engine
+from scenegen.sampling.engine.writer import write_file, write_set
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes import sets
-from scenegen.scenes.blocks import Block
 from scenegen.scenes.formats.registry import MOTION_FORMATS
 from scenegen.scenes.formats.registry import read_motions as read
 from scenegen.scenes.stores import store_at
@@ -39,13 +37,21 @@ def plan():
     return dataclasses.replace(made, problem=small)
 
 
-def stream(path, plan, **options):
-    stored = stored_form(plan.problem)
+def begun(plan):
+    """The header before the run, and the manifest."""
+    header = header_of(plan.problem, {"method": plan.method})
+    facts = {"spec": SPEC.checked.sha256 if SPEC.over_time is None else SPEC.declared.sha256, "phi": {"task": PHI}}
+    facts |= {"n": N, "seed": SEED, "spread": "flat", "scenegen": "0", "numpy": np.__version__}
+    return header, sets.Manifest(request=facts, labels=["task"], shard_size=2 * BLOCK, header=sets.header_data(header))
+
+
+def stream(path, plan, workers=1, **options):
+    header, manifest = begun(plan)
     info = lambda tally: header_of(plan.problem, plan.account(tally).info)  # noqa: E731
-    more = {"request": {"seed": SEED}, "checkpoint": 0.0, "size": BLOCK, "inspect": lambda b: plan.check(b.rows, b.phi)}
-    return stream_scenes(
-        path, plan, SPEC.labels, info, stored=lambda block: Block(stored(block.rows), block.phi), **{**more, **options}
-    )
+    form = stored_form(plan.problem)
+    writing = lambda store: ShardWriter(plan, store, header, SPEC.labels, form, sets.RAW)  # noqa: E731
+    with Local(workers) as engine:
+        return write_file(path, plan, engine, manifest, writing, info, checkpoint=0.0, block=BLOCK, **options)
 
 
 class Struck(Exception):  # noqa: N818 - stands for kill -9
@@ -82,10 +88,7 @@ def test_files_are_gone_on_with(ending, plan, tmp_path):
 
 def to_set(folder, plan, engine, **options):
     store = store_at(str(folder))
-    header = header_of(plan.problem, {"method": plan.method})
-    facts = {"spec": SPEC.checked.sha256 if SPEC.over_time is None else SPEC.declared.sha256, "phi": {"task": PHI}}
-    facts |= {"n": N, "seed": SEED, "spread": "flat", "scenegen": "0", "numpy": np.__version__}
-    manifest = sets.Manifest(request=facts, labels=["task"], shard_size=2 * BLOCK, header=sets.header_data(header))
+    header, manifest = begun(plan)
     writing = ShardWriter(plan, store, header, SPEC.labels, stored_form(plan.problem))
     with engine:
         return write_set(

@@ -293,9 +293,9 @@ def test_without_pyav_one_sentence_says_what_to_install(motions, tmp_path, monke
 @pytest.mark.parametrize(
     ("name", "motion", "code"),
     [
-        ("x.gif", None, "which-motion"),
-        ("x.gif", 0, "no-such-motion"),
-        ("x.gif", 3, "no-such-motion"),
+        ("x.gif", None, "not-one-motion"),
+        ("x.gif", 0, "no-such-number"),
+        ("x.gif", 3, "no-such-number"),
         ("x.mov", 1, "unknown-choice"),
         ("x", 1, "unknown-choice"),
         ("none/x.gif", 1, "cannot-write"),

@@ -11,11 +11,11 @@ from PIL import Image
 
 from scenegen.errors import ScenegenError
 from scenegen.geometry import Box, Circle
-from scenegen.scenes.stage import poses_of, stage_of
 from scenegen.show.looks.camera import VIEWS, frame
 from scenegen.show.looks.textures import wood
 from scenegen.show.render.light import SKY_MAP, Ambient, landscape_camera
 from scenegen.show.render.scenes import render_scenes
+from scenegen.show.stage import poses_of, stage_of
 from scenegen.things import ASSETS, Shape, shape_of
 from scenegen.things.bodies import parts_of, parts_of_asset
 

@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from scenegen.errors import DataError, RequestError
-from scenegen.scenes.stage import stage_of
 from scenegen.show.looks.configuration import read_looks
 from scenegen.show.render.scenes import render_scenes
+from scenegen.show.stage import stage_of
 from tests.show.looks.pictures import four_colors
 
 from .scenefiles import scene_file

@@ -24,13 +24,13 @@ from scenegen.scenes import files
 from scenegen.scenes.data import Pose, RegionData, footprint_data
 from scenegen.scenes.formats.scenes_json import dump
 from scenegen.scenes.formats.scenes_json import load as read
-from scenegen.scenes.stage import overlaps_of, poses_of, stage_of
 from scenegen.show.figures.heatmap import heatmap
 from scenegen.show.figures.sweep import sweep
 from scenegen.show.looks.camera import USUAL, frame
 from scenegen.show.render import scenes
 from scenegen.show.render.files import FIRST, usual_size
 from scenegen.show.render.scenes import models_of, render_scenes, still_outlines
+from scenegen.show.stage import overlaps_of, poses_of, stage_of
 from scenegen.things import ASSETS, Shape
 
 from ...things.gltf_files import BODY, document, inline, png

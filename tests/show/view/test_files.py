@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,11 +20,13 @@ from scenegen.cli.output import flag
 from scenegen.errors import DataError, RequestError, SpecError
 from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.resources import shipped_specs
+from scenegen.sampling.request import METHODS
 from scenegen.show.view.export import export_page
 from scenegen.show.view.jobs import sample
 from scenegen.show.view.jobs.source import refusal, spec_of
 from scenegen.show.view.limits import FIELDS, MAX_TEXT, control, without_command_line
 from scenegen.show.view.project import STARTER, STATIC, FileRefused, Folder, digest, open_, shipped
+from scenegen.worlds.files import EXPORTS
 
 
 @pytest.fixture
@@ -217,10 +220,28 @@ def test_refusals(words, told, capsys, tmp_path, monkeypatch):
 
 
 def test_the_page_is_told_what_a_format_needs(tmp_path, monkeypatch):
+    def missing(folder):
+        return {one["name"]: one["install"] for one in open_(folder).data()["formats"] if one["install"]}
+
     monkeypatch.setattr("scenegen.show.view.project.found", lambda package: package == "pxr")
-    assert open_(tmp_path).data()["missing"] == {}
+    assert missing(tmp_path) == {}
     monkeypatch.setattr("scenegen.show.view.project.found", lambda package: False)
-    assert open_(tmp_path).data()["missing"] == {"usd": 'pip install "scenegen[usd]"'}
+    assert missing(tmp_path) == {"usd": 'pip install "scenegen[usd]"'}
+
+
+def test_the_page_is_told_which_methods_and_formats_there_are(tmp_path, monkeypatch, root):
+    """So that a further one needs no TypeScript."""
+    monkeypatch.setitem(METHODS, "annealing", replace(METHODS["growth"], good_for="cold nights"))
+    monkeypatch.setitem(EXPORTS, "blend", "nowhere")
+    data = open_(tmp_path).data()
+    methods = {one["name"]: (one["motions"], one["model"]) for one in data["methods"]}
+    assert methods["auto"] == (True, False) and methods["model"] == (False, True)
+    assert methods["annealing"] == methods["growth"] == (False, False)
+    titles = {one["name"]: one["title"] for one in data["formats"]}
+    assert titles | {"jsonl": "JSON Lines", "sdf": "SDF (Gazebo)", "blend": "blend"} == titles
+    assert [one["name"] for one in data["formats"] if one["motions"]] == ["json", "jsonl", "parquet"]
+    script = (root / "scenegen" / "show" / "view" / "static" / "page.js").read_text(encoding="utf-8")
+    assert not any(word in script for word in ("Gazebo", "rejection", "JSON Lines"))
 
 
 @pytest.mark.long

@@ -239,6 +239,15 @@ def test_a_scene_that_is_included_changes_nothing_of_a_robot(tmp_path, looks, wh
     assert data.qpos[model.joint("turn").qposadr[0]] == 0.0
 
 
+def test_one_scene_in_one_file_has_no_keyframe_to_mislead_a_robot_that_includes_it(tmp_path):
+    scenes = tower()
+    scenes[1:2].export(tmp_path / "one.xml")
+    model, data = load(robot_file(tmp_path, "parts/hand.obj", after='<include file="one.xml"/>'))
+    assert model.nkey == 0
+    mujoco.mj_kinematics(model, data)
+    np.testing.assert_allclose(poses(model, data, scenes.objects)[:, [0, 1, 3]], scenes.poses[1], atol=1e-9)
+
+
 def test_defaults_of_a_robot_change_nothing_of_an_included_scene(tmp_path):
     scenes = tower()
     scenes.export(tmp_path / "scenes", to="mjcf")

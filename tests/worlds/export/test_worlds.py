@@ -1,8 +1,8 @@
 """What holds for every simulator's format: files appear together or not at all, names are safe, bad scenes are told."""
 
 import hashlib
-import re
-from xml.etree import ElementTree
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,28 +13,11 @@ from scenegen.scenes.data import CircleFootprint, PolygonFootprint
 from scenegen.scenes.formats.registry import ENDINGS, FORMATS
 from scenegen.worlds.export.world import world_of
 from scenegen.worlds.files import EXPORTS
-from tests.worlds.export.stages import opened, things
+from tests.worlds.export.checkers import CHECKERS
 from tests.worlds.export.worlds import crates, scenes_of
 
 PAIR = "object mug, plate\ntask: leftOf(mug, plate)"
 PLACES = {"mug": (0.2, 0.5, 0.0), "plate": (0.6, 0.5, 0.0)}
-FILES = {
-    "mjcf": "all.xml",
-    "sdf": "all.sdf",
-    "usd": "all.usda",
-}
-# the element of an object, in XML
-TAGS = {
-    "mjcf": "body",
-    "sdf": "model",
-}
-
-
-def names_in(to, path):
-    """The objects' names, among others."""
-    if to in TAGS:
-        return [element.get("name") for element in ElementTree.parse(path).getroot().iter(TAGS[to])]
-    return list(things(opened(path)))
 
 
 def renamed(scenes, name, title="A title."):
@@ -47,9 +30,13 @@ def renamed(scenes, name, title="A title."):
 
 
 def test_every_format_has_an_ending():
-    assert (
-        set(EXPORTS) == set(FILES) and set(ENDINGS.values()) == {*EXPORTS, "pddl"} and not set(ENDINGS) & set(FORMATS)
-    )
+    assert set(ENDINGS.values()) == {*EXPORTS, "pddl"} and not set(ENDINGS) & set(FORMATS)
+
+
+def test_every_format_has_a_checker():
+    """And its files have the ending that they say."""
+    assert set(CHECKERS) == set(EXPORTS)
+    assert {to: ENDINGS[Path(one.file).suffix] for to, one in CHECKERS.items()} == {to: to for to in EXPORTS}
 
 
 @pytest.mark.parametrize("to", EXPORTS)
@@ -58,7 +45,7 @@ def test_the_same_bytes_again(to, tmp_path):
     for name in ("one", "two"):
         crates().export(tmp_path / name, to)
         made.append({str(p.relative_to(tmp_path / name)): p.read_bytes() for p in (tmp_path / name).rglob("*.*")})
-    assert made[0] == made[1] and len(made[0]) >= 4
+    assert made[0] == made[1] and len(made[0]) >= (4 if CHECKERS[to].meshes else 2)
 
 
 @pytest.mark.long
@@ -66,20 +53,24 @@ def test_the_same_bytes_again(to, tmp_path):
 @pytest.mark.parametrize("target", ["folder", "file"])
 @pytest.mark.parametrize("there", [False, True])
 def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
-    out = tmp_path / (FILES[to] if target == "file" else "worlds")
+    out = tmp_path / (CHECKERS[to].file if target == "file" else "worlds")
     scenes = scenes_of(PAIR, *[PLACES] * 3)
     if there:
         scenes.export(out, to)
     before = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
-    write, count, last = folders._write, [0], 3 if to == "usd" else 7  # it has few files
+    write, written, last = folders._write, [], None
 
     def failing(path, data):
-        count[0] += 1
-        if count[0] == last:
+        written.append(path)
+        if len(written) == last:
             raise KeyboardInterrupt
         write(path, data)
 
     monkeypatch.setattr(folders, "_write", failing)
+    (tmp_path / "whole").mkdir()
+    scenes[:2].export(tmp_path / "whole" / out.name, to)  # which says how many files there are
+    shutil.rmtree(tmp_path / "whole")
+    last, written = len(written), []
     with pytest.raises(KeyboardInterrupt):
         scenes[:2].export(out, to)
     assert {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")} == before
@@ -90,20 +81,17 @@ def test_a_failure_leaves_nothing(to, target, there, tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", ['a "quoted" <name> & more', "mes\u00e1 \U0001f35c", "table", "floor"])
 def test_names_of_any_kind(to, name, tmp_path):
     scenes = renamed(scenes_of(PAIR, PLACES), name, "A title\x00 \x1b with <odd> letters")
-    (path,) = scenes.export(tmp_path / FILES[to])
-    assert names_in(to, path).count(name) == 1
-    if to == "mjcf":
-        import mujoco
-
-        model = mujoco.MjModel.from_xml_path(str(path))
-        assert model.body(name).mass == pytest.approx(0.35)
+    (path,) = scenes.export(tmp_path / CHECKERS[to].file)
+    assert CHECKERS[to].names(path).count(name) == 1
+    assert CHECKERS[to].masses(path)[name] == pytest.approx(0.35)
+    CHECKERS[to].check(path)
 
 
 @pytest.mark.parametrize("to", EXPORTS)
 @pytest.mark.parametrize("name", ["world", "__mug__", "a::b", "a\x00b", "a\nb", ""])
 def test_names_that_cannot_be(to, name, tmp_path):
     with pytest.raises(DataError, match="an object's name") as caught:
-        renamed(scenes_of(PAIR, PLACES), name).export(tmp_path / FILES[to])
+        renamed(scenes_of(PAIR, PLACES), name).export(tmp_path / CHECKERS[to].file)
     assert caught.value.diagnostics[0].help and list(tmp_path.iterdir()) == []
 
 
@@ -111,9 +99,9 @@ def test_names_that_cannot_be(to, name, tmp_path):
 def test_scenes_that_no_table_holds(to, tmp_path):
     scenes = scenes_of(PAIR, PLACES, PLACES | {"plate": (0.5, -1e6, 0.0)})
     with pytest.raises(DataError, match="`plate` stands 1e\\+06 m off the workspace in scene 2"):
-        scenes.export(tmp_path / FILES[to])
+        scenes.export(tmp_path / CHECKERS[to].file)
     with pytest.raises(RequestError, match="no scenes"):
-        scenes[:0].export(tmp_path / FILES[to])
+        scenes[:0].export(tmp_path / CHECKERS[to].file)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -145,8 +133,8 @@ task: leftOf(mug, plate)
     assert reach[:, 1].min() == pytest.approx(front) and reach[:, 1].max() == pytest.approx(0.5)
     assert reach[:, 0].min() > left and reach[:, 0].max() < right and back > 1.0
     assert seat.min() == 0.25 and seat.max() == 0.75
-    (path,) = scenes.export(tmp_path / FILES[to])
-    assert len(set(re.findall(r"region_\d", path.read_text()))) == 2
+    (path,) = scenes.export(tmp_path / CHECKERS[to].file)
+    assert CHECKERS[to].regions(path) == 2
 
 
 def test_files_of_the_user_stand_as_their_outline(tmp_path):
@@ -165,11 +153,12 @@ def test_files_of_the_user_stand_as_their_outline(tmp_path):
 @pytest.mark.parametrize("to", EXPORTS)
 def test_a_link_stays_and_what_it_points_to_is_written(to, tmp_path):
     (tmp_path / "there").mkdir()
-    link, target = tmp_path / FILES[to], tmp_path / "there" / "target"
+    link, target = tmp_path / CHECKERS[to].file, tmp_path / "there" / "target"
     link.symlink_to(target)
     scenes_of(PAIR, PLACES).export(link)
-    assert link.is_symlink() and b"mug" in target.read_bytes()
-    assert {path.name for path in tmp_path.iterdir()} == {"there", FILES[to], "all_meshes"}
+    assert link.is_symlink() and target.is_file() and "mug" in CHECKERS[to].names(link)
+    beside = {"all_meshes"} if CHECKERS[to].meshes else set()
+    assert {path.name for path in tmp_path.iterdir()} == {"there", CHECKERS[to].file} | beside
 
 
 def test_a_folder_in_the_way_of_a_file_is_found_before_anything_is_written(tmp_path):
@@ -238,6 +227,6 @@ def test_files_that_no_spec_makes(change, to, tmp_path):
     header = scenes.header.model_copy(update=change(scenes.header))
     broken = type(scenes)(scenes.poses, scenes.phi, header, trusted=True)
     with pytest.raises((DataError, SpecError)) as caught:
-        broken.export(tmp_path / FILES[to])
+        broken.export(tmp_path / CHECKERS[to].file)
     assert len(caught.value.diagnostics) == 1 and caught.value.diagnostics[0].help
     assert list(tmp_path.iterdir()) == []

@@ -1,8 +1,6 @@
 """The recipes of docs/layouts.md, with stand-ins for the simulators' objects."""
 
-import re
 import sys
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
@@ -10,18 +8,11 @@ import torch
 
 import scenegen
 from scenegen.layouts import Layouts
+from tests.worlds.layouts.recipes import recipe
 
-PAGE = (Path(__file__).resolve().parents[3] / "docs" / "layouts.md").read_text()
 SPEC = scenegen.parse(
     "object red = box(4 cm, 4 cm, 4 cm), blue\nrequire noOverlap()\ntask: closeTo(red, blue, 30 cm)\n"
 )
-
-
-def recipe(name):
-    (text,) = re.findall(rf"^```python\n(def {name}\(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-    found = {}
-    exec(text, found)  # noqa: S102 - our own page
-    return found[name]
 
 
 @pytest.fixture
@@ -34,7 +25,8 @@ def expected():
     return Layouts(SPEC, (0.0, None), quaternion="wxyz", ahead=16).take(5)
 
 
-def test_maniskill(layouts, expected, monkeypatch):
+def test_maniskill(layouts, monkeypatch):
+    """test_in_maniskill.py has the real one."""
     module = ModuleType("mani_skill.utils.structs.pose")
     module.Pose = SimpleNamespace(create_from_pq=lambda p, q: (p, q))
     for name in ("mani_skill", "mani_skill.utils", "mani_skill.utils.structs"):
@@ -42,7 +34,9 @@ def test_maniskill(layouts, expected, monkeypatch):
     monkeypatch.setitem(sys.modules, module.__name__, module)
     put = {}
     actors = [SimpleNamespace(set_pose=lambda pose, name=name: put.update({name: pose})) for name in ("red", "blue")]
+    torch.manual_seed(3)
     phi = recipe("initialize")(layouts, actors, torch.arange(5))
+    expected = Layouts(SPEC, (0.0, None), quaternion="wxyz", ahead=16).take(5, torch.Generator().manual_seed(3))
     assert torch.equal(phi, expected.phi)
     for k, name in enumerate(("red", "blue")):
         assert torch.equal(torch.cat(put[name], dim=1), expected.poses[:, k])
@@ -89,11 +83,3 @@ def test_isaac_lab_with_usd(tmp_path, monkeypatch):
     for cfg, pose in zip(found.values(), scenes.poses7()[0, 1:], strict=True):
         assert (*cfg.init_state.pos, *cfg.init_state.rot) == pytest.approx(tuple(pose), abs=1e-9)
     assert found["mug"].prim_path == "{ENV_REGEX_NS}/Scene/mug" and found["mug"].spawn is None
-
-
-def test_mujoco_playground(expected):
-    jax = pytest.importorskip("jax")
-    pool = jax.numpy.asarray(expected.poses.numpy())
-    begun = jax.jit(lambda rng: recipe("start")(rng, jax.numpy.zeros(20), pool, (9, 1)))(jax.random.PRNGKey(0))
-    found = [bool((begun[9:16] == one[0]).all() and (begun[1:8] == one[1]).all()) for one in pool]
-    assert sum(found) == 1 and not begun[0] and not begun[16:].any()

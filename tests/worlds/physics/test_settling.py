@@ -21,7 +21,8 @@ from scenegen.geometry import NUMPY, PRIMITIVES, Box, Circle, Polygon
 from scenegen.processes import process
 from scenegen.sampling.engine.blocks import BlockAssembler, run_blocks
 from scenegen.sampling.plan import Account, Piece, Plan
-from scenegen.sampling.request import Cells, SampleRequest
+from scenegen.sampling.problem import Cells
+from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.blocks import Block
 from scenegen.search.effort import StoppedError
 from scenegen.things import Shape, shape_of
@@ -374,7 +375,7 @@ def _first(cell, count):
 
 @pytest.mark.long
 def test_a_run_that_breaks_and_goes_on_gives_the_same_scenes():
-    """As `stream_scenes` does it: the assembler is restored, what settles begins again."""
+    """As `write_file` does it: the assembler is restored, what settles begins again."""
     plan = fake(32)
 
     def fill(assembler, start, stop):

@@ -37,14 +37,6 @@ class Turned(Thing):
 
 
 @dataclass(eq=False)
-class Tipped(Thing):
-    """An object of LIBERO: upright only when it is turned about x; its heading is free."""
-
-    rotation: object = field(default_factory=lambda: {"x": (np.pi / 2, np.pi / 2), "z": (0.0, 2 * np.pi)})
-    rotation_axis: str | None = None
-
-
-@dataclass(eq=False)
 class Corner:
     """A sampler that puts its objects at one place."""
 
@@ -87,6 +79,9 @@ class Simulation:
     def set_joint_qpos(self, joint, value):
         start = 1 + 7 * self._joints.index(joint)
         self.qpos[start : start + 7] = value
+
+    def get_joint_qpos(self, joint):
+        return np.array([0.0, 0.0, 0.0, 0.5, 0.5, -0.5, 0.5])  # on its side, and turned
 
     def set_joint_qvel(self, joint, value):
         start = 1 + 6 * self._joints.index(joint)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import scenegen
+from scenegen.libero import init_states as settled_states
+from scenegen.libero import spec_of
 from scenegen.robosuite import Placement, init_states
 
 pytestmark = pytest.mark.robosuite
@@ -162,3 +164,26 @@ def _addresses(env, here):
     """Where in qpos the x of each placed object is."""
     placed = [one for one in here.mujoco_objects if one.name in here.names]
     return [env.sim.model.get_joint_qpos_addr(one.joints[0])[0] for one in placed]
+
+
+@pytest.mark.parametrize(
+    ("name", "goal", "sizes"),
+    [
+        ("Stack", "closeTo(cubeA, cubeB, 12 cm)", {"cubeA": 0.04, "cubeB": 0.05}),
+        ("PickPlace", "closeTo(Milk, Can, 12 cm)", {"Milk": 0.144, "Can": 0.08}),
+        ("NutAssembly", "closeTo(SquareNut, RoundNut, 20 cm)", {"SquareNut": 0.02}),
+    ],
+)
+def test_specs_of_environments_have_their_sizes_and_states_come_to_rest(make, name, goal, sizes):
+    env = make(name)
+    env.reset()
+    own = spec_of(env, f"goal: {goal}")
+    heights = {one: shape.height for one, shape in zip(own.spec.objects, own.spec.checked.shapes, strict=True)}
+    assert all(heights[one] == pytest.approx(height, abs=1e-3) for one, height in sizes.items())
+    made = settled_states(env, {"goal": (-0.1, -0.001)}, 5, spec=own, accept=lambda: False, seed=2)
+    assert len(made.states) == 5 and made.moved.max() < 0.01
+    assert np.abs(made.read["goal"] - made.phi["goal"]).max() < SETTLED
+    here = Placement(own.spec, (-0.1, 0), reference_pos=own.origin)
+    here.use_in(env)
+    env.reset()
+    assert here.phi_in(env.sim)["goal"] == pytest.approx(here.phi["goal"], abs=1e-9)

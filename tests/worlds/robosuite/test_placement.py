@@ -12,7 +12,7 @@ from scenegen.learn.curriculum.strategies import strategy
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.robosuite import Placement, phi_space
 from scenegen.worlds.robosuite import TableFrame, inverse, times, upright
-from tests.worlds.robosuite.stubs import Corner, Thing, Tipped, Turned, simulation
+from tests.worlds.robosuite.stubs import Corner, Thing, Turned, simulation
 
 TEXT = """
 workspace [-0.2, 0.2] x [-0.2, 0.2]
@@ -56,8 +56,8 @@ def test_the_same_seed_gives_the_same_scenes_and_another_gives_others():
 
 @pytest.mark.parametrize(
     "things",
-    [None, [Turned("cubeA"), Thing("cubeB", 0.025)], [Tipped("cubeA"), Tipped("cubeB", 0.025)]],
-    ids=["upright", "laid", "tipped"],
+    [None, [Turned("cubeA"), Thing("cubeB", 0.025)]],
+    ids=["upright", "laid"],
 )
 @pytest.mark.parametrize("turn", [0.0, -math.pi / 2, 2.5])
 def test_phi_is_read_back_from_a_simulation(turn, things):
@@ -117,7 +117,7 @@ def test_bad_requests_are_answered():
         ("placement", lambda: placement().sample({"cubeA": ((0, 0, 0), None, Thing("cubeA"))})),
         ("placement", lambda: placement(things=[Thing("cubeB")]).sample()),
         ("placement", lambda: placement(things=[Thing("cubeA"), Thing("cubeB"), Thing("x")]).sample()),
-        ("no-start-yet", lambda: placement().phi),
+        ("no-episode", lambda: placement().phi),
         ("unknown-choice", lambda: Placement(SPEC, names={"blue": "cubeA"})),
         ("unknown-label", lambda: placement({"goal": (0, None)}).sample()),
         ("range-not-a-pair", lambda: placement(3)),
@@ -126,7 +126,7 @@ def test_bad_requests_are_answered():
         ("wrong-value", lambda: placement(z_offset="high")),
         ("wrong-value", lambda: Placement(SPEC, names=["cubeA"])),
         ("wrong-value", lambda: Placement(SPEC, reference_pos=(0, 0, math.inf))),
-        ("name-twice", lambda: Placement(SPEC, names={"red": "cubeB"})),
+        ("same-name", lambda: Placement(SPEC, names={"red": "cubeB"})),
         ("not-a-task", lambda: placement(lambda: PhiBox((0.0, 0.0), (0.1, 0.1))).sample()),
     ]
     for code, act in cases:
@@ -212,11 +212,17 @@ def test_frames_and_quaternions():
     one = np.array([0.5, 0.5, -0.5, 0.5])
     assert times(one, inverse(one)) == pytest.approx([1, 0, 0, 0])
     half = math.sqrt(0.5)
-    assert upright(Thing("plain")) == pytest.approx([1, 0, 0, 0])
-    tips = [Tipped("ranges"), Tipped("axis", rotation=(1.5, math.pi - 1.5), rotation_axis="x"), Turned("turned")]
-    for one in tips:
-        assert upright(one) == pytest.approx([half, half, 0, 0])
-    assert upright(Tipped("heading", rotation=(1.0, 2.0), rotation_axis="z")) == pytest.approx([1, 0, 0, 0])
-    assert upright(Tipped("y", rotation=math.pi, rotation_axis="y")) == pytest.approx([0, 0, 1, 0])
+    for lying in ([1, 0, 0, 0], [half, half, 0, 0], [half, 0, half, 0]):
+        assert upright(lying) == pytest.approx(lying)
+        turned = times((math.cos(0.4), 0, 0, math.sin(0.4)), lying)
+        assert upright(turned) == pytest.approx(lying)
+    assert upright([0, 0, half, half]) == pytest.approx([half, half, 0, 0])  # LIBERO's soup: half a turn about y + z
     i, j, k = np.eye(4)[1:]
     assert times(i, j) == pytest.approx(k) and times(j, i) == pytest.approx(-k)
+
+
+def test_a_strategy_without_gymnasium_says_what_to_install(monkeypatch):
+    lessons = strategy("uniform", PhiBox((-0.1,), (0.0,)), np.random.default_rng(0))
+    monkeypatch.setattr("scenegen.needs.found", lambda package: False)
+    with pytest.raises(RequestError, match=r"not-installed.*\n.*scenegen\[rl\]"):
+        placement(lessons)

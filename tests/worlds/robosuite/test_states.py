@@ -9,7 +9,7 @@ import torch
 import scenegen
 from scenegen.errors import RequestError
 from scenegen.robosuite import Placement, init_states
-from scenegen.worlds.planning import import_problem
+from scenegen.worlds.robosuite import upright
 from tests.worlds.robosuite.stubs import Corner, Simulation, Thing
 
 SPEC = scenegen.parse("object red = box(4 cm, 4 cm, 4 cm), blue\nrequire noOverlap()\ntask: closeTo(red, blue)\n")
@@ -34,6 +34,8 @@ def test_states_have_the_objects_where_the_placement_wants_them(begun, tmp_path)
     assert near == pytest.approx(made.phi["task"]) and made.read["task"] == pytest.approx(made.phi["task"])
     assert ((near >= -0.2) & (near <= 0)).all() and np.unique(near).size == 5
     assert (places[:, 2, :3] == (0.5, 0.5, 0.8)).all()
+    lying = upright([0.5, 0.5, -0.5, 0.5])  # as the reset left them, turned about the vertical alone
+    assert all(upright(one) == pytest.approx(lying) for one in places[:, :2, 3:].reshape(-1, 4))
     speeds = made.states[:, 23:]
     assert (speeds[:, 0] == 1.0).all() and not speeds[:, 1:].any()
     read = torch.load(made.save(tmp_path / "task.pruned_init"), weights_only=False)
@@ -49,33 +51,3 @@ def test_bad_requests_are_answered(begun, monkeypatch):
     with pytest.raises(RequestError) as error:
         init_states(env, here, 1)
     assert error.value.diagnostics[0].code == "placement"
-
-
-TASK = """
-(define (problem own_task) (:domain robosuite)
-  (:regions
-    (plate_place (:target main_table) (:ranges ((-0.05 -0.25 0.0 -0.2))))
-    (bowl_place (:target main_table) (:ranges ((0.1 0.0 0.15 0.05))))
-    (stove_place (:target main_table) (:ranges ((-0.31 0.29 -0.29 0.31)))))
-  (:fixtures main_table - table flat_stove_1 - flat_stove)
-  (:objects white_bowl_1 - white_bowl plate_1 - plate)
-  (:init (On white_bowl_1 main_table_bowl_place) (On plate_1 main_table_plate_place)
-    (On flat_stove_1 main_table_stove_place))
-  (:goal (And (On white_bowl_1 plate_1))))
-"""
-
-
-def test_a_task_of_libero_from_its_file_to_its_states(tmp_path):
-    """Names and places are those of the file; the stove, which is held, is no body of the state."""
-    (tmp_path / "task.bddl").write_text(TASK)
-    spec = scenegen.parse(import_problem(tmp_path / "task.bddl").text)
-    things = [Thing("plate_1"), Thing("white_bowl_1")]
-    here = Placement(
-        spec, {"goal": (-0.4, 0.0), "start": (0.0, None)}, reference_pos=(0.0, 0.0, 0.9), mujoco_objects=things
-    )
-    made = init_states(SimpleNamespace(sim=Simulation(things), reset=lambda: None), here, 8)
-    plate, bowl = made.states[:, 2:16].reshape(8, 2, 7).transpose(1, 0, 2)
-    assert ((plate[:, :2] >= (-0.05, -0.25)) & (plate[:, :2] <= (0.0, -0.2))).all()
-    assert ((bowl[:, :2] >= (0.1, 0.0)) & (bowl[:, :2] <= (0.15, 0.05))).all()
-    assert (bowl[:, 2] == pytest.approx(0.92)) and (made.read["goal"] < 0).all()
-    assert made.read["goal"] == pytest.approx(made.phi["goal"])

@@ -11,10 +11,10 @@ import pytest
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import OTHER_REQUEST, UNFINISHED_RUN
 from scenegen.errors.worlds import WORLD_FAILS
+from scenegen.worlds.policy_server import decode, encode, server_of
 from scenegen.worlds.suites import run as running
 from scenegen.worlds.suites.outcomes import read_outcomes
 from scenegen.worlds.suites.run import Player, RemotePolicy, run_suite
-from scenegen.worlds.suites.server import decode, encode, server_of
 from scenegen.worlds.suites.suite import Suite
 
 from . import toy

@@ -15,7 +15,7 @@ from scenegen.editors.lsp.answers import Page, Question, answer
 from scenegen.editors.lsp.document import Document
 from scenegen.errors import RequestError, SpecError
 from scenegen.errors.program import NO_MESSAGE
-from scenegen.errors.time import NO_BOUND_ON_STEPS
+from scenegen.errors.requests import NO_BOUND_ON_STEPS
 from scenegen.lang.spec import CheckedSpec
 from scenegen.resources import grammar_file
 from scenegen.show.view.jobs.describe import describe, meshes_of, numbers_data, plain

@@ -19,7 +19,7 @@ from scenegen.geometry import Box, Circle, Footprint
 from scenegen.geometry.footprint import corners
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.scenes.data import RAISED, ObjectData, SceneFile, carried_first
-from scenegen.scenes.stage import TALLEST, TALLEST_DECLARED, WOOD, PictureObject, PictureSetup
+from scenegen.show.stage import TALLEST, TALLEST_DECLARED, WOOD, PictureObject, PictureSetup
 from scenegen.show.view.jobs import evaluate, motions
 from scenegen.show.view.jobs.source import header_of, stage_of_spec
 from scenegen.show.view.limits import most_scenes

@@ -21,8 +21,7 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.interpret import deciding_atom
 from scenegen.lang.formula.interpret import evaluate as interpret
-from scenegen.scenes.data import RequestData, SceneFile
-from scenegen.scenes.stage import heights_of
+from scenegen.scenes.data import RequestData, SceneFile, heights_of
 from scenegen.show.view.jobs.source import MOST_NODES, Json, decided, line_of, spec_of, stage_of_spec, tree_of
 from scenegen.show.view.limits import MAX_POSES
 from scenegen.things.surfaces import base_heights, overlapping

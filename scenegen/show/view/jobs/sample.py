@@ -23,11 +23,11 @@ from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.errors.declarations import NEVER_SATISFIED
 from scenegen.errors.program import ANOTHER_SPEC, NO_MESSAGE, PAGE_LIMIT
-from scenegen.errors.requests import NO_SCENES, UNKNOWN_CHOICE
-from scenegen.errors.time import TOO_FEW_MOTIONS
+from scenegen.errors.requests import NO_SCENES, TOO_FEW_MOTIONS, UNKNOWN_CHOICE
 from scenegen.needs import need
 from scenegen.sampling.request import USUAL, Range, SampleRequest
 from scenegen.scenes.data import RequestData
+from scenegen.scenes.formats.registry import FORMATS, MOTION_FORMATS
 from scenegen.show.view.jobs.evaluate import scene_set, told
 from scenegen.show.view.jobs.source import SLIGHTLY, calmly, give_way, spec_of
 from scenegen.show.view.limits import MAX_PLAYED, most_scenes
@@ -234,17 +234,18 @@ def _model(path: str) -> Model:
 # The scenes on the page as files.
 
 
-FILES = ("json", "jsonl", "parquet")
-FOLDERS = ("mjcf", "sdf", "usd")
 PLAYED = "gif"  # of motions alone
 
 
 def download(message: dict[str, Any]) -> Iterator[Any]:
     """Write the scenes of `poses` as `format` into the folder `into`, which the server has made; yields the file's
     name. phi is computed again: what a page sends is not taken on trust. Simulators' files come as one archive."""
+    from scenegen.worlds.files import EXPORTS
+
     wanted = str(message.get("format"))
     spec = spec_of(message)
-    known = (*FILES, *(FOLDERS if spec.over_time is None else (PLAYED,)))
+    table, more = (FORMATS, tuple(EXPORTS)) if spec.over_time is None else (MOTION_FORMATS, (PLAYED,))
+    known = (*(ending[1:] for ending in FORMATS if ending in table), *more)
     if wanted not in known:
         raise RequestError(UNKNOWN_CHOICE(what="format", name=wanted, known=known))
     if spec.over_time is not None:
@@ -260,7 +261,7 @@ def download(message: dict[str, Any]) -> Iterator[Any]:
     header = scenes.header.model_copy(update={"request": data})
     scenes = replace(scenes, header=header, trusted=True)
     into = Path(message["into"])
-    if wanted in FILES:
+    if f".{wanted}" in FORMATS:
         yield scenes.save(into / f"scenes.{wanted}").name
         return
     with tempfile.TemporaryDirectory(dir=into) as folder:

@@ -20,8 +20,8 @@ from scenegen.errors.program import NO_MESSAGE
 from scenegen.lang.checker import check_file
 from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction
 from scenegen.scenes.data import RequestData, SceneFile
-from scenegen.scenes.stage import PictureSetup, stage_of
 from scenegen.show.figures.dimensions import Dimension, Guide, Mark, Turn, dimensions
+from scenegen.show.stage import PictureSetup, stage_of
 from scenegen.show.view.limits import control, without_command_line
 
 UNTITLED = "untitled.spec"

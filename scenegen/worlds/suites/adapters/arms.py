@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
-from scenegen.worlds.robosuite import TableFrame, inverse, times
+from scenegen.worlds.frame import TableFrame, inverse, times
 
 if TYPE_CHECKING:
     from scenegen.worlds.suites.suite import GradedStart, SuiteTask

@@ -15,7 +15,7 @@ from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.needs import need
-from scenegen.worlds.robosuite import TableFrame
+from scenegen.worlds.frame import TableFrame
 from scenegen.worlds.suites.adapters.arms import ArmWorld, Begun
 
 if TYPE_CHECKING:

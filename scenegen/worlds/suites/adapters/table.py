@@ -17,7 +17,8 @@ from scenegen.errors.requests import WRONG_VALUE
 from scenegen.geometry import Box, Circle
 from scenegen.needs import need
 from scenegen.things.bodies import DENSITY
-from scenegen.worlds.robosuite import Placement, TableFrame
+from scenegen.worlds.frame import TableFrame
+from scenegen.worlds.robosuite import Placement
 from scenegen.worlds.suites.adapters.arms import ArmWorld, Begun
 
 if TYPE_CHECKING:

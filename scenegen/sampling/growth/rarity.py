@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenegen.arrays import Array
-from scenegen.lang.formula.core import REQUIRE, Junction, gated, part_of
+from scenegen.lang.formula.core import REQUIRE, Junction
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.graph import flat
@@ -26,25 +26,18 @@ from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.population import Grown, PlacementFailed, explore, grow, tuned
 from scenegen.sampling.growth.sampler import log_base
-from scenegen.sampling.problem import Budget, Problem, make_problem
+from scenegen.sampling.problem import Budget, Problem, cut, make_problem
 from scenegen.sampling.rarity import (
-    COUNTED,
-    DEPTH,
     FEW,
     ISLANDS,
     NEAR,
-    ROUNDS,
     TOP,
-    WORK,
     PhiDistribution,
     Rarity,
     Tail,
-    cost,
 )
 from scenegen.sampling.report import Estimate, ratio
-from scenegen.sampling.request import Range, SampleRequest, cut
-from scenegen.sampling.splitting.chain_state import make_frame
-from scenegen.sampling.splitting.tuning import longest
+from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.contract import push_down
 from scenegen.search.effort import StoppedError, TooMuchError
 
@@ -132,8 +125,6 @@ def _generator(seed: Sequence[int], part: int) -> np.random.Generator:
 
 
 VAST = 7  # random stream of these runs
-MANY = 20  # with so many moving rows, chains that start at uniform scenes fail
-AFFORDED = 100  # chains: if the effort of splitting does not allow so many, growth is used instead
 EACH = 64  # scenes of an island
 REACHED = 16  # scenes that reach the next level
 EFFORT = 5e8  # visits of formula nodes by all tails together: about 5 s
@@ -142,22 +133,6 @@ FEWEST = 2  # runs of a tail that are afforded, if they take no more than the sc
 SATISFIED = 1e9  # visits of nodes for a run restricted to phi >= 0, where a tail's effort is too small for it
 GAP = 0.5  # share of a tail's effort after which a run is restricted to phi >= 0, if that was not reached
 WAYS = 64  # maximum alternatives of a disjunction to which growth can be restricted
-
-
-def needs_growth(spec: CheckedSpec, labels: Sequence[str]) -> bool:
-    """Whether to use growth instead of splitting: for many objects, where some choose among surfaces, which chains
-    hardly ever change, or if phi takes long to compute."""
-    if spec.choices:
-        return True
-    core, (lowest, highest) = gated(spec.core), spec.box()
-    gate = (REQUIRE,) if REQUIRE in core.labels else ()
-    for label in labels:
-        one = part_of(core, (label, *gate))
-        dimension = make_frame(one, lowest, highest).dimension
-        moves = ROUNDS * longest(max(1, dimension)) * DEPTH
-        if dimension > MANY or AFFORDED * 2 * len(labels) * cost(one) * moves > COUNTED * WORK:
-            return True
-    return False
 
 
 def measure_vast(

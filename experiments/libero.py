@@ -1,0 +1,169 @@
+"""States of all 130 tasks of LIBERO, one line of JSON a task; what is there already is left out.
+
+    python -m experiments.libero OUT.jsonl --states 50 [--only REGEX] [--again]
+
+The first states of each request are then judged anew in another environment, with another seed, whose reset puts
+the fixtures elsewhere in their regions: by LIBERO's `set_init_state`, and after 20 steps of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import logging
+import os
+import re
+import signal
+import time
+import traceback
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10", "libero_90")
+REQUESTS: dict[str, Any] = {"miss": None, "solved": {"goal": (0.0, None)}}
+
+
+def make(file: Path, seed: int = 0) -> Any:
+    from libero.libero.envs.env_wrapper import ControlEnv
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        env = ControlEnv(
+            bddl_file_name=str(file),
+            use_camera_obs=False,
+            has_renderer=False,
+            has_offscreen_renderer=False,
+            hard_reset=False,
+        )
+        env.seed(seed)
+        env.reset()
+    return env
+
+
+def measure(file: Path, states: int, seed: int, anew: int) -> dict[str, Any]:
+    """One task: what was made, and what a fresh environment says of it."""
+    from scenegen.libero import init_states, spec_of
+
+    begun = time.time()
+    env = make(file, seed)
+    own = spec_of(env)
+    line: dict[str, Any] = {"imports": True, "spec_s": round(time.time() - begun, 2)}
+    made = {}
+    for name, wanted in REQUESTS.items():
+        begun = time.time()
+        try:
+            made[name] = found = init_states(env, wanted, states, spec=own, seed=seed)
+        except Exception as error:
+            line[name] = {"n": 0, "error": str(error).splitlines()[0][:300], "seconds": round(time.time() - begun, 1)}
+            continue
+        line[name] = {
+            "n": len(found.states),
+            "moved": [round(float(one), 6) for one in found.moved],
+            "drawn": found.drawn,
+            "judged": found.judged,
+            "agreed": found.agreed,
+            "refused": dict(found.refused),
+            "seconds": round(time.time() - begun, 1),
+            "phi": [round(float(one), 5) for one in found.phi["goal"]],
+        }
+    if not anew:
+        return line
+    env.close()
+    begun = time.time()
+    env = make(file, seed + 1)
+    for name, found in made.items():
+        line[name] |= judge(env, found.states[:anew])
+    line["judge_s"] = round(time.time() - begun, 1)
+    return line
+
+
+def judge(env: Any, states: Any) -> dict[str, Any]:
+    """What LIBERO's evaluation sees: success at once and after 20 steps, the initial facts then, and what moved."""
+    from scenegen.libero import spec_of
+
+    live = spec_of(env).live
+    problem = env.env.parsed_problem
+    zones = {name: one["ranges"] for name, one in problem["regions"].items() if one["ranges"]}
+    first, last, kept, moved = [], [], [], []
+    for state in states:
+        with contextlib.redirect_stdout(io.StringIO()):
+            env.env.timestep, env.env.done = 0, False
+            env.set_init_state(state)
+            before = {name: live.data.xpos[body].copy() for name, body in live.things.items()}
+            first.append(bool(env.check_success()))
+            for _ in range(20):
+                env.env.timestep, env.env.done = 0, False
+                env.step([0.0] * 6 + [-1.0])
+        last.append(bool(env.check_success()))
+        moved.append(
+            max(float(np.linalg.norm(live.data.xpos[live.things[name]] - before[name])) for name in live.movers)
+        )
+        held = []
+        for fact in problem["initial_state"]:
+            if fact[0] in ("on", "in") and fact[1] in live.movers:
+                if fact[2] in zones:
+                    x, y, _ = live.data.xpos[live.things[fact[1]]] - np.array(env.env.workspace_offset)
+                    held.append(
+                        any(
+                            min(a, c) - 0.01 <= x <= max(a, c) + 0.01 and min(b, d) - 0.01 <= y <= max(b, d) + 0.01
+                            for a, b, c, d in zones[fact[2]]
+                        )
+                    )
+                else:
+                    held.append(bool(env.env._eval_predicate(fact)))
+        kept.append(all(held))
+    return {"anew": {"n": len(states), "at_once": sum(first), "after": sum(last), "facts": sum(kept), "moved": moved}}
+
+
+def main() -> None:
+    reader = argparse.ArgumentParser(description=__doc__)
+    reader.add_argument("out", type=Path)
+    reader.add_argument("--states", type=int, default=50)
+    reader.add_argument("--seed", type=int, default=0)
+    reader.add_argument("--only", default="", help="a regular expression for SUITE/TASK")
+    reader.add_argument("--anew", type=int, default=10, help="states of each request to judge in another environment")
+    reader.add_argument("--limit", type=int, default=1800, help="seconds for a task")
+    given = reader.parse_args()
+    import libero.libero.envs.env_wrapper  # noqa: F401 - once, before the processes
+    from libero.libero import get_libero_path
+
+    warnings.filterwarnings("ignore")
+    logging.disable(logging.CRITICAL)
+    done = set()
+    if given.out.exists():
+        done = {(one["suite"], one["task"]) for one in map(json.loads, given.out.read_text().splitlines())}
+    files = [one for suite in SUITES for one in sorted(Path(get_libero_path("bddl_files"), suite).glob("*.bddl"))]
+    for file in files:
+        line: dict[str, Any] = {"suite": file.parent.name, "task": file.stem}
+        if tuple(line.values()) in done or not re.search(given.only, "/".join(line.values())):
+            continue
+        worker = os.fork()  # environments do not give all their memory back
+        if worker == 0:
+            signal.alarm(given.limit)
+            _task(given.out, line, file, given)
+            os._exit(0)
+        _, status = os.waitpid(worker, 0)
+        if status:
+            _write(given.out, {**line, "error": f"status {status} after {given.limit} s or less"})
+
+
+def _task(out: Path, line: dict[str, Any], file: Path, given: argparse.Namespace) -> None:
+    begun = time.time()
+    try:
+        line |= measure(file, given.states, given.seed, given.anew)
+    except Exception as error:
+        line |= {"error": f"{type(error).__name__}: {error}"[:400], "trace": traceback.format_exc()[-500:]}
+    _write(out, {**line, "total_s": round(time.time() - begun, 1)})
+
+
+def _write(out: Path, line: dict[str, Any]) -> None:
+    with out.open("a") as lines:
+        lines.write(json.dumps(line) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""`scenegen libero`: start states of LIBERO's tasks, by its own judgement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenegen.cli import options
+from scenegen.cli.many import exit_status
+from scenegen.cli.options import WORKERS, argument, option
+from scenegen.cli.output import complain, print_error, print_message, progress_bar
+from scenegen.errors import ScenegenError
+
+if TYPE_CHECKING:
+    from scenegen.worlds.libero.files import LiberoTask, StatesJob, TaskReport
+
+
+def libero(
+    name: str = argument("A suite, such as libero_spatial, the name of a task, or a BDDL file.", "SUITE|TASK"),
+    out: Path = option("The folder of the states, which is LIBERO's home then.", "DIR", default=...),
+    phi: list[str] | None = option(
+        "Wanted phi of goal and of start: NAME=LO:HI; default: starts that miss the goal.", "NAME=LO:HI"
+    ),
+    n: int = option("How many states of each task.", "N", flags="-n", default=50),
+    seed: int = option("The same seed gives the same states.", "SEED", default=0),
+    settle: float = option("Seconds to come to rest in, at most.", "SECONDS", default=1.0, parser=options.seconds),
+    workers: int | None = WORKERS,
+) -> int:
+    """Make states of LIBERO's tasks at a chosen phi, at rest, and judged by LIBERO itself.
+
+    \b
+      scenegen libero libero_spatial --phi goal=-0.3:0 --out starts
+      scenegen libero libero_goal --phi goal=0: --out solved
+      LIBERO_CONFIG_PATH=starts python evaluate.py
+
+    The spec is made from the task's own environment. A state is kept if nothing moves in it, and if LIBERO finds the
+    goal solved where phi >= 0, and nowhere else, at once and after 20 steps; of starts that miss also if the initial
+    facts hold, to 1 cm.
+
+    DIR gets init_files/SUITE/TASK.pruned_init and .pruned_init.npz, the specs, a report of each task, and config.yaml,
+    by which LIBERO and LeRobot find the states. What was made by the same request before is not made again. A task with
+    too few states is named with the reasons, the others are made, and the exit status is 1.
+    """
+    from scenegen.processes.pool import run_pieces
+    from scenegen.processes.process import cores
+    from scenegen.sampling.request import parse_phi
+    from scenegen.worlds.libero.files import LABELS, StatesJob, tasks_of, write_home
+
+    parse_phi(phi or (), LABELS)
+    tasks = tasks_of(name)
+    home = write_home(out)
+    job = _TaskJob(StatesJob(out, tuple(phi or ()), n, seed, settle))
+    failed = []
+    with progress_bar() as bar:
+        shown = bar.add_task("tasks", total=len(tasks))
+        for task, made in zip(tasks, run_pieces(job, tasks, workers or cores()), strict=True):
+            bar.advance(shown)
+            if isinstance(made, ScenegenError):
+                failed.append(task.name)
+                print_message(f"{task.name} failed:")
+                complain(*made.diagnostics)
+            else:
+                print_error(f"{task.name}: {made.line}")
+    print_error(f"states of {len(tasks)} tasks in {out}; LIBERO reads them with LIBERO_CONFIG_PATH={home.parent}")
+    return exit_status(failed, len(tasks))
+
+
+@dataclass(frozen=True, slots=True)
+class _TaskJob:
+    """The job of one task among several: its report, or why it failed."""
+
+    states: StatesJob
+
+    def __call__(self, task: LiberoTask) -> TaskReport | ScenegenError:
+        try:
+            return self.states(task)
+        except ScenegenError as error:
+            return error

@@ -1,0 +1,186 @@
+"""A fit: how often a policy succeeds in each task of a suite, predicted from the start. Format `scenegen/fit`, version
+1."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, FiniteFloat
+
+from scenegen.api.scene_arrays import rows_of
+from scenegen.api.scenes import SceneSet
+from scenegen.arrays import Array
+from scenegen.errors import RequestError
+from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC
+from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
+from scenegen.lang.checker import check_text
+from scenegen.lang.spec import CheckedSpec
+from scenegen.scenes.files import read_bytes, write_whole
+from scenegen.scenes.sets import Rareness, Sha256
+from scenegen.validation import as_path
+from scenegen.worlds.fit import logistic
+from scenegen.worlds.fit.features import fingerprint, measured
+from scenegen.worlds.fit.logistic import Interval, Logistic, Outcomes
+from scenegen.worlds.fit.rates import base_rate
+from scenegen.worlds.suites.outcomes import Instruction, SuiteOutcomes, read_outcomes, same_run
+from scenegen.worlds.suites.suite import Suite, SuiteModel, SuiteTask, load_model
+
+FEWEST = 50  # episodes of a task
+CURVE = 64  # values of phi whose probability is kept
+COIN = 0.5  # the AUC of a score that tells nothing
+
+
+class HeldOut(SuiteModel):
+    """How good predictions are at starts that the fit has not seen: measures with their 95 % intervals. `by_chance` is
+    the calibration error that perfect predictions would show in so few episodes, on the average and in 5 % of cases;
+    `auc_of_phi` is what phi alone tells."""
+
+    calibration_error: FiniteFloat
+    by_chance: tuple[FiniteFloat, FiniteFloat]
+    brier: Interval
+    auc: Interval
+    auc_of_phi: Interval
+
+
+class TaskFit(SuiteModel):
+    """The fit of a task, whose label `success` is success; `digest` is the fingerprint of what predictions follow from.
+    `base_rate` is the success rate of its base distribution, with a 95 % interval, by the bands of the suite."""
+
+    name: str
+    success: str
+    digest: Sha256
+    episodes: int
+    starts: int
+    base_rate: Interval
+    rarity: Rareness
+    model: Logistic
+    held_out: HeldOut
+
+    def predicted(self, spec: CheckedSpec, rows: Array) -> Array:
+        """The success rate in scenes with the rows of the spec's core, (3M, B) -> (B,)."""
+        features, values = measured(spec, self.success, rows, self.rarity)
+        return self.model([one.name for one in features], values)
+
+    @property
+    def findings(self) -> list[str]:
+        """Where phi, or all that is measured, does not tell what it should, in words."""
+        mine, (phi, low, high) = self.held_out.auc, self.held_out.auc_of_phi
+        found = []
+        if low <= COIN:
+            what = "phi does not predict success" if high >= COIN else "success is more frequent where phi is lower"
+            found.append(f"{what} in {self.name}: AUC {phi:.2f}, 95 % interval {low:.2f} to {high:.2f}")
+        if low <= COIN <= high and mine[1] <= COIN:
+            said = "AUC {:.2f}, 95 % interval {:.2f} to {:.2f}".format(*mine)
+            found.append(f"nothing measured at the start predicts success in {self.name}: {said}")
+        return found
+
+
+class Fit(SuiteModel):
+    """How often `policy` succeeds in the tasks of a suite, as it was run in `world`."""
+
+    format: Literal["scenegen/fit"] = "scenegen/fit"
+    version: Literal[1] = 1
+    suite: str
+    suite_digest: Sha256
+    world: str
+    policy: str
+    instruction: Instruction
+    reverse: bool
+    monotone: bool
+    tasks: Annotated[tuple[TaskFit, ...], Field(min_length=1)]
+
+    @staticmethod
+    def load(path: str | Path) -> Fit:
+        """The fit in a file. Raises DataError."""
+        path = as_path("fit", path)
+        return load_model(Fit, read_bytes(path, "a fit"), path, "a fit of outcomes")
+
+    def save(self, path: str | Path) -> None:
+        """Write the fit as JSON; the file appears whole or not at all. Raises OutputError."""
+        write_whole(as_path("out", path), self.model_dump_json(indent=1).encode() + b"\n")
+
+    def task_of(self, spec: CheckedSpec) -> TaskFit:
+        """The task of a spec: same objects, workspace and success formula, whatever it requires. Raises RequestError
+        for other specs."""
+        for task in self.tasks:
+            if task.success in spec.labels and task.digest == fingerprint(spec, task.success):
+                return task
+        raise RequestError(MODEL_OF_ANOTHER_SPEC(spec=spec.name, fitted=tuple(one.name for one in self.tasks)))
+
+    def predict(self, scenes: SceneSet) -> Array:
+        """The success rate that is predicted at each of n scenes, (n,). Raises RequestError for scenes of others."""
+        spec = check_text(scenes.header.spec.source, "the spec of the scenes")
+        return self.task_of(spec).predicted(spec, rows_of(spec, scenes))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# A fit of outcomes.
+
+
+def fit_outcomes(outcomes: Sequence[str | Path], suite: str | Path, *, monotone: bool = False) -> Fit:
+    """The fit of a policy's outcomes on a suite: files of one policy in one world, where several have been run. With
+    `monotone` the predicted rate never falls as phi or a margin of the success formula rises.
+
+    Raises DataError for files that are none or of another suite, RequestError for files of different runs, and for
+    fewer than FEWEST episodes of a task that has any.
+    """
+    paths = [as_path("outcomes", one) for one in outcomes]
+    if not paths:
+        raise RequestError(WRONG_VALUE(argument="outcomes", value="empty", wanted="files of `scenegen suite run`"))
+    first = read_outcomes(paths[0]).header
+    found = Suite.load(suite, reverse=first.reverse)
+    runs = [read_outcomes(path, found) for path in paths]
+    for path, run in zip(paths, runs, strict=True):
+        same_run(path, run.header, first)
+    tasks = [one for task in found.tasks for one in _fitted(found, task, runs, monotone)]
+    return Fit(
+        suite=found.name, suite_digest=found.digest, world=first.world, policy=first.policy,
+        instruction=first.instruction, reverse=first.reverse, monotone=monotone, tasks=tuple(tasks),
+    )  # fmt: skip
+
+
+def _fitted(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monotone: bool) -> list[TaskFit]:
+    """The fit of a task; none of one without episodes."""
+    ended: dict[int, list[bool]] = defaultdict(list)  # by start
+    for run in runs:
+        for one in run.episodes:
+            if one.task == task.name:
+                ended[one.episode].append(one.success)
+    episodes = sum(map(len, ended.values()))
+    if not episodes:
+        return []
+    if episodes < FEWEST:
+        wanted = f"at least {FEWEST} episodes of a task, and {task.name} has {episodes}"
+        raise RequestError(OUT_OF_RANGE(argument="outcomes", value=episodes, wanted=wanted))
+    starts = [suite[number] for number in sorted(ended)]
+    phi, log10p = np.array([(one.phi[task.success], one.log10p) for one in starts]).T
+    order = np.argsort(phi)[np.unique(np.linspace(0, len(phi) - 1, CURVE).astype(np.intp))]
+    rarity = Rareness(phi=phi[order].tolist(), log10p=log10p[order].tolist())
+    spec = task.spec.checked
+    rows = rows_of(spec, task.scenes[np.array([one.row for one in starts])])
+    features, values = measured(spec, task.success, rows, rarity)
+    which = np.repeat(np.arange(len(starts)), [len(ended[one.number]) for one in starts])
+    success = np.array([one for start in starts for one in ended[start.number]])
+    data = Outcomes(features, values[:, which], success, which)
+    p = logistic.held_out(data, monotone)
+    held_out = HeldOut(
+        calibration_error=logistic.calibration_error(success, p),
+        by_chance=logistic.by_chance(p),
+        brier=logistic.with_interval(logistic.brier, success, p, which),
+        auc=logistic.with_interval(logistic.auc, success, p, which),
+        auc_of_phi=logistic.with_interval(logistic.auc, success, phi[which], which),
+    )
+    bands = [[start for start in starts if start.band == band.name] for band in task.bands]
+    won = [sum(float(np.mean(ended[one.number])) for one in band) for band in bands]
+    probability, error = zip(*((one.probability, one.error) for one in task.bands), strict=True)
+    return [
+        TaskFit(
+            name=task.name, success=task.success, digest=fingerprint(spec, task.success), episodes=episodes,
+            starts=len(starts), base_rate=base_rate(won, [len(one) for one in bands], probability, error),
+            rarity=rarity, model=logistic.chosen(data, monotone), held_out=held_out,
+        )
+    ]  # fmt: skip

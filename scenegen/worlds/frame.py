@@ -1,0 +1,160 @@
+"""The spec's table in the world of a simulator: poses of scenes there, and back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from scenegen.api.scene_arrays import poses7
+from scenegen.api.scenes import SceneSet
+from scenegen.arrays import Array
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.scenes.data import SceneFile
+from scenegen.validation import as_number, as_point
+
+Origins: TypeAlias = Literal["base", "middle"] | Mapping[str, float]
+"""Where the origin of an object is: in its lowest point under the middle, in the middle of its height, or so many
+metres above its lowest point, by name; 0 for names that are left out."""
+Axis: TypeAlias = Literal["x", "y", "z"]
+"""The axis of a body's own frame that points up where it stands."""
+
+ORDERS = {"wxyz": [0, 1, 2, 3, 4, 5, 6], "xyzw": [0, 1, 2, 4, 5, 6, 3]}
+# quaternions (w, x, y, z) that turn the axis up: x about y by -90 degrees, y about x by 90 degrees
+UPRIGHT = {
+    "x": (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0),
+    "y": (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0),
+    "z": (1.0, 0.0, 0.0, 0.0),
+}
+
+
+def placed(
+    scenes: SceneSet, origin: Sequence[float], turn: float, origins: Origins, up: Mapping[str, Axis] | None = None
+) -> Array:
+    """(n, N, 7), scenes as `in_world` has their poses. Raises RequestError."""
+    poses: Array = poses7(scenes.header, scenes.poses, scenes.on, tensor=False, dtype="float64")
+    return in_world(scenes.header, poses, origin, turn, origins, up)
+
+
+def in_world(
+    header: SceneFile,
+    poses: Array,
+    origin: Sequence[float],
+    turn: float,
+    origins: Origins,
+    up: Mapping[str, Axis] | None = None,
+) -> Array:
+    """(n, N, 7): x, y, z in metres and qw, qx, qy, qz, in the world, of `poses` (n, N, 7) in the spec's frame.
+
+    `origin` is where the spec's point (0, 0) at the height of the table is; `turn` turns the spec's x axis
+    counter-clockwise, in radians; `up` names the axis of a body's own frame that points up, "z" where it does not say.
+    Raises RequestError.
+    """
+    x, y, z = as_point("origin", origin)
+    turn, poses = as_number("turn", turn), poses.copy()
+    objects = [one.name for one in header.objects]
+    poses[..., 2] += lifts(header, origins) + z
+    cosine, sine = math.cos(turn), math.sin(turn)
+    right, away = poses[..., 0].copy(), poses[..., 1].copy()
+    poses[..., 0], poses[..., 1] = cosine * right - sine * away + x, sine * right + cosine * away + y
+    # the product of a turn about the vertical and a quaternion (w, 0, 0, z)
+    cosine, sine = math.cos(turn / 2.0), math.sin(turn / 2.0)
+    w, k = poses[..., 3].copy(), poses[..., 6].copy()
+    poses[..., 3], poses[..., 6] = cosine * w - sine * k, sine * w + cosine * k
+    for name, axis in ({} if up is None else up).items():
+        if name not in objects:
+            raise RequestError(UNKNOWN_CHOICE(what="object", name=str(name), known=objects))
+        if axis not in UPRIGHT:
+            raise RequestError(UNKNOWN_CHOICE(what="axis", plural="axes", name=str(axis), known=tuple(UPRIGHT)))
+        a, b, c, d = UPRIGHT[axis]
+        which = objects.index(name)
+        w, k = poses[:, which, 3].copy(), poses[:, which, 6].copy()
+        # the product of (w, 0, 0, k) and the turn that stands the body up
+        poses[:, which, 3:] = np.stack([w * a - k * d, w * b - k * c, w * c + k * b, w * d + k * a], axis=1)
+    return poses
+
+
+def quaternion_order(name: str) -> list[int]:
+    """Where the numbers of a pose, which are x, y, z, qw, qx, qy, qz here, go. Raises RequestError."""
+    if name not in ORDERS:
+        orders = "orders of a quaternion"
+        raise RequestError(
+            UNKNOWN_CHOICE(what="order of a quaternion", plural=orders, name=str(name), known=tuple(ORDERS))
+        )
+    return ORDERS[name]
+
+
+def lifts(header: SceneFile, origins: Origins) -> Array:
+    """(N,): how far the origin of each object is above its lowest point. Raises RequestError."""
+    if isinstance(origins, Mapping):
+        objects = [one.name for one in header.objects]
+        for name in origins:
+            if name not in objects:
+                raise RequestError(UNKNOWN_CHOICE(what="object", name=str(name), known=objects))
+        return np.array([as_number(f"origins[{name!r}]", origins.get(name, 0.0)) for name in objects])
+    if origins not in ("base", "middle"):
+        wanted = '"base", "middle" or metres by name'
+        raise RequestError(WRONG_VALUE(argument="origins", value=repr(origins), wanted=wanted))
+    half = 0.5 if origins == "middle" else 0.0
+    return half * np.array([one.shape.height for one in header.objects])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# One pose at a time, in both directions; quaternions are (w, x, y, z).
+
+
+Numbers: TypeAlias = Sequence[float] | Array
+
+
+@dataclass(frozen=True, slots=True)
+class TableFrame:
+    """Where the spec's point (0, 0) at the height of the table is, in metres, and by how much the spec's x axis is
+    turned against the world's, in radians, counter-clockwise."""
+
+    origin: tuple[float, float, float]
+    turn: float = 0.0
+
+    def place(self, pose: Numbers) -> tuple[Array, Array]:
+        """A pose x, y, z, qw, qx, qy, qz of the spec's frame: its place and quaternion in the world."""
+        x, y, z, qw, qx, qy, qz = pose
+        cosine, sine = math.cos(self.turn), math.sin(self.turn)
+        at = np.array([cosine * x - sine * y, sine * x + cosine * y, z]) + self.origin
+        return at, times((math.cos(self.turn / 2.0), 0.0, 0.0, math.sin(self.turn / 2.0)), (qw, qx, qy, qz))
+
+    def pose(self, at: Numbers, quaternion: Numbers) -> tuple[float, float, float]:
+        """The reverse for a body: x, y and heading in the spec's frame. The heading is the turn about the vertical
+        that comes nearest to the attitude."""
+        x, y = at[0] - self.origin[0], at[1] - self.origin[1]
+        cosine, sine = math.cos(self.turn), math.sin(self.turn)
+        heading = 2.0 * math.atan2(quaternion[3], quaternion[0]) - self.turn
+        return cosine * x + sine * y, cosine * y - sine * x, heading
+
+
+def times(first: Numbers, second: Numbers) -> Array:
+    """The product of two quaternions: the second rotation, then the first."""
+    a, b, c, d = first
+    w, x, y, z = second
+    return np.array(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ]
+    )
+
+
+def inverse(quaternion: Numbers) -> Array:
+    """The reverse rotation of a unit quaternion."""
+    w, x, y, z = quaternion
+    return np.array([w, -x, -y, -z])
+
+
+def upright(quaternion: Numbers) -> Array:
+    """An attitude at heading 0: without the turn about the vertical that comes nearest to it."""
+    heading = 2.0 * math.atan2(quaternion[3], quaternion[0])
+    return times((math.cos(heading / 2.0), 0.0, 0.0, -math.sin(heading / 2.0)), quaternion)

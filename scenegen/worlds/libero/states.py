@@ -1,0 +1,329 @@
+"""Scenes -> states of an environment that have come to rest, and that its own judgement agrees with."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from scenegen.api.request import Phi, read_phi
+from scenegen.api.sample import draw_scenes
+from scenegen.api.scenes import SceneSet
+from scenegen.arrays import Array
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_RANGE
+from scenegen.geometry import NUMPY
+from scenegen.geometry.workspace import turned
+from scenegen.lang.formula.interpret import phi as score
+from scenegen.pose import as_rows
+from scenegen.sampling.request import Range, SampleRequest
+from scenegen.scenes.arrange import with_switches
+from scenegen.validation import as_int, as_seconds
+from scenegen.worlds.frame import inverse, times
+from scenegen.worlds.libero.measure import heading_of, matrix
+from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
+from scenegen.worlds.robosuite import InitStates
+
+STREAM = 15  # the stream of random numbers of these states; worlds/robosuite.py and others have streams of their own
+STEPS = 20  # control steps of the environment's own, after which a state is judged again
+DEEP = 0.003  # metres: contacts that are deeper push things away
+STILL = 0.01  # metres by which things may move in those steps, and initial facts be off
+FAR = 0.5  # metres: what moves farther while it settles has fallen off
+LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
+SLOW = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
+MISS = -0.001  # phi of starts that miss, at most
+LEAST = 80  # scenes that are drawn before there are too few states: so many, if none of them is good
+UPRIGHT = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
+
+Judge = Callable[[], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class SettledStates(InitStates):
+    """States (n, D) in which nothing moves. `phi` is what the scenes were drawn with, `read` what the settled states
+    have, each by label, (n,); `moved` (n,) how far anything moved in the environment's own 20 steps, in metres; `spec`
+    the environment's spec. Of all `drawn` scenes `refused` counts those that were left out, by reason; of those that
+    settled, in `agreed` of `judged` phi's sign was the environment's judgement."""
+
+    moved: Array
+    spec: EnvironmentSpec
+    drawn: int
+    judged: int
+    agreed: int
+    refused: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Verdict:
+    """What became of a scene; `reason` is empty where its state is good."""
+
+    reason: str
+    agrees: bool | None = None  # phi's sign and the judgement, of what has settled
+    state: Array | None = None
+    read: Mapping[str, float] | None = None
+    moved: float = math.nan
+
+
+def init_states(
+    env: Any,
+    phi: Phi | None = None,
+    n: int = 50,
+    *,
+    settle: float = 1.0,
+    accept: Judge | None = None,
+    spec: EnvironmentSpec | None = None,
+    seed: int = 0,
+    tries: int = 10,
+    timeout: float = 60.0,
+) -> SettledStates:
+    """n states of an environment of LIBERO or robosuite at a range of phi, at rest, and verified by its own judgement.
+
+    `phi` is a range as `scenegen.sample` takes it, by default of starts that miss the goal; starts that miss are as
+    the initial facts have them, unless the range of `start` is given. Things settle for `settle` seconds at most, while
+    the arm is held. A state is kept if `accept`, by default the environment's `check_success`, agrees with the sign of
+    phi, at once and after 20 steps of the environment's own, if nothing moves or touches the robot, and if the initial
+    facts hold, to 1 cm. `spec` is what `spec_of` made of the environment, by default anew; it needs a label `goal`. At
+    most `tries` scenes for each state are drawn, and 80 in vain: there can be fewer states than n. The same seed gives
+    the same states.
+
+    Raises RequestError, also where no scene has such a phi.
+    """
+    if as_int("n", n) < 1:
+        raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted="1 or more"))
+    own = spec_of(env) if spec is None else spec
+    ranges = read_phi(own.spec, {"goal": (None, MISS)} if phi is None else phi)
+    high = ranges["goal"].high if "goal" in ranges else None
+    missing = high is not None and high <= 0.0
+    if missing and "start" in own.spec.labels:
+        ranges = {"start": Range(0.0), **ranges}
+    judge = accept or getattr(env, "check_success", None) or env._check_success
+    maker = _Maker(env, own, lambda: bool(judge()), as_seconds("settle", settle), missing)
+    good: list[tuple[_Verdict, dict[str, float]]] = []
+    refused: Counter[str] = Counter()
+    settled: list[bool] = []
+    drawn, side = 0, None
+    for scenes, index in _draws(own, ranges, n, as_int("seed", seed), as_seconds("timeout", timeout)):
+        if len(good) >= n or drawn >= max(tries * n if good else 0, LEAST):
+            break
+        if not missing and not good and drawn >= UPRIGHT:
+            side = drawn - UPRIGHT
+        found = maker.judged(scenes, index, side)
+        drawn += 1
+        settled += [] if found.agrees is None else [found.agrees]
+        if found.reason:
+            refused[found.reason] += 1
+        else:
+            good.append((found, {label: float(values[index]) for label, values in scenes.phi.items()}))
+    maker.restore()
+    width = len(own.live.sim.get_state().flatten())
+    return SettledStates(
+        np.array([one.state for one, _ in good], dtype=np.float64).reshape(len(good), width),
+        {label: np.array([one[label] for _, one in good]) for label in own.spec.labels},
+        {label: np.array([(one.read or {})[label] for one, _ in good]) for label in own.spec.labels},
+        np.array([one.moved for one, _ in good]),
+        own,
+        drawn,
+        len(settled),
+        sum(settled),
+        dict(refused),
+    )
+
+
+def _draws(
+    own: EnvironmentSpec, ranges: Mapping[str, Range], n: int, seed: int, timeout: float
+) -> Iterator[tuple[SceneSet, int]]:
+    """Scenes in the ranges, without end: a set, and which of it."""
+    for number in count():
+        one = int(np.random.SeedSequence([seed, STREAM, number]).generate_state(1)[0])
+        request = SampleRequest(
+            ranges, n + n // 4 + 4, seed=one, timeout=timeout, keep_partial=True, workers=1, strict=True
+        )  # in this process: simulators do not like to be forked
+        scenes = draw_scenes(own.spec, request)
+        yield from ((scenes, index) for index in range(len(scenes)))
+
+
+class _Maker:
+    """Puts scenes into an environment, lets them settle, and judges them."""
+
+    def __init__(self, env: Any, own: EnvironmentSpec, judge: Judge, settle: float, missing: bool) -> None:
+        self.env, self.own, self.live, self.judge, self.missing = env, own, own.live, judge, missing
+        self.model, self.data = own.live.model, own.live.data
+        self.settle = round(settle / float(self.model.opt.timestep))
+        self.things = [name for name in own.spec.objects if name in self.live.movers]
+        joints = [one for one in range(self.model.njnt) if not self._is_ours(one)]
+        self.arm = [int(self.model.jnt_qposadr[one]) for one in joints]
+        self.arm_speed = [int(self.model.jnt_dofadr[one]) for one in joints]
+        self.broken: set[Fact] = set()  # initial facts that the environment's own reset does not keep
+        self.restore()
+        self.step()
+        self.broken = {one for one in own.facts if not self.keeps(one)}
+
+    def _is_ours(self, joint: int) -> bool:
+        return self.live.owners[int(self.model.jnt_bodyid[joint])] in self.live.things
+
+    def restore(self) -> None:
+        """As the environment's reset left it."""
+        self.live.mj.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = self.live.start
+        self.live.mj.mj_forward(self.model, self.data)
+
+    def judged(self, scenes: SceneSet, index: int, side: int | None) -> _Verdict:
+        """Put a scene in, and hold it against all conditions, the cheap ones first."""
+        poses, on = scenes.poses7()[index], None if scenes.on is None else scenes.on[index]
+        self.put(poses, side)
+        planned = self.places()
+        if not self.come_to_rest():
+            return _Verdict("does not come to rest")
+        if self.live.touches_robot():
+            return _Verdict("touches the robot")
+        if self.live.depth() > DEEP:
+            return _Verdict("contacts deeper than 3 mm")
+        if np.abs(self.places() - planned)[:, :2].max(initial=0.0) > FAR:
+            return _Verdict("falls")
+        state = np.asarray(self.live.sim.get_state().flatten(), dtype=np.float64)
+        rested, read = self.places(), self.phi(scenes, poses, on)
+        solved = read.get("goal", 0.0) >= 0.0
+        if hasattr(self.env, "set_init_state"):
+            with _silence():
+                self.env.set_init_state(state)
+        if self.judge() != solved:
+            return _Verdict(f"phi is {'>= 0, but not solved' if solved else '< 0, but solved'}", False)
+        if solved == self.missing:
+            return _Verdict(f"{'solves' if solved else 'loses'} the goal while it settles", True)
+        if not self.keeps_all():
+            return _Verdict("initial facts are off by more than 1 cm", True)
+        self.step()
+        moved = float(np.linalg.norm(self.places() - rested, axis=1).max(initial=0.0))
+        if self.judge() != solved:
+            return _Verdict("judged otherwise after 20 steps", False)
+        if moved > STILL or not self.keeps_all():
+            return _Verdict("moves in 20 steps", True)
+        return _Verdict("", True, state, read, moved)
+
+    # ---- from a scene to a simulation and back
+
+    def put(self, poses: Array, side: int | None) -> None:
+        """The things where a scene has them, each lowered until it touches something; those that stand lowest first.
+        With `side`, what the goal has at a site of a fixture is turned to one of the 24 attitudes along its axes."""
+        own, live = self.own, self.live
+        self.restore()
+        live.put_away()
+        rows = dict(zip(own.spec.objects, poses, strict=True))
+        for name, part in own.sliders.items():
+            self.data.qpos[part.address] = rows[name][0] / part.lever
+        live.mj.mj_forward(self.model, self.data)
+        for name in sorted(self.things, key=lambda name: float(rows[name][2])):
+            attitude, low = times(rows[name][3:], own.attitudes[name]), own.prisms[name].bottom
+            if side is not None and name in own.tight:
+                attitude = times(live.site(own.tight[name]), times(_quarters()[side % 24], own.attitudes[name]))
+                low = float((live.points(name) @ matrix(attitude).T)[:, 2].min())
+            live.place(name, rows[name][:3] + own.origin + (0.0, 0.0, 0.0005 - low), attitude)
+            if rows[name][2] > 0.004:
+                self.lower(name)
+        live.mj.mj_forward(self.model, self.data)
+
+    def lower(self, name: str, step: float = 0.002) -> None:
+        """Lower a thing until it touches, 20 cm at most, or lift it out of what it is in, 6 cm at most."""
+        height = self.live.movers[name] + 2
+        begun, down = float(self.data.qpos[height]), not self.touches(name)
+        for _ in range(100 if down else 30):
+            self.data.qpos[height] += -step if down else step
+            if self.touches(name) == down:
+                self.data.qpos[height] += step if down else 0.0
+                return
+        self.data.qpos[height] = begun
+
+    def touches(self, name: str) -> bool:
+        self.live.mj.mj_fwdPosition(self.model, self.data)
+        return self.live.depth(name) >= 2e-4
+
+    def come_to_rest(self) -> bool:
+        """Step the simulation with the arm held, until nothing moves or the time is over. True if the things rest."""
+        arm, last, moved = self.data.qpos[self.arm].copy(), self.poses(), math.inf
+        for done in range(1, self.settle + 1):
+            self.live.mj.mj_step(self.model, self.data)
+            self.data.qpos[self.arm], self.data.qvel[self.arm_speed] = arm, 0.0
+            if done % LOOK == 0:
+                last, moved = (now := self.poses()), float(np.abs(now - last).max(initial=0.0))
+                if moved < SLOW[0]:
+                    break
+        self.data.time, self.data.qvel[:], self.data.qacc_warmstart[:] = 0.0, 0.0, 0.0
+        self.live.mj.mj_forward(self.model, self.data)
+        return moved < SLOW[1] and bool(np.isfinite(self.data.qpos).all())
+
+    def poses(self) -> Array:
+        """(N, 7): the places of the things and a tenth of their quaternions: 1 mm weighs as much as 1 degree."""
+        bodies = [self.live.things[name] for name in self.things]
+        return np.hstack([self.data.xpos[bodies], 0.1 * self.data.xquat[bodies]])
+
+    def step(self) -> None:
+        """20 control steps of the environment's own, without an action."""
+        inner = self.live.env
+        action = np.zeros(inner.action_dim)
+        action[-1] = -1.0
+        with _silence():
+            for _ in range(STEPS):
+                inner.timestep, inner.done = 0, False
+                self.env.step(action)
+
+    def places(self) -> Array:
+        """(N, 3): where the things are in the world."""
+        return self.poses()[:, :3]
+
+    def phi(self, scenes: SceneSet, poses: Array, on: Array | None) -> dict[str, float]:
+        """phi by label as the simulation is; a thing counts as being on what it is on in the scene."""
+        own = self.own
+        found = np.column_stack([poses[:, :2], 2.0 * np.arctan2(poses[:, 6], poses[:, 3])])
+        for which, name in enumerate(own.spec.objects):
+            if name in own.sliders:
+                found[which, 0] = self.data.qpos[own.sliders[name].address] * own.sliders[name].lever
+            elif name in self.live.movers:
+                body = self.live.things[name]
+                found[which, :2] = self.data.xpos[body][:2] - own.origin[:2]
+                found[which, 2] = heading_of(times(self.data.xquat[body], inverse(own.attitudes[name])))
+        rows = turned(as_rows(found[None]))
+        rows = with_switches(own.spec.checked, scenes.header, rows, None if on is None else on[None])
+        return {label: float(value[0]) for label, value in score(own.spec.checked.core, list(rows), NUMPY).items()}
+
+    def keeps_all(self) -> bool:
+        return not self.missing or all(map(self.keeps, self.own.facts))
+
+    def keeps(self, fact: Fact) -> bool:
+        """Whether an initial fact holds: of a region of the table to 1 cm, of all else as the environment says."""
+        if fact in self.broken or (fact[0] in PLACES and fact[1] not in self.live.movers):
+            return True
+        ranges = self.live.env.parsed_problem["regions"].get(fact[-1], {}).get("ranges")
+        if fact[0] not in PLACES or not ranges:
+            return bool(self.live.env._eval_predicate(list(fact)))
+        at = self.data.xpos[self.live.things[fact[1]]][:2] - self.own.origin[:2]
+        corners = np.array(ranges).reshape(-1, 2, 2)
+        return bool(((at >= corners.min(axis=1) - STILL) & (at <= corners.max(axis=1) + STILL)).all(axis=1).any())
+
+
+@cache
+def _quarters() -> list[Array]:
+    """The 24 rotations by quarters of a turn; the first are nearest to none."""
+    half = math.sqrt(0.5)
+    x, y, z = ((half, *(half * axis)) for axis in np.eye(3))
+    found = [np.array([1.0, 0.0, 0.0, 0.0])]
+    for one in found:
+        for turn in (z, x, y):
+            new = times(turn, one)
+            if all(abs(new @ other) < 0.99 for other in found):
+                found.append(new)
+    return found
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Environments print as they step."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        yield

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from scenegen.libero import spec_of
 
 import scenegen
+from scenegen.libero import spec_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 

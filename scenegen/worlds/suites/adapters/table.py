@@ -82,6 +82,8 @@ def solids_of(spec: Spec) -> dict[str, list[float]]:
         else:
             wanted = "a box or a cylinder: other shapes are not in this world"
             raise RequestError(WRONG_VALUE(argument=name, value=f"of the shape `{shape.asset}`", wanted=wanted))
+    for board in (region for region in spec.checked.regions if region.height):
+        raise RequestError(WRONG_VALUE(argument=board.name, value="a board", wanted="no height: there are none here"))
     return found
 
 

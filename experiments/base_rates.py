@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 import scenegen
-from scenegen.api.scene_arrays import rows_of
+from scenegen.api.scenes import rows_of
 from scenegen.arrays import Array, Index
 from scenegen.pose import X, Y, along
 from scenegen.scenes.sets import Rareness

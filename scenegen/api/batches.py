@@ -5,16 +5,13 @@ from __future__ import annotations
 import bisect
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.scenes.blocks import Block, joined
-
-if TYPE_CHECKING:
-    from scenegen.api.stored import StoredSet
 
 MIXED = 4  # row groups whose scenes are mixed: 262,144 scenes
 STREAM = 11  # the stream of random numbers of readers; sampling/engine/blocks.py and sampling/problem.py have others
@@ -30,12 +27,21 @@ class RowGroup:
     count: int
 
 
+class RowGroupStore(Protocol):
+    """A stored set, as far as batches need it."""
+
+    def __len__(self) -> int: ...
+    def groups(self) -> list[RowGroup]: ...
+    def read_group(self, group: RowGroup) -> Block: ...
+    def poses(self, block: Block) -> Array: ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneBatches:
     """Iterates over (poses (m, N, 3), phi (m, L)) in float64, m = `batch` but for the last. `reader` of `readers` gets
     its part of the scenes, `epoch` chooses the order."""
 
-    stored: StoredSet
+    stored: RowGroupStore
     batch: int
     shuffle: bool
     seed: int

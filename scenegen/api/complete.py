@@ -201,6 +201,6 @@ def _one(spec: Spec, request: SampleRequest, given: Array, number: int, left: fl
         scenes = draw(spec, alone)
     except RequestError as error:
         return NOT_COMPLETED(scene=number + 1, reason=error.diagnostics[0].title)
-    from scenegen.api.scene_arrays import rows_of
+    from scenegen.api.scenes import rows_of
 
     return rows_of(checked, scenes)[:, 0]

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi
 from scenegen.api.scenes import SceneSet, scenes_of
 from scenegen.api.spec import LearnedModel, Spec, spec_of
+from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY
@@ -25,7 +26,6 @@ from scenegen.pose import row_count
 from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, Range, SampleRequest
 
 if TYPE_CHECKING:
-    from scenegen.api.motions import MotionSet
     from scenegen.sampling.engine.run import SampledScenes
     from scenegen.sampling.motions.schedule import Watch
     from scenegen.sampling.plan import Plan
@@ -169,9 +169,9 @@ class Written:
         return self.count
 
 
-def met(scenes: SceneSet | MotionSet) -> dict[str, PhiSummary]:
-    """What phi is in a set of at least one scene, or motion."""
-    return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in scenes.phi.items()}
+def met(phi: Mapping[str, Array]) -> dict[str, PhiSummary]:
+    """What phi, by label, is in a set of at least one scene, or motion."""
+    return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in phi.items()}
 
 
 def refuse_set_options(request: SampleRequest) -> None:

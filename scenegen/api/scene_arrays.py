@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -13,11 +12,9 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE
-from scenegen.geometry.workspace import turned
 from scenegen.lang.spec import CheckedSpec, chosen
 from scenegen.needs import need
-from scenegen.pose import SIZE, THETA, X, Y, as_rows, row_count, row_of
-from scenegen.scenes.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
+from scenegen.pose import SIZE, THETA, X, Y, row_count, row_of
 from scenegen.scenes.data import (
     RAISED,
     VERSION,
@@ -40,7 +37,6 @@ from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape
 from scenegen.things.surfaces import base_heights
 
 if TYPE_CHECKING:
-    from scenegen.api.scenes import SceneSet
     from scenegen.sampling.problem import Problem
     from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 
@@ -110,37 +106,6 @@ def _shape_data(shape: Shape) -> ShapeData:
         open=list(shape.open),
         color=shape.color,
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SpecScenes:
-    """The scenes of a set that one ordinary spec is of: `which` they are, and their `rows` in the order of its core."""
-
-    spec: CheckedSpec
-    which: npt.NDArray[np.intp]
-    rows: Array
-
-
-def parts_of(spec: CheckedSpec, scenes: SceneSet) -> Iterator[SpecScenes]:
-    """The scenes by the ordinary spec that they are of: the spec, or members of it where it draws how many things there
-    are. Raises DataError as `rows_of` does."""
-    for numbers, which in scenes.parts():
-        some = scenes.only(numbers, which) if numbers else scenes
-        found = (one for one in spec.members if set(one.objects) == set(some.objects))
-        mine = next(found, spec)
-        yield SpecScenes(mine, which, rows_of(mine, some))
-
-
-def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
-    """The poses as (3N, n) storage in the spec's order of objects, headings in [0, 2 pi).
-
-    Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
-    """
-    refuse_numbers(scenes.header, "this")
-    stored = as_rows(scenes.poses)
-    rows = turned(arranged(stored, order_of(spec, scenes.objects)))
-    check_held(spec, rows)
-    return with_switches(spec, scenes.header, rows, scenes.on)
 
 
 def stored_rows(spec: CheckedSpec, rows: Array) -> Array:

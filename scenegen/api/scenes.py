@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.scene_arrays import header_of, parts_of, poses7, stored_rows
+from scenegen.api.scene_arrays import header_of, poses7, stored_rows
 from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import PHI_DIFFERS
@@ -28,6 +28,7 @@ from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
 from scenegen.pose import THETA, TWO_PI, X, as_poses, as_rows, row_count
+from scenegen.scenes.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
 from scenegen.scenes.blocks import BLOCK, COUNT, Block, columns, element, member_of, numbers_in
 from scenegen.scenes.data import Pose, SceneData, SceneFile, pose_of
 from scenegen.scenes.formats import registry
@@ -546,3 +547,34 @@ def check_count(scenes: SceneSet) -> None:
     """Refuse an empty set where there is nothing to do with it. Raises RequestError."""
     if not len(scenes):
         raise RequestError(NO_SCENES())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpecScenes:
+    """The scenes of a set that one ordinary spec is of: `which` they are, and their `rows` in the order of its core."""
+
+    spec: CheckedSpec
+    which: npt.NDArray[np.intp]
+    rows: Array
+
+
+def parts_of(spec: CheckedSpec, scenes: SceneSet) -> Iterator[SpecScenes]:
+    """The scenes by the ordinary spec that they are of: the spec, or members of it where it draws how many things there
+    are. Raises DataError as `rows_of` does."""
+    for numbers, which in scenes.parts():
+        some = scenes.only(numbers, which) if numbers else scenes
+        found = (one for one in spec.members if set(one.objects) == set(some.objects))
+        mine = next(found, spec)
+        yield SpecScenes(mine, which, rows_of(mine, some))
+
+
+def rows_of(spec: CheckedSpec, scenes: SceneSet) -> Array:
+    """The poses as (3N, n) storage in the spec's order of objects, headings in [0, 2 pi).
+
+    Raises DataError for scenes of other objects, and where an object that the spec holds in place stands elsewhere.
+    """
+    refuse_numbers(scenes.header, "this")
+    stored = as_rows(scenes.poses)
+    rows = turned(arranged(stored, order_of(spec, scenes.objects)))
+    check_held(spec, rows)
+    return with_switches(spec, scenes.header, rows, scenes.on)

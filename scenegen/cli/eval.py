@@ -155,7 +155,7 @@ def _formulas(spec: Spec, scenes: SceneSet, number: int) -> dict[str, list[Line]
 def _values(spec: Spec, scenes: SceneSet, number: int) -> tuple[Outline, list[float]]:
     """The formulas of the spec that a scene is of, and the value of each node."""
     from scenegen.api.outline import Outline
-    from scenegen.api.scene_arrays import parts_of
+    from scenegen.api.scenes import parts_of
     from scenegen.api.spec import Spec
     from scenegen.lang.formula.interpret import evaluate as interpret
 

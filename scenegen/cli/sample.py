@@ -298,7 +298,7 @@ def _hand_out(scenes: SceneSet, options: SampleOptions) -> None:
         write_data(dump(scenes.file()))
     if "reason" in scenes.header.sampler:
         print_error(f"{scenes.header.sampler['method']}: {scenes.header.sampler['reason']}")
-    summary(scenes.header, len(scenes), met(scenes), options.path)
+    summary(scenes.header, len(scenes), met(scenes.phi), options.path)
     if options.render is not None:
         _draw(scenes, options.render, options.pictures)
 
@@ -373,7 +373,7 @@ def _sample_motions(spec: Spec, request: SampleRequest, options: SampleOptions) 
         write_data(found.dump())
     else:
         found.save(options.path)
-    print_error(motion_summary(found.header.sampler, len(found), met(found), options.path))
+    print_error(motion_summary(found.header.sampler, len(found), met(found.phi), options.path))
     if options.render is not None:
         made = found.figures(options.render, "gif", "strip")
         print_error(f"drew {len(made)} figures in {options.render}")

@@ -12,8 +12,7 @@ import numpy as np
 from PIL import Image
 
 from scenegen.api.outline import chosen_label
-from scenegen.api.scene_arrays import parts_of
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scenes import SceneSet, parts_of
 from scenegen.arrays import Array
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.requests import (

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from scenegen.api.motions import MotionSet, read_motions
 from scenegen.api.reading import read_scenes
-from scenegen.api.scene_arrays import rows_of
-from scenegen.api.scenes import SceneSet, check_count
+from scenegen.api.scenes import SceneSet, check_count, rows_of
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE
 from scenegen.errors.worlds import ONE_PROBLEM_A_FILE

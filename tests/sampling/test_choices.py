@@ -10,8 +10,7 @@ import pytest
 from scipy import stats
 
 import scenegen
-from scenegen.api.scene_arrays import rows_of
-from scenegen.api.scenes import evaluate
+from scenegen.api.scenes import evaluate, rows_of
 from scenegen.curriculum import TableTop
 from scenegen.errors import DataError, RequestError
 from scenegen.lang.checker import check_text

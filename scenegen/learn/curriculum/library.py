@@ -25,8 +25,7 @@ import numpy.typing as npt
 from scenegen.api.feasibility import doubts
 from scenegen.api.reading import read_scenes
 from scenegen.api.sample import draw_scenes
-from scenegen.api.scene_arrays import SpecScenes, parts_of
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scenes import SceneSet, SpecScenes, parts_of
 from scenegen.api.spec import Spec
 from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError

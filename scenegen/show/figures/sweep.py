@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.outline import chosen_label
-from scenegen.api.scene_arrays import make_header, rows_of, stored_rows
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scene_arrays import make_header, stored_rows
+from scenegen.api.scenes import SceneSet, rows_of
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES

@@ -14,8 +14,8 @@ from typing import Any
 
 from scenegen.api.motions import read_motions
 from scenegen.api.reading import read_scenes
-from scenegen.api.scene_arrays import rows_of, stored_rows
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scene_arrays import stored_rows
+from scenegen.api.scenes import SceneSet, rows_of
 from scenegen.api.spec import MAX_BYTES, Spec, parse
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import DAMAGED_MOTIONS, WRONG_ENDING

@@ -11,8 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, FiniteFloat
 
-from scenegen.api.scene_arrays import rows_of
-from scenegen.api.scenes import SceneSet
+from scenegen.api.scenes import SceneSet, rows_of
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC

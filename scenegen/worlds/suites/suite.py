@@ -17,8 +17,7 @@ from typing import Annotated, Literal, Self, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from scenegen.api.reading import read_scenes
-from scenegen.api.scene_arrays import rows_of
-from scenegen.api.scenes import SceneSet, compare
+from scenegen.api.scenes import SceneSet, compare, rows_of
 from scenegen.api.spec import Spec, parse
 from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError

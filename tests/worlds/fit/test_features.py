@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.api.scene_arrays import rows_of
+from scenegen.api.scenes import rows_of
 from scenegen.scenes.sets import Rareness
 from scenegen.worlds.fit.features import fingerprint, measured, things_of
 

@@ -52,7 +52,7 @@ def told(scenes: SceneSet, statements: list[str]) -> dict[str, np.ndarray]:
 
 
 def problems_of(scenes: SceneSet, **choice: list[str] | None) -> tuple[Problems, list[str]]:
-    from scenegen.api.scene_arrays import rows_of
+    from scenegen.api.scenes import rows_of
 
     grounded = ground(scenes.header.spec.source, "scenes", choice.get("facts"))
     problems = Problems(grounded, goal_labels(grounded, choice.get("goal")), vocabulary([grounded]))

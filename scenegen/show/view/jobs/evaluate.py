@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from scenegen.api.outline import FormulaTree, Outline, OutlinePart
-from scenegen.api.scene_arrays import make_header, rows_of
-from scenegen.api.scenes import SceneSet, requirement
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet, requirement, rows_of
 from scenegen.api.scenes import evaluate as score
 from scenegen.api.spec import Spec
 from scenegen.arrays import Array

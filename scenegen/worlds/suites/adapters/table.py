@@ -7,6 +7,7 @@ from the simulation, is 0 or more. Physics is cheap: no pictures, none of robosu
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,7 +47,7 @@ def make(task: SuiteTask) -> ArmWorld:
         )
         for name, half in solids.items()
     }
-    given = GivenStart()
+    given: Any = SimpleNamespace(start=None, take=lambda: given.start)  # the start that the next reset is to have
     placement = Placement(task.spec, given, reference_pos=frame.origin, turn=TURN, mujoco_objects=list(models.values()))
     env = _environment(models, placement, given, size)
 
@@ -59,15 +60,6 @@ def make(task: SuiteTask) -> ArmWorld:
         return world.at_rest() and placement.phi_in(env.sim)[task.success] >= 0.0 and world.let_go()
 
     return ArmWorld(task, env, frame, models, begin, judge, HORIZON)
-
-
-class GivenStart:
-    """The start that the next reset is to have."""
-
-    start: Any = None
-
-    def take(self) -> Any:
-        return self.start
 
 
 def solids_of(spec: Spec) -> dict[str, list[float]]:
@@ -95,9 +87,7 @@ def table_of(spec: Spec) -> tuple[TableFrame, tuple[float, float, float]]:
     return TableFrame((-x, -y, TOP), TURN), (max(0.8, far - near + 0.2), max(0.8, right - left + 0.2), 0.05)
 
 
-def _environment(
-    models: dict[str, Any], placement: Placement, given: GivenStart, size: tuple[float, float, float]
-) -> Any:
+def _environment(models: dict[str, Any], placement: Placement, given: Any, size: tuple[float, float, float]) -> Any:
     from mujoco import mjtEnableBit
     from robosuite.environments.manipulation.manipulation_env import ManipulationEnv
     from robosuite.models.arenas import TableArena

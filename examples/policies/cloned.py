@@ -50,7 +50,9 @@ class Cloned(Scripted):
             if number + 1 < len(self.layers):
                 value = np.tanh(value)
         x, y, cosine, sine = value[-4:]
-        return [(int(np.argmax(value[:-4])), np.array([x / 5.0, y / 5.0, np.arctan2(sine, cosine)]))]
+        return [
+            (int(np.argmax(value[:-4])), np.array([x / 5.0, y / 5.0, np.arctan2(sine, cosine), 0.0]))
+        ]  # on the table
 
 
 def record(world: Any, starts: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ import numpy as np
 
 import scenegen
 
-Moves = list[tuple[int, np.ndarray]]  # numbers of objects, and where each goes: x, y, theta
+Moves = list[tuple[int, np.ndarray]]  # numbers of objects, and where each goes: x, y, theta, z
 Script = Iterator[np.ndarray]  # actions
 CANDIDATES = 128  # places that are looked at for each thing
 WIDEST = 0.075  # metres that go between the fingers
@@ -41,8 +41,12 @@ class Scripted:
         self.seen = observation
         if self.script is None:
             self.rest = yaw(observation["hand"])
-            self.script = self.play(self.moves(flat(observation["objects"])))
+            self.script = self.play(self.moves(flat(self.things())))
         return next(self.script)
+
+    def things(self) -> np.ndarray:
+        """(N, 7): where the objects of the spec are."""
+        return self.seen["objects"]
 
     def moves(self, poses: np.ndarray) -> Moves:
         return plan(self.spec, self.label, poses)
@@ -56,10 +60,11 @@ class Scripted:
 
     def carry(self, which: int, goal: Any) -> Script:
         shape, height = self.shapes[which], self.shapes[which].height
-        x, y, theta = flat(self.seen["objects"])[which]
-        tallest = max(other.height + pose[2] for other, pose in zip(self.shapes, self.seen["objects"], strict=True))
+        x, y, theta = flat(self.things())[which]
+        tallest = max(other.height + pose[2] for other, pose in zip(self.shapes, self.things(), strict=True))
         self.level = tallest + max(ABOVE, height)
-        grip = self.seen["objects"][which][2] + max(height - DEEP, 0.012)
+        low = self.things()[which][2]
+        grip = low + max(height - DEEP, 0.012)
         off = self.random.normal(0.0, self.see, 2)
         turning = nearest(goal[2] - theta, 0.0, math.tau) if shape.asset != "cylinder" else 0.0
         turn = grasp(shape, theta, turning, self.rest)
@@ -71,8 +76,9 @@ class Scripted:
         turn += turning
         at = goal[:2] + self.random.normal(0.0, self.put, 2)
         yield from self.move([*at, self.level], turn, CLOSED, near=0.01)
-        yield from self.move([*at, grip + 0.003], turn, CLOSED)
-        yield from self.hold([*at, grip + 0.003], turn, OPEN, lambda _, now, first: now > first + 0.01)
+        drop = grip + goal[3] - low + 0.003
+        yield from self.move([*at, drop], turn, CLOSED)
+        yield from self.hold([*at, drop], turn, OPEN, lambda _, now, first: now > first + 0.01)
         yield from self.move([*at, self.level], turn, OPEN, near=0.05)
 
     def move(self, goal: Any, turn: float, fingers: float, near: float = 0.004, steps: int = 25) -> Script:
@@ -112,7 +118,7 @@ def without_start(spec: scenegen.Spec, label: str) -> scenegen.Spec:
 
 
 def plan(spec: scenegen.Spec, label: str, poses: np.ndarray) -> Moves:
-    """The fewest moves (object, (x, y, theta)) after which the label holds: one, or two; none if there are none."""
+    """The fewest moves (object, (x, y, theta, z)) after which the label holds: one, or two; none if there are none."""
     able = [which for which, shape in enumerate(spec.checked.shapes) if graspable(shape)]
     able = [which for which in able if which not in spec.checked.fixed]
     for count in (1, 2):
@@ -134,21 +140,24 @@ def places(spec: scenegen.Spec, label: str, poses: np.ndarray, group: tuple[int,
         return None  # proved to be impossible, or not found
     given = np.concatenate([scenes.poses, scenes.poses])
     given[CANDIDATES:, group, 2] = poses[list(group), 2]  # the same places, turned as they are now
-    phi = spec.scenes(given).phi[label]
-    margin = np.where(phi >= 0.0, np.minimum(phi, room(spec, given, group)), -1.0)
+    after = spec.scenes(given, on=None if scenes.on is None else np.concatenate([scenes.on, scenes.on]))
+    phi = after.phi[label]
+    margin = np.where(phi >= 0.0, np.minimum(phi, room(spec, after.poses7(), group)), -1.0)
     margin[CANDIDATES:] += 0.01  # which is easier to do
     best = int(np.argmax(margin))
-    return margin[best], [(which, given[best, which]) for which in group]
+    return margin[best], [(which, np.append(given[best, which], after.poses7()[best, which, 2])) for which in group]
 
 
 def room(spec: scenegen.Spec, poses: np.ndarray, group: tuple[int, ...]) -> np.ndarray:
-    """(n,): metres between the things of a group and their nearest neighbours, as discs."""
-    radius = np.array([max(shape.footprint.extent) / 2.0 for shape in spec.checked.shapes])
+    """(n,): metres between the things of a group and their nearest neighbours, as discs; not what they stand over."""
+    shapes = spec.checked.shapes
     found = np.full(len(poses), np.inf)
     for which in group:
-        for other in set(range(len(radius))) - {which}:
+        for other in set(range(len(shapes))) - {which}:
             apart = np.linalg.norm(poses[:, which, :2] - poses[:, other, :2], axis=1)
-            found = np.minimum(found, apart - radius[which] - radius[other])
+            apart -= sum(max(shapes[one].footprint.extent) / 2.0 for one in (which, other))
+            over = poses[:, which, 2] >= poses[:, other, 2] + shapes[other].height - 0.001
+            found = np.where(over, found, np.minimum(found, apart))
     return found
 
 

@@ -26,7 +26,7 @@ STEADY, SHAKY = 0.003, 0.015  # metres: standard deviations of where it sees thi
 
 def makers(weights: Path = Path("weights")) -> dict[str, Callable[[Any], Any]]:
     """A function of a world for each policy."""
-    scripted, cloned = _example("scripted"), _example("cloned")
+    scripted, cloned = example("scripted"), example("cloned")
     return {
         "steady": lambda world: scripted.Scripted(world, see=STEADY, put=STEADY),
         "shaky": lambda world: scripted.Scripted(world, see=SHAKY, put=SHAKY),
@@ -34,7 +34,8 @@ def makers(weights: Path = Path("weights")) -> dict[str, Callable[[Any], Any]]:
     }
 
 
-def _example(name: str) -> Any:
+def example(name: str) -> Any:
+    """A module of examples/policies."""
     spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -2,8 +2,9 @@
 
     python -m experiments.success.table SUITE OUTCOMES.jsonl ...
 
-AUC: the probability that phi of a start that succeeds is above that of one that fails; 0.5 is no relation. Intervals
-are 95 %: Wilson's for shares, of 2,000 bootstrap samples for AUC.
+AUC: the probability that phi of a start that succeeds is above that of one that fails; 0.5 is none. Beside phi of
+the goal, the same of the smallest gap of two things at the start. Intervals are 95 %: Wilson's for shares, of 2,000
+bootstrap samples for AUC.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.api.spec import parse
 from scenegen.arrays import Array
 from scenegen.worlds.suites.outcomes import read_outcomes
 from scenegen.worlds.suites.statistics import wilson
@@ -40,13 +42,21 @@ def interval(phi: Array, success: npt.NDArray[np.bool_]) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def both(phi: Array, success: npt.NDArray[np.bool_]) -> str:
+    """The AUC with its interval."""
+    low, high = interval(phi, success)
+    return f"{auc(phi, success):.2f} ({low:.2f} to {high:.2f})"
+
+
 def rows(suite: Suite, paths: Sequence[Path]) -> list[str]:
     """A line for each task and policy."""
     found = []
     bands = [band.name for band in suite.tasks[0].bands]
-    head = ["task", "policy", "episodes", "success", *bands, "AUC of phi"]
+    head = ["task", "policy", "episodes", "success", *bands, "AUC of phi", "AUC of the smallest gap"]
     found += [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
     for task in suite.tasks:
+        gaps = parse(f"{task.spec.checked.source}clear: forall p, q in objects: gap(p, q) >= 0 m\n")
+        clear = gaps.scenes(task.scenes.poses).phi["clear"]
         for path in paths:
             outcomes = read_outcomes(path, suite)
             mine = [one for one in outcomes.episodes if one.task == task.name]
@@ -55,9 +65,9 @@ def rows(suite: Suite, paths: Sequence[Path]) -> list[str]:
             by_band = [success[[one.band == band for one in mine]] for band in bands]
             low, high = wilson(float(success.mean()), len(success))
             share = f"{success.mean():.0%} ({low:.0%} to {high:.0%})"
-            ends = "{:.2f} to {:.2f}".format(*interval(phi, success))
+            gap = clear[[suite[one.episode].row for one in mine]]
             cells = [task.name, outcomes.name, str(len(mine)), share, *(f"{one.mean():.0%}" for one in by_band)]
-            found.append(f"| {' | '.join([*cells, f'{auc(phi, success):.2f} ({ends})'])} |")
+            found.append(f"| {' | '.join([*cells, both(phi, success), both(gap, success)])} |")
     return found
 
 

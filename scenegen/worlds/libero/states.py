@@ -327,3 +327,16 @@ def _silence() -> Iterator[None]:
     """Environments print as they step."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
+
+
+def settled_scenes(env: Any, own: EnvironmentSpec, settle: float = 1.0) -> Callable[[Array], Array]:
+    """A function that puts the poses (N, 7) of a scene of the environment's spec into LIBERO's environment, and gives
+    the state (D,) in which the things have settled, for `settle` seconds at most, judged by nothing."""
+    maker = _Maker(env, own, lambda: bool(env.check_success()), settle, True)
+
+    def state(poses: Array) -> Array:
+        maker.put(poses, None)
+        maker.come_to_rest()
+        return np.asarray(own.live.sim.get_state().flatten(), dtype=np.float64)
+
+    return state

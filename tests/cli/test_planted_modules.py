@@ -15,6 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PROGRAM = Path(sys.executable).with_name("scenegen")
 GOOD = "object mug, plate\ntask: leftOf(mug, plate)\n"
+GOAL = "# Bring the mug to the middle.\nworkspace [-1, 1] x [-1, 1]\nobject mug\ngoal: closeTo(mug, (0, 0), 30 cm)\n"
 MOVING = (
     "object mug, plate at (0.5, 0.5)\ntime 3 steps\nrequire speed(mug) <= 30 cm/s\nt: eventually leftOf(mug, plate)\n"
 )
@@ -73,6 +74,10 @@ def commands():
         explain no-egl
         relations closeTo
         view good.spec --export page.html -n 4
+        suite new goal.spec --bands 2 -n 30 --out mine/
+        suite run mine --world toy_world.py:make --policy toy_world.py:towards --out o.jsonl --workers 2 --steps 60
+        fit o.jsonl --suite mine --out policy.fit
+        sample goal.spec --success 0.1: --under policy.fit -n 2 --workers 2
     """
     return [line.split() for line in lines.strip().splitlines()]
 
@@ -84,10 +89,11 @@ def planted(tmp_path, monkeypatch):
     monkeypatch.delenv("PYTHONPATH", raising=False)
     folder = tmp_path / "specs"
     folder.mkdir()
-    for name, text in (("good", GOOD), ("moving", MOVING), ("tray", TRAY)):
+    for name, text in (("good", GOOD), ("goal", GOAL), ("moving", MOVING), ("tray", TRAY)):
         (folder / f"{name}.spec").write_text(text)
     (folder / "tray.stl").write_bytes(tray())
     shutil.copy(ROOT / "tests" / "worlds" / "pddl" / "tasks" / "mugs_plates.bddl", folder / "task.bddl")
+    shutil.copy(ROOT / "tests" / "worlds" / "suites" / "toy.py", folder / "toy_world.py")
     for name in names():
         (folder / f"{name}.py").write_text(PLANTED.format(mark=str(tmp_path / "ran"), name=name))
     monkeypatch.chdir(folder)
@@ -148,7 +154,8 @@ def test_all_other_commands(planted):
     for words in commands():
         done = run(words)
         assert (ran(planted), done.returncode) == ([], 0), f"{words}: {done.stderr}"
-    called = {words[0] for words in commands()} | {"view", "lsp"}
+    assert (run(["libero", "libero_spatial", "--out", "states"]).returncode, ran(planted)) == (1, [])  # not installed
+    called = {words[0] for words in commands()} | {"view", "lsp", "libero"}
     from scenegen.cli.app import COMMANDS
 
     assert called == COMMANDS.keys()

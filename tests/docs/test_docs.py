@@ -74,6 +74,8 @@ def work_through(page, folder, warm, shorter):
             check_text(body, name_of(page))
             for name in re.findall(r"file=(\S+)", options):
                 (folder / name).write_text(body)
+        elif needs := {name for name in re.findall(r"needs=(\S+)", options) if find_spec(name) is None}:
+            lacking |= needs
         elif language == "sh":
             for line in filter(None, (line.split("#")[0].strip() for line in body.splitlines())):
                 command(line, folder, warm)
@@ -84,8 +86,6 @@ def work_through(page, folder, warm, shorter):
             assert done.stdout == expected
         elif "into=" in options or (language == "python" and "file=" in options):
             continue  # additions to the project: test_extending.py tries them on a copy
-        elif needs := {name for name in re.findall(r"needs=(\S+)", options) if find_spec(name) is None}:
-            lacking |= needs
         elif language == "python":
             done = warm.run(["-c", body], folder, PLAIN)
             assert done.returncode == 0, done.stderr

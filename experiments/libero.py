@@ -1,8 +1,8 @@
 """States of all 130 tasks of LIBERO, one line of JSON a task; what is there already is left out.
 
-    python -m experiments.libero OUT.jsonl --states 50 [--only REGEX] [--again]
+    python -m experiments.libero OUT.jsonl --states 50 [--only REGEX]
 
-The first states of each request are then judged anew in another environment, with another seed, whose reset puts
+The first states of each request are then judged in another environment, too, with another seed, whose reset puts
 the fixtures elsewhere in their regions: by LIBERO's `set_init_state`, and after 20 steps of its own.
 """
 
@@ -24,32 +24,17 @@ from typing import Any
 
 import numpy as np
 
-SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10", "libero_90")
+from scenegen.worlds.libero.files import SUITES, LiberoTask, make_environment, tasks_of
+
 REQUESTS: dict[str, Any] = {"miss": None, "solved": {"goal": (0.0, None)}}
 
 
-def make(file: Path, seed: int = 0) -> Any:
-    from libero.libero.envs.env_wrapper import ControlEnv
-
-    with contextlib.redirect_stdout(io.StringIO()):
-        env = ControlEnv(
-            bddl_file_name=str(file),
-            use_camera_obs=False,
-            has_renderer=False,
-            has_offscreen_renderer=False,
-            hard_reset=False,
-        )
-        env.seed(seed)
-        env.reset()
-    return env
-
-
-def measure(file: Path, states: int, seed: int, anew: int) -> dict[str, Any]:
+def measure(task: LiberoTask, states: int, seed: int, anew: int) -> dict[str, Any]:
     """One task: what was made, and what a fresh environment says of it."""
     from scenegen.libero import init_states, spec_of
 
     begun = time.time()
-    env = make(file, seed)
+    env = make_environment(task, seed)
     own = spec_of(env)
     line: dict[str, Any] = {"imports": True, "spec_s": round(time.time() - begun, 2)}
     made = {}
@@ -75,7 +60,7 @@ def measure(file: Path, states: int, seed: int, anew: int) -> dict[str, Any]:
         return line
     env.close()
     begun = time.time()
-    env = make(file, seed + 1)
+    env = make_environment(task, seed + 1)
     for name, found in made.items():
         line[name] |= judge(env, found.states[:anew])
     line["judge_s"] = round(time.time() - begun, 1)
@@ -130,32 +115,30 @@ def main() -> None:
     reader.add_argument("--limit", type=int, default=1800, help="seconds for a task")
     given = reader.parse_args()
     import libero.libero.envs.env_wrapper  # noqa: F401 - once, before the processes
-    from libero.libero import get_libero_path
 
     warnings.filterwarnings("ignore")
     logging.disable(logging.CRITICAL)
     done = set()
     if given.out.exists():
         done = {(one["suite"], one["task"]) for one in map(json.loads, given.out.read_text().splitlines())}
-    files = [one for suite in SUITES for one in sorted(Path(get_libero_path("bddl_files"), suite).glob("*.bddl"))]
-    for file in files:
-        line: dict[str, Any] = {"suite": file.parent.name, "task": file.stem}
+    for task in (task for suite in SUITES for task in tasks_of(suite)):
+        line: dict[str, Any] = {"suite": task.suite, "task": task.name}
         if tuple(line.values()) in done or not re.search(given.only, "/".join(line.values())):
             continue
         worker = os.fork()  # environments do not give all their memory back
         if worker == 0:
             signal.alarm(given.limit)
-            _task(given.out, line, file, given)
+            _task(given.out, line, task, given)
             os._exit(0)
         _, status = os.waitpid(worker, 0)
         if status:
             _write(given.out, {**line, "error": f"status {status} after {given.limit} s or less"})
 
 
-def _task(out: Path, line: dict[str, Any], file: Path, given: argparse.Namespace) -> None:
+def _task(out: Path, line: dict[str, Any], task: LiberoTask, given: argparse.Namespace) -> None:
     begun = time.time()
     try:
-        line |= measure(file, given.states, given.seed, given.anew)
+        line |= measure(task, given.states, given.seed, given.anew)
     except Exception as error:
         line |= {"error": f"{type(error).__name__}: {error}"[:400], "trace": traceback.format_exc()[-500:]}
     _write(out, {**line, "total_s": round(time.time() - begun, 1)})

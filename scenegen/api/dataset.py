@@ -15,7 +15,7 @@ import numpy as np
 
 from scenegen.api.rarity import SATISFIED, LabelRarity, rarity
 from scenegen.api.scene_arrays import make_header
-from scenegen.api.sets import front_matter
+from scenegen.api.set_card import front_matter
 from scenegen.api.spec import Spec, load, parse
 from scenegen.errors import RequestError
 from scenegen.errors.files import FINISHED_SET, NO_PART
@@ -261,7 +261,7 @@ class _PartialSet:
             self.finish()
 
     def finish(self) -> None:
-        from scenegen.api.sets import write_card
+        from scenegen.api.set_card import write_card
         from scenegen.scenes import sets
 
         write_card(self.store, self.manifest)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.api.sets import write_card
+from scenegen.api.set_card import write_card
 from scenegen.api.stored import StoredSet
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.files import NOTHING_LEFT, SETS_DIFFER, SHARES

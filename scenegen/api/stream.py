@@ -107,7 +107,7 @@ def _write_set(
 
     store, spec = open_store(as_location(path), on_note), spec_of(source)
     request = check_request(source, request)
-    from scenegen.api.sets import write_card
+    from scenegen.api.set_card import write_card
     from scenegen.sampling.engine.engines import check_engine, open_engine
     from scenegen.sampling.engine.writer import write_set
     from scenegen.sampling.problem import Budget

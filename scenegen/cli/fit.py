@@ -43,9 +43,9 @@ def fit(
 
     check_writable(out, *outcomes)
     found = fit_outcomes(outcomes, suite, monotone=monotone)
-    detail(f"fitted {len(found.tasks)} tasks of {found.suite}")
+    detail(f"fitted {len(found.tasks)} tasks of {found.run.suite}")
     found.save(out)
-    print_error(f"{found.policy} in {found.world}; the fit is in {out}")
+    print_error(f"{found.run.policy} in {found.run.world}; the fit is in {out}")
     print_columns(HEADS, [_row(one) for one in found.tasks])
     for finding in (line for one in found.tasks for line in one.findings):
         print_error(finding)

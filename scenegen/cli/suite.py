@@ -153,7 +153,7 @@ def _run(
             bar.update(task, completed=count, total=total, description=f"episodes: {successes} of {count} succeed")
 
         try:
-            run_suite(loaded, places[0], out, episodes=some, told=told, **{"workers": 1, **given})
+            run_suite(loaded, out, episodes=some, told=told, **{"workers": 1, **given})
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted after {done} episodes; --resume goes on in {out}") from error
     print_error(f"{successes:,} of {done:,} episodes succeed; outcomes in {out}")

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, cast, get_args
+from typing import Annotated, Any, Literal, TypeAlias, cast, get_args
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span
 from scenegen.errors.language import MORE_THAN_A_TURN
@@ -33,9 +33,6 @@ from scenegen.errors.requests import (
 )
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI
 from scenegen.validation import Option, as_int, as_list, as_number, as_path, by_name, options_of
-
-if TYPE_CHECKING:
-    pass
 
 Progress: TypeAlias = Callable[[int, int, int], None]
 """Called after each piece: scenes found, scenes requested, candidates in the requested cells."""

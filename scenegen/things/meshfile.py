@@ -14,7 +14,6 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,9 +29,6 @@ from scenegen.things.colored_mesh import (
 )
 from scenegen.things.library import RGB
 from scenegen.things.outline import Floats, Indices, MeshError
-
-if TYPE_CHECKING:
-    pass
 
 LEAST_MASS, MOST_MASS = 1e-6, 1e6  # kg
 MOST_FRICTION = 100.0  # coefficient of sliding friction

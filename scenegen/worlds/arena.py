@@ -20,7 +20,7 @@ from scenegen.errors.worlds import TOO_FEW_LAYOUTS
 from scenegen.scenes.arrange import refuse_numbers
 from scenegen.scenes.files import write_whole
 from scenegen.validation import as_int, as_path
-from scenegen.worlds.frame import Axis, Origins, placed
+from scenegen.worlds.frame import Axis, Origins, heading_of, placed
 
 
 def write_arena_episodes(
@@ -102,7 +102,7 @@ def write_arena_pool(
     pools: list[list[dict[str, object]]] = [[] for _ in range(num_envs)]
     for index, scene in enumerate(poses.tolist()):
         positions = {name: pose[:3] for name, pose in zip(called, scene, strict=True)}
-        yaws = {name: 2.0 * math.atan2(pose[6], pose[3]) for name, pose in zip(called, scene, strict=True)}
+        yaws = {name: float(heading_of(pose[3:])) for name, pose in zip(called, scene, strict=True)}
         layout = {
             "positions": positions | {name: pose[:3] for name, pose in still.items()},
             "orientations": yaws | {name: pose[3] for name, pose in still.items()},

@@ -53,28 +53,18 @@ def in_world(
     counter-clockwise, in radians; `up` names the axis of a body's own frame that points up, "z" where it does not say.
     Raises RequestError.
     """
-    x, y, z = as_point("origin", origin)
-    turn, poses = as_number("turn", turn), poses.copy()
+    frame, poses = TableFrame(as_point("origin", origin), as_number("turn", turn)), poses.copy()
     objects = [one.name for one in header.objects]
-    poses[..., 2] += lifts(header, origins) + z
-    cosine, sine = math.cos(turn), math.sin(turn)
-    right, away = poses[..., 0].copy(), poses[..., 1].copy()
-    poses[..., 0], poses[..., 1] = cosine * right - sine * away + x, sine * right + cosine * away + y
-    # the product of a turn about the vertical and a quaternion (w, 0, 0, z)
-    cosine, sine = math.cos(turn / 2.0), math.sin(turn / 2.0)
-    w, k = poses[..., 3].copy(), poses[..., 6].copy()
-    poses[..., 3], poses[..., 6] = cosine * w - sine * k, sine * w + cosine * k
+    poses[..., 2] += lifts(header, origins)
+    at, quaternions = frame.place(np.moveaxis(poses, -1, 0))
     for name, axis in ({} if up is None else up).items():
         if name not in objects:
             raise RequestError(UNKNOWN_CHOICE(what="object", name=str(name), known=objects))
         if axis not in UPRIGHT:
             raise RequestError(UNKNOWN_CHOICE(what="axis", plural="axes", name=str(axis), known=tuple(UPRIGHT)))
-        a, b, c, d = UPRIGHT[axis]
         which = objects.index(name)
-        w, k = poses[:, which, 3].copy(), poses[:, which, 6].copy()
-        # the product of (w, 0, 0, k) and the turn that stands the body up
-        poses[:, which, 3:] = np.stack([w * a - k * d, w * b - k * c, w * c + k * b, w * d + k * a], axis=1)
-    return poses
+        quaternions[..., which] = times(quaternions[..., which], UPRIGHT[axis])
+    return np.moveaxis(np.concatenate([at, quaternions]), 0, -1)
 
 
 def quaternion_order(name: str) -> list[int]:
@@ -118,23 +108,24 @@ class TableFrame:
     turn: float = 0.0
 
     def place(self, pose: Numbers) -> tuple[Array, Array]:
-        """A pose x, y, z, qw, qx, qy, qz of the spec's frame: its place and quaternion in the world."""
-        x, y, z, qw, qx, qy, qz = pose
+        """A pose x, y, z, qw, qx, qy, qz of the spec's frame, or many, (7, ...): their place and quaternion in the
+        world."""
+        x, y, z, *quaternion = pose
         cosine, sine = math.cos(self.turn), math.sin(self.turn)
-        at = np.array([cosine * x - sine * y, sine * x + cosine * y, z]) + self.origin
-        return at, times((math.cos(self.turn / 2.0), 0.0, 0.0, math.sin(self.turn / 2.0)), (qw, qx, qy, qz))
+        left, away, up = self.origin
+        at = np.array([cosine * x - sine * y + left, sine * x + cosine * y + away, z + up])
+        return at, times((math.cos(self.turn / 2.0), 0.0, 0.0, math.sin(self.turn / 2.0)), quaternion)
 
     def pose(self, at: Numbers, quaternion: Numbers) -> tuple[float, float, float]:
         """The reverse for a body: x, y and heading in the spec's frame. The heading is the turn about the vertical
         that comes nearest to the attitude."""
         x, y = at[0] - self.origin[0], at[1] - self.origin[1]
         cosine, sine = math.cos(self.turn), math.sin(self.turn)
-        heading = 2.0 * math.atan2(quaternion[3], quaternion[0]) - self.turn
-        return cosine * x + sine * y, cosine * y - sine * x, heading
+        return cosine * x + sine * y, cosine * y - sine * x, float(heading_of(quaternion)) - self.turn
 
 
 def times(first: Numbers, second: Numbers) -> Array:
-    """The product of two quaternions: the second rotation, then the first."""
+    """The product of two quaternions, or of many, (4, ...): the second rotation, then the first."""
     a, b, c, d = first
     w, x, y, z = second
     return np.array(
@@ -153,7 +144,23 @@ def inverse(quaternion: Numbers) -> Array:
     return np.array([w, -x, -y, -z])
 
 
+def rotated(quaternion: Numbers, vector: Numbers) -> Array:
+    """A vector (3,), turned by a quaternion."""
+    return times(times(quaternion, [0.0, *vector]), inverse(quaternion))[1:]
+
+
+def heading_of(quaternion: Numbers) -> Array:
+    """The turn about the vertical that comes nearest to an attitude, or to each of many, (..., 4), in radians."""
+    found = np.asarray(quaternion)
+    return np.asarray(2.0 * np.arctan2(found[..., 3], found[..., 0]))
+
+
+def flat(poses: Array) -> Array:
+    """(..., 3), x, y and heading of poses (..., 7)."""
+    return np.concatenate([poses[..., :2], heading_of(poses[..., 3:])[..., None]], axis=-1)
+
+
 def upright(quaternion: Numbers) -> Array:
     """An attitude at heading 0: without the turn about the vertical that comes nearest to it."""
-    heading = 2.0 * math.atan2(quaternion[3], quaternion[0])
-    return times((math.cos(heading / 2.0), 0.0, 0.0, -math.sin(heading / 2.0)), quaternion)
+    half = float(heading_of(quaternion)) / 2.0
+    return times((math.cos(half), 0.0, 0.0, -math.sin(half)), quaternion)

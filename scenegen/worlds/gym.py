@@ -1,5 +1,5 @@
-"""Any Gymnasium environment starts its episodes from scenes of a spec. One function puts an object where it is told,
-another one observes; a third one may say where an object is."""
+"""Any Gymnasium environment starts its episodes from scenes of a spec. One function gives an object a pose, another one
+observes; a third one may say where an object is."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from scenegen.lang.checker import check_text
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 from scenegen.scenes.data import RequestData
 from scenegen.validation import as_int, as_list, as_number, as_point, as_seconds
-from scenegen.worlds.frame import UPRIGHT, Axis, Origins, TableFrame, in_world, inverse, quaternion_order, times
+from scenegen.worlds.frame import UPRIGHT, Axis, Origins, TableFrame, flat, in_world, inverse, quaternion_order, times
 from scenegen.worlds.starts import AHEAD, Start, Wanted, is_strategy, make_starts, phi_at
 
 Put: TypeAlias = Callable[[Any, str, Array], None]
@@ -137,8 +137,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         for which, name in enumerate(self.table.objects):
             given = self._get(self.unwrapped, name)
             if given is None:
-                pose = start.poses[which]
-                found[which] = pose[0], pose[1], 2.0 * np.arctan2(pose[6], pose[3])
+                found[which] = flat(start.poses[which])
                 continue
             numbers = np.asarray(as_list(given), dtype=np.float64)
             if numbers.shape != (7,):

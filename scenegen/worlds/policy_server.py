@@ -1,6 +1,6 @@
 """A policy in a process of its own, behind HTTP: how values travel, and a server.
 
-`POST /reset` with {"seed": 7, "instruction": "..."} begins an episode, `POST /act` with {"observation": ...,
+`POST /reset` with {"seed": 7} begins an episode, `POST /act` with {"observation": ...,
 "instruction": "..."} returns {"action": ...}; a policy that fails answers with status 500 and {"error": "..."}. Bodies
 are JSON. An array is an object: its bytes in base64 under `__array__`, beside `dtype`, such as "<f4", and `shape`.
 Nothing is pickled. This file needs numpy alone, so that it can be copied into any environment.
@@ -60,6 +60,8 @@ def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0
     def answer(path: str, given: Mapping[str, Any]) -> dict[str, Any]:
         if path == "/act":
             return {"action": policy(given["observation"], given["instruction"])}
+        if path != "/reset":
+            raise ValueError(f"there are /reset and /act here, not {path}")
         if hasattr(policy, "reset"):
             policy.reset(given["seed"])
         return {}

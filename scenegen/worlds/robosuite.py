@@ -26,7 +26,7 @@ from scenegen.learn.curriculum.tasks import Outcome
 from scenegen.needs import need
 from scenegen.scenes.files import whole_file
 from scenegen.validation import as_int, as_number, as_path, as_point, as_seconds
-from scenegen.worlds.frame import TableFrame, inverse, times, upright
+from scenegen.worlds.frame import TableFrame, flat, inverse, times, upright
 from scenegen.worlds.starts import Start, Wanted, is_strategy, make_starts, phi_at
 
 Placed: TypeAlias = dict[str, tuple[tuple[float, float, float], Array, Any]]
@@ -153,7 +153,7 @@ class Placement:
             model = there.get(self.names[own])
             if model is None:
                 pose = start.poses[which]
-                found[which] = pose[0], pose[1], 2.0 * np.arctan2(pose[6], pose[3])
+                found[which] = flat(pose)
                 continue
             body = sim.model.body_name2id(model.root_body)
             attitude = times(sim.data.body_xquat[body], inverse(self._attitude(model)))

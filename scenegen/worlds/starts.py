@@ -240,10 +240,11 @@ def phi_at(spec: Spec, start: Start, poses: Array) -> dict[str, float]:
     """phi of each label with the objects at `poses` (N, 3), in the spec's frame, on the surfaces of the start. Raises
     RequestError where an object that the spec holds is elsewhere."""
     checked = spec.checked
-    header = make_header(checked, {}, RequestData(phi={}, n=1, spread="flat"))
     rows = turned(as_rows(poses[None]))
     moved = held_elsewhere(checked, rows, *HELD)
     if moved is not None:
         raise RequestError(HELD_ELSEWHERE(**held(checked, moved[0]), place="in the simulation"))
-    rows = with_switches(checked, header, rows, None if start.on is None else start.on[None])
+    if checked.choices:
+        header = make_header(checked, {}, RequestData(phi={}, n=1, spread="flat"))
+        rows = with_switches(checked, header, rows, None if start.on is None else start.on[None])
     return {label: float(value[0]) for label, value in score(checked.core, list(rows), NUMPY).items()}

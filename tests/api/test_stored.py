@@ -14,9 +14,9 @@ import torch
 
 import scenegen
 from scenegen.api.dataset import make_dataset
+from scenegen.api.set_card import card
 from scenegen.api.set_edit import filter_set, merge_sets, split_set
 from scenegen.api.set_report import set_report
-from scenegen.api.sets import card
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.sampling.request import Range
 from scenegen.scenes.blocks import BLOCK

@@ -8,7 +8,6 @@ all shifted copies of the scene are one batch, and figures need no torch.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -28,10 +27,6 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import THETA, TWO_PI, along, as_poses, object_count, row_count, span_of
 from scenegen.scenes.data import RequestData
 from scenegen.search import spec_bounds
-
-if TYPE_CHECKING:
-    pass
-
 
 HARD = -0.25  # phi that a hard scene has at most, if it can be so low
 DRAWN = 512  # scenes among which one is looked for where the set has none that hard

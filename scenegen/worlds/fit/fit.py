@@ -25,7 +25,7 @@ from scenegen.validation import as_path
 from scenegen.worlds.fit import logistic
 from scenegen.worlds.fit.features import fingerprint, measured
 from scenegen.worlds.fit.logistic import Interval, Logistic, Outcomes
-from scenegen.worlds.suites.outcomes import Instruction, SuiteOutcomes, read_outcomes
+from scenegen.worlds.suites.outcomes import OutcomesHeader, SuiteOutcomes, read_outcomes
 from scenegen.worlds.suites.statistics import base_rate
 from scenegen.worlds.suites.suite import Suite, SuiteModel, SuiteTask, load_model
 
@@ -80,16 +80,11 @@ class TaskFit(SuiteModel):
 
 
 class Fit(SuiteModel):
-    """How often `policy` succeeds in the tasks of a suite, as it was run in `world`."""
+    """How often a policy succeeds in the tasks of a suite; `run` says which, and in which world."""
 
     format: Literal["scenegen/fit"] = "scenegen/fit"
     version: Literal[1] = 1
-    suite: str
-    suite_digest: Sha256
-    world: str
-    policy: str
-    instruction: Instruction
-    reverse: bool
+    run: OutcomesHeader
     monotone: bool
     tasks: Annotated[tuple[TaskFit, ...], Field(min_length=1)]
 
@@ -140,10 +135,7 @@ def fit_outcomes(outcomes: Sequence[str | Path], suite: str | Path, *, monotone:
                 rule = f"is of another run than {paths[0]}: its {name} is {getattr(run.header, name)}, not {mine}"
                 raise RequestError(OUT_OF_PLACE(option=path, rule=rule, remedy="fit the outcomes of one run, repeated"))
     tasks = [one for task in found.tasks for one in _fitted(found, task, runs, monotone)]
-    return Fit(
-        suite=found.name, suite_digest=found.digest, world=first.world, policy=first.policy,
-        instruction=first.instruction, reverse=first.reverse, monotone=monotone, tasks=tuple(tasks),
-    )  # fmt: skip
+    return Fit(run=first, monotone=monotone, tasks=tuple(tasks))
 
 
 def _fitted(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monotone: bool) -> list[TaskFit]:

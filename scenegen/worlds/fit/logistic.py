@@ -129,7 +129,7 @@ def chosen(outcomes: Outcomes, monotone: bool, seed: int = 0) -> Logistic:
 
 def held_out(outcomes: Outcomes, monotone: bool) -> Array:
     """The predicted success of each episode, (n,), by a fit of the episodes of other starts alone: features and
-    strength are chosen anew for each of FOLDS parts."""
+    strength are chosen for each of FOLDS parts by itself."""
     found = np.empty(len(outcomes.success))
     for number, held in enumerate(_folds(outcomes, seed=1)):
         found[held] = outcomes.of(held).predicted(chosen(outcomes.of(~held), monotone, seed=2 + number))

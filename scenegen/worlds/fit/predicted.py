@@ -42,7 +42,7 @@ class Predicted(Selection):
         if low > most or high < least:
             wanted = f"a range of what the fit predicts in {task.name}: from {least:.3g} to {most:.3g}"
             raise RequestError(OUT_OF_RANGE(argument="success", value=str(ends), wanted=wanted))
-        made = Predicted(problem, plan, task, fit.policy, low, high, why=plan.why)
+        made = Predicted(problem, plan, task, fit.run.policy, low, high, why=plan.why)
         if len(plan.reached) == 1:
             return made
         cells = (set(made.draw(k).cell.tolist()) & {*plan.reached} for k in range(TRIES))

@@ -20,7 +20,7 @@ MOST_STRATA = 8
 
 
 def _variance(n: Array, p: Array, w: Array) -> Array:
-    """The variance that each stratum of the probability w has in the interval above, with n episodes at a rate p."""
+    """The variance of each stratum of the probability w in the interval of `base_rate`, with n episodes at a rate p."""
     p = (n * p + 1.0) / (n + 2.0)
     return np.asarray(w**2 * p * (1.0 - p) / n)
 

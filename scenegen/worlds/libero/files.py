@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import gc
-import io
 import json
-import logging
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +17,7 @@ from scenegen.errors.worlds import PLACEMENT
 from scenegen.needs import need
 from scenegen.sampling.request import parse_phi
 from scenegen.scenes.files import ensure_folder, whole_file, write_whole
+from scenegen.worlds.libero.measure import silence
 from scenegen.worlds.libero.states import SettledStates, init_states
 
 SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10", "libero_90")
@@ -42,7 +39,7 @@ def tasks_of(name: str) -> list[LiberoTask]:
     path = Path(name)
     if path.suffix == ".bddl" and path.is_file():
         return [LiberoTask(path.resolve().parent.name, path.stem, path.resolve())]
-    folder = Path(_paths()["bddl_files"])
+    folder = Path(libero_paths()["bddl_files"])
     found = [
         LiberoTask(one.parent.name, one.stem, one)
         for suite in ((name,) if (folder / name).is_dir() and name else SUITES)
@@ -54,25 +51,26 @@ def tasks_of(name: str) -> list[LiberoTask]:
     return found if name in SUITES or (folder / name).is_dir() else found[:1]
 
 
-def _paths() -> dict[str, str]:
+def libero_paths() -> dict[str, str]:
+    """Where LIBERO has its files, by the names of its config.yaml."""
     need("libero", "for its suites and tasks")
-    with _silence():
+    with silence():
         from libero.libero import get_libero_path
 
         return {key: str(get_libero_path(key)) for key in PATHS}
 
 
-def make_environment(task: LiberoTask, seed: int) -> Any:
-    """LIBERO's environment of a task, without pictures, and reset."""
+def make_environment(task: LiberoTask, seed: int = 0, *, pictures: bool = False) -> Any:
+    """LIBERO's environment of a task, reset; with `pictures` its cameras are in observations."""
     need("libero", "to simulate its tasks")
-    with _silence():
+    with silence():
         from libero.libero.envs.env_wrapper import ControlEnv
 
         env = ControlEnv(
             bddl_file_name=str(task.file),
-            use_camera_obs=False,
+            use_camera_obs=pictures,
             has_renderer=False,
-            has_offscreen_renderer=False,
+            has_offscreen_renderer=pictures,
             hard_reset=False,
         )
         env.seed(seed)
@@ -132,31 +130,20 @@ class StatesJob:
         return report
 
     def done(self, task: LiberoTask) -> dict[str, Any] | None:
-        """The report of a task that was made before, by the same request."""
+        """The report of a task that was made before, by the same request, if its states are still there."""
         try:
             found = json.loads((self.out / "reports" / task.suite / f"{task.name}.json").read_text())
         except (OSError, ValueError):
             return None
         same = isinstance(found, dict) and found.get("request") == self.request()
-        return found if same else None
+        there = (self.out / "init_files" / task.suite / f"{task.name}.pruned_init").exists()
+        return found if same and (there or not found["states"]) else None
 
 
 def write_home(out: Path) -> Path:
     """The file by which LIBERO finds the states: `LIBERO_CONFIG_PATH=OUT`. Raises OutputError."""
-    paths = {**_paths(), "init_states": str(out.resolve() / "init_files")}
+    paths = {**libero_paths(), "init_states": str(out.resolve() / "init_files")}
     ensure_folder(out)
     text = "".join(f"{key}: {json.dumps(path)}\n" for key, path in paths.items())
     write_whole(out / "config.yaml", text.encode())
     return out / "config.yaml"
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """robosuite and LIBERO print as they are imported and made."""
-    before = logging.root.manager.disable
-    logging.disable(logging.WARNING)
-    try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            yield
-    finally:
-        logging.disable(before)

@@ -5,6 +5,9 @@ Nothing here imports robosuite or LIBERO: an environment brings its own simulati
 
 from __future__ import annotations
 
+import contextlib
+import io
+import logging
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,7 +19,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry.footprint import Rectangle, convex_hull
 from scenegen.needs import need
-from scenegen.worlds.frame import inverse, times, upright
+from scenegen.worlds.frame import heading_of, rotated, upright
 
 CORNERS = 12  # of a prism at most
 ROBOT = "the robot"
@@ -81,13 +84,19 @@ def prism_of(points: Array, attitude: Array) -> PrismShape:
 
 def matrix(quaternion: Array) -> Array:
     """(3, 3): the rotation of a unit quaternion (w, x, y, z)."""
-    axes = (times(times(quaternion, (0.0, *axis)), inverse(quaternion))[1:] for axis in np.eye(3))
-    return np.stack(list(axes), axis=1)
+    return np.stack([rotated(quaternion, axis) for axis in np.eye(3)], axis=1)
 
 
-def heading_of(quaternion: Array) -> float:
-    """The turn about the vertical that comes nearest to an attitude, in radians."""
-    return 2.0 * math.atan2(quaternion[3], quaternion[0])
+@contextmanager
+def silence() -> Iterator[None]:
+    """robosuite and LIBERO print as they are imported and made, and as they step."""
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            yield
+    finally:
+        logging.disable(before)
 
 
 class LiveModel:
@@ -166,7 +175,7 @@ class LiveModel:
         """How a thing stands after the reset: its quaternion (w, x, y, z) at heading 0, and its heading."""
         address = self.movers[name] + 3
         quaternion = self.start[address : address + 4]
-        return upright(quaternion), heading_of(quaternion)
+        return upright(quaternion), float(heading_of(quaternion))
 
     def points(self, name: str, low: float = math.inf) -> Array:
         """(n, 3): the corners of a thing's collision shapes, in the frame of its root body; of shapes that begin at

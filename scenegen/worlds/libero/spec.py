@@ -21,8 +21,8 @@ from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.geometry import NUMPY
 from scenegen.geometry.clearance import gap
 from scenegen.geometry.footprint import Polygon, Rectangle
-from scenegen.worlds.frame import upright
-from scenegen.worlds.libero.measure import Floor, LiveModel, Part, PrismShape, heading_of, prism_of
+from scenegen.worlds.frame import heading_of, upright
+from scenegen.worlds.libero.measure import Floor, LiveModel, Part, PrismShape, prism_of
 from scenegen.worlds.pddl.translation import around, grown, meet
 
 Fact: TypeAlias = tuple[str, ...]  # a predicate and names
@@ -335,9 +335,10 @@ class _Task:
                 height = lowest if height - 0.002 <= lowest < height else height
                 if lowest < height:  # something can be within it
                     height, prism = BLOCK, prism_of(self.live.points(name, LOW), upright(quaternion))
-                pose = f"({_n(x)}, {_n(y)}, {_n(heading_of(quaternion) % (2.0 * math.pi))} rad)"
+                heading = float(heading_of(quaternion))
+                pose = f"({_n(x)}, {_n(y)}, {_n(heading % (2.0 * math.pi))} rad)"
                 found[name] = f"{prism.text(height)} at {pose}", grown((x, y, x, y), prism.reach)
-                self.stands[name] = prism, x, y, heading_of(quaternion)
+                self.stands[name] = prism, x, y, heading
         return found
 
     def _clear(self, one: str, other: str) -> bool:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -19,8 +17,8 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
 from scenegen.sampling.request import Range
 from scenegen.validation import as_int, as_seconds
-from scenegen.worlds.frame import TableFrame, inverse, times
-from scenegen.worlds.libero.measure import FLAT, ROBOT, STEEP, matrix
+from scenegen.worlds.frame import TableFrame, flat, inverse, times
+from scenegen.worlds.libero.measure import FLAT, ROBOT, STEEP, matrix, silence
 from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
 from scenegen.worlds.robosuite import InitStates
 from scenegen.worlds.starts import RangeStarts, Start, phi_at
@@ -84,9 +82,9 @@ def init_states(
     the initial facts have them, unless the range of `start` is given. Things settle for `settle` seconds at most, while
     the arm is held. A state is kept if `accept`, by default the environment's `check_success`, agrees with the sign of
     phi, at once and after 20 steps of the environment's own, if nothing moves or touches the robot, and if the initial
-    facts hold, to 1 cm. `spec` is what `spec_of` made of the environment, by default anew; it needs a label `goal`. At
-    most `tries` scenes for each state are drawn, and 80 in vain: there can be fewer states than n. The same seed gives
-    the same states.
+    facts hold, to 1 cm. `spec` is what `spec_of` made of the environment since its last reset; it is made where none is
+    given. It needs a label `goal`. At most `tries` scenes for each state are drawn, and 80 in vain: there can be fewer
+    states than n. The same seed gives the same states.
 
     Raises RequestError, also where no scene has such a phi.
     """
@@ -180,7 +178,7 @@ class _Maker:
         rested, read = self.places(), self.phi(start)
         solved = read.get("goal", 0.0) >= 0.0
         if hasattr(self.env, "set_init_state"):
-            with _silence():
+            with silence():
                 self.env.set_init_state(state)
         if self.judge() != solved:
             return _Verdict(f"phi is {'>= 0, but not solved' if solved else '< 0, but solved'}", False)
@@ -266,7 +264,7 @@ class _Maker:
         inner = self.live.env
         action = np.zeros(inner.action_dim)
         action[-1] = -1.0
-        with _silence():
+        with silence():
             for _ in range(STEPS):
                 inner.timestep, inner.done = 0, False
                 self.env.step(action)
@@ -282,8 +280,7 @@ class _Maker:
 
     def phi(self, start: Start) -> dict[str, float]:
         """phi by label as the simulation is; a thing counts as being on what it is on in the scene."""
-        own, poses = self.own, start.poses
-        found = np.column_stack([poses[:, :2], 2.0 * np.arctan2(poses[:, 6], poses[:, 3])])
+        own, found = self.own, flat(start.poses)
         for which, name in enumerate(own.spec.objects):
             if name in own.sliders:
                 found[which, 0] = self.data.qpos[own.sliders[name].address] * own.sliders[name].lever
@@ -320,13 +317,6 @@ def _quarters() -> list[Array]:
             if all(abs(new @ other) < 0.99 for other in found):
                 found.append(new)
     return found
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Environments print as they step."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield
 
 
 def settled_scenes(env: Any, own: EnvironmentSpec, settle: float = 1.0) -> Callable[[Array], Array]:

@@ -51,7 +51,6 @@ Told = Callable[[EpisodeOutcome, int, int], None]  # an outcome, how many of how
 
 def run_suite(
     suite: Suite,
-    folder: str | Path,
     out: str | Path,
     *,
     world: str,
@@ -64,7 +63,7 @@ def run_suite(
     workers: int = 1,
     told: Told = lambda outcome, done, count: None,
 ) -> Path:
-    """Run episodes of the suite in `folder`, by default all, and write their outcomes to a file, which is returned.
+    """Run episodes of a suite, by default all, and write their outcomes to a file, which is returned.
 
     `world` names a function of a task that returns an environment, `policy` a function of observation and instruction,
     a class, or a function of `env`, that makes one, or the URL of a server (scenegen/worlds/policy_server.py):
@@ -77,8 +76,9 @@ def run_suite(
         raise RequestError(UNKNOWN_CHOICE(what="instruction", name=instruction, known=get_args(Instruction)))
     for argument, text in (("world", world), ("policy", policy)):
         where, _, name = text.rpartition(":")
-        if not text.startswith("http://") and not (where and name.isidentifier()):
-            raise RequestError(WRONG_VALUE(argument=argument, value=f"`{text}`", wanted="MODULE:NAME or FILE.py:NAME"))
+        if not (where and name.isidentifier()) and not (argument == "policy" and text.startswith("http://")):
+            forms = "MODULE:NAME or FILE.py:NAME" + (", or http://HOST:PORT" if argument == "policy" else "")
+            raise RequestError(WRONG_VALUE(argument=argument, value=f"`{text}`", wanted=forms))
     header = OutcomesHeader(
         suite=suite.name, digest=suite.digest, world=world, policy=policy, instruction=instruction,
         reverse=suite.reverse, episodes=len(suite),
@@ -93,7 +93,7 @@ def run_suite(
     wanted = [suite[number] for number in episodes or range(len(suite)) if number not in there]
     todo = deque(start.number for start in sorted(wanted, key=lambda start: suite.tasks.index(start.task)))
     write_whole(out, dump_outcomes(header, found))
-    job = Player(Path(folder), suite.reverse, world, policy, instruction == "empty", steps)
+    job = Player(suite.folder, suite.reverse, world, policy, instruction == "empty", steps)
     with reported(out), out.open("ab") as file:
         for done, outcome in enumerate(_played(job, suite, todo, check_workers(workers), timeout), 1):
             file.write(line_of(outcome))
@@ -223,6 +223,9 @@ class Player:
             action = self.act(observation, "" if self.empty else start.task.instruction)
             self.steps += 1
             observation, _, terminated, truncated, info = self.env.step(action)
+            if "success" not in info:
+                reason = "there is no `success` in info"
+                raise ScenegenError(WORLD_FAILS(what="the world", name=self.world, how="does not judge", reason=reason))
             over, success = bool(terminated or truncated), bool(info["success"])
         return success
 
@@ -237,7 +240,7 @@ def named(text: str) -> Any:
         spec = importlib.util.spec_from_file_location(key, key)
         assert spec is not None and spec.loader is not None
         sys.modules[key] = module = importlib.util.module_from_spec(spec)
-        sys.path.append(str(Path(key).parent))  # for what lies beside it
+        sys.path.append(str(Path(key).parent))  # for modules of the same folder
         spec.loader.exec_module(module)
     return getattr(sys.modules[key], name)
 
@@ -259,7 +262,8 @@ class RemotePolicy:
     raises ScenegenError where none comes."""
 
     def __init__(self, url: str) -> None:
-        self._url, self._link = url, http.client.HTTPConnection(urlsplit(url).netloc)
+        where = urlsplit(url)
+        self._url, self._path, self._link = url, where.path.rstrip("/"), http.client.HTTPConnection(where.netloc)
 
     def reset(self, seed: int) -> None:
         until = time.monotonic() + WAIT
@@ -278,7 +282,7 @@ class RemotePolicy:
 
     def _ask(self, path: str, given: dict[str, Any]) -> Any:
         try:
-            self._link.request("POST", path, encode(given), {"content-type": "application/json"})
+            self._link.request("POST", self._path + path, encode(given), {"content-type": "application/json"})
             answer = decode(self._link.getresponse().read())
         except BaseException:
             self._link.close()  # the next request opens it again

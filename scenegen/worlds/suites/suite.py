@@ -156,9 +156,10 @@ class GradedStart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Suite:
-    """A suite: `len(suite)` starts, `suite[i]` is start i; `n` are those of each cell; `cells` are every band of every
-    task, in the order of starts."""
+    """The suite in a `folder`: `len(suite)` starts, `suite[i]` is start i; `n` are those of each cell; `cells` are
+    every band of every task, in the order of starts."""
 
+    folder: Path
     name: str
     digest: str
     n: int
@@ -174,7 +175,7 @@ class Suite:
         if reverse and not file.reversed:
             raise DataError(NOT_A_SUITE(file=folder, what="a suite with reversed tasks", reason="none has a way back"))
         tasks = (_task(folder, one, file.n) for one in (file.reversed if reverse else file.tasks))
-        return Suite(file.name, file.digest, file.n, reverse, tuple(tasks))
+        return Suite(folder, file.name, file.digest, file.n, reverse, tuple(tasks))
 
     @property
     def cells(self) -> list[tuple[SuiteTask, BandData]]:

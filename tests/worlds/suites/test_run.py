@@ -57,7 +57,13 @@ def test_an_exception_is_an_outcome_and_the_next_episode_is_played(small):
 
 
 @pytest.mark.parametrize(
-    "world, policy", [("broken", f"{TOY}:towards"), ("make", f"{TOY}:nobody"), ("make", "no.such.module:act")]
+    "world, policy",
+    [
+        ("broken", f"{TOY}:towards"),
+        ("unjudged", f"{TOY}:towards"),
+        ("make", f"{TOY}:nobody"),
+        ("make", "no.such.module:act"),
+    ],
 )
 def test_what_can_never_work_ends_the_run(small, world, policy):
     with pytest.raises(ScenegenError) as caught:
@@ -111,6 +117,18 @@ def test_a_policy_behind_a_server(small, served):
     assert there(1).error == "RuntimeError: ValueError: no plan" and there(3).success
 
 
+def test_another_path_of_a_server_is_an_error(served):
+    with pytest.raises(RuntimeError, match="there are /reset and /act here, not /v1/reset"):
+        RemotePolicy(f"{served[1]}/v1/").reset(0)
+
+
+@pytest.mark.parametrize("argument, text", [("policy", "https://localhost"), ("world", "http://localhost:80")])
+def test_names_that_are_none(small, tmp_path, argument, text):
+    with pytest.raises(RequestError) as caught:
+        run_suite(Suite.load(small), tmp_path / "o.jsonl", **{"world": WORLD, "policy": WORLD, argument: text})
+    assert text in str(caught.value) and ("http://HOST:PORT" in str(caught.value)) == (argument == "policy")
+
+
 def test_a_server_that_never_answers_ends_the_run(monkeypatch):
     monkeypatch.setattr(running, "WAIT", 0.0)
     with pytest.raises(ScenegenError) as caught:
@@ -121,9 +139,7 @@ def test_a_server_that_never_answers_ends_the_run(monkeypatch):
 @pytest.mark.long
 def test_a_policy_that_dies_costs_one_episode(small, tmp_path):
     def run(out, policy, **more):
-        path = run_suite(
-            Suite.load(small), small, tmp_path / out, world=WORLD, policy=f"{TOY}:{policy}", steps=30, **more
-        )
+        path = run_suite(Suite.load(small), tmp_path / out, world=WORLD, policy=f"{TOY}:{policy}", steps=30, **more)
         return read_outcomes(path).episodes
 
     well = run("well.jsonl", "towards")
@@ -142,16 +158,16 @@ def test_a_policy_that_dies_costs_one_episode(small, tmp_path):
 def test_a_run_goes_on(small, tmp_path):
     suite = Suite.load(small)
     given = {"world": WORLD, "policy": f"{TOY}:Noisy", "steps": 30}
-    whole = run_suite(suite, small, tmp_path / "whole.jsonl", **given).read_bytes()
-    out = run_suite(suite, small, tmp_path / "part.jsonl", episodes=suite.part(4), **given)
+    whole = run_suite(suite, tmp_path / "whole.jsonl", **given).read_bytes()
+    out = run_suite(suite, tmp_path / "part.jsonl", episodes=suite.part(4), **given)
     with pytest.raises(RequestError) as caught:
-        run_suite(suite, small, out, **given)
+        run_suite(suite, out, **given)
     assert caught.value.diagnostics[0].kind == UNFINISHED_RUN
     out.write_bytes(out.read_bytes() + b'{"episode": 0, "task": "bes')  # killed in the midst of a line
-    run_suite(suite, small, out, resume=True, **given)
+    run_suite(suite, out, resume=True, **given)
     assert out.read_bytes() == whole
     with pytest.raises(RequestError) as caught:
-        run_suite(suite, small, out, resume=True, **{**given, "policy": f"{TOY}:towards"})
+        run_suite(suite, out, resume=True, **{**given, "policy": f"{TOY}:towards"})
     assert caught.value.diagnostics[0].kind == OTHER_REQUEST
 
 
@@ -164,7 +180,7 @@ def test_a_killed_run_keeps_what_it_has(small, tmp_path, interruptible):
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
-        run_suite(suite, small, out, world=WORLD, policy=f"{TOY}:towards", steps=30, told=told)
+        run_suite(suite, out, world=WORLD, policy=f"{TOY}:towards", steps=30, told=told)
     assert len(read_outcomes(out).episodes) == 3
 
 

@@ -32,6 +32,17 @@ def make(task):
     return Toy(task)
 
 
+class Unjudged(Toy):
+    """A world that does not say whether the task is done."""
+
+    def step(self, action):
+        return *super().step(action)[:4], {}
+
+
+def unjudged(task):
+    return Unjudged(task)
+
+
 def broken(task):
     raise OSError("no display")
 

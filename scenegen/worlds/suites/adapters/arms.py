@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
-from scenegen.worlds.frame import TableFrame, inverse, times
+from scenegen.worlds.frame import TableFrame, inverse, rotated, times
 
 if TYPE_CHECKING:
     from scenegen.worlds.suites.suite import GradedStart, SuiteTask
@@ -159,8 +159,3 @@ def lean(poses: Array) -> Array:
     """(N,): by how many radians poses (N, 7) are off the vertical."""
     leaning: Array = np.arccos(np.clip(1.0 - 2.0 * (poses[:, 4] ** 2 + poses[:, 5] ** 2), -1.0, 1.0))
     return leaning
-
-
-def rotated(quaternion: Array, vector: Array) -> Array:
-    """A vector (3,), turned by a quaternion w, x, y, z."""
-    return times(times(quaternion, [0.0, *vector]), inverse(quaternion))[1:]

@@ -14,9 +14,11 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
+from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.needs import need
+from scenegen.validation import as_point
 from scenegen.worlds.frame import TableFrame
+from scenegen.worlds.libero.files import libero_paths, make_environment, tasks_of
 from scenegen.worlds.libero.spec import spec_of
 from scenegen.worlds.libero.states import settled_scenes
 from scenegen.worlds.suites.adapters.arms import ArmWorld, Begun
@@ -24,24 +26,15 @@ from scenegen.worlds.suites.adapters.arms import ArmWorld, Begun
 if TYPE_CHECKING:
     from scenegen.worlds.suites.suite import GradedStart, SuiteTask
 
-SUITES = ("10", "90", "goal", "object", "spatial")
 HORIZON, WAIT, SEED = 600, 10, 0  # steps of an episode; steps in which things settle first; of what LIBERO draws itself
 
 
 def make(task: SuiteTask, pictures: bool = False) -> ArmWorld:
     """Raises RequestError where LIBERO is missing or has no such task, and for starts beyond the init states."""
-    need("libero", "for the world of its tasks")
-    from libero.libero import get_libero_path
-    from libero.libero.envs.env_wrapper import ControlEnv
-
-    files = Path(get_libero_path("bddl_files"))
-    tasks = {path.stem: path for suite in SUITES for path in sorted(files.glob(f"libero_{suite}/*.bddl"))}
-    if task.name not in tasks:
-        raise RequestError(UNKNOWN_CHOICE(what="task of LIBERO's", plural="tasks", name=task.name, known=tuple(tasks)))
-    folder = Path(get_libero_path("init_states")) / tasks[task.name].parent.name
-    env = ControlEnv(str(tasks[task.name]), use_camera_obs=pictures, has_offscreen_renderer=pictures, hard_reset=False)
+    found = tasks_of(task.name)[0]
+    folder = Path(libero_paths()["init_states"]) / found.suite
+    env = make_environment(found, SEED, pictures=pictures)
     models = dict(env.env.objects_dict)
-    reset(env)
     own = spec_of(env)
     settled = settled_scenes(env, own) if set(task.spec.objects) == set(own.spec.objects) else None
     states = read_states(folder / f"{task.name}.pruned_init") if settled is None else np.empty((0, 0))
@@ -57,7 +50,7 @@ def make(task: SuiteTask, pictures: bool = False) -> ArmWorld:
             own = env.step([0.0] * 6 + [-1.0])[0]
         return tuple(models), standing(env.sim, models, frame), own
 
-    frame = TableFrame(tuple(map(float, env.env.workspace_offset)))  # type: ignore[arg-type]
+    frame = TableFrame(as_point("workspace_offset", env.env.workspace_offset))
     return ArmWorld(task, env, frame, models, begin, lambda world: bool(env.check_success()), HORIZON)
 
 
@@ -73,14 +66,16 @@ def seeing(task: SuiteTask) -> ArmWorld:
 
 
 def read_states(path: Path) -> Array:
-    """(n, D): the rows of TASK.pruned_init.npz, or of TASK.pruned_init."""
+    """(n, D): the rows of TASK.pruned_init.npz, or of TASK.pruned_init, of which nothing but an array is unpickled."""
     if Path(f"{path}.npz").exists():
         with np.load(f"{path}.npz") as arrays:
             return np.asarray(arrays[arrays.files[0]], dtype=np.float64)
     need("torch", "to read init states")
     import torch
 
-    return np.asarray(torch.load(path, weights_only=False), dtype=np.float64)
+    array = [np._core.multiarray._reconstruct, np.ndarray, np.dtype, type(np.dtype(np.float64))]  # type: ignore[attr-defined]
+    with torch.serialization.safe_globals(array):
+        return np.asarray(torch.load(path, weights_only=True), dtype=np.float64)
 
 
 def standing(sim: Any, models: dict[str, Any], frame: TableFrame) -> Array:

@@ -10,8 +10,9 @@ import pytest
 import scenegen
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_INSTALLED, WRONG_VALUE
+from scenegen.worlds.frame import rotated
 from scenegen.worlds.suites.adapters import libero
-from scenegen.worlds.suites.adapters.arms import ArmWorld, lean, rotated
+from scenegen.worlds.suites.adapters.arms import ArmWorld, lean
 from scenegen.worlds.suites.adapters.table import make, solids_of, table_of
 
 SPEC = scenegen.parse("""

@@ -89,7 +89,7 @@ def test_a_run_that_was_cut_short_goes_on(fitted, tmp_path):
         if found > wanted / 2:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt, match="part.parquet.part"):
+    with pytest.raises(KeyboardInterrupt, match=r"part\.parquet\.part"):
         scenegen.sample_to(tmp_path / "part.parquet", spec, workers=1, progress=half, **asked)
     some = [scenegen.sample_to(tmp_path / "part.parquet", spec, resume=True, workers=1, **asked)]
     some.append(scenegen.sample_to(tmp_path / "whole.parquet", spec, workers=1, **asked))

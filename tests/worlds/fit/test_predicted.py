@@ -135,11 +135,13 @@ def test_a_scene_out_of_the_range_is_never_returned(fitted):
 def test_too_few_scenes_are_explained(fitted):
     path = fitted("by phi")
     highest = Fit.load(path).tasks[0].model.bounds[1]
-    with pytest.raises(RequestError) as caught:
-        scenegen.sample(
-            scenegen.parse(TASK), {"goal": (None, -0.7)}, n=4, timeout=0.3, under=path, success=(highest - 0.01, 1)
-        )
-    (wrong,) = caught.value.diagnostics
+    asked = {"n": 4, "under": path, "success": (highest - 0.01, 1)}
+    for timeout in (0.3, 3.0, 30.0):  # a busy machine may need all of the first just to make its plan
+        with pytest.raises(RequestError) as caught:
+            scenegen.sample(scenegen.parse(TASK), {"goal": (None, -0.7)}, timeout=timeout, **asked)
+        (wrong,) = caught.value.diagnostics
+        if wrong.kind is TOO_FEW_IN_CELL:
+            break
     assert wrong.kind is TOO_FEW_IN_CELL and "0 have a predicted success of" in wrong.note
 
 

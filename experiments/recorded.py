@@ -36,7 +36,7 @@ def row(suite: Suite, number: int, path: Path) -> list[str]:
     """The row of a task, by its number, and a policy."""
     task, run = suite.tasks[number], read_outcomes(path, suite)
     ended = {one.episode: [one.success] for one in run.episodes if one.task == task.name}
-    _, data = outcomes_of(suite, task, ended)
+    data = outcomes_of(suite, task, ended)
     y, p, phi = data.success, held_out(data, False), data.values[0]
     other, rate, rng = boosted(data.values.T, y), float(y.mean()), np.random.default_rng(number)
     ends, probability, given = cut(p, ROLLOUTS // 5)

@@ -33,9 +33,11 @@ UP = 0.985  # the cosine of 10 degrees, by which things of starts may tip
 LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
 SLOW = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
-LEAST, TRIES = 80, 10  # scenes that are drawn at most: if none of them is good, and for each state
+LEAST, TRIES = 130, 10  # scenes that are drawn at most: if none of them is good, and for each state
 TIMEOUT = 60.0  # seconds of a draw
 UPRIGHT = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
+OVER = 0.0005  # metres over its floor from where a thing is lowered
+LEAN, HIGH = 0.15, 0.1  # radians by which it leans in the last of these attitudes, as a book does, and metres for OVER
 
 Judge = Callable[[], bool]
 
@@ -99,7 +101,7 @@ def init_states(
     the arm is held. A state is kept if `accept`, by default the environment's `check_success`, agrees with the sign of
     phi, at once and after 20 steps of the environment's own, if nothing moves or touches the robot, and if the initial
     facts hold, to 1 cm. `spec` is what `spec_of` made of the environment since its last reset; it is made where none is
-    given. It needs a label `goal`. At most ten scenes for each state are drawn, and 80 in vain: there can be fewer
+    given. It needs a label `goal`. At most ten scenes for each state are drawn, and 130 in vain: there can be fewer
     states than n. The same seed gives the same states.
 
     Raises RequestError, also where no scene has such a phi.
@@ -212,7 +214,7 @@ class _Maker:
 
     def put(self, poses: Array, side: int | None) -> None:
         """The things where a scene has them, each lowered until it touches something; those that stand lowest first.
-        With `side`, what the goal has at a site of a fixture is turned to one of the 24 attitudes along its axes."""
+        With `side`, what the goal has at a site of a fixture is turned to one of the attitudes along its axes."""
         own, live = self.own, self.live
         self.restore()
         live.put_away()
@@ -221,12 +223,13 @@ class _Maker:
             self.data.qpos[part.address] = rows[name][0] / part.lever
         live.mj.mj_forward(self.model, self.data)
         for name in sorted(self.things, key=lambda name: float(rows[name][2])):
-            attitude, low = times(rows[name][3:], own.attitudes[name]), own.prisms[name].bottom
+            attitude, low, over = times(rows[name][3:], own.attitudes[name]), own.prisms[name].bottom, OVER
             if side is not None and name in own.tight:
+                turn, over = _sides()[side % len(_sides())]
                 live.mj.mju_mat2Quat(attitude, live.site(own.tight[name])[1].ravel())
-                attitude = times(attitude, times(_quarters()[side % 24], own.attitudes[name]))
+                attitude = times(attitude, times(turn, own.attitudes[name]))
                 low = float((live.points(name) @ matrix(attitude).T)[:, 2].min())
-            live.place(name, rows[name][:3] + own.origin + (0.0, 0.0, 0.0005 - low), attitude)
+            live.place(name, rows[name][:3] + own.origin + (0.0, 0.0, over - low), attitude)
             if rows[name][2] > 0.004:
                 self.lower(name)
         live.mj.mj_forward(self.model, self.data)
@@ -319,6 +322,14 @@ class _Maker:
 
 
 @cache
+def _sides() -> list[tuple[Array, float]]:
+    """The 24 rotations by quarters of a turn; then the same, leaning about x or y, either way, and from high above."""
+    cosine, sine = math.cos(LEAN / 2.0), math.sin(LEAN / 2.0)
+    leans = [(cosine, sine, 0.0, 0.0), (cosine, 0.0, sine, 0.0), (cosine, -sine, 0.0, 0.0), (cosine, 0.0, -sine, 0.0)]
+    straight = [(one, OVER) for one in _quarters()]
+    return straight + [(times(lean, one), HIGH) for lean in leans for one, _ in straight]
+
+
 def _quarters() -> list[Array]:
     """The 24 rotations by quarters of a turn; the first are nearest to none."""
     half = math.sqrt(0.5)

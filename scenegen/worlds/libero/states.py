@@ -33,7 +33,7 @@ UP = 0.985  # the cosine of 10 degrees, by which things of starts may tip
 LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
 SLOW = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
-LEAST, TRIES = 130, 10  # scenes that are drawn at most: if none of them is good, and for each state
+LEAST, TRIES = 174, 10  # scenes that are drawn at most: if none of them is good, and for each state
 TIMEOUT = 60.0  # seconds of a draw
 UPRIGHT = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
 OVER = 0.0005  # metres over its floor from where a thing is lowered
@@ -101,7 +101,7 @@ def init_states(
     the arm is held. A state is kept if `accept`, by default the environment's `check_success`, agrees with the sign of
     phi, at once and after 20 steps of the environment's own, if nothing moves or touches the robot, and if the initial
     facts hold, to 1 cm. `spec` is what `spec_of` made of the environment since its last reset; it is made where none is
-    given. It needs a label `goal`. At most ten scenes for each state are drawn, and 130 in vain: there can be fewer
+    given. It needs a label `goal`. At most ten scenes for each state are drawn, and 174 in vain: there can be fewer
     states than n. The same seed gives the same states.
 
     Raises RequestError, also where no scene has such a phi.
@@ -323,11 +323,11 @@ class _Maker:
 
 @cache
 def _sides() -> list[tuple[Array, float]]:
-    """The 24 rotations by quarters of a turn; then the same, leaning about x or y, either way, and from high above."""
+    """Three times the 24 rotations by quarters of a turn; then each leaning about x or y, either way, from high."""
     cosine, sine = math.cos(LEAN / 2.0), math.sin(LEAN / 2.0)
     leans = [(cosine, sine, 0.0, 0.0), (cosine, 0.0, sine, 0.0), (cosine, -sine, 0.0, 0.0), (cosine, 0.0, -sine, 0.0)]
     straight = [(one, OVER) for one in _quarters()]
-    return straight + [(times(lean, one), HIGH) for lean in leans for one, _ in straight]
+    return 3 * straight + [(times(lean, one), HIGH) for lean in leans for one, _ in straight]
 
 
 def _quarters() -> list[Array]:

@@ -25,7 +25,7 @@ REACH = 0.05, 0.5  # metres and radians of an action of 1
 OPEN, CLOSED = -1.0, 1.0
 ABOVE = 0.12  # metres that the hand keeps above what stands on the table
 DEEP = 0.025  # metres between the finger tips and the top of what they hold
-HAND = ((0.132, 0.022, -0.012), (0.208, 0.064, 0.024))  # open fingers, palm: metres along and across, from where above
+HAND = ((0.132, 0.022, -0.012), (0.208, 0.064, 0.024))  # open fingers, palm: length, width, and height above the grip
 ROOM = 0.01  # metres around the hand that are enough
 
 
@@ -76,13 +76,12 @@ class Scripted:
         yield from self.move([*at, grip], turn, OPEN)
         yield from self.hold([*at, grip], turn, CLOSED, lambda before, now, _: now > before - 5e-4)
         yield from self.move([*at, self.level], turn, CLOSED, near=0.03)
-        turn = after
         at = goal[:2] + self.random.normal(0.0, self.put, 2)
-        yield from self.move([*at, self.level], turn, CLOSED, near=0.01)
+        yield from self.move([*at, self.level], after, CLOSED, near=0.01)
         drop = grip + goal[3] - low + 0.003
-        yield from self.move([*at, drop], turn, CLOSED)
-        yield from self.hold([*at, drop], turn, OPEN, lambda _, now, first: now > first + 0.01)
-        yield from self.move([*at, self.level], turn, OPEN, near=0.05)
+        yield from self.move([*at, drop], after, CLOSED)
+        yield from self.hold([*at, drop], after, OPEN, lambda _, now, first: now > first + 0.01)
+        yield from self.move([*at, self.level], after, OPEN, near=0.05)
 
     def grasp(self, which: int, goal: Any, grip: float) -> tuple[float, float]:
         """The directions in which the fingers close on a thing, and in which they let it go: of those that go across

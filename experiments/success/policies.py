@@ -43,3 +43,7 @@ def n11(env: Any) -> Any:
 
 def n14(env: Any) -> Any:
     return scripted(env, 0.014)
+
+
+def n17(env: Any) -> Any:
+    return scripted(env, 0.017)

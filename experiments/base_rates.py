@@ -22,7 +22,6 @@ import scenegen
 from scenegen.api.scene_arrays import rows_of
 from scenegen.arrays import Array, Index
 from scenegen.pose import X, Y, along
-from scenegen.scenes.sets import Rareness
 from scenegen.worlds.fit import allocate, base_rate
 from scenegen.worlds.fit.features import Feature, measured, things_of
 from scenegen.worlds.fit.logistic import SETS, Outcomes, auc, brier, calibration_error, chosen
@@ -58,10 +57,9 @@ class Starts:
 def starts_of(task: SuiteTask) -> Starts:
     """Random starts of a task."""
     scenes = scenegen.sample(task.spec, n=POOL, seed=1, spread="base", timeout=600)
-    spec, phi = task.spec.checked, np.sort(scenes.phi[task.success])
+    spec = task.spec.checked
     rows = rows_of(spec, scenes)
-    rare = Rareness(phi=phi.tolist(), log10p=np.log10(np.arange(1, POOL + 1) / POOL).tolist())
-    features, values = measured(spec, task.success, rows, rare)
+    features, values = measured(spec, task.success, rows)
     first = things_of(spec, task.success)[0]
     return Starts(features, values, np.stack([rows[along(X)][first], rows[along(Y)][first]]))
 

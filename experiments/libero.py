@@ -1,6 +1,7 @@
 """States of all 130 tasks of LIBERO, one line of JSON a task; what is there already is left out.
 
     python -m experiments.libero OUT.jsonl --states 50 [--only REGEX]
+    python -m experiments.libero OUT.jsonl --table # what there is, by suite
 
 The first states of each request are then judged in another environment, too, with another seed, whose reset puts
 the fixtures elsewhere in their regions: by LIBERO's `set_init_state`, and after 20 steps of its own.
@@ -47,14 +48,14 @@ def measure(task: LiberoTask, states: int, seed: int, anew: int) -> dict[str, An
             continue
         line[name] = {
             "n": len(found.states),
-            "moved": [round(float(one), 6) for one in found.moved],
+            "moved": round(float(found.moved.max(initial=0.0)), 6),
             "drawn": found.drawn,
             "judged": found.judged,
             "agreed": found.agreed,
             "refused": dict(found.refused),
             "seconds": round(time.time() - begun, 1),
             "cpu_s": round(time.process_time() - used, 1),
-            "phi": [round(float(one), 5) for one in found.phi["goal"]],
+            "phi": [round(float(end), 5) for end in (np.min(found.phi["goal"]), np.max(found.phi["goal"]))],
         }
     if not anew:
         return line
@@ -105,6 +106,26 @@ def judge(env: Any, states: Any) -> dict[str, Any]:
     return {"anew": {"n": len(states), "at_once": sum(first), "after": sum(last), "facts": sum(kept), "moved": moved}}
 
 
+def table(lines: list[dict[str, Any]], states: int) -> None:
+    """Prints a row for each suite, and what became of the scenes of tasks with too few states."""
+    print("| suite | tasks | with all | starts / scenes | solved / scenes | agree | moved, mm | seconds |")
+    print("|---|---|---|---|---|---|---|---|")
+    short = [one for one in lines if any(one.get(name, {}).get("n", 0) < states for name in REQUESTS)]
+    for suite in (*SUITES, "all"):
+        mine = [one for one in lines if suite in (one["suite"], "all")]
+        cells = [suite, len(mine), sum(one not in short for one in mine)]
+        cells += [
+            "{:,} / {:,}".format(*(sum(one[name][key] for one in mine) for key in ("n", "drawn"))) for name in REQUESTS
+        ]
+        agreed, judged = (sum(one[name][key] for one in mine for name in REQUESTS) for key in ("agreed", "judged"))
+        most = max(one[name]["moved"] for one in mine for name in REQUESTS)
+        cells += [f"{agreed:,} / {judged:,} ({agreed / judged:.1%})", f"{1e3 * most:.1f}"]
+        cells.append(f"{sum(one[name]['seconds'] for one in mine for name in REQUESTS):,.0f}")
+        print(f"| {' | '.join(map(str, cells))} |")
+    for one in short:
+        print(one["suite"], one["task"], {name: (one[name]["n"], one[name]["refused"]) for name in REQUESTS})
+
+
 def main() -> None:
     reader = argparse.ArgumentParser(description=__doc__)
     reader.add_argument("out", type=Path)
@@ -113,7 +134,11 @@ def main() -> None:
     reader.add_argument("--only", default="", help="a regular expression for SUITE/TASK")
     reader.add_argument("--anew", type=int, default=10, help="states of each request to judge in another environment")
     reader.add_argument("--limit", type=int, default=1800, help="seconds for a task")
+    reader.add_argument("--table", action="store_true")
     given = reader.parse_args()
+    if given.table:
+        table([json.loads(line) for line in given.out.read_text().splitlines()], given.states)
+        return
     import libero.libero.envs.env_wrapper  # noqa: F401 - once, before the processes
 
     warnings.filterwarnings("ignore")

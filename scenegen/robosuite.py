@@ -6,7 +6,7 @@
 Nothing here imports robosuite: a placement works with the objects that the environment gives it.
 """
 
-from scenegen.worlds.robosuite import InitStates, Placement, init_states
+from scenegen.worlds.robosuite import Placement
 from scenegen.worlds.starts import phi_space
 
-__all__ = ["InitStates", "Placement", "init_states", "phi_space"]
+__all__ = ["Placement", "phi_space"]

@@ -8,12 +8,14 @@ grasps, and its hand by `put` metres when it lets go (standard deviations, drawn
 
 import math
 from collections.abc import Callable, Iterator
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 
 import scenegen
+from scenegen.geometry import NUMPY, Box
+from scenegen.geometry.clearance import gap
 
 Moves = list[tuple[int, np.ndarray]]  # numbers of objects, and where each goes: x, y, theta, z
 Script = Iterator[np.ndarray]  # actions
@@ -23,6 +25,8 @@ REACH = 0.05, 0.5  # metres and radians of an action of 1
 OPEN, CLOSED = -1.0, 1.0
 ABOVE = 0.12  # metres that the hand keeps above what stands on the table
 DEEP = 0.025  # metres between the finger tips and the top of what they hold
+HAND = ((0.132, 0.022, -0.012), (0.208, 0.064, 0.024))  # open fingers, palm: length, width, and height above the grip
+ROOM = 0.01  # metres around the hand that are enough
 
 
 class Scripted:
@@ -59,27 +63,48 @@ class Scripted:
             yield self.towards([0.0, self.seen["hand"][1], self.level], self.rest, OPEN)
 
     def carry(self, which: int, goal: Any) -> Script:
-        shape, height = self.shapes[which], self.shapes[which].height
-        x, y, theta = flat(self.things())[which]
+        height = self.shapes[which].height
+        x, y, _ = flat(self.things())[which]
         tallest = max(other.height + pose[2] for other, pose in zip(self.shapes, self.things(), strict=True))
         self.level = tallest + max(ABOVE, height)
         low = self.things()[which][2]
         grip = low + max(height - DEEP, 0.012)
         off = self.random.normal(0.0, self.see, 2)
-        turning = nearest(goal[2] - theta, 0.0, math.tau) if shape.asset != "cylinder" else 0.0
-        turn = grasp(shape, theta, turning, self.rest)
+        turn, after = self.grasp(which, goal, grip)
         at = np.array([x + off[0], y + off[1]])
         yield from self.move([*at, self.level], turn, OPEN, near=0.03)
         yield from self.move([*at, grip], turn, OPEN)
         yield from self.hold([*at, grip], turn, CLOSED, lambda before, now, _: now > before - 5e-4)
         yield from self.move([*at, self.level], turn, CLOSED, near=0.03)
-        turn += turning
         at = goal[:2] + self.random.normal(0.0, self.put, 2)
-        yield from self.move([*at, self.level], turn, CLOSED, near=0.01)
+        yield from self.move([*at, self.level], after, CLOSED, near=0.01)
         drop = grip + goal[3] - low + 0.003
-        yield from self.move([*at, drop], turn, CLOSED)
-        yield from self.hold([*at, drop], turn, OPEN, lambda _, now, first: now > first + 0.01)
-        yield from self.move([*at, self.level], turn, OPEN, near=0.05)
+        yield from self.move([*at, drop], after, CLOSED)
+        yield from self.hold([*at, drop], after, OPEN, lambda _, now, first: now > first + 0.01)
+        yield from self.move([*at, self.level], after, OPEN, near=0.05)
+
+    def grasp(self, which: int, goal: Any, grip: float) -> tuple[float, float]:
+        """The directions in which the fingers close on a thing, and in which they let it go: of those that go across
+        it, the ones with most room around the hand, and of several the ones that turn it least."""
+        poses, low = flat(self.things()), self.things()[which][2]
+        ways = list(across(self.shapes[which], poses[which, 2], goal[2], self.rest))
+        before, after = np.array(ways).T
+        room = np.minimum(
+            self.clearance(which, poses[which], grip, before), self.clearance(which, goal, grip + goal[3] - low, after)
+        )
+        turned = np.abs(before - self.rest) + np.abs(after - self.rest)
+        return ways[int(np.argmax(room - 1e-3 * turned))]
+
+    def clearance(self, which: int, at: Any, grip: float, turns: np.ndarray) -> np.ndarray:
+        """(k,): metres around the open hand at a thing, at most ROOM: to what is as high as its fingers or its palm."""
+        found = np.full(len(turns), ROOM)
+        for other, (shape, pose) in enumerate(zip(self.shapes, self.things(), strict=True)):
+            for length, width, above in HAND:
+                if other != which and shape.height + pose[2] > grip + above:
+                    x, y, theta = flat(pose[None])[0]
+                    hand = Box(length, width)
+                    found = np.minimum(found, gap(NUMPY, hand, shape.footprint, at[0], at[1], turns, x, y, theta))
+        return found
 
     def move(self, goal: Any, turn: float, fingers: float, near: float = 0.004, steps: int = 25) -> Script:
         """Towards a place until the hand is near."""
@@ -165,15 +190,19 @@ def graspable(shape: Any) -> bool:
     return min(shape.footprint.extent) <= WIDEST
 
 
-def grasp(shape: Any, theta: float, turning: float, now: float) -> float:
-    """The direction in which the fingers close on a thing, across it, if it is then turned by an angle: of those that
-    there are, the one that takes the hand least far from how it is turned, before and after."""
+def across(shape: Any, theta: float, goal: float, now: float) -> Iterator[tuple[float, float]]:
+    """The directions in which fingers can close on a thing with the heading `theta`, and open again when it has the
+    heading `goal`, each as near as can be to how the hand is turned now."""
     if shape.asset == "cylinder":
-        return now
+        for before, after in product(np.arange(8) * math.pi / 8.0, repeat=2):
+            yield nearest(before, now, math.pi), nearest(after, now, math.pi)
+        return
     length, width = shape.footprint.extent
-    across = theta + (math.pi / 2.0 if width <= length else 0.0)
-    period = math.pi / 2.0 if max(length, width) <= WIDEST else math.pi
-    return nearest(across, now - turning / 2.0, period)
+    turning = nearest(goal - theta, 0.0, math.tau)
+    for turn in (0.0, math.pi / 2.0) if max(length, width) <= WIDEST else (0.0,):
+        way = theta + turn + (math.pi / 2.0 if width <= length else 0.0)
+        before = nearest(way, now - turning / 2.0, math.pi)
+        yield before, before + turning
 
 
 def nearest(angle: float, to: float, period: float) -> float:

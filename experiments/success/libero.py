@@ -9,21 +9,22 @@ import sys
 from types import SimpleNamespace
 from typing import Any
 
-from experiments.success.run import example
+from experiments.success.policies import EXAMPLES
 from scenegen.api.spec import parse
 from scenegen.worlds.libero.files import tasks_of
 from scenegen.worlds.suites.adapters.libero import make
+from scenegen.worlds.suites.run import named
 
 STEPS = 200
 
 
 def main(suite: str = "libero_object", rows: str = "3") -> None:
     """Prints a line for each task."""
-    policies = example("scripted_libero")
+    scripted = named(f"{EXAMPLES / 'scripted_libero.py'}:Scripted")
     for task in tasks_of(suite):
-        named: Any = SimpleNamespace(name=task.name, spec=parse("leftOf(a, b)"))  # of no suite: LIBERO's own states
-        world = make(named)
-        policy, won = policies.Scripted(world), 0
+        bare: Any = SimpleNamespace(name=task.name, spec=parse("leftOf(a, b)"))  # of no suite: LIBERO's own states
+        world = make(bare)
+        policy, won = scripted(world), 0
         for row in range(int(rows)):
             observation, info = world.reset(options={"start": SimpleNamespace(row=row)})
             policy.reset(row)

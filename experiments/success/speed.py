@@ -8,11 +8,13 @@ from __future__ import annotations
 import sys
 import time
 
-from experiments.success.run import Worlds, makers, play
+from experiments.success import policies
 from scenegen.worlds.suites.adapters import table
+from scenegen.worlds.suites.outcomes import EpisodeOutcome
+from scenegen.worlds.suites.run import Player
 from scenegen.worlds.suites.suite import Suite
 
-EPISODES = 45
+EPISODES, STEPS = 15, 100  # of each task; actions of an episode
 SETTINGS = ((1, 0.002), (1, 0.004), (4, 0.004))  # steps for which torques stay, and seconds of a step
 
 
@@ -20,14 +22,19 @@ def main(folder: str) -> None:
     """Prints a line for each setting."""
     suite = Suite.load(folder)
     for table.HOLD, table.STEP in SETTINGS:
-        worlds = Worlds()
-        policies = {task.name: makers()["steady"](worlds[task]) for task in suite.tasks}
-        began = time.process_time()
-        found = [play(worlds[suite[k].task], policies[suite[k].task.name], suite[k]) for k in range(EPISODES)]
-        spent = (time.process_time() - began) / EPISODES
-        won, steps = sum(one.success for one in found), sum(one.steps for one in found) / EPISODES
+        play = Player(
+            suite.folder, suite.reverse, f"{table.__name__}:make", f"{policies.__file__}:steady", False, STEPS
+        )
+        spent, found = 0.0, list[EpisodeOutcome]()
+        for task in suite.tasks:
+            numbers = [start.number for start in suite if start.task is task][:EPISODES]
+            play(numbers[0])  # makes the environment
+            began = time.process_time()
+            found += map(play, numbers)
+            spent += time.process_time() - began
+        won, steps = sum(one.success for one in found), sum(one.steps for one in found) / len(found)
         print(f"torques each {table.HOLD * table.STEP * 1e3:.0f} ms, steps of {table.STEP * 1e3:.0f} ms: "
-              f"{spent:.2f} s an episode of {steps:.0f} actions; {won} of {EPISODES} succeed")  # fmt: skip
+              f"{spent / len(found):.2f} s an episode of {steps:.0f} actions; {won} succeed")  # fmt: skip
 
 
 if __name__ == "__main__":

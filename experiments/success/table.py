@@ -3,8 +3,8 @@
     python -m experiments.success.table SUITE OUTCOMES.jsonl ...
 
 AUC: the probability that phi of a start that succeeds is above that of one that fails; 0.5 is none. Beside phi of
-the goal, the same of the smallest gap of two things at the start. Intervals are 95 %: Wilson's for shares, of 2,000
-bootstrap samples for AUC.
+the goal, the same of the smallest gap of two things at the start. Intervals are 95 %: Wilson's for shares, of a
+bootstrap for AUC.
 """
 
 from __future__ import annotations
@@ -18,34 +18,15 @@ import numpy.typing as npt
 
 from scenegen.api.spec import parse
 from scenegen.arrays import Array
+from scenegen.worlds.fit.logistic import auc, with_interval
 from scenegen.worlds.suites.outcomes import read_outcomes
 from scenegen.worlds.suites.statistics import wilson
 from scenegen.worlds.suites.suite import Suite
 
-SAMPLES, SEED = 2000, 0
-
-
-def auc(phi: Array, success: npt.NDArray[np.bool_]) -> float:
-    """P(phi of a success > phi of a failure), ties by half; NaN where there is no success or no failure."""
-    won, lost = np.sort(phi[success]), phi[~success]
-    if not len(won) or not len(lost):
-        return float("nan")
-    above = len(won) - (np.searchsorted(won, lost, "left") + np.searchsorted(won, lost, "right")) / 2.0
-    return float(above.mean() / len(won))
-
-
-def interval(phi: Array, success: npt.NDArray[np.bool_]) -> tuple[float, float]:
-    """95 % of the AUC of bootstrap samples."""
-    rng = np.random.default_rng(SEED)
-    picks = rng.integers(len(phi), size=(SAMPLES, len(phi)))
-    low, high = np.nanquantile([auc(phi[pick], success[pick]) for pick in picks], [0.025, 0.975])
-    return float(low), float(high)
-
 
 def both(phi: Array, success: npt.NDArray[np.bool_]) -> str:
     """The AUC with its interval."""
-    low, high = interval(phi, success)
-    return f"{auc(phi, success):.2f} ({low:.2f} to {high:.2f})"
+    return "{:.2f} ({:.2f} to {:.2f})".format(*with_interval(auc, success, phi, np.arange(len(phi))))
 
 
 def rows(suite: Suite, paths: Sequence[Path]) -> list[str]:

@@ -29,9 +29,9 @@ def fit(
       scenegen fit a.jsonl b.jsonl --suite mine/ --out p.fit --monotone
       scenegen sample my.spec --success 0.4:0.6 --under policy.fit
 
-    Of each task: logistic regression on phi and the margins of the success formula, how rare phi is, how crowded the
-    table is, distances and places. Which of these take part, and how strongly they are drawn to 0, is chosen by
-    cross-validation. How good the predictions are is measured at starts that the fit has not seen.
+    Of each task: logistic regression on phi and the margins of the success formula, how crowded the table is, distances
+    and places. Which of these take part, and how strongly they are drawn to 0, is chosen by cross-validation. How good
+    the predictions are is measured at starts that the fit has not seen.
 
     `base rate` is the success rate of the base distribution: of each band of the suite, weighted by its probability.
     AUC is the probability that a success has a higher value than a failure: 0.5 tells nothing, 1 everything. The

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.cli import options
-from scenegen.cli.many import exit_status
+from scenegen.cli.many import JobMessages, shared_work
 from scenegen.cli.options import WORKERS, argument, option
-from scenegen.cli.output import complain, print_error, print_message, progress_bar
-from scenegen.errors import ScenegenError
+from scenegen.cli.output import print_error
 
 if TYPE_CHECKING:
     from scenegen.worlds.libero.files import LiberoTask, StatesJob
@@ -42,8 +41,6 @@ def libero(
     by which LIBERO and LeRobot find the states. What was made by the same request before is not made again. A task with
     too few states is named with the reasons, the others are made, and the exit status is 1.
     """
-    from scenegen.processes.pool import run_pieces
-    from scenegen.processes.process import cores
     from scenegen.sampling.request import parse_phi
     from scenegen.worlds.libero.files import LABELS, StatesJob, tasks_of, write_home
 
@@ -51,29 +48,16 @@ def libero(
     tasks = tasks_of(name)
     home = write_home(out)
     job = _TaskJob(StatesJob(out, tuple(phi or ()), n, seed, settle))
-    failed = []
-    with progress_bar() as bar:
-        shown = bar.add_task("tasks", total=len(tasks))
-        for task, made in zip(tasks, run_pieces(job, tasks, cores() if workers is None else workers), strict=True):
-            bar.advance(shown)
-            if isinstance(made, ScenegenError):
-                failed.append(task.name)
-                print_message(f"{task.name} failed:")
-                complain(*made.diagnostics)
-            else:
-                print_error(f"{task.name}: {made}")
+    status = shared_work(job, [(one.name, one) for one in tasks], "local", workers, None, "tasks")
     print_error(f"states of {len(tasks)} tasks in {out}; LIBERO reads them with LIBERO_CONFIG_PATH={home.parent}")
-    return exit_status(failed, len(tasks))
+    return status
 
 
 @dataclass(frozen=True, slots=True)
 class _TaskJob:
-    """The job of one task among several: what was made, or why it failed."""
+    """The job of one task among several."""
 
     states: StatesJob
 
-    def __call__(self, task: LiberoTask) -> str | ScenegenError:
-        try:
-            return self.states(task)
-        except ScenegenError as error:
-            return error
+    def __call__(self, task: LiberoTask) -> JobMessages:
+        return JobMessages((self.states(task),))

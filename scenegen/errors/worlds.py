@@ -122,7 +122,6 @@ PLACEMENT = Kind(
         "{fixed:quoted} are among the fixtures already",
         "no fixture has the name of the reference, `{reference}`",
         "none of {tried} scenes keeps clear of the fixtures {fixtures:quoted}",
-        "`{jointless}` has no free joint, so no state says where it is",
         "the environment has no object `{name}`",
         "{found} of {wanted} states hold in the simulation; of the others {reasons}",
     ),
@@ -132,9 +131,8 @@ PLACEMENT = Kind(
         "the fixtures are {known:quoted}{reference:?}",
         "give `fixtures`, or a place (x, y, z){reference:?}",
         "declare the fixtures in the spec, or give `ensure_valid_placement=False`{tried:?}",
-        "hold it in place in the spec, with `at`{jointless:?}",
         "its objects are {known:quoted}; give the object's name there in `names`, or hold it in place with `at`",
-        "ask for another range of phi, or for more tries{found:?}",
+        "ask for another range of phi{found:?}",
     ),
     formerly=(
         "object-not-placed",

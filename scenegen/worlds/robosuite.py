@@ -1,7 +1,7 @@
 """A drop-in for the `placement_initializer` of robosuite's environments: objects start where a spec wants them.
 
 Starts are verified scenes, drawn ahead: at a range of phi, or at the next task of a strategy. They are placed in the
-simulator's frame, and read back from it. `init_states` writes starts as files of states; LIBERO has libero/.
+simulator's frame, and read back from it. libero/ makes files of states, of robosuite's environments, too.
 """
 
 from __future__ import annotations
@@ -9,8 +9,6 @@ from __future__ import annotations
 import copy
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,13 +18,11 @@ from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.files import SAME_NAME
 from scenegen.errors.learning import NO_EPISODE
-from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.worlds import PLACEMENT
 from scenegen.learn.curriculum.tasks import Outcome
-from scenegen.needs import need
-from scenegen.scenes.files import whole_file
-from scenegen.validation import as_int, as_number, as_path, as_point, as_seconds
-from scenegen.worlds.frame import TableFrame, flat, inverse, times, upright
+from scenegen.validation import as_int, as_number, as_point, as_seconds
+from scenegen.worlds.frame import TableFrame, flat, inverse, times
 from scenegen.worlds.starts import Start, Wanted, is_strategy, make_starts, phi_at
 
 Placed: TypeAlias = dict[str, tuple[tuple[float, float, float], Array, Any]]
@@ -79,7 +75,6 @@ class Placement:
         self.ensure_valid_placement = ensure_valid_placement
         self.mujoco_objects: list[Any] = []
         self.start: Start | None = None
-        self.attitudes: dict[str, Array] = {}
         self._strategy = phi if is_strategy(phi) else None
         self._starts = make_starts(spec, phi, goal, as_int("seed", seed), as_seconds("timeout", timeout))
         self._frame = TableFrame(self.reference_pos, self.turn)
@@ -156,7 +151,7 @@ class Placement:
                 found[which] = flat(pose)
                 continue
             body = sim.model.body_name2id(model.root_body)
-            attitude = times(sim.data.body_xquat[body], inverse(self._attitude(model)))
+            attitude = times(sim.data.body_xquat[body], inverse(_attitude(model)))
             found[which] = self._frame.pose(sim.data.body_xpos[body], attitude)
         return found
 
@@ -171,12 +166,6 @@ class Placement:
         if self._strategy is not None and start.task is not None:
             values = tuple(start.phi.values())
             self._strategy.report(Outcome(start.task, values, bool(success), float(total), int(steps)))
-
-    def _attitude(self, model: Any) -> Array:
-        """The quaternion of an object that stands as it should at heading 0: as `attitudes` has it, else its
-        `init_quat`."""
-        found = self.attitudes.get(model.name, getattr(model, "init_quat", None))
-        return np.array([1.0, 0.0, 0.0, 0.0] if found is None else found, dtype=np.float64)
 
     def _started(self) -> Start:
         if self.start is None:
@@ -219,8 +208,14 @@ class Placement:
             z += lift.get(model.name, 0.0) if isinstance(lift, dict) else lift
             if on_top:
                 z -= model.bottom_offset[-1]
-            found[model.name] = (float(x), float(y), float(z)), times(quaternion, self._attitude(model)), model
+            found[model.name] = (float(x), float(y), float(z)), times(quaternion, _attitude(model)), model
         return found
+
+
+def _attitude(model: Any) -> Array:
+    """The quaternion of an object that stands as it should at heading 0."""
+    found = getattr(model, "init_quat", None)
+    return np.array([1.0, 0.0, 0.0, 0.0] if found is None else found, dtype=np.float64)
 
 
 def _names(spec: Spec, names: Mapping[str, str]) -> dict[str, str]:
@@ -260,68 +255,3 @@ def _rest(sampler: Any, left: list[Any], placed: Placed) -> Placed:
     if missing:
         raise RequestError(PLACEMENT(strangers=missing))
     return placed
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Start states for evaluation: what LIBERO reads as its init states.
-#
-# A state is what robosuite's `sim.get_state().flatten()` gives: the time, then qpos, then qvel. LIBERO keeps an array
-# (n, D) of them for each task, in float64, in a file of `torch.save`; its evaluation takes row i for episode i.
-
-
-@dataclass(frozen=True, eq=False)
-class InitStates:
-    """`states` (n, D), and phi of each by label, (n,): as the scene was verified to have it, and read back from the
-    simulation with the state set."""
-
-    states: Array
-    phi: Mapping[str, Array]
-    read: Mapping[str, Array]
-
-    def save(self, path: str | Path) -> Path:
-        """Write the states as LIBERO has them (`TASK.pruned_init`); the file appears whole or not at all. Raises
-        OutputError, and RequestError where torch is not installed."""
-        need("torch", "to write init states")
-        import torch
-
-        path = as_path("path", path)
-        with whole_file(path) as file:
-            torch.save(self.states, file)
-        return path
-
-
-def init_states(env: Any, placement: Placement, n: int) -> InitStates:
-    """n states of an environment of robosuite, with the objects where the placement wants them.
-
-    The environment is reset once: how its objects stand then is how the placement puts them, whatever it does not place
-    stays as it is. Give the placement the environment's objects. `scenegen.libero` makes the spec of an environment,
-    too, and its states come to rest. Raises RequestError, also for an object of the spec that has no free joint.
-    """
-    n = as_int("n", n)
-    if n < 1:
-        raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted="1 or more"))
-    env.reset()
-    sim = env.sim
-    begun = sim.get_state()
-    for model in placement.mujoco_objects:
-        for joint in list(model.joints)[:1]:
-            placement.attitudes[model.name] = upright(sim.data.get_joint_qpos(joint)[3:7])
-    states, phi, read = [], [], []
-    for _ in range(n):
-        sim.set_state(begun)
-        for at, quaternion, model in placement.sample().values():
-            joints = list(model.joints)
-            if joints:
-                sim.data.set_joint_qpos(joints[0], np.concatenate([at, quaternion]))
-                sim.data.set_joint_qvel(joints[0], np.zeros(6))
-            elif model.name in placement.names.values():
-                raise RequestError(PLACEMENT(jointless=model.name))
-        sim.forward()
-        states.append(sim.get_state().flatten())
-        phi.append(placement.phi)
-        read.append(placement.phi_in(sim))
-    return InitStates(np.array(states, dtype=np.float64), _columns(phi), _columns(read))
-
-
-def _columns(rows: list[dict[str, float]]) -> dict[str, Array]:
-    return {label: np.array([row[label] for row in rows]) for label in rows[0]}

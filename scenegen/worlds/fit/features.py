@@ -1,5 +1,5 @@
-"""What of a start may tell whether a policy succeeds: phi and the margins of the success formula, how rare phi is, how
-crowded the table is, distances and places."""
+"""What of a start may tell whether a policy succeeds: phi and the margins of the success formula, how crowded the table
+is, distances and places. How rare phi is follows from phi, and tells no more."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ from scenegen.lang.formula.core import Atom, Coord, atoms_below, below, children
 from scenegen.lang.formula.interpret import evaluate, is_constant
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, span_of
-from scenegen.scenes.sets import Rareness
 
-Kind = Literal["phi", "rarity", "margin", "clutter", "distance", "place"]
+Kind = Literal["phi", "margin", "clutter", "distance", "place"]
 RISING: tuple[Kind, ...] = ("phi", "margin")  # a start where more of these is there is no harder
 MOST_THINGS = 8  # objects of the success formula whose distances and surroundings are looked at
 NEAR = 0.1  # metres
@@ -34,13 +33,13 @@ class Feature:
     kind: Kind
 
 
-def measured(spec: CheckedSpec, label: str, rows: Array, rarity: Rareness) -> tuple[tuple[Feature, ...], Array]:
+def measured(spec: CheckedSpec, label: str, rows: Array) -> tuple[tuple[Feature, ...], Array]:
     """The features of a spec whose label `label` is success, and their values, (F, B), in scenes with the core's rows
-    (3M, B); `rarity` says how rare phi of the label is.
+    (3M, B).
 
     Margins that one place of the spec writes for many objects, as `noOverlap()` does, count as one, the least of them.
     """
-    found = [*_of_formula(spec, label, rows, rarity), *_of_table(spec, things_of(spec, label), rows)]
+    found = [*_of_formula(spec, label, rows), *_of_table(spec, things_of(spec, label), rows)]
     return tuple(one for one, _ in found), np.stack([np.broadcast_to(value, rows.shape[1]) for _, value in found])
 
 
@@ -68,12 +67,10 @@ def things_of(spec: CheckedSpec, label: str) -> list[int]:
     return [*free, *(one for one in sorted(spec.fixed) if one not in free)][:MOST_THINGS]
 
 
-def _of_formula(spec: CheckedSpec, label: str, rows: Array, rarity: Rareness) -> Iterator[tuple[Feature, Array]]:
+def _of_formula(spec: CheckedSpec, label: str, rows: Array) -> Iterator[tuple[Feature, Array]]:
     core = spec.core
     values = evaluate(core, list(rows), NUMPY)
-    phi = np.broadcast_to(values[core.labels[label]], rows.shape[1])
-    yield Feature(f"phi of {label}", "phi"), phi
-    yield Feature("log10 of the probability of phi", "rarity"), rarity(phi)
+    yield Feature(f"phi of {label}", "phi"), values[core.labels[label]]
     together: dict[object, list[tuple[str, Array]]] = defaultdict(list)
     for index in atoms_below(core, core.labels[label]):
         atom = core.nodes[index]

@@ -20,7 +20,7 @@ from scenegen.errors.requests import OUT_OF_PLACE, WRONG_VALUE
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.scenes.files import read_bytes, write_whole
-from scenegen.scenes.sets import Rareness, Sha256
+from scenegen.scenes.sets import Sha256
 from scenegen.validation import as_path
 from scenegen.worlds.fit import logistic
 from scenegen.worlds.fit.features import fingerprint, measured
@@ -30,7 +30,6 @@ from scenegen.worlds.suites.statistics import base_rate
 from scenegen.worlds.suites.suite import Suite, SuiteModel, SuiteTask, load_model
 
 FEWEST = 50  # episodes of a task
-CURVE = 64  # values of phi whose probability is kept
 COIN = 0.5  # the AUC of a score that tells nothing
 
 
@@ -56,13 +55,12 @@ class TaskFit(SuiteModel):
     episodes: int
     starts: int
     base_rate: Interval
-    rarity: Rareness
     model: Logistic
     held_out: HeldOut
 
     def predicted(self, spec: CheckedSpec, rows: Array) -> Array:
         """The success rate in scenes with the rows of the spec's core, (3M, B) -> (B,)."""
-        features, values = measured(spec, self.success, rows, self.rarity)
+        features, values = measured(spec, self.success, rows)
         return self.model([one.name for one in features], values)
 
     @property
@@ -147,7 +145,7 @@ def _fitted(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monoto
                 ended[one.episode].append(one.success)
     if not ended:
         return []
-    rarity, data = outcomes_of(suite, task, ended)
+    data = outcomes_of(suite, task, ended)
     y, which, phi = data.success, data.start, data.values[0]
     if len(y) < FEWEST:
         rule = f"are too few for a fit: {len(y)} of {task.name}"
@@ -166,20 +164,17 @@ def _fitted(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monoto
     return [
         TaskFit(
             name=task.name, success=task.success, digest=fingerprint(task.spec.checked, task.success),
-            episodes=len(y), starts=len(ended), rarity=rarity, model=logistic.chosen(data, monotone),
+            episodes=len(y), starts=len(ended), model=logistic.chosen(data, monotone),
             base_rate=base_rate(won, list(map(len, bands)), probability, error), held_out=held_out,
         )
     ]  # fmt: skip
 
 
-def outcomes_of(suite: Suite, task: SuiteTask, ended: Mapping[int, Sequence[bool]]) -> tuple[Rareness, Outcomes]:
-    """How rare phi is, by the starts of a task that have `ended`, and the outcomes with what was measured there."""
+def outcomes_of(suite: Suite, task: SuiteTask, ended: Mapping[int, Sequence[bool]]) -> Outcomes:
+    """The outcomes at the starts of a task that have `ended`, with what was measured there."""
     starts = [suite[number] for number in sorted(ended)]
-    phi, log10p = np.array([(one.phi[task.success], one.log10p) for one in starts]).T
-    order = np.argsort(phi)[np.unique(np.linspace(0, len(phi) - 1, CURVE).astype(np.intp))]
-    rarity = Rareness(phi=phi[order].tolist(), log10p=log10p[order].tolist())
     rows = rows_of(task.spec.checked, task.scenes[np.array([one.row for one in starts])])
-    features, values = measured(task.spec.checked, task.success, rows, rarity)
+    features, values = measured(task.spec.checked, task.success, rows)
     which = np.repeat(np.arange(len(starts)), [len(ended[one.number]) for one in starts])
     success = np.array([one for start in starts for one in ended[start.number]])
-    return rarity, Outcomes(features, values[:, which], success, which)
+    return Outcomes(features, values[:, which], success, which)

@@ -25,12 +25,11 @@ from scenegen.worlds.suites.suite import SuiteModel
 QUANTILES = (0.02, 0.25, 0.5, 0.75, 0.98)  # between them a feature has ramps
 OF_PHI = (0.02, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 0.98)
 STRENGTHS = (1000.0, 100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)  # of the penalty
-FORMULA: tuple[Kind, ...] = ("phi", "rarity", "margin")
 SETS: Mapping[str, tuple[Kind, ...]] = {
     "nothing": (),
     "phi": ("phi",),
-    "the formula": FORMULA,
-    "everything": (*FORMULA, "clutter", "distance", "place"),
+    "the formula": RISING,
+    "everything": (*RISING, "clutter", "distance", "place"),
 }
 FOLDS = 5
 STEPS, CLOSE = 60, 1e-5  # of Newton's method: how many at most, and how small the last one is
@@ -108,8 +107,7 @@ class Outcomes:
 
 def chosen(outcomes: Outcomes, monotone: bool, seed: int = 0) -> Logistic:
     """The fit whose strength predicts held-out episodes best, by their log likelihood. More features take part where
-    that is better by more than the standard error of the gain. A monotone fit does not read how rare phi is, which
-    falls and rises with phi."""
+    that is better by more than the standard error of the gain."""
     sets = list(SETS)
     loss = np.full((len(sets), len(STRENGTHS), len(outcomes.success)), np.inf)
     for held in _folds(outcomes, seed):
@@ -148,7 +146,7 @@ def _folds(outcomes: Outcomes, seed: int) -> Iterator[Bool]:
 
 def _path(outcomes: Outcomes, reads: str, monotone: bool) -> Iterator[Logistic]:
     """A fit for each strength, the strongest first: each starts from the one before."""
-    parts, kinds = [], {*SETS[reads]} - ({"rarity"} if monotone else set())
+    parts, kinds = [], SETS[reads]
     for feature, values in zip(outcomes.features, outcomes.values, strict=True):
         knots = np.unique(np.quantile(values, OF_PHI if feature.kind == "phi" else QUANTILES))
         if feature.kind in kinds and len(knots) > 1:  # else it is the same everywhere

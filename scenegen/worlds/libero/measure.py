@@ -206,12 +206,10 @@ class LiveModel:
         turned: Array = corners @ self.data.geom_xmat[geom].reshape(3, 3).T + self.data.geom_xpos[geom]
         return turned
 
-    def site(self, name: str) -> Array:
-        """The attitude of a site, as a quaternion."""
-        found = np.empty(4)
+    def site(self, name: str) -> tuple[Array, Array, Array]:
+        """Where the middle of a site is, its rotation (3, 3), and its own half sizes."""
         number = self.mj.mj_name2id(self.model, self.mj.mjtObj.mjOBJ_SITE, name)
-        self.mj.mju_mat2Quat(found, self.data.site_xmat[number])
-        return found
+        return self.data.site_xpos[number], self.data.site_xmat[number].reshape(3, 3), self.model.site_size[number]
 
     # ---- rays
 
@@ -235,9 +233,7 @@ class LiveModel:
         """The floor of a fixture at one of its sites, by rays from within it. A site on a slope, or that no ray finds a
         floor below, is its own floor."""
         with self.cleared(joints):
-            number = self.mj.mj_name2id(self.model, self.mj.mjtObj.mjOBJ_SITE, site)
-            x, y, z = self.data.site_xpos[number].tolist()
-            turn = self.data.site_xmat[number].reshape(3, 3)
+            (x, y, z), turn, _ = self.site(site)
             size = np.abs(turn @ half)
             if np.abs(turn[2]).max() < STEEP:  # LIBERO takes what is up to 10 cm over it, along its own axis
                 ends = np.array(

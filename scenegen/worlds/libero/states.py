@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,13 @@ from scenegen.api.request import Phi, read_phi
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
+from scenegen.needs import need
 from scenegen.sampling.request import Range
-from scenegen.validation import as_int, as_seconds
+from scenegen.scenes.files import whole_file
+from scenegen.validation import as_int, as_path, as_seconds
 from scenegen.worlds.frame import TableFrame, flat, inverse, times
 from scenegen.worlds.libero.measure import FLAT, ROBOT, STEEP, matrix, silence
 from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
-from scenegen.worlds.robosuite import InitStates
 from scenegen.worlds.starts import RangeStarts, Start, phi_at
 
 STEPS = 20  # control steps of the environment's own, after which a state is judged again
@@ -31,25 +33,43 @@ UP = 0.985  # the cosine of 10 degrees, by which things of starts may tip
 LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
 SLOW = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
-LEAST = 80  # scenes that are drawn before there are too few states: so many, if none of them is good
+LEAST, TRIES = 174, 10  # scenes that are drawn at most: if none of them is good, and for each state
+TIMEOUT = 60.0  # seconds of a draw
 UPRIGHT = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
+OVER = 0.0005  # metres over its floor from where a thing is lowered
+LEAN, HIGH = 0.15, 0.1  # radians by which it leans in the last of these attitudes, as a book does, and metres for OVER
 
 Judge = Callable[[], bool]
 
 
 @dataclass(frozen=True, eq=False)
-class SettledStates(InitStates):
-    """States (n, D) in which nothing moves. `phi` is what the scenes were drawn with, `read` what the settled states
-    have, each by label, (n,); `moved` (n,) how far anything moved in the environment's own 20 steps, in metres; `spec`
-    the environment's spec. Of all `drawn` scenes `refused` counts those that were left out, by reason; of those that
-    settled, in `agreed` of `judged` phi's sign was the environment's judgement."""
+class SettledStates:
+    """`states` (n, D) in which nothing moves: the time, qpos, qvel, as `sim.get_state().flatten()` gives them. `phi` is
+    what the scenes were drawn with, `read` what the settled states have, each by label, (n,); `moved` (n,) how far
+    anything moved in the environment's own 20 steps, in metres; `spec` the environment's spec. Of all `drawn` scenes
+    `refused` counts those that were left out, by reason; of those that settled, in `agreed` of `judged` phi's sign was
+    the environment's judgement."""
 
+    states: Array
+    phi: Mapping[str, Array]
+    read: Mapping[str, Array]
     moved: Array
     spec: EnvironmentSpec
     drawn: int
     judged: int
     agreed: int
     refused: Mapping[str, int]
+
+    def save(self, path: str | Path) -> Path:
+        """Write the states as LIBERO has them (`TASK.pruned_init`); the file appears whole or not at all. Raises
+        OutputError, and RequestError where torch is not installed."""
+        need("torch", "to write init states")
+        import torch
+
+        path = as_path("path", path)
+        with whole_file(path) as file:
+            torch.save(self.states, file)
+        return path
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,8 +92,6 @@ def init_states(
     accept: Judge | None = None,
     spec: EnvironmentSpec | None = None,
     seed: int = 0,
-    tries: int = 10,
-    timeout: float = 60.0,
 ) -> SettledStates:
     """n states of an environment of LIBERO or robosuite at a range of phi, at rest, and verified by its own judgement.
     The environment has been reset, and is left as it was then.
@@ -83,7 +101,7 @@ def init_states(
     the arm is held. A state is kept if `accept`, by default the environment's `check_success`, agrees with the sign of
     phi, at once and after 20 steps of the environment's own, if nothing moves or touches the robot, and if the initial
     facts hold, to 1 cm. `spec` is what `spec_of` made of the environment since its last reset; it is made where none is
-    given. It needs a label `goal`. At most `tries` scenes for each state are drawn, and 80 in vain: there can be fewer
+    given. It needs a label `goal`. At most ten scenes for each state are drawn, and 174 in vain: there can be fewer
     states than n. The same seed gives the same states.
 
     Raises RequestError, also where no scene has such a phi.
@@ -104,10 +122,8 @@ def init_states(
     told: list[_Verdict] = []
     good: list[tuple[_Verdict, Start]] = []
     side = None
-    starts = RangeStarts(
-        own.spec, lambda: ranges, as_int("seed", seed), as_seconds("timeout", timeout), first=n + n // 4
-    )
-    while len(good) < n and len(told) < max(tries * n if good else 0, LEAST):
+    starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), TIMEOUT, first=n + n // 4)
+    while len(good) < n and len(told) < max(TRIES * n if good else 0, LEAST):
         if not missing and not good and len(told) >= UPRIGHT:
             side = len(told) - UPRIGHT
         try:
@@ -198,7 +214,7 @@ class _Maker:
 
     def put(self, poses: Array, side: int | None) -> None:
         """The things where a scene has them, each lowered until it touches something; those that stand lowest first.
-        With `side`, what the goal has at a site of a fixture is turned to one of the 24 attitudes along its axes."""
+        With `side`, what the goal has at a site of a fixture is turned to one of the attitudes along its axes."""
         own, live = self.own, self.live
         self.restore()
         live.put_away()
@@ -207,11 +223,13 @@ class _Maker:
             self.data.qpos[part.address] = rows[name][0] / part.lever
         live.mj.mj_forward(self.model, self.data)
         for name in sorted(self.things, key=lambda name: float(rows[name][2])):
-            attitude, low = times(rows[name][3:], own.attitudes[name]), own.prisms[name].bottom
+            attitude, low, over = times(rows[name][3:], own.attitudes[name]), own.prisms[name].bottom, OVER
             if side is not None and name in own.tight:
-                attitude = times(live.site(own.tight[name]), times(_quarters()[side % 24], own.attitudes[name]))
+                turn, over = _sides()[side % len(_sides())]
+                live.mj.mju_mat2Quat(attitude, live.site(own.tight[name])[1].ravel())
+                attitude = times(attitude, times(turn, own.attitudes[name]))
                 low = float((live.points(name) @ matrix(attitude).T)[:, 2].min())
-            live.place(name, rows[name][:3] + own.origin + (0.0, 0.0, 0.0005 - low), attitude)
+            live.place(name, rows[name][:3] + own.origin + (0.0, 0.0, over - low), attitude)
             if rows[name][2] > 0.004:
                 self.lower(name)
         live.mj.mj_forward(self.model, self.data)
@@ -233,10 +251,8 @@ class _Maker:
 
     def reaches(self, name: str, site: str) -> bool:
         """Whether the height of a thing in a compartment is one that LIBERO takes, to 2 mm: no formula has it."""
-        number = self.live.mj.mj_name2id(self.model, self.live.mj.mjtObj.mjOBJ_SITE, site)
-        turn = self.data.site_xmat[number].reshape(3, 3)
-        half = float(np.abs(turn @ self.model.site_size[number])[2])
-        over = float(self.data.xpos[self.live.things[name]][2] - self.data.site_xpos[number][2])
+        at, turn, size = self.live.site(site)
+        half, over = float(np.abs(turn @ size)[2]), float(self.data.xpos[self.live.things[name]][2] - at[2])
         open_ = half < FLAT or np.abs(turn[2]).max() < STEEP
         return bool(open_ or -half - 0.012 <= over <= half + 0.002)
 
@@ -306,6 +322,14 @@ class _Maker:
 
 
 @cache
+def _sides() -> list[tuple[Array, float]]:
+    """Three times the 24 rotations by quarters of a turn; then each leaning about x or y, either way, from high."""
+    cosine, sine = math.cos(LEAN / 2.0), math.sin(LEAN / 2.0)
+    leans = [(cosine, sine, 0.0, 0.0), (cosine, 0.0, sine, 0.0), (cosine, -sine, 0.0, 0.0), (cosine, 0.0, -sine, 0.0)]
+    straight = [(one, OVER) for one in _quarters()]
+    return 3 * straight + [(times(lean, one), HIGH) for lean in leans for one, _ in straight]
+
+
 def _quarters() -> list[Array]:
     """The 24 rotations by quarters of a turn; the first are nearest to none."""
     half = math.sqrt(0.5)

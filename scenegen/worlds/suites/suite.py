@@ -197,17 +197,9 @@ class Suite:
         phi = {label: float(values[row]) for label, values in task.scenes.phi.items()}
         on = None if task.scenes.on is None else task.scenes.on[row]
         return GradedStart(
-            number,
-            task,
-            band.name,
-            task.poses[row],
-            phi,
-            band.log10p[which],
-            band.probability,
-            band.seeds[which],
-            row,
-            on,
-        )
+            number, task, band.name, task.poses[row], phi, band.log10p[which], band.probability, band.seeds[which],
+            row, on,
+        )  # fmt: skip
 
     def part(self, first: int = 0, end: int | None = None, bands: Collection[str] | None = None) -> list[int]:
         """The numbers of the starts from `first` up to, not including, `end`, or of those of some bands. Raises

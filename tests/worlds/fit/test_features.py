@@ -5,19 +5,16 @@ import pytest
 
 import scenegen
 from scenegen.api.scene_arrays import rows_of
-from scenegen.scenes.sets import Rareness
 from scenegen.worlds.fit.features import fingerprint, measured, things_of
 
 from .conftest import OWN, TASK
-
-RARE = Rareness(phi=[-1.0, 0.0], log10p=[-4.0, -1.0])
 
 
 def of(text, label, poses):
     """The features of one scene by name."""
     spec = scenegen.parse(text)
     scenes = spec.scenes({name: (*pose, 0.0)[:3] for name, pose in poses.items()})
-    features, values = measured(spec.checked, label, rows_of(spec.checked, scenes), RARE)
+    features, values = measured(spec.checked, label, rows_of(spec.checked, scenes))
     return dict(zip((one.name for one in features), values[:, 0].tolist(), strict=True)), features
 
 
@@ -25,7 +22,6 @@ def test_by_hand():
     found, features = of(OWN, "goal", {"cube": (0.5, 0.4), "can": (0.2, 0.4), "crate": (0.5, 0.8)})
     half = scenegen.parse(OWN).checked.shapes[1].footprint.radius
     assert features[0].kind == "phi" and found["phi of goal"] == pytest.approx(-0.3)
-    assert found["log10 of the probability of phi"] == pytest.approx(-1.9)
     margins = [value for name, value in found.items() if name.startswith("margin")]
     assert sorted(margins) == pytest.approx([-0.3, -0.18])
     assert found["room around cube"] == pytest.approx(0.3 - 0.025 - half)
@@ -93,8 +89,8 @@ def test_values_do_not_depend_on_the_company():
     spec = scenegen.parse(OWN)
     scenes = scenegen.sample(spec, n=50, seed=1)
     rows = rows_of(spec.checked, scenes)
-    _, whole = measured(spec.checked, "goal", rows, RARE)
-    _, one = measured(spec.checked, "goal", rows[:, 7:8], RARE)
+    _, whole = measured(spec.checked, "goal", rows)
+    _, one = measured(spec.checked, "goal", rows[:, 7:8])
     assert np.allclose(whole[:, 7:8], one, rtol=0.0, atol=1e-14)
 
 
@@ -103,6 +99,6 @@ def test_values_do_not_depend_on_the_company():
 def test_specs_that_ship_have_features(name, root):
     spec = scenegen.load(root / "specs" / f"{name}.spec")
     rows = rows_of(spec.checked, scenegen.sample(spec, n=8))
-    features, values = measured(spec.checked, spec.labels[0], rows, RARE)
+    features, values = measured(spec.checked, spec.labels[0], rows)
     assert np.isfinite(values).all() and values.shape == (len(features), 8)
     assert len({one.name for one in features}) == len(features) and features[0].kind == "phi"

@@ -10,10 +10,10 @@ import pytest
 import scenegen
 from scenegen.errors import RequestError
 from scenegen.libero import spec_of
+from scenegen.worlds.frame import times, upright
 from scenegen.worlds.libero.files import LiberoTask, StatesJob, tasks_of
 from scenegen.worlds.libero.measure import LiveModel, heading_of, matrix, prism_of
 from scenegen.worlds.libero.states import SettledStates, _quarters
-from scenegen.worlds.robosuite import times, upright
 
 HALF = math.sqrt(0.5)
 

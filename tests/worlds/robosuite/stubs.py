@@ -13,10 +13,6 @@ class Thing:
     horizontal_radius: float = 0.03
 
     @property
-    def joints(self):
-        return [f"{self.name}_joint0"]
-
-    @property
     def root_body(self):
         return f"{self.name}_main"
 
@@ -58,35 +54,3 @@ def simulation(placed):
             body_xquat=np.array([quaternion for _, quaternion, _ in placed.values()]),
         ),
     )
-
-
-class Simulation:
-    """Bodies with free joints, one after the other in qpos; a robot's joint comes first."""
-
-    def __init__(self, things):
-        self._joints = [one.joints[0] for one in things]
-        self.data = self
-        self.model = SimpleNamespace(body_name2id=[one.root_body for one in things].index)
-        self.time, self.qpos, self.qvel = 0.5, np.full(1 + 7 * len(things), 0.25), np.ones(1 + 6 * len(things))
-
-    def get_state(self):
-        time, qpos, qvel = self.time, self.qpos.copy(), self.qvel.copy()
-        return SimpleNamespace(time=time, qpos=qpos, qvel=qvel, flatten=lambda: np.concatenate([[time], qpos, qvel]))
-
-    def set_state(self, state):
-        self.time, self.qpos, self.qvel = state.time, state.qpos.copy(), state.qvel.copy()
-
-    def set_joint_qpos(self, joint, value):
-        start = 1 + 7 * self._joints.index(joint)
-        self.qpos[start : start + 7] = value
-
-    def get_joint_qpos(self, joint):
-        return np.array([0.0, 0.0, 0.0, 0.5, 0.5, -0.5, 0.5])  # on its side, and turned
-
-    def set_joint_qvel(self, joint, value):
-        start = 1 + 6 * self._joints.index(joint)
-        self.qvel[start : start + 6] = value
-
-    def forward(self):
-        poses = self.qpos[1:].reshape(-1, 7)
-        self.body_xpos, self.body_xquat = poses[:, :3], poses[:, 3:]

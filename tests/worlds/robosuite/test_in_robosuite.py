@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.libero import init_states as settled_states
-from scenegen.libero import spec_of
-from scenegen.robosuite import Placement, init_states
+from scenegen.libero import init_states, spec_of
+from scenegen.robosuite import Placement
 
 pytestmark = pytest.mark.robosuite
 
@@ -133,39 +132,6 @@ def test_objects_that_the_spec_does_not_have_are_placed_by_robosuite(make):
         assert math.dist(placed["Milk"][0][:2], placed["Can"][0][:2]) <= 0.12
 
 
-@pytest.mark.parametrize(("name", "text", "table", "above"), ENVIRONMENTS, ids=[one[0] for one in ENVIRONMENTS])
-def test_init_states_go_there_and_back(make, tmp_path, name, text, table, above):
-    """What LIBERO's evaluation does with a file of init states, with an environment made anew."""
-    import torch
-
-    def fresh():
-        env = make(name, hard_reset=False)
-        here = Placement(scenegen.parse(text), (LOW, HIGH), reference_pos=getattr(env, table), z_offset=above)
-        here.use_in(env)
-        return env, here
-
-    env, here = fresh()
-    made = init_states(env, here, 50)
-    assert all(np.ptp(made.states[:, 1 + address]) > 0.01 for address in _addresses(env, here))
-    other, there = fresh()
-    there.sample()
-    states = torch.load(made.save(tmp_path / "task.pruned_init"), weights_only=False)
-    assert states.shape == (50, 1 + env.sim.model.nq + env.sim.model.nv) and states.dtype == np.float64
-    other.reset()
-    for state, wanted, read in zip(states, made.phi["task"], made.read["task"], strict=True):
-        other.sim.set_state_from_flattened(state)
-        other.sim.forward()
-        assert np.array_equal(other.sim.get_state().flatten(), state)
-        assert there.phi_in(other.sim)["task"] == pytest.approx(wanted, abs=1e-9) and LOW <= wanted <= HIGH
-        assert read == pytest.approx(wanted, abs=1e-9)
-
-
-def _addresses(env, here):
-    """Where in qpos the x of each placed object is."""
-    placed = [one for one in here.mujoco_objects if one.name in here.names]
-    return [env.sim.model.get_joint_qpos_addr(one.joints[0])[0] for one in placed]
-
-
 @pytest.mark.parametrize(
     ("name", "goal", "sizes"),
     [
@@ -180,7 +146,7 @@ def test_specs_of_environments_have_their_sizes_and_states_come_to_rest(make, na
     own = spec_of(env, f"goal: {goal}")
     heights = {one: shape.height for one, shape in zip(own.spec.objects, own.spec.checked.shapes, strict=True)}
     assert all(heights[one] == pytest.approx(height, abs=1e-3) for one, height in sizes.items())
-    made = settled_states(env, {"goal": (-0.1, -0.001)}, 5, spec=own, accept=lambda: False, seed=2)
+    made = init_states(env, {"goal": (-0.1, -0.001)}, 5, spec=own, accept=lambda: False, seed=2)
     assert len(made.states) == 5 and made.moved.max() < 0.01
     assert np.abs(made.read["goal"] - made.phi["goal"]).max() < SETTLED
     here = Placement(own.spec, (-0.1, 0), reference_pos=own.origin)

@@ -11,7 +11,7 @@ from scenegen.errors import RequestError
 from scenegen.learn.curriculum.strategies import strategy
 from scenegen.learn.curriculum.tasks import PhiBox
 from scenegen.robosuite import Placement, phi_space
-from scenegen.worlds.robosuite import TableFrame, inverse, times, upright
+from scenegen.worlds.frame import TableFrame, inverse, times, upright
 from tests.worlds.robosuite.stubs import Corner, Thing, Turned, simulation
 
 TEXT = """

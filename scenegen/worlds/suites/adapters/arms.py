@@ -114,17 +114,8 @@ class ArmWorld:
 
     def let_go(self) -> bool:
         """Whether the hand touches none of the objects."""
-        hand = self._numbers(_gripper(self.env).contact_geoms)
-        things = self._numbers([name for model in self._models.values() for name in model.contact_geoms])
-        contact = self.sim.data.contact
-        pairs = np.array([[one.geom1, one.geom2] for one in (contact[k] for k in range(self.sim.data.ncon))])
-        if not len(pairs):
-            return True
-        first, second = np.isin(pairs, hand), np.isin(pairs, things)
-        return not ((first & second[:, ::-1]).any())
-
-    def _numbers(self, names: list[str]) -> list[int]:
-        return [self.sim.model.geom_name2id(name) for name in names]
+        things = [name for model in self._models.values() for name in model.contact_geoms]
+        return not self.env.check_contact(_gripper(self.env), things)
 
     def _seen(self, at: Array, quaternion: Array) -> Array:
         """A pose of the world in the spec's frame."""

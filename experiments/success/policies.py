@@ -1,0 +1,49 @@
+"""The policies of examples/policies/ with errors of eye and hand, in metres, that follow the start's seed.
+
+    scenegen suite run graded/ --world scenegen.worlds.suites.adapters.table:make --steps 100 \\
+        --policy experiments/success/policies.py:steady --out graded.steady.jsonl
+
+`cloned` finds its weights where the environment variable CLONED says.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from scenegen.worlds.suites.run import named
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "policies"
+STEADY, SHAKY = 0.003, 0.015
+
+
+def scripted(env: Any, error: float) -> Any:
+    return named(f"{EXAMPLES / 'scripted.py'}:Scripted")(env, see=error, put=error)
+
+
+def steady(env: Any) -> Any:
+    return scripted(env, STEADY)
+
+
+def shaky(env: Any) -> Any:
+    return scripted(env, SHAKY)
+
+
+def cloned(env: Any) -> Any:
+    return named(f"{EXAMPLES / 'cloned.py'}:Cloned")(env, see=STEADY, put=STEADY)
+
+
+def n08(env: Any) -> Any:
+    return scripted(env, 0.008)
+
+
+def n11(env: Any) -> Any:
+    return scripted(env, 0.011)
+
+
+def n14(env: Any) -> Any:
+    return scripted(env, 0.014)
+
+
+def n17(env: Any) -> Any:
+    return scripted(env, 0.017)

@@ -83,7 +83,7 @@ def _report(plan: Plan, seeds: Sequence[tuple[int, int]], models: Sequence[str],
         plan,
         [Job(seed, model, plan.quick, folder, plan.epochs, training) for seed, training in seeds for model in models],
     )
-    blocks = {}
+    blocks: dict[str, str] = {}
     for model in models:
         runs = [run for job, run in done.items() if job.model == model]
         before = f"{model}-" if len(models) > 1 else ""

@@ -68,7 +68,8 @@ def run(
         named = tuple(range(*(between or (entry.first, entry.seeds))))
         plan = Plan(out, named, quick, workers or cores(), tell, epochs, trainings, kept, engine, address)
         if not quick:
-            tell(f"{which}: {entry.about}; about {entry.time} on two cores with {entry.seeds} seeds, less what is kept")
+            told = f"about {entry.time} on two cores with {entry.seeds - entry.first} seeds, less what is kept"
+            tell(f"{which}: {entry.about}; {told}")
         began = time.monotonic()
         try:
             files = write(plan, entry.run(plan))

@@ -41,6 +41,9 @@ EXPERIMENTS: dict[str, Entry] = {
     "exp2": Entry("experiments.exp2:run", "a table set for one, rare", "20 minutes"),
     "exp3": Entry("experiments.exp3:run", "3, 5 and 7 blocks in order", "70 minutes"),
     "unseen": Entry("experiments.unseen.report:run", "specs that nobody tuned on; --seeds A:B", "2 hours", 1040, 1000),
+    "unseen-games": Entry(
+        "experiments.unseen.report:run_games", "the same by gan and aae, spec by spec", "2 hours", 1040, 1000
+    ),
     "unseen-labels": Entry("experiments.unseen.report:run_labels", "any one or two labels of twelve", "5 minutes", 1),
     "unseen-named": Entry("experiments.unseen.report:run_named", "the paper's specs, and three more", "8 minutes", 1),
     "rejection": Entry("experiments.rejection:run", "draws per scene, by every sampler", "2 minutes"),

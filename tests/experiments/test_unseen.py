@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from experiments.__main__ import parser
+from experiments.plan import Plan
 from experiments.run import run
 from experiments.unseen import queries as unseen
+from experiments.unseen import report
 from experiments.unseen.named import NAMED, named_queries, named_spec
 from experiments.unseen.patience import CpuBudget
 from experiments.unseen.queries import QUANTILES, quantiles, queries, truth
@@ -130,6 +132,24 @@ def test_the_report_says_what_is_not_in_it():
     assert "| 3, seed 1 | task 0.1: found 3 of 4,000 |" in _missing(runs) and "| 2 | constant |" in _missing(runs)
     assert _scope(runs, 80).startswith("2 of 80 runs: 1 with training seed 0, 1 with training seed 1. 1 of")
     assert _missing([]) == "Nothing is missing."
+
+
+def test_models_are_measured_spec_by_spec_and_reported_apart(monkeypatch, tmp_path):
+    """So that a cut leaves both models half measured, and not one of them."""
+
+    def done(plan, jobs):
+        common = {"spec": "", "objects": 2, "labels": 1}
+        return {
+            job: Run(seed=job.seed, rows=[row(0.001, 0.8 if job.model == "gan" else 0.9)], **common) for job in jobs
+        }
+
+    monkeypatch.setattr(report, "_run", done)
+    found = report.run_games(Plan(tmp_path, (1000, 1001), False, 1, print))
+    assert [(run["seed"], run["model"]) for run in found.data["runs"]] == [
+        *((1000, "gan"), (1000, "aae"), (1001, "gan"), (1001, "aae"))
+    ]
+    assert "| raw coverage >= 0.85 in 80 % | 0.0 % | no |" in found.blocks["gan-bars"]
+    assert "| raw coverage >= 0.85 in 80 % | 100.0 % | yes |" in found.blocks["aae-bars"]
 
 
 @pytest.mark.parametrize("name", NAMED)

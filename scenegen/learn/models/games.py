@@ -85,9 +85,10 @@ START = 0.05
 # The generator (scenegen.learn.models.energy) makes a scene for every true one of the batch, of the same labels and
 # branch; the critic says which is which. Beside the critic's pull, the inconsistency of phi moves the generator, and
 # the selector learns how often each branch occurs. What keeps it from collapsing is measured one by one in
-# docs/models.md. Above all the game gets a start: the set of one phi is thin, and to bring scenes onto it the
-# inconsistency at full strength pulls the noise together before the critic has found out how far the set stretches.
-# So its weight rises over the first steps, and the penalty on the critic's slope stays light.
+# docs/models-tried.md. Above all the inconsistency stays light: the set of one phi is thin, and to bring scenes onto it
+# a strong one pulls the noise together, away from the edges and the smaller pieces of the set, while the correction
+# brings them there anyhow. So its weight is small and rises over the first steps, and the penalty on the
+# critic's slope is small, too.
 
 
 class GANHyper(Hyper):
@@ -99,7 +100,7 @@ class GANHyper(Hyper):
     depth: int = Field(default=4, ge=1, le=64)
     critic_width: int = Field(default=192, ge=1, le=8192)
     critic_depth: int = Field(default=3, ge=1, le=64)
-    consistency: float = Field(default=2.0, ge=0.0, le=1e6)
+    consistency: float = Field(default=0.02, ge=0.0, le=1e6)
     ramp: int = Field(default=500, ge=1, le=1_000_000)
     penalty: float = Field(default=0.1, ge=0.0, le=1e6)
 
@@ -164,7 +165,7 @@ class AAEHyper(Hyper):
     encoder_depth: int = Field(default=3, ge=1, le=64)
     critic_width: int = Field(default=192, ge=1, le=8192)
     critic_depth: int = Field(default=3, ge=1, le=64)
-    consistency: float = Field(default=2.0, ge=0.0, le=1e6)
+    consistency: float = Field(default=0.1, ge=0.0, le=1e6)
     match: float = Field(default=1.0, ge=0.0, le=1e6)
     penalty: float = Field(default=0.03, ge=0.0, le=1e6)
 

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from scenegen.errors import DataError
 from scenegen.errors.learning import DAMAGED_MODEL, STATE_MISFIT
 from scenegen.lang.formula.core import Core
+from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import OTHER, Codec, Examples
 from scenegen.learn.robustness import Robustness
@@ -151,6 +152,10 @@ class SceneModel(nn.Module, ABC):
         """Coordinates of a scene, 3N."""
         return row_count(self.objects)
 
+    def bind(self, spec: CheckedSpec) -> None:
+        """Take up what the spec fixes besides sizes; by default nothing."""
+        return
+
     def initialise(self, generator: torch.Generator) -> None:
         """Fresh weights from `generator`."""
         for module in self.children():
@@ -178,6 +183,13 @@ class SceneModel(nn.Module, ABC):
     @abstractmethod
     def sample(self, n: int, phi: Tensor, generator: torch.Generator) -> Tensor:
         """n scenes x (n, 3N) in [0, 1] for the labels phi, (n, L) or (L,). Evaluates no phi and holds no scenes."""
+
+    def sample_in(
+        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+    ) -> tuple[Tensor, Tensor | None]:
+        """As `sample`, in branches (n,) int64, which are drawn where they are not given: the scenes and their branches,
+        None of a model that knows of none."""
+        return self.sample(n, phi, generator), None
 
     def drop_training_parts(self) -> None:
         """Leave only what `sample` needs."""

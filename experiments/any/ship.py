@@ -13,7 +13,7 @@ import torch
 
 from experiments.any.report import figures
 from scenegen.learn.models.checkpoint import pack
-from scenegen.learn.models.graph_flow import FORMAT, WEIGHTS, WeightsCard
+from scenegen.learn.models.graph_flow import FORMAT, WEIGHTS, GraphHyper, WeightsCard
 from scenegen.scenes.files import write_whole
 
 
@@ -21,7 +21,7 @@ def main(path: Path, report: Path | None) -> None:
     state = torch.load(path, weights_only=True)
     rows = [] if report is None else [json.loads(line) for line in report.read_text().splitlines()]
     card = WeightsCard(
-        hyper=state["hyper"],
+        hyper={**state["hyper"], "steps": GraphHyper().steps},
         seed=state["seed"],
         steps=state["step"],
         specs=state["next"],

@@ -60,15 +60,18 @@ def _range(label: str, ends: object) -> Range:
     return Range(None if low is None else float(low), None if high is None else float(high))
 
 
+def any_model(spec: Spec) -> LearnedModel:
+    """The model of any spec, for this one. Raises RequestError for a spec that it does not take."""
+    need("torch", "to draw from a model")
+    module, _, name = METHODS["any"].make.partition(":")
+    made: LearnedModel = getattr(importlib.import_module(module), name)(spec)
+    return made
+
+
 def subject_of(source: Spec | LearnedModel, request: SampleRequest) -> Spec | LearnedModel:
     """What a request draws from: of a spec with the method `any` the model of any spec, else the source itself. Raises
     RequestError."""
-    if request.method != "any" or isinstance(source, LearnedModel):
-        return source
-    need("torch", "to draw from a model")
-    module, _, name = METHODS["any"].make.partition(":")
-    made: LearnedModel = getattr(importlib.import_module(module), name)(spec_of(source))
-    return made
+    return source if request.method != "any" or isinstance(source, LearnedModel) else any_model(spec_of(source))
 
 
 def check_request(source: Spec | LearnedModel, request: SampleRequest) -> SampleRequest:

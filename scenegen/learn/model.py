@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.api.request import any_model
 from scenegen.api.spec import LearnedModel, Spec, check_spec, load
 from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, RequestError
@@ -174,10 +175,9 @@ def load_model(path: str | Path, spec: Spec | None = None) -> Model:
     if str(path) == ANY:
         if spec is None:
             raise RequestError(MISSING_ARGUMENT(argument="spec", question='of which spec? load_model("any", spec)'))
-        need("torch", "to draw from a model")
-        from scenegen.learn.any import AnyModel
-
-        return AnyModel(spec)
+        made = any_model(spec)
+        assert isinstance(made, Model)
+        return made
     found = as_path("path", path)
     return _load_family(found, spec) if is_family(found) else read_model(found, spec)
 

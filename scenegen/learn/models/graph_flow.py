@@ -225,7 +225,7 @@ class GraphHyper(Hyper):
     width: int = Field(default=64, ge=1, le=1024)
     rounds: int = Field(default=3, ge=1, le=16)
     chooser: int = Field(default=48, ge=1, le=1024)
-    steps: int = Field(default=3, ge=1, le=1000)
+    steps: int = Field(default=2, ge=1, le=1000)
 
 
 CHOOSING = 2  # rounds about branches
@@ -382,6 +382,8 @@ def shipped() -> tuple[WeightsCard, dict[str, Tensor]]:
 # --------------------------------------------------------------------------------------------------------------------
 # The model: both networks and the formula of one spec.
 
+PIECE, FEWEST = 4096, 128  # atoms of all scenes that are made at a time, which stay in cache; and scenes, at least
+
 
 class GraphFlow(SceneModel):
     """See the module's text. Fresh weights are those that come with the package, where the settings are theirs."""
@@ -437,10 +439,14 @@ class GraphFlow(SceneModel):
         wanted = self._all(phi.expand(n, -1).T.contiguous())
         base = self.graph.atoms + 1
         digits = base ** torch.arange(len(wanted))[:, None]
-        if branch is None:
-            deciders = self.networks.draw_branches(self.graph, wanted, generator)
-            branch = ((deciders + 1) * digits).sum(0)
-        else:
-            deciders = branch // digits % base - 1
-        rows = self.networks.make(self.graph, wanted, deciders, self.steps, generator)
-        return self.codec.encode(rows), branch
+        size = max(FEWEST, PIECE // self.graph.atoms)
+        made, branches = [], []
+        for start in range(0, n, size):
+            some = wanted[:, start : start + size]
+            if branch is None:
+                deciders = self.networks.draw_branches(self.graph, some, generator)
+            else:
+                deciders = branch[start : start + size] // digits % base - 1
+            made.append(self.networks.make(self.graph, some, deciders, self.steps, generator))
+            branches.append(((deciders + 1) * digits).sum(0))
+        return self.codec.encode(torch.cat(made, 1)), torch.cat(branches)

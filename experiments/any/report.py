@@ -27,6 +27,7 @@ from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.learn.any import AnyModel
 from scenegen.learn.evaluation.card import level
 from scenegen.learn.robustness import Robustness
+from scenegen.learn.training.balanced import reach
 from scenegen.processes.pool import one_thread
 from scenegen.resources import shipped_specs
 
@@ -41,10 +42,10 @@ BARS: dict[str, tuple[Callable[[dict[str, Any]], bool], float]] = {
 }
 
 
-def named(which: str) -> Iterator[tuple[str, str | Path]]:
-    """Names of specs, and their texts or files."""
+def named(which: str) -> Iterator[tuple[str, str | Path, int]]:
+    """Names of specs, their texts or files, and the seeds of what they are asked for."""
     if which == "shipped":
-        yield from shipped_specs().items()
+        yield from ((name, path, 0) for name, path in shipped_specs().items())
         return
     seeds, text = {
         "tune": (TUNE, spec_text),
@@ -53,18 +54,17 @@ def named(which: str) -> Iterator[tuple[str, str | Path]]:
         "larger": (LARGER[:40], wide_text),
     }[which]
     for seed in seeds:
-        yield f"{which} {seed}", text(seed)
+        yield f"{which} {seed}", text(seed), seed
 
 
-def rows(name: str, source: str | Path, scenes: int, patience: float) -> Iterator[dict[str, Any]]:
+def rows(name: str, source: str | Path, seed: int, scenes: int, patience: float) -> Iterator[dict[str, Any]]:
     """What is found for a spec, query by query; one row with `refused` where it is none for this model."""
     try:
         spec: Spec = load(source) if isinstance(source, Path) else parse(source)
         began = time.process_time()
         model = AnyModel(spec)
         bound = time.process_time() - began
-        ends = model.trained.label_ranges
-        wanted, missing = queries(spec.checked, ends, 0, patience)
+        wanted, missing = queries(spec.checked, reach(spec.checked, 0), seed, patience)
     except ScenegenError as error:
         yield {"spec": name, "refused": error.diagnostics[0].title}
         return
@@ -133,10 +133,10 @@ def main(out: Path, which: str, count: int | None) -> None:
     found = [json.loads(line) for line in out.read_text().splitlines()] if out.exists() else []
     done = {row["spec"] for row in found}
     with one_thread(), out.open("a") as file:
-        for name, source in list(named(which))[:count]:
+        for name, source, seed in list(named(which))[:count]:
             if name in done:
                 continue
-            mine = list(rows(name, source, *((SCENES, PATIENCE) if which == "report" else (FEWER, SHORT))))
+            mine = list(rows(name, source, seed, *((SCENES, PATIENCE) if which == "report" else (FEWER, SHORT))))
             found += mine
             file.write("".join(json.dumps(row) + "\n" for row in mine))
             file.flush()

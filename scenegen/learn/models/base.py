@@ -131,6 +131,8 @@ class SceneModel(nn.Module, ABC):
     """Settings that files of earlier versions do not name, as they were then."""
     branched: ClassVar[bool] = False
     """Whether the model wants its layout read off the spec, and examples sorted into branches."""
+    thorough: ClassVar[bool] = False
+    """Whether its scenes get more of the correction's random moves."""
     TRAINING_ONLY: ClassVar[tuple[str, ...]] = ()
     """Submodules that `sample` does not need; model files leave them out."""
 

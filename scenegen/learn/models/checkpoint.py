@@ -216,7 +216,7 @@ def as_trained(card: ModelCard, tensors: dict[str, Tensor], path: Path, device: 
     ends = found.label_ranges.values()
     spans = torch.tensor([high - low for low, high in ends])
     tops = torch.tensor([max(0.0, high) if low < 0.0 else 0.0 for low, high in ends])
-    return replace(found, correction=Correction(spec, spans, tops))
+    return replace(found, correction=Correction(spec, spans, tops, thorough=kind.thorough))
 
 
 def _refuse_contradictions(card: ModelCard, spec: CheckedSpec) -> None:

@@ -390,6 +390,7 @@ class GraphFlow(SceneModel):
 
     hyper_class = GraphHyper
     branched = True
+    thorough = True
     graph: FormulaGraph
 
     def __init__(self, layout: Layout, hyper: GraphHyper) -> None:

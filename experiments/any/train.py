@@ -45,6 +45,8 @@ class Training:
     choice: random.Random
     hyper: GraphHyper
     seed: int
+    device: torch.device
+    noise: torch.Generator | None  # of another device than the CPU
     step: int = 0
     seconds: float = 0.0
 
@@ -62,15 +64,17 @@ class Training:
         }
 
 
-def begin(hyper: GraphHyper, seed: int, saved: dict[str, Any] | None) -> Training:
+def begin(hyper: GraphHyper, seed: int, device: torch.device, saved: dict[str, Any] | None) -> Training:
     """A new training, or one that goes on from its state, with specs that it has not seen."""
     generator = torch.Generator().manual_seed(seed)
+    noise = None if device.type == "cpu" else torch.Generator(device).manual_seed(seed)
     networks = Networks(hyper)
     networks.initialise(generator)
+    networks.to(device)
     optimiser = torch.optim.AdamW(networks.parameters(), lr=RATE, betas=(0.9, 0.99), weight_decay=DECAY)
     mean = {name: value.clone() for name, value in networks.state_dict().items()}
     stream = Stream(training_text)
-    found = Training(networks, mean, optimiser, stream, generator, random.Random(seed), hyper, seed)
+    found = Training(networks, mean, optimiser, stream, generator, random.Random(seed), hyper, seed, device, noise)
     if saved is not None:
         networks.load_state_dict(saved["weights"])
         optimiser.load_state_dict(saved["optimiser"])
@@ -91,7 +95,10 @@ def train(run: Training, budget: float) -> Iterator[dict[str, float]]:
         rate = RATE * min(1.0, (run.step + 1) / WARM) * 0.5 * (1.0 + math.cos(math.pi * share))
         for group in run.optimiser.param_groups:
             group["lr"] = rate
-        losses = run.networks.losses(*run.stream.batch(SPECS, SCENES, run.choice, run.generator), run.generator)
+        graph, *batch = run.stream.batch(SPECS, SCENES, run.choice, run.generator)
+        rows, wanted, deciders = (one.to(run.device) for one in batch)
+        noise = run.generator if run.noise is None else run.noise
+        losses = run.networks.losses(graph.to(run.device), rows, wanted, deciders, noise)
         run.optimiser.zero_grad()
         torch.autograd.backward(losses["velocity"] + BRANCHES * losses["branch"])
         nn.utils.clip_grad_norm_(run.networks.parameters(), LONGEST)
@@ -116,10 +123,11 @@ def main() -> None:
     words.add_argument("--seed", type=int, default=0)
     words.add_argument("--width", type=int, default=GraphHyper().width)
     words.add_argument("--rounds", type=int, default=GraphHyper().rounds)
+    words.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     told = words.parse_args()
-    saved = torch.load(told.out, weights_only=True) if told.out.exists() else None
+    saved = torch.load(told.out, map_location="cpu", weights_only=True) if told.out.exists() else None
     with one_thread():
-        run = begin(GraphHyper(width=told.width, rounds=told.rounds), told.seed, saved)
+        run = begin(GraphHyper(width=told.width, rounds=told.rounds), told.seed, torch.device(told.device), saved)
         written = run.seconds
         for losses in train(run, 3600.0 * told.hours):
             shown = ", ".join(f"{name} {value:.4f}" for name, value in losses.items())

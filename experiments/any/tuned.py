@@ -1,7 +1,7 @@
 """The model of any spec tuned to one, against a flow trained anew: `python -m experiments.any.tuned OUT.jsonl`.
 
-Of every fourth spec that is reported on. What the flow scores and costs is what docs/experiments/unseen.json keeps of its
-first training. Rows are kept spec by spec; a second call goes on.
+Of every fourth spec that is reported on. What the flow scores and costs is what docs/experiments/unseen.json keeps of
+its first training. Rows are kept spec by spec; a second call goes on.
 """
 
 from __future__ import annotations

@@ -189,8 +189,8 @@ class SceneModel(nn.Module, ABC):
     def sample_in(
         self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
     ) -> tuple[Tensor, Tensor | None]:
-        """As `sample`, in branches (n,) int64, which are drawn where they are not given: the scenes and their branches,
-        None of a model that knows of none."""
+        """As `sample`, in branches (n,) or (n, L) int64, which are drawn where they are not given: the scenes and their
+        branches, None of a model that knows of none."""
         return self.sample(n, phi, generator), None
 
     def drop_training_parts(self) -> None:

@@ -182,6 +182,15 @@ class FormulaGraph:
     def labels(self) -> int:
         return len(self.required)
 
+    def to(self, device: torch.device) -> FormulaGraph:
+        """The same graph with its tensors there."""
+        moved = {each.name: getattr(self, each.name).to(device) for each in fields(self) if each.name != "forms"}
+        forms = {
+            form: _Alike(*(getattr(alike, each.name).to(device) for each in fields(alike)))
+            for form, alike in self.forms.items()
+        }
+        return FormulaGraph(**moved, forms=forms)
+
     def in_order(self) -> list[list[int]]:
         """The labels by their place in their spec; without what is required."""
         asked = (~self.required).nonzero()[:, 0].tolist()
@@ -241,8 +250,8 @@ class FormulaGraph:
 
     def places(self, nodes: Tensor) -> Tensor:
         """Nodes (L, B) of the core formula as places among the atoms, -1 where there is none."""
-        place = torch.full((int(max(nodes.max(), self.nodes.max())) + 2,), -1)
-        place[self.nodes] = torch.arange(self.atoms)
+        place = torch.full((int(max(nodes.max(), self.nodes.max())) + 2,), -1, device=nodes.device)
+        place[self.nodes] = torch.arange(self.atoms, device=nodes.device)
         return place[nodes.long()]
 
 

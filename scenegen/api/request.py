@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from numbers import Real
@@ -59,6 +60,20 @@ def _range(label: str, ends: object) -> Range:
     return Range(None if low is None else float(low), None if high is None else float(high))
 
 
+def any_model(spec: Spec) -> LearnedModel:
+    """The model of any spec, for this one. Raises RequestError for a spec that it does not take."""
+    need("torch", "to draw from a model")
+    module, _, name = METHODS["any"].make.partition(":")
+    made: LearnedModel = getattr(importlib.import_module(module), name)(spec)
+    return made
+
+
+def subject_of(source: Spec | LearnedModel, request: SampleRequest) -> Spec | LearnedModel:
+    """What a request draws from: of a spec with the method `any` the model of any spec, else the source itself. Raises
+    RequestError."""
+    return source if request.method != "any" or isinstance(source, LearnedModel) else any_model(spec_of(source))
+
+
 def check_request(source: Spec | LearnedModel, request: SampleRequest) -> SampleRequest:
     """The request held against what it samples from, a spec, a spec over time or a model: with the method of `auto` for
     a model. Raises RequestError for options that mean nothing there, and for options that do not go together. What
@@ -72,7 +87,7 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
         if argument is not None:
             raise RequestError(NOT_FOR_MOTIONS(argument=argument))
         known = tuple(name for name, method in METHODS.items() if method.over_time)
-    method = "model" if learned and request.method == "auto" else request.method
+    method = "model" if learned and request.method in ("auto", "any") else request.method
     if method not in known:
         raise RequestError(UNKNOWN_CHOICE(what="method", name=method, known=known))
     proposes = METHODS[method].proposes
@@ -128,7 +143,7 @@ def plan_of(
     spec = spec_of(source)
 
     def make(checked: CheckedSpec, request: SampleRequest) -> Plan:
-        proposer = None if model is None else model.proposer_of(checked, tuple(request.phi))
+        proposer = None if model is None else model.proposer_of(checked, request.phi)
         return make_plan(make_problem(checked, request, budget), budget, proposer)
 
     def selected(plan: Plan) -> Plan:

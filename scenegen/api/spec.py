@@ -6,7 +6,7 @@ import dataclasses
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from scenegen.learn.robustness import Robustness
     from scenegen.learn.robustness.traces import TraceRobustness
     from scenegen.sampling.proposer import Proposer
-    from scenegen.sampling.request import Range
+    from scenegen.sampling.request import Range, SampleRequest
 
 MAX_BYTES = 64_000_000
 
@@ -319,13 +319,11 @@ class LearnedModel(ABC):
     spec: Spec
 
     @abstractmethod
-    def proposer_of(self, checked: CheckedSpec, labels: Sequence[str]) -> Proposer:
-        """What proposes scenes of a spec with these numbers of things, asked for phi of `labels`."""
+    def proposer_of(self, checked: CheckedSpec, ranges: Mapping[str, Range]) -> Proposer:
+        """What proposes scenes of a spec with these numbers of things, asked for ranges of phi."""
 
     @abstractmethod
-    def advice(
-        self, ranges: Mapping[str, Range], rows: npt.NDArray[np.float64] | None, raw: bool
-    ) -> tuple[Diagnostic, ...]:
+    def advice(self, request: SampleRequest, rows: npt.NDArray[np.float64] | None) -> tuple[Diagnostic, ...]:
         """Warnings about scenes (3N, n) that it made for a request; None where they are no longer in memory."""
 
 

@@ -236,6 +236,7 @@ POOR_MODEL = Kind(
         "[[with {counted}: ]]raw scenes leave out true ones: they cover {covered} (exact scenes: 0.97)",
         "[[with {counted}: ]]raw scenes miss their phi by {missed} on average",
         "[[with {counted}: ]]the model's scenes are not distributed as exact ones: {unlike} (exact scenes: 0.97, 0.05)",
+        "[[with {counted}: ]]the model's scenes leave a part out at {where}: {branches}",
     ),
     help="the model card has the figures; sample the spec itself for exact scenes",
     severity="warning",

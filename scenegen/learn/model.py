@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scenegen.api.request import any_model
 from scenegen.api.spec import LearnedModel, Spec, check_spec, load
 from scenegen.arrays import Array
-from scenegen.errors import DataError, Diagnostic
+from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.learning import (
     BEYOND_TRAINING,
     MODEL_OF_ANOTHER_SPEC,
@@ -22,12 +23,13 @@ from scenegen.errors.learning import (
     NOT_MEASURED,
     RAW_BREAKS_REQUIREMENT,
 )
+from scenegen.errors.requests import MISSING_ARGUMENT
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec, file_stem, members_of, written
 from scenegen.needs import need
-from scenegen.sampling.request import Range
+from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.files import ensure_folder, write_whole
 from scenegen.validation import as_path
 
@@ -60,15 +62,13 @@ class Model(LearnedModel):
         """What kind of model it is, e.g. "gan"."""
         return self.trained.name
 
-    def proposer_of(self, checked: CheckedSpec, labels: Sequence[str]) -> TrainedModel:
-        """What proposes scenes of a spec with these numbers of things, asked for phi of `labels`."""
-        return replace(self.of(checked).trained, only=tuple(labels))
+    def proposer_of(self, checked: CheckedSpec, ranges: Mapping[str, Range]) -> TrainedModel:
+        """What proposes scenes of a spec with these numbers of things, asked for ranges of phi."""
+        return replace(self.of(checked).trained, only=tuple(ranges))
 
-    def advice(
-        self, ranges: Mapping[str, Range], rows: npt.NDArray[np.float64] | None, raw: bool
-    ) -> tuple[Diagnostic, ...]:
+    def advice(self, request: SampleRequest, rows: npt.NDArray[np.float64] | None) -> tuple[Diagnostic, ...]:
         """Warnings about scenes (3N, n) that it made for a request; None where they are no longer in memory."""
-        return advice(self, ranges, rows, raw)
+        return advice(self, request.phi, rows, request.raw)
 
     def with_counts(self, counts: Mapping[str, int | str]) -> Model:
         """The model of these numbers of things, by name. Raises RequestError as `Spec.with_counts` does: a model of
@@ -164,11 +164,20 @@ def model_file(path: Path, numbers: Mapping[str, int]) -> Path:
     return path / f"{file_stem(numbers)}.safetensors" if numbers else path
 
 
+ANY = "any"  # stands for the model of any spec where the path of a model does
+
+
 def load_model(path: str | Path, spec: Spec | None = None) -> Model:
-    """Read a model file, or a folder of models of a spec that draws numbers of things. Raises DataError for anything
-    but a whole one, and for one of another spec than `spec`."""
+    """Read a model file, or a folder of models of a spec that draws numbers of things; "any" is the model of any spec
+    and needs `spec`. Raises DataError for anything but a whole one, and for one of another spec than `spec`."""
     if spec is not None:
         check_spec(spec)
+    if str(path) == ANY:
+        if spec is None:
+            raise RequestError(MISSING_ARGUMENT(argument="spec", question='of which spec? load_model("any", spec)'))
+        made = any_model(spec)
+        assert isinstance(made, Model)
+        return made
     found = as_path("path", path)
     return _load_family(found, spec) if is_family(found) else read_model(found, spec)
 
@@ -219,8 +228,8 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
         if not one.trained.regions and not all(wanted.bounded for wanted in ranges.values()):
             mine.append(NO_TABLE_OF_PHI(version=card.scenegen))
         if raw:
-            mine += _beyond(one, ends)
-            mine += [] if made is None else _unmet(one, made)
+            mine += beyond(one, ends)
+            mine += [] if made is None else unmet(one, made)
         found |= dict.fromkeys(each.but(counted=written(numbers)) if numbers else each for each in mine)
     return tuple(found)
 
@@ -235,7 +244,7 @@ def _scenes_of(model: Model, rows: Array) -> list[Array]:
     return [rows[np.ix_(mine, found.get(number, none))] for number, mine in enumerate(members.rows)]
 
 
-def _beyond(model: Model, ends: Mapping[str, tuple[float | None, float | None]]) -> list[Diagnostic]:
+def beyond(model: Model, ends: Mapping[str, tuple[float | None, float | None]]) -> list[Diagnostic]:
     """Targets outside of the range of phi that the model was trained on."""
     lines = []
     for label, (low, high) in ends.items():
@@ -245,7 +254,7 @@ def _beyond(model: Model, ends: Mapping[str, tuple[float | None, float | None]])
     return lines
 
 
-def _unmet(model: Model, rows: Array) -> list[Diagnostic]:
+def unmet(model: Model, rows: Array) -> list[Diagnostic]:
     """Raw scenes that break a requirement."""
     core = gated(model.spec.checked.core)
     if REQUIRE not in core.labels:

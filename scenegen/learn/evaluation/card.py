@@ -107,7 +107,7 @@ class EvaluationResult:
 
 
 @dataclass(frozen=True, slots=True)
-class _CpuBudget(Budget):
+class CpuBudget(Budget):
     """So many seconds of CPU; infinite for no limit."""
 
     began: float = field(default_factory=time.process_time)
@@ -121,17 +121,17 @@ class _CpuBudget(Budget):
     def overdrawn(self) -> bool:
         return self.spent
 
-    def some(self, seconds: float) -> _CpuBudget:
+    def some(self, seconds: float) -> CpuBudget:
         """A part of what is left."""
         left = self.allowed - (time.process_time() - self.began)
-        return _CpuBudget(math.inf, allowed=max(0.0, min(seconds, left)))
+        return CpuBudget(math.inf, allowed=max(0.0, min(seconds, left)))
 
 
 def measure(model: Model, seconds: float = ALL) -> EvaluationResult:
     """Accuracy and distribution at a handful of values of each label and of each two labels that follow each other, and
     calibration over all of a label's range; all this of the model's raw output. Also what `sample` returns in the
     ranges of `asked_for`. Takes some seconds, ALL or `seconds` where scenes are rare."""
-    budget = _CpuBudget(math.inf, allowed=min(seconds, ALL))
+    budget = CpuBudget(math.inf, allowed=min(seconds, ALL))
     levels: list[TargetFidelity] = []
     curves: list[Curve] = []
     missing: list[str] = []
@@ -226,7 +226,8 @@ def reached(model: Model, ends: Mapping[str, Range], budget: Budget) -> RangeFid
     from scenegen.learn.models.card import depends_on
 
     rows, phi = _truth(model, ends, 2 * SCENES, budget)
-    made, told = returned(model, ends, SCENES, budget)
+    request = SampleRequest(dict(ends), SCENES, SEED, spread="base", workers=1)
+    made, told = returned(model, request, budget)
     half = rows.shape[1] // 2
     depends = depends_on(model.spec.checked.core)
     off = [ks_distance(phi[place], told[place]) for place in map(model.spec.labels.index, ends)]
@@ -234,15 +235,14 @@ def reached(model: Model, ends: Mapping[str, Range], budget: Budget) -> RangeFid
     return RangeFidelity(dict(ends), max(off), fidelity(true, made[:, :half], depends), fidelity(true, fresh, depends))
 
 
-def returned(model: Model, ends: Mapping[str, Range], count: int, budget: Budget) -> tuple[Array, Array]:
-    """`count` scenes (3N, count) that a model gives for ranges of phi, as they occur there, and their phi (L, count).
-    Raises RequestError."""
+def returned(model: Model, request: SampleRequest, budget: Budget) -> tuple[Array, Array]:
+    """The scenes (3N, n) that a model gives for a request, and their phi (L, n). Raises RequestError."""
     from scenegen.learn.guided import make_plan
     from scenegen.sampling.engine.run import in_memory
 
-    request = SampleRequest(dict(ends), count, SEED, spread="base", workers=1)
-    proposer = replace(model.trained, only=tuple(ends))
-    found = in_memory(make_plan(make_problem(model.spec.checked, request), budget, proposer), budget)
+    checked = model.spec.checked
+    proposer = model.proposer_of(checked, request.phi)
+    found = in_memory(make_plan(make_problem(checked, request), budget, proposer), budget)
     if found.shortfall is not None:
         raise RequestError(found.shortfall)
     return found.rows, found.phi

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from scenegen.errors import DataError
 from scenegen.errors.learning import DAMAGED_MODEL, STATE_MISFIT
 from scenegen.lang.formula.core import Core
+from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import OTHER, Codec, Examples
 from scenegen.learn.robustness import Robustness
@@ -130,6 +131,8 @@ class SceneModel(nn.Module, ABC):
     """Settings that files of earlier versions do not name, as they were then."""
     branched: ClassVar[bool] = False
     """Whether the model wants its layout read off the spec, and examples sorted into branches."""
+    thorough: ClassVar[bool] = False
+    """Whether its scenes get more of the correction's random moves."""
     TRAINING_ONLY: ClassVar[tuple[str, ...]] = ()
     """Submodules that `sample` does not need; model files leave them out."""
 
@@ -150,6 +153,10 @@ class SceneModel(nn.Module, ABC):
     def width(self) -> int:
         """Coordinates of a scene, 3N."""
         return row_count(self.objects)
+
+    def bind(self, spec: CheckedSpec) -> None:
+        """Take up what the spec fixes besides sizes; by default nothing."""
+        return
 
     def initialise(self, generator: torch.Generator) -> None:
         """Fresh weights from `generator`."""
@@ -178,6 +185,13 @@ class SceneModel(nn.Module, ABC):
     @abstractmethod
     def sample(self, n: int, phi: Tensor, generator: torch.Generator) -> Tensor:
         """n scenes x (n, 3N) in [0, 1] for the labels phi, (n, L) or (L,). Evaluates no phi and holds no scenes."""
+
+    def sample_in(
+        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+    ) -> tuple[Tensor, Tensor | None]:
+        """As `sample`, in branches (n,) or (n, L) int64, which are drawn where they are not given: the scenes and their
+        branches, None of a model that knows of none."""
+        return self.sample(n, phi, generator), None
 
     def drop_training_parts(self) -> None:
         """Leave only what `sample` needs."""

@@ -34,7 +34,6 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import SceneModel
 from scenegen.learn.models.card import FORMAT, ModelCard
 from scenegen.learn.models.codec import Codec
-from scenegen.learn.models.conditioned import ConditionedModel
 from scenegen.learn.models.correction import Correction, McmcMoves
 from scenegen.learn.models.registry import model_class
 from scenegen.scenes.files import read_bytes, write_whole
@@ -210,13 +209,14 @@ def as_trained(card: ModelCard, tensors: dict[str, Tensor], path: Path, device: 
     # the canonical text has no comments, so the title comes from the card
     spec = replace(check_text(card.spec.source, card.spec.name), title=card.spec.title)
     _refuse_contradictions(card, spec)
+    model.bind(spec)
     found = TrainedModel(model, card, spec, regions=tuple(one.double().numpy() for one in regions))
     if not card.corrected:
         return found
     ends = found.label_ranges.values()
     spans = torch.tensor([high - low for low, high in ends])
     tops = torch.tensor([max(0.0, high) if low < 0.0 else 0.0 for low, high in ends])
-    return replace(found, correction=Correction(spec, spans, tops))
+    return replace(found, correction=Correction(spec, spans, tops, thorough=kind.thorough))
 
 
 def _refuse_contradictions(card: ModelCard, spec: CheckedSpec) -> None:
@@ -361,16 +361,14 @@ class TrainedModel:
         or drawn."""
         alike = phi[:, :1].expand_as(phi) if phi.shape[1] > 1 and bool(_same(phi, phi[:, :1]).all()) else phi
         parts = torch.split(alike, BATCH, dim=1)
-        if not isinstance(self.model, ConditionedModel):
-            made = [self.model.sample(part.shape[1], part.T, generator) for part in parts]
-            return self.codec.decode(torch.cat(made)).cpu(), None
         given = [None] * len(parts) if branch is None else torch.split(branch, BATCH)
         found = [
             self.model.sample_in(part.shape[1], part.T, generator, mine)
             for part, mine in zip(parts, given, strict=True)
         ]
-        scenes = torch.cat([each for each, _ in found])
-        return self.codec.decode(scenes).cpu(), torch.cat([each for _, each in found])
+        scenes = self.codec.decode(torch.cat([each for each, _ in found])).cpu()
+        branches = [mine for _, mine in found if mine is not None]
+        return scenes, torch.cat(branches) if branches else None
 
     @torch.no_grad()
     def propose(self, phi: Tensor, generator: torch.Generator) -> Tensor:

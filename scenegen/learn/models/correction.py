@@ -40,6 +40,7 @@ from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owne
 
 MOVES = 24  # of a scene, at most
 WORK = 2500  # visits of nodes that they may take for each scene
+THOROUGH = 3  # times as many of both for the scenes of a network that has not seen the spec
 PER_SHAPE = 30  # what a footprint costs, in plain nodes
 SHORTEST_WALK, LONGEST_WALK = 0.01, 0.5  # of the workspace, or of a turn
 FITTED, AIM = 0.75, 0.3  # of the shifts of one coordinate are fitted, so that this share of them is kept
@@ -51,9 +52,12 @@ Move = tuple[Tensor, Tensor]
 
 class McmcMoves:
     """Of one spec; `tolerance` (L, 1) or (L, B) is how far phi may be from where it is wanted, `box` (3N,) each where
-    poses may lie, if not all over the spec's. `count` moves are made, if there is anything `moving`."""
+    poses may lie, if not all over the spec's. `count` moves are made, if there is anything `moving`; with `thorough`
+    more, of fitted lengths."""
 
-    def __init__(self, spec: CheckedSpec, tolerance: Tensor, box: tuple[Array, Array] | None = None) -> None:
+    def __init__(
+        self, spec: CheckedSpec, tolerance: Tensor, box: tuple[Array, Array] | None = None, *, thorough: bool = False
+    ) -> None:
         core = gated(spec.core)
         self._phi = Robustness(core)
         self._required = REQUIRE in core.labels
@@ -71,7 +75,8 @@ class McmcMoves:
         if len(self._free) < 2:
             self._moves = [self._one]
         shapes = sum(len(node.shapes) for node in core.nodes if isinstance(node, Apply))
-        count = min(MOVES, WORK // (len(core.nodes) + PER_SHAPE * shapes))
+        count = min(MOVES, WORK // (len(core.nodes) + PER_SHAPE * shapes)) * (THOROUGH if thorough else 1)
+        self._fit = thorough
         self.moving = len(self._rows) > 0
         self.count = count if self.moving else 0
 
@@ -88,7 +93,7 @@ class McmcMoves:
         usual."""
         off = self._tolerance if tolerance is None else tolerance
         ends = wanted - off, wanted + off
-        return self.within(rows, ends, generator, self.count, right)
+        return self.within(rows, ends, generator, self.count, right, fit=self._fit)
 
     def within(
         self,
@@ -204,7 +209,7 @@ class Correction:
     the highest phi there, 0 where phi does not change its sign: near 0 scenes arrive as exactly as a range of that
     height would have it, since a satisfied part may be a hundredth of the whole."""
 
-    def __init__(self, spec: CheckedSpec, spans: Tensor, tops: Tensor | None = None) -> None:
+    def __init__(self, spec: CheckedSpec, spans: Tensor, tops: Tensor | None = None, *, thorough: bool = False) -> None:
         self.spec = spec
         core = gated(spec.core)
         self._labels = Slopes(spec.core)
@@ -216,7 +221,7 @@ class Correction:
         self._low, self._high = low, high
         self._scale = high - low
         self._scale[TURNS] = (self._scale[TURNS] > 0.0).to(low)  # a radian; what is held does not move
-        self._walk = McmcMoves(spec, self._most)
+        self._walk = McmcMoves(spec, self._most, thorough=thorough)
 
     def __call__(self, make: Make, wanted: Tensor, generator: torch.Generator) -> Tensor:
         """Corrected scenes (3N, n) for wanted phi (L, n), NaN where a label is free."""

@@ -18,6 +18,7 @@ MODELS: dict[str, str] = {
     "aae": "scenegen.learn.models.games:AAE",
     "energy": "scenegen.learn.models.energy:Energy",
     "flow": "scenegen.learn.models.flow:Flow",
+    "any": "scenegen.learn.models.graph_flow:GraphFlow",
 }
 PUBLISHED: dict[str, str] = {
     "gan": "scenegen.learn.models.published:PublishedGAN",

@@ -232,14 +232,14 @@ def _general(node: Node, objects: list[int], sizes: list[float]) -> Node:
     return Apply(node.primitive, node.args, tuple(shapes))
 
 
-class _Circles(Circle):
+class AnyCircle(Circle):
     """Circles of many sizes, as numbers of the namespace."""
 
     __slots__ = ()
     __eq__, __hash__ = object.__eq__, object.__hash__
 
 
-class _MixedBoxes(Box):
+class AnyBox(Box):
     """Boxes of many sizes; the numbers of one and of another are not compared."""
 
     __slots__ = ()
@@ -253,8 +253,8 @@ def _sized(node: Node, sizes: Iterator[Tensor]) -> Node:
     shapes: list[Footprint] = []
     for shape in node.shapes:
         if isinstance(shape, Circle):
-            shape = _Circles(cast(float, next(sizes)))
+            shape = AnyCircle(cast(float, next(sizes)))
         elif isinstance(shape, Box):
-            shape = _MixedBoxes(cast(float, next(sizes)), cast(float, next(sizes)))
+            shape = AnyBox(cast(float, next(sizes)), cast(float, next(sizes)))
         shapes.append(shape)
     return Apply(node.primitive, node.args, tuple(shapes))

@@ -42,6 +42,8 @@ PAPER: Mapping[str, object] = {"epochs": 50, "batch_size": 32, "lr": 1e-3, "scen
 # Ours: exact scenes, balanced in phi; the rate warms up, then falls along a cosine.
 OURS: Mapping[str, object] = {"epochs": 16, "batch_size": 512, "lr": 1e-3, "scenes": 200_000, "data": "balanced"}
 FLOW: Mapping[str, object] = {**OURS, "epochs": 36, "scenes": 100_000}
+# What has learnt from many specs needs little of one.
+TUNING: Mapping[str, object] = {**OURS, "epochs": 1, "batch_size": 128, "lr": 5e-4, "scenes": 10_000}
 # Games want many steps more than large batches.
 GAMES: Mapping[str, object] = {**OURS, "batch_size": 256, "epochs": 8}
 
@@ -52,6 +54,7 @@ DEFAULTS: Mapping[tuple[str, str], Mapping[str, object]] = {
     ("default", "aae"): {**GAMES, "epochs": 6},
     ("default", "flow"): FLOW,
     ("default", "energy"): OURS,
+    ("default", "any"): TUNING,
 }
 CONSTANT = frozenset({"paper"})
 """Recipes whose learning rate does not change."""
@@ -138,7 +141,9 @@ class TrainConfig:
     diagnostic per value that is out of its range.
     """
 
-    model: Annotated[str, Option("flow, energy, gan or aae.", "NAME", hints=MODELS)]
+    model: Annotated[
+        str, Option("flow, energy, gan or aae; any tunes the model of any spec to this one.", "NAME", hints=MODELS)
+    ]
     recipe: Annotated[str, Option("default, or paper: the published networks and settings (gan, aae).")]
     epochs: Annotated[int, Option("Passes over the training scenes.", typed=int | None)]
     batch_size: Annotated[int, Option("Scenes per step.", typed=int | None)]

@@ -344,7 +344,9 @@ def new_model(spec: CheckedSpec, config: TrainConfig, branches: int = 1) -> Scen
     hyper = parse_hyper(config.model, config.hyper, config.recipe)
     kind = model_class(config.model, config.recipe)
     plain = Layout(objects=len(spec.core.objects), labels=len(spec.labels))
-    return kind(layout_of(spec.core, branches) if kind.branched else plain, hyper)
+    model = kind(layout_of(spec.core, branches) if kind.branched else plain, hyper)
+    model.bind(spec)
+    return model
 
 
 def check_best(best: Mapping[str, Tensor], like: Mapping[str, Tensor]) -> None:

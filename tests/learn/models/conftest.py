@@ -27,6 +27,11 @@ def examples_of(spec, count, seed):
     return Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch), SpecLoss(spec.core, table, codec), table
 
 
+def bound(model, spec):
+    model.bind(spec)
+    return model
+
+
 class Made:
     """A model with fresh weights, and what it takes to train it."""
 
@@ -35,7 +40,7 @@ class Made:
         self.examples, self.spec_loss, table = examples_of(self.spec, 500, seed)
         kind = model_class(name, recipe)
         layout = layout_of(self.spec.core, len(table)) if kind.branched else Layout(objects=objects, labels=labels)
-        self.blank = lambda: kind(layout, parse_hyper(name, hyper, recipe))
+        self.blank = lambda: bound(kind(layout, parse_hyper(name, hyper, recipe)), self.spec)
         self.model = self.blank()
         self.model.initialise(torch.Generator().manual_seed(seed))
         self.model.fit(self.examples)

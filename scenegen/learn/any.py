@@ -1,0 +1,172 @@
+"""The model of any spec: what the weights that come with the package are for one spec.
+
+They learnt from the formulas of many random specs and have seen none of the user's. So what the card of a trained model
+tells from its training is found out on the spot: how far phi of each label goes, how phi is distributed where it is
+asked for, and how the scenes compare there with exact ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from scenegen.api.spec import Spec, refuse_choices
+from scenegen.arrays import Array
+from scenegen.errors import Diagnostic, RequestError
+from scenegen.errors.learning import NOT_MEASURED, POOR_MODEL
+from scenegen.lang.spec import CheckedSpec
+from scenegen.learn.evaluation.card import CpuBudget, returned
+from scenegen.learn.evaluation.fidelity import fidelity
+from scenegen.learn.faults import FAULTS_SHOWN, LEAST_COVERAGE, MOST_DISTANCE
+from scenegen.learn.model import ANY, Model, beyond, unmet
+from scenegen.learn.models.card import LabelData, LossData, ModelCard, depends_on, layout_of, spec_data
+from scenegen.learn.models.checkpoint import TrainedModel, as_trained
+from scenegen.learn.models.codec import ways_of
+from scenegen.learn.models.graph_flow import WEIGHTS, shipped
+from scenegen.learn.training.balanced import reach
+from scenegen.resources import __version__
+from scenegen.sampling.engine.run import draw
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.request import Range, SampleRequest
+from scenegen.scenes.data import WorkspaceData
+from scenegen.search.effort import StoppedError
+
+TAKES = {
+    "takes": "formulas over centres, headings and footprints: any objects, held or free, regions, heights of fixed "
+    "surfaces, `require`, quantifiers",
+    "does not take": "specs over time, numbers of things that are drawn, one of several surfaces",
+}
+SEED = 20_261_127  # of the exact scenes that it is compared with, and of its own
+SCENES = 400  # of each
+FEWEST = 100  # that a comparison needs
+PATIENCE = 0.5  # CPU seconds for the exact ones
+COMMON, LEFT_OUT = 0.05, 0.2  # share of a branch among exact scenes; of that share, below which it counts as left out
+
+
+class AnyModel(Model):
+    """The model of any spec, for one. Raises RequestError for a spec over time, one that draws numbers of things, and
+    one in which things stand on one of several surfaces."""
+
+    def __init__(self, spec: Spec) -> None:
+        refuse_choices(spec, "the model of any spec")
+        super().__init__(bound(spec.checked))
+        self.spec = spec
+        self._known: dict[tuple[object, ...], tuple[Array, Array]] = {}
+
+    def __repr__(self) -> str:
+        return f"<AnyModel of {self.spec.declared.name}>"
+
+    def proposer_of(self, checked: CheckedSpec, ranges: Mapping[str, Range]) -> TrainedModel:
+        _, phi = self._exact(ranges, "base")
+        ends = np.array([_ends(ranges.get(label)) for label in self.spec.labels])
+        regions = (np.concatenate([ends, phi], axis=1),) if phi.shape[1] else ()
+        return replace(self.trained, only=tuple(ranges), regions=regions)
+
+    def advice(self, request: SampleRequest, rows: npt.NDArray[np.float64] | None) -> tuple[Diagnostic, ...]:
+        """What a comparison with exact scenes shows; where its own are few, or not in memory, some are made for it."""
+        exact, _ = self._exact(request.phi, request.spread)
+        found = []
+        if request.raw:
+            found += beyond(self, {label: _ends(one) for label, one in request.phi.items()})
+            found += [] if rows is None else unmet(self, rows)
+        if rows is None or rows.shape[1] < SCENES or request.raw:
+            asked = replace(request, n=SCENES, seed=SEED, raw=False, fix={}, workers=1)
+            try:
+                rows = returned(self, asked, CpuBudget(math.inf, allowed=PATIENCE))[0]
+            except (RequestError, StoppedError):
+                rows = exact[:, :0]
+        where = " ".join(f"{label}={one}" for label, one in request.phi.items()) or "any phi"
+        count = min(exact.shape[1], rows.shape[1], SCENES)
+        if count < FEWEST:
+            return (*found, NOT_MEASURED(where=where, one=None))
+        some = np.random.default_rng(SEED).permutation(rows.shape[1])[:count]
+        return (*found, *compared(self.spec.checked, exact[:, :count], rows[:, some], where))
+
+    def _exact(self, ranges: Mapping[str, Range], spread: str) -> tuple[Array, Array]:
+        """Exact scenes (3N, n) in ranges of phi, and their phi (L, n), in random order: SCENES, or as many as there are
+        in time."""
+        key = (spread, *sorted(ranges.items(), key=lambda item: item[0]))
+        if key not in self._known:
+            self._known[key] = exact_scenes(self.spec.checked, ranges, spread)
+        return self._known[key]
+
+
+def exact_scenes(checked: CheckedSpec, ranges: Mapping[str, Range], spread: str) -> tuple[Array, Array]:
+    request = SampleRequest(dict(ranges), SCENES, SEED, spread=spread, workers=1)
+    budget = CpuBudget(math.inf, allowed=PATIENCE)
+    try:
+        found = draw(make_problem(checked, request, budget), budget)
+    except (RequestError, StoppedError):
+        return np.empty((len(checked.box()[0]), 0)), np.empty((len(checked.labels), 0))
+    order = np.random.default_rng(SEED).permutation(found.count)
+    return found.rows[:, order], found.phi[: len(checked.labels), order]
+
+
+def compared(spec: CheckedSpec, exact: Array, made: Array, where: str) -> list[Diagnostic]:
+    """Warnings, where scenes (3N, n) that were made are unlike exact ones."""
+    figures = fidelity(exact, made, depends_on(spec.core))
+    found = []
+    if figures.coverage < LEAST_COVERAGE or figures.ks > MOST_DISTANCE:
+        found.append(POOR_MODEL(unlike=f"cover {figures.coverage:.2f}, KS {figures.ks:.2f} at {where}"))
+    missing = left_out(spec, exact, made)
+    return [*found, POOR_MODEL(branches=missing, where=where)] if missing else found
+
+
+def _ends(wanted: Range | None) -> tuple[float, float]:
+    low, high = (None, None) if wanted is None else (wanted.low, wanted.high)
+    return -math.inf if low is None else low, math.inf if high is None else high
+
+
+def left_out(spec: CheckedSpec, exact: Array, made: Array) -> str:
+    """The atoms that decide phi of a label in a good part of exact scenes (3N, n), and hardly ever in those that were
+    made, as text."""
+    found = []
+    ways = [ways_of(spec, torch.from_numpy(rows).float()).numpy() for rows in (exact, made)]
+    for place, label in enumerate(spec.labels):
+        shares = [{int(atom): float((one[place] == atom).mean()) for atom in np.unique(one[place])} for one in ways]
+        for atom, share in shares[0].items():
+            mine = shares[1].get(atom, 0.0)
+            if share >= COMMON and mine < LEFT_OUT * share:
+                text = getattr(spec.core.nodes[atom], "text", label)
+                found.append(f"`{text}` decides `{label}` in {mine:.0%} of them, in {share:.0%} of exact ones")
+    return "; ".join(found[:FAULTS_SHOWN])
+
+
+def bound(checked: CheckedSpec) -> TrainedModel:
+    """The weights that come with the package, as a model of this spec. Raises RequestError where phi of a label cannot
+    vary."""
+    card, weights = shipped()
+    ends = {label: _reach(checked, label) for label in checked.labels}
+    space = checked.workspace
+    found = ModelCard(
+        scenegen=__version__,
+        model=ANY,
+        recipe="default",
+        layout=layout_of(checked.core),
+        hyper=dict(card.hyper),
+        spec=spec_data(checked),
+        workspace=WorkspaceData(x=space.x, y=space.y),
+        objects=list(checked.objects),
+        labels=[LabelData(name=label, lowest=low, highest=high) for label, (low, high) in ends.items()],
+        training={"steps": card.steps, "specs": card.specs, "seed": card.seed},
+        epochs_done=0,
+        losses=LossData(epochs=[], means={}),
+        corrected=True,
+    )
+    low, high = torch.tensor(list(ends.values()), dtype=torch.float32).T
+    tensors = {f"networks.{name}": weight for name, weight in weights.items()}
+    return as_trained(found, {**tensors, "label_lowest": low, "label_highest": high}, WEIGHTS)
+
+
+def _reach(checked: CheckedSpec, label: str) -> tuple[float, float]:
+    """The lowest and the highest phi of a label among exact scenes. Raises RequestError where it cannot vary."""
+    _, phi = exact_scenes(checked, {label: Range(None, None)}, "flat")
+    mine = phi[checked.labels.index(label)]
+    if len(mine) < FEWEST or mine.min() == mine.max():
+        return reach(checked, SEED)[label]
+    return float(mine.min()), float(mine.max())

@@ -1,0 +1,382 @@
+"""A spec's formula as a graph: objects, atoms, and the minima and maxima above them, as tensors.
+
+Objects and atoms are tied where an atom reads an object's pose; atoms and junctions where the atom lies anywhere below,
+so that what is decided high up is one step away. Each label is a junction as well, its root. The disjoint union of
+graphs is a graph: a network that trains on many specs at once sees one.
+
+The margins of all atoms and their slopes are computed together for atoms that are alike but for their objects and
+numbers (a `MarginForm`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from itertools import accumulate
+from typing import cast
+
+import torch
+from torch import Tensor
+
+from scenegen.geometry import PRIMITIVES, Footprint, Namespace
+from scenegen.geometry.footprint import Box, Circle
+from scenegen.geometry.namespace import Turning
+from scenegen.geometry.primitives import ANGLE
+from scenegen.lang.formula.core import (
+    REQUIRE,
+    Apply,
+    Atom,
+    Const,
+    Coord,
+    Core,
+    Junction,
+    Node,
+    atoms_below,
+    gated,
+    part_of,
+    read_rows,
+)
+from scenegen.lang.spec import CheckedSpec
+from scenegen.learn.robustness.compile import TORCH
+from scenegen.learn.robustness.deciding import AnyBox, AnyCircle
+from scenegen.pose import SIZE, THETA, row_of
+
+KINDS = tuple(sorted(PRIMITIVES))
+NUMBERS = 6  # of an atom that its features show
+SLOTS = 6  # places of an object among those of its atom; further ones share the last
+ROOT, MIN, MAX = range(3)  # kinds of junctions, the first of their features
+
+OBJECT_FEATURES = 3 + 1 + SIZE  # footprint; held; which coordinates matter
+ATOM_FEATURES = len(KINDS) + 1 + 1 + NUMBERS + 1  # primitives; objects; numbers; whether it is an angle
+JUNCTION_FEATURES = 3 + 1 + 1  # kind; atoms below; whether it is of what is required
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Atoms that are alike.
+
+
+@dataclass(frozen=True, slots=True)
+class MarginForm:
+    """A margin as nodes whose objects are places and whose numbers (constants and sizes) are left open."""
+
+    nodes: tuple[Node, ...]
+
+    def __call__(self, poses: Tensor, numbers: Tensor) -> Tensor:
+        """(M,) margins for poses (3K, M) of its objects and numbers (P, M)."""
+        turning, values, rest = Turning(TORCH), list[Tensor](), iter(numbers)
+        for node in self.nodes:
+            if isinstance(node, Const):
+                values.append(next(rest))
+            elif isinstance(node, Coord):
+                value = poses[node.row]
+                if node.axis == THETA:
+                    turning.keep(value)
+                values.append(value)
+            else:
+                assert isinstance(node, Apply)
+                shapes = [_sized(shape, rest) for shape in node.shapes]
+                args = [values[arg] for arg in node.args]
+                values.append(PRIMITIVES[node.primitive].evaluate(cast(Namespace, turning), *shapes, *args))
+        return values[-1].expand(poses.shape[1])
+
+
+def _sized(shape: Footprint, numbers: Iterator[Tensor]) -> Footprint:
+    if isinstance(shape, Circle):
+        return AnyCircle(cast(float, next(numbers)))
+    if isinstance(shape, Box):
+        return AnyBox(cast(float, next(numbers)), cast(float, next(numbers)))
+    return shape
+
+
+def _form(core: Core, atom: Atom) -> tuple[MarginForm, list[int], list[float]]:
+    """The form of an atom's margin, its objects and its numbers."""
+    alone = part_of(Core(core.nodes, {"": atom.margin}, core.objects), [""])
+    objects = list(dict.fromkeys(node.object for node in alone.nodes if isinstance(node, Coord)))
+    numbers: list[float] = []
+    nodes: list[Node] = []
+    for node in alone.nodes:
+        if isinstance(node, Const):
+            numbers.append(node.value)
+            nodes.append(Const(0.0))
+        elif isinstance(node, Coord):
+            nodes.append(Coord(objects.index(node.object), node.axis))
+        else:
+            assert isinstance(node, Apply)
+            shapes: list[Footprint] = []
+            for shape in node.shapes:
+                if isinstance(shape, Circle):
+                    numbers.append(shape.radius)
+                    shapes.append(Circle(0.0))
+                elif isinstance(shape, Box):
+                    numbers += [shape.length, shape.width]
+                    shapes.append(Box(0.0, 0.0))
+                else:
+                    shapes.append(shape)
+            nodes.append(Apply(node.primitive, node.args, tuple(shapes)))
+    return MarginForm(tuple(nodes)), objects, numbers
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Alike:
+    """n atoms of one form: which they are (n,), the rows that they read (n, 3K), their numbers (n, P) and their ties
+    (n, K)."""
+
+    atoms: Tensor
+    reads: Tensor
+    numbers: Tensor
+    ties: Tensor
+
+
+def _together(parts: Sequence[_Alike]) -> _Alike:
+    if len(parts) == 1:
+        return parts[0]
+    return _Alike(*(torch.cat([getattr(part, each.name) for part in parts]) for each in fields(_Alike)))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# The graph.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FormulaGraph:
+    """Of N objects, A atoms, J junctions and L labels; what is required counts as a label, the last of its spec.
+
+    `ties` (E, 3) are atom, object, and the object's place in the atom; `below` (I, 2) atom and junction; `roots`
+    (I', 2) atom and label. `label_of` (J,) is the label of a junction, `required` (L,) which labels are what is
+    required, `rank` (L,) a label's place in its spec. `low` and `high` (3N, 1) bound the poses, `centre` and `half`
+    (N, 2, 1) are of the workspace. `spec` (N,) is the spec of an object, and `share` (N, 1) one by the number of
+    objects there. `nodes` (A,) are the atoms in the core formula.
+    """
+
+    object_features: Tensor
+    atom_features: Tensor
+    junction_features: Tensor
+    ties: Tensor
+    below: Tensor
+    roots: Tensor
+    label_of: Tensor
+    required: Tensor
+    rank: Tensor
+    low: Tensor
+    high: Tensor
+    centre: Tensor
+    half: Tensor
+    spec: Tensor
+    share: Tensor
+    nodes: Tensor
+    forms: dict[MarginForm, _Alike]
+
+    @property
+    def objects(self) -> int:
+        return len(self.object_features)
+
+    @property
+    def atoms(self) -> int:
+        return len(self.atom_features)
+
+    @property
+    def junctions(self) -> int:
+        return len(self.junction_features)
+
+    @property
+    def labels(self) -> int:
+        return len(self.required)
+
+    def to(self, device: torch.device) -> FormulaGraph:
+        """The same graph with its tensors there."""
+        moved = {each.name: getattr(self, each.name).to(device) for each in fields(self) if each.name != "forms"}
+        forms = {
+            form: _Alike(*(getattr(alike, each.name).to(device) for each in fields(alike)))
+            for form, alike in self.forms.items()
+        }
+        return FormulaGraph(**moved, forms=forms)
+
+    def in_order(self) -> list[list[int]]:
+        """The labels by their place in their spec; without what is required."""
+        asked = (~self.required).nonzero()[:, 0].tolist()
+        ranks = self.rank.tolist()
+        return [[one for one in asked if ranks[one] == rank] for rank in sorted({ranks[one] for one in asked})]
+
+    def atoms_of(self, label: int) -> Tensor:
+        """The atoms below a label, in order."""
+        return self.roots[self.roots[:, 1] == label][:, 0].sort().values
+
+    def extent(self) -> Tensor:
+        """(E, 1, 3): what a coordinate of a view is in metres or radians, for each tie's object."""
+        half = self.half[self.ties[:, 1], :, 0]
+        return torch.cat([half, torch.ones_like(half[:, :1])], 1)[:, None]
+
+    def free(self) -> Tensor:
+        """(N, 1, 4): which coordinates of a view are to be made: those that matter and can move."""
+        held, matters = self.object_features[:, 3:4], self.object_features[:, 4:]
+        moves = (matters > 0.0) & (held == 0.0)
+        return torch.cat([moves, moves[:, THETA:]], 1)[:, None]
+
+    def view(self, rows: Tensor) -> Tensor:
+        """Storage (3N, B) -> (N, B, 4): x and y from -1 to 1 in the workspace, cosine and sine of theta."""
+        poses = rows.view(self.objects, SIZE, -1)
+        places = (poses[:, :THETA] - self.centre) / self.half
+        turned = torch.stack([torch.cos(poses[:, THETA]), torch.sin(poses[:, THETA])], 1)
+        return torch.cat([places, turned], 1).transpose(1, 2).contiguous()
+
+    def storage(self, view: Tensor) -> Tensor:
+        """The way back: (N, B, 4) -> (3N, B), theta from -pi to pi."""
+        parts = view.transpose(1, 2)
+        places = parts[:, :2] * self.half + self.centre
+        turned = torch.atan2(parts[:, 3:], parts[:, 2:3])
+        return torch.cat([places, turned], 1).reshape(SIZE * self.objects, -1)
+
+    def base(self, count: int, generator: torch.Generator) -> Tensor:
+        """(3N, count) poses, uniform where they may be."""
+        random = torch.rand(len(self.low), count, generator=generator, device=self.low.device)
+        return torch.lerp(self.low, self.high, random)
+
+    def margins(self, rows: Tensor) -> tuple[Tensor, Tensor]:
+        """Of all atoms in scenes (3N, B): margins (A, B), and their slopes along x, y and theta of each tie's object,
+        (E, B, 3)."""
+        count = rows.shape[1]
+        margins, slopes = rows.new_zeros(self.atoms, count), rows.new_zeros(len(self.ties), count, SIZE)
+        for form, alike in self.forms.items():
+            atoms, width = alike.reads.shape
+            here = rows[alike.reads.T].reshape(width, -1).requires_grad_()
+            numbers = alike.numbers.T.repeat_interleave(count, 1)
+            with torch.enable_grad():
+                found = form(here, numbers)
+                (slope,) = torch.autograd.grad(found, here, torch.ones_like(found))
+            margins[alike.atoms] = found.detach().view(atoms, count)
+            by_tie = slope.view(width // SIZE, SIZE, atoms, count).permute(2, 0, 3, 1)
+            slopes[alike.ties.reshape(-1)] = by_tie.reshape(-1, count, SIZE)
+        return margins, slopes
+
+    def places(self, nodes: Tensor) -> Tensor:
+        """Nodes (L, B) of the core formula as places among the atoms, -1 where there is none."""
+        place = torch.full((int(max(nodes.max(), self.nodes.max())) + 2,), -1, device=nodes.device)
+        place[self.nodes] = torch.arange(self.atoms, device=nodes.device)
+        return place[nodes.long()]
+
+
+def graph_of(spec: CheckedSpec) -> FormulaGraph:
+    """The graph of a spec without time and choices of surfaces."""
+    core = gated(spec.core)
+    form_of: dict[int, tuple[MarginForm, list[int], list[float]]] = {}
+    for root in core.labels.values():
+        for node in atoms_below(core, root):
+            form_of.setdefault(node, _form(core, cast(Atom, core.nodes[node])))
+    atoms = [node for node, (_, objects, _) in form_of.items() if objects]  # not constants
+    place = {node: number for number, node in enumerate(atoms)}
+    ties: list[tuple[int, int, int]] = []
+    alike: dict[MarginForm, list[_Alike]] = {}
+    for number, node in enumerate(atoms):
+        form, objects, numbers = form_of[node]
+        mine = torch.arange(len(ties), len(ties) + len(objects))
+        ties += [(number, one, min(slot, SLOTS - 1)) for slot, one in enumerate(objects)]
+        reads = torch.tensor([row_of(one, axis) for one in objects for axis in range(SIZE)])
+        sizes = torch.tensor(numbers, dtype=torch.float32)
+        one = _Alike(torch.tensor([number]), reads[None], sizes[None], mine[None])
+        alike.setdefault(form, []).append(one)
+    junctions, label_of, below, roots = list[list[float]](), list[int](), list[tuple[int, int]](), []
+    for label, (name, root) in enumerate(core.labels.items()):
+        roots += [(place[node], label) for node in atoms_below(core, root) if node in place]
+        for kind, node in ((ROOT, root), *_junctions(core, root)):
+            found = [place[each] for each in atoms_below(core, node) if each in place]
+            below += [(each, len(junctions)) for each in found]
+            kinds = [float(kind == one) for one in (ROOT, MIN, MAX)]
+            junctions.append([*kinds, len(found) ** 0.5 / 4.0, float(name == REQUIRE)])
+            label_of.append(label)
+    low, high = (torch.from_numpy(ends).to(torch.float32) for ends in spec.box())
+    (left, right), (bottom, top) = spec.workspace.x, spec.workspace.y
+    count = len(spec.objects)
+    return FormulaGraph(
+        object_features=_object_features(spec, core, low, high),
+        atom_features=torch.stack([_atom_features(core, node, *form_of[node]) for node in atoms]),
+        junction_features=torch.tensor(junctions),
+        ties=torch.tensor(ties, dtype=torch.int64).view(-1, 3),
+        below=torch.tensor(below, dtype=torch.int64).view(-1, 2),
+        roots=torch.tensor(roots, dtype=torch.int64).view(-1, 2),
+        label_of=torch.tensor(label_of),
+        required=torch.tensor([name == REQUIRE for name in core.labels]),
+        rank=torch.arange(len(core.labels)),
+        low=low[:, None],
+        high=high[:, None],
+        centre=torch.tensor([0.5 * (left + right), 0.5 * (bottom + top)]).expand(count, 2)[:, :, None],
+        half=torch.tensor([0.5 * (right - left), 0.5 * (top - bottom)]).expand(count, 2)[:, :, None],
+        spec=torch.zeros(count, dtype=torch.int64),
+        share=torch.full((count, 1), 1.0 / count),
+        nodes=torch.tensor(atoms),
+        forms={form: _together(found) for form, found in alike.items()},
+    )
+
+
+def _junctions(core: Core, root: int) -> list[tuple[int, int]]:
+    """Kind and node of the minima and maxima of a formula, each once."""
+    found, waiting = dict[int, int](), [root]
+    while waiting:
+        index = waiting.pop()
+        node = core.nodes[index]
+        if isinstance(node, Junction) and index not in found:
+            found[index] = MIN if node.kind == "min" else MAX
+            waiting.extend(node.args)
+    return [(kind, node) for node, kind in found.items()]
+
+
+def _object_features(spec: CheckedSpec, core: Core, low: Tensor, high: Tensor) -> Tensor:
+    read = read_rows(core)
+    rows = []
+    for which in range(len(spec.objects)):
+        mine = [row_of(which, axis) for axis in range(SIZE)]
+        footprint = spec.shapes[which].footprint
+        length, width = footprint.extent
+        held = float(low[mine[0]] == high[mine[0]])
+        rows.append(
+            [float(isinstance(footprint, Circle)), 5.0 * length, 5.0 * width, held, *(float(r in read) for r in mine)]
+        )
+    return torch.tensor(rows)
+
+
+def _atom_features(core: Core, node: int, form: MarginForm, objects: list[int], numbers: list[float]) -> Tensor:
+    bag = [0.0] * len(KINDS)
+    for each in form.nodes:
+        if isinstance(each, Apply):
+            bag[KINDS.index(each.primitive)] += 1.0
+    shown = [max(-3.0, min(3.0, number)) for number in numbers[:NUMBERS]]
+    angle = float(cast(Atom, core.nodes[node]).unit == ANGLE)
+    rest = [len(objects) / 3.0, len(numbers) / 4.0, *shown, *[0.0] * (NUMBERS - len(shown)), angle]
+    return torch.cat([torch.tensor(bag).log1p(), torch.tensor(rest)])
+
+
+def union(graphs: Sequence[FormulaGraph]) -> FormulaGraph:
+    """The disjoint union: all that the graphs hold, one after another. A label's `rank` stays that in its own spec."""
+
+    def firsts(sizes: Sequence[int]) -> list[int]:
+        return [0, *accumulate(sizes)][:-1]
+
+    objects, atoms = firsts([one.objects for one in graphs]), firsts([one.atoms for one in graphs])
+    junctions, labels = firsts([one.junctions for one in graphs]), firsts([one.labels for one in graphs])
+    ties = firsts([len(one.ties) for one in graphs])
+    forms: dict[MarginForm, list[_Alike]] = {}
+    for one, atom, thing, tie in zip(graphs, atoms, objects, ties, strict=True):
+        for form, alike in one.forms.items():
+            moved = _Alike(alike.atoms + atom, alike.reads + SIZE * thing, alike.numbers, alike.ties + tie)
+            forms.setdefault(form, []).append(moved)
+
+    def moved_by(name: str, *shifts: list[int]) -> Tensor:
+        """A table of indices, each column shifted by where its graph begins."""
+        parts = [getattr(one, name) for one in graphs]
+        columns = torch.tensor(list(zip(*shifts, strict=True)))
+        return torch.cat(
+            [part + (shift if part.ndim == 2 else shift[0]) for part, shift in zip(parts, columns, strict=True)]
+        )
+
+    shifted = {
+        "ties": moved_by("ties", atoms, objects, [0] * len(graphs)),
+        "below": moved_by("below", atoms, junctions),
+        "roots": moved_by("roots", atoms, labels),
+        "label_of": moved_by("label_of", labels),
+        "spec": moved_by("spec", list(range(len(graphs)))),
+    }
+    others = [each.name for each in fields(FormulaGraph) if each.name not in {*shifted, "forms"}]
+    return FormulaGraph(
+        **shifted,
+        **{name: torch.cat([getattr(one, name) for one in graphs]) for name in others},
+        forms={form: _together(found) for form, found in forms.items()},
+    )

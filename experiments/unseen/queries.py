@@ -43,9 +43,7 @@ class Query:
         }
 
 
-def queries(
-    spec: CheckedSpec, reach: Ends, seed: int, patience: float = PATIENCE
-) -> tuple[list[Query], list[str]]:
+def queries(spec: CheckedSpec, reach: Ends, seed: int, patience: float = PATIENCE) -> tuple[list[Query], list[str]]:
     """Three quantiles of each label, and joint values of each two labels that follow each other; and which joint values
     were not found, and why. `reach` has the ends of each label's phi."""
     half = {label: min(HALF, SHARE * (high - low)) for label, (low, high) in reach.items()}
@@ -72,9 +70,7 @@ def quantiles(ends: tuple[float, float]) -> list[float]:
     return [float(np.interp(share, rank, places)) for share in QUANTILES]
 
 
-def truth(
-    spec: CheckedSpec, query: Query, count: int, seed: int, patience: float = PATIENCE
-) -> tuple[Array, Array]:
+def truth(spec: CheckedSpec, query: Query, count: int, seed: int, patience: float = PATIENCE) -> tuple[Array, Array]:
     """Exact scenes (3N, count) in the bands of a query, in random order, and their phi (L, count). Raises RequestError
     where they are too rare to be had in so many CPU seconds."""
     problem = make_problem(spec, SampleRequest(query.ranges, count, seed, spread="base"))

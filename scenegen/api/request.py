@@ -8,7 +8,7 @@ from dataclasses import replace
 from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias
 
-from scenegen.api.spec import LearnedModel, Spec, refuse_choices, spec_of
+from scenegen.api.spec import LearnedModel, Spec, check_spec, refuse_choices, spec_of
 from scenegen.errors import RequestError
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
@@ -60,18 +60,15 @@ def _range(label: str, ends: object) -> Range:
     return Range(None if low is None else float(low), None if high is None else float(high))
 
 
-def any_model(spec: Spec) -> LearnedModel:
-    """The model of any spec, for this one. Raises RequestError for a spec that it does not take."""
+def any_model(source: Spec | LearnedModel) -> LearnedModel:
+    """The model of any spec, for this one; a model is itself. Raises RequestError for a spec that it does not take."""
+    if isinstance(source, LearnedModel):
+        return source
+    check_spec(source)
     need("torch", "to draw from a model")
     module, _, name = METHODS["any"].make.partition(":")
-    made: LearnedModel = getattr(importlib.import_module(module), name)(spec)
+    made: LearnedModel = getattr(importlib.import_module(module), name)(source)
     return made
-
-
-def subject_of(source: Spec | LearnedModel, request: SampleRequest) -> Spec | LearnedModel:
-    """What a request draws from: of a spec with the method `any` the model of any spec, else the source itself. Raises
-    RequestError."""
-    return source if request.method != "any" or isinstance(source, LearnedModel) else any_model(spec_of(source))
 
 
 def check_request(source: Spec | LearnedModel, request: SampleRequest) -> SampleRequest:

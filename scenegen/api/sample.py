@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy.typing as npt
 
-from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, subject_of
+from scenegen.api.request import Note, Phi, any_model, check_request, plan_of, read_phi
 from scenegen.api.scenes import SceneSet, scenes_of
 from scenegen.api.spec import LearnedModel, Spec, spec_of
 from scenegen.arrays import Array
@@ -98,7 +98,7 @@ def draw_scenes(
 ) -> SceneSet:
     """The scenes of a request, in memory. Raises what `sample` raises."""
     _ = spec_of(source).drawn
-    source = subject_of(source, request)
+    source = any_model(source) if request.method == "any" else source
     request = check_request(source, request)
     _check_size(source, request.n)
     plan, drawn, warnings = run_in_memory(source, request, progress=progress, on_note=on_note)

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.api.request import Note, Phi, check_request, plan_of, read_phi, subject_of
+from scenegen.api.request import Note, Phi, any_model, check_request, plan_of, read_phi
 from scenegen.api.sample import PhiSummary, Written, refuse_set_options
 from scenegen.api.sample import partial as kept_anyway
 from scenegen.api.scene_arrays import header_of, stored_form
@@ -106,7 +106,7 @@ def _write_set(
     from scenegen.scenes.stores import open_store
 
     store, spec = open_store(as_location(path), on_note), spec_of(source)
-    source = subject_of(source, request)
+    source = any_model(source) if request.method == "any" else source
     request = check_request(source, request)
     from scenegen.api.set_card import write_card
     from scenegen.sampling.engine.engines import check_engine, open_engine
@@ -157,7 +157,7 @@ def _write_file(
     check_writable(path)
     if path.suffix.lower() == ".json" and spec.over_time is None:
         _check_json(as_int("n", request.n), spec)
-    source = subject_of(source, request)
+    source = any_model(source) if request.method == "any" else source
     request = check_request(source, request)
     from scenegen.sampling.engine.engines import open_engine
     from scenegen.sampling.engine.writer import folder_of, write_file

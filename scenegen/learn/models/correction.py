@@ -191,6 +191,7 @@ ROUNDS, SAME = 6, 3  # times that scenes that do not arrive are drawn again, and
 SPARE = 4  # scenes for one that is missing, at most
 MOST = 5  # scenes made for each that is wanted, on average
 USEFUL = 0.02  # of the scenes of a round: with fewer that arrive there is no other round
+OFFERED = 8  # scenes that arrived, to begin from with one that did not
 TOLERANCE = 1e-3  # of a label's range: what counts as arrived
 NEAR = 10.0  # times TOLERANCE: the same near 0, of the range from 0 to the top
 LONGEST = 0.15  # of the workspace, or radians, that one coordinate may move in a step
@@ -211,6 +212,7 @@ class Correction:
 
     def __init__(self, spec: CheckedSpec, spans: Tensor, tops: Tensor | None = None, *, thorough: bool = False) -> None:
         self.spec = spec
+        self._thorough = thorough
         core = gated(spec.core)
         self._labels = Slopes(spec.core)
         self._required = Robustness(part_of(core, [REQUIRE])) if REQUIRE in core.labels else None
@@ -247,11 +249,27 @@ class Correction:
                     break
                 same = False
         random = _on_cpu(generator)
+        if self._thorough:
+            self._begun_elsewhere(rows, off, wanted, random)
         for start in range(0, count if self._walk.count else 0, WALKING):
             some = slice(start, start + WALKING)
             near = wanted[:, some], self._tolerance(wanted[:, some])
             rows[:, some] = self._walk(rows[:, some], near[0], random, ~off[some], near[1])
         return rows
+
+    def _begun_elsewhere(self, rows: Tensor, off: Tensor, wanted: Tensor, random: torch.Generator) -> None:
+        """Scenes (3N, n) that never arrived begin where one did, of some the one for the nearest phi; the random moves
+        part them again. Changes `rows`, and `off` (n,) that says which have not arrived."""
+        missing, there = off.nonzero()[:, 0], (~off).nonzero()[:, 0]
+        if not len(missing) or not len(there):
+            return
+        some = there[torch.randint(len(there), (len(missing), OFFERED), generator=random)]
+        apart = torch.nan_to_num((wanted[:, some] - wanted[:, missing, None]) / self._most[:, None]).square().sum(0)
+        nearest = some.gather(1, apart.argmin(1, keepdim=True))[:, 0]
+        fresh, failed = self._corrected(rows[:, nearest], wanted[:, missing])
+        good = ~failed
+        rows[:, missing[good]] = fresh[:, good]
+        off[missing[good]] = False
 
     def _tolerance(self, wanted: Tensor) -> Tensor:
         """How far phi may be from where it is wanted, (L, B)."""

@@ -43,7 +43,7 @@ PAPER: Mapping[str, object] = {"epochs": 50, "batch_size": 32, "lr": 1e-3, "scen
 OURS: Mapping[str, object] = {"epochs": 16, "batch_size": 512, "lr": 1e-3, "scenes": 200_000, "data": "balanced"}
 FLOW: Mapping[str, object] = {**OURS, "epochs": 36, "scenes": 100_000}
 # What has learnt from many specs needs little of one.
-TUNING: Mapping[str, object] = {**OURS, "epochs": 1, "batch_size": 128, "lr": 5e-4, "scenes": 10_000}
+TUNING: Mapping[str, object] = {**OURS, "epochs": 1, "batch_size": 128, "lr": 5e-4, "scenes": 6_000}
 # Games want many steps more than large batches.
 GAMES: Mapping[str, object] = {**OURS, "batch_size": 256, "epochs": 8}
 

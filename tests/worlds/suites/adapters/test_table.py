@@ -113,15 +113,27 @@ def test_the_hand_turns_least(example):
     long, cube = (
         SimpleNamespace(asset="box", footprint=SimpleNamespace(extent=e)) for e in ((0.09, 0.04), (0.04, 0.04))
     )
-    assert scripted.grasp(long, 0.0, 0.0, 0.0) == pytest.approx(math.pi / 2)
-    assert scripted.grasp(long, 0.0, math.pi, 0.0) == pytest.approx(-math.pi / 2)  # and +pi/2 afterwards
-    assert scripted.grasp(cube, 0.3, 0.0, 0.0) == pytest.approx(0.3)
+    ((before, after),) = scripted.across(long, 0.0, 0.0, 0.0)
+    assert (before, after) == pytest.approx((math.pi / 2, math.pi / 2))
+    ((before, after),) = scripted.across(long, 0.0, math.pi, 0.0)
+    assert (before, after) == pytest.approx((-math.pi / 2, math.pi / 2))
+    assert sorted(way for way, _ in scripted.across(cube, 0.3, 0.3, 0.0)) == pytest.approx([0.3 - math.pi / 2, 0.3])
     down = scripted.pointing_down(0.4)
     half = 0.2  # a half turn about the axis between the hand's x axis, turned by 0.4, and that of the table
     assert scripted.yaw([0.0] * 3 + [0.0, math.cos(half), math.sin(half), 0.0]) == pytest.approx(0.4)
     assert np.allclose(down @ [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]) and np.linalg.det(down) == pytest.approx(1.0)
     turned = scripted.pointing_down(0.7) @ scripted.pointing_down(0.4).T
     assert np.allclose(scripted.rotation_vector(turned), [0.0, 0.0, 0.3])
+
+
+@pytest.mark.parametrize(("post", "closes"), [((0.06, 0.0), 1.0), ((0.0, 0.06), 0.0), ((0.3, 0.0), 0.0)])
+def test_the_hand_grasps_where_there_is_room(example, post, closes):
+    """Beside a post the fingers close past it; with no post near, the hand turns least."""
+    spec = scenegen.parse("object cube = box(4 cm, 4 cm, 4 cm), post = cylinder(2 cm, 10 cm)\ngoal: leftOf(cube, post)")
+    policy = example("scripted").Scripted(SimpleNamespace(task=SimpleNamespace(spec=spec, success="goal")))
+    policy.rest, policy.seen = 0.0, {"objects": np.array([[0.0] * 3 + [1, 0, 0, 0], [*post, 0.0, 1, 0, 0, 0]])}
+    before, after = policy.grasp(0, np.array([-0.3, -0.3, 0.0, 0.0]), 0.015)
+    assert abs(math.sin(before)) == pytest.approx(closes) and before == pytest.approx(after)
 
 
 @pytest.mark.long

@@ -11,7 +11,7 @@ numbers (a `MarginForm`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import accumulate
 from typing import cast
 
@@ -127,10 +127,9 @@ class _Alike:
     ties: Tensor
 
 
-def _together(parts: Sequence[_Alike]) -> _Alike:
-    if len(parts) == 1:
-        return parts[0]
-    return _Alike(*(torch.cat([getattr(part, each.name) for part in parts]) for each in fields(_Alike)))
+def _together(parts: Sequence[_Alike], device: torch.device | None = None) -> _Alike:
+    columns = ([getattr(part, each.name) for part in parts] for each in fields(_Alike))
+    return _Alike(*(torch.cat(column).to(device) if device else torch.cat(column) for column in columns))
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -142,10 +141,12 @@ class FormulaGraph:
     """Of N objects, A atoms, J junctions and L labels; what is required counts as a label, the last of its spec.
 
     `ties` (E, 3) are atom, object, and the object's place in the atom; `below` (I, 2) atom and junction; `roots`
-    (I', 2) atom and label. `label_of` (J,) is the label of a junction, `required` (L,) which labels are what is
-    required, `rank` (L,) a label's place in its spec. `low` and `high` (3N, 1) bound the poses, `centre` and `half`
-    (N, 2, 1) are of the workspace. `spec` (N,) is the spec of an object, and `share` (N, 1) one by the number of
-    objects there. `nodes` (A,) are the atoms in the core formula.
+    (I', 2) atom and label; `members` are the atoms of each label, in order. `label_of` (J,) is the label of a junction,
+    `required` (L,) which labels are what is required; `ranks` has the place of each label in its spec, None for what is
+    required. `low` and `high` (3N, 1) bound the poses, `centre` and `half`
+    (N, 2, 1) are of the workspace. `spec` (N,) is the spec of an object, of `specs`, and `share` (N, 1) one by the number of
+    objects there. `nodes` (A,) are the atoms in the core formula, `place_of` (M + 1,) the
+    places of all its nodes among them, -1 of others.
     """
 
     object_features: Tensor
@@ -156,7 +157,6 @@ class FormulaGraph:
     roots: Tensor
     label_of: Tensor
     required: Tensor
-    rank: Tensor
     low: Tensor
     high: Tensor
     centre: Tensor
@@ -164,6 +164,10 @@ class FormulaGraph:
     spec: Tensor
     share: Tensor
     nodes: Tensor
+    place_of: Tensor
+    members: tuple[Tensor, ...]
+    ranks: tuple[int | None, ...]
+    specs: int
     forms: dict[MarginForm, _Alike]
 
     @property
@@ -184,22 +188,14 @@ class FormulaGraph:
 
     def to(self, device: torch.device) -> FormulaGraph:
         """The same graph with its tensors there."""
-        moved = {each.name: getattr(self, each.name).to(device) for each in fields(self) if each.name != "forms"}
-        forms = {
-            form: _Alike(*(getattr(alike, each.name).to(device) for each in fields(alike)))
-            for form, alike in self.forms.items()
-        }
-        return FormulaGraph(**moved, forms=forms)
+        moved = {name: getattr(self, name).to(device) for name in TENSORS}
+        forms = {form: _together([alike], device) for form, alike in self.forms.items()}
+        return replace(self, **moved, members=tuple(one.to(device) for one in self.members), forms=forms)
 
     def in_order(self) -> list[list[int]]:
         """The labels by their place in their spec; without what is required."""
-        asked = (~self.required).nonzero()[:, 0].tolist()
-        ranks = self.rank.tolist()
-        return [[one for one in asked if ranks[one] == rank] for rank in sorted({ranks[one] for one in asked})]
-
-    def atoms_of(self, label: int) -> Tensor:
-        """The atoms below a label, in order."""
-        return self.roots[self.roots[:, 1] == label][:, 0].sort().values
+        known = sorted({rank for rank in self.ranks if rank is not None})
+        return [[label for label, mine in enumerate(self.ranks) if mine == rank] for rank in known]
 
     def extent(self) -> Tensor:
         """(E, 1, 3): what a coordinate of a view is in metres or radians, for each tie's object."""
@@ -249,10 +245,11 @@ class FormulaGraph:
         return margins, slopes
 
     def places(self, nodes: Tensor) -> Tensor:
-        """Nodes (L, B) of the core formula as places among the atoms, -1 where there is none."""
-        place = torch.full((int(max(nodes.max(), self.nodes.max())) + 2,), -1, device=nodes.device)
-        place[self.nodes] = torch.arange(self.atoms, device=nodes.device)
-        return place[nodes.long()]
+        """Nodes (L, B) of the core formula as places among the atoms, -1 where there is none. Not of a union."""
+        return self.place_of[nodes.long()]
+
+
+TENSORS = tuple(each.name for each in fields(FormulaGraph) if each.type == "Tensor")
 
 
 def graph_of(spec: CheckedSpec) -> FormulaGraph:
@@ -295,7 +292,6 @@ def graph_of(spec: CheckedSpec) -> FormulaGraph:
         roots=torch.tensor(roots, dtype=torch.int64).view(-1, 2),
         label_of=torch.tensor(label_of),
         required=torch.tensor([name == REQUIRE for name in core.labels]),
-        rank=torch.arange(len(core.labels)),
         low=low[:, None],
         high=high[:, None],
         centre=torch.tensor([0.5 * (left + right), 0.5 * (bottom + top)]).expand(count, 2)[:, :, None],
@@ -303,6 +299,10 @@ def graph_of(spec: CheckedSpec) -> FormulaGraph:
         spec=torch.zeros(count, dtype=torch.int64),
         share=torch.full((count, 1), 1.0 / count),
         nodes=torch.tensor(atoms),
+        place_of=torch.tensor([place.get(node, -1) for node in range(-1, len(core.nodes))]).roll(-1),
+        members=tuple(torch.tensor(sorted(one for one, mine in roots if mine == k)) for k in range(len(core.labels))),
+        ranks=tuple(None if name == REQUIRE else k for k, name in enumerate(core.labels)),
+        specs=1,
         forms={form: _together(found) for form, found in alike.items()},
     )
 
@@ -345,7 +345,7 @@ def _atom_features(core: Core, node: int, form: MarginForm, objects: list[int], 
 
 
 def union(graphs: Sequence[FormulaGraph]) -> FormulaGraph:
-    """The disjoint union: all that the graphs hold, one after another. A label's `rank` stays that in its own spec."""
+    """The disjoint union: all that the graphs hold, one after another. `ranks` stay those in each spec."""
 
     def firsts(sizes: Sequence[int]) -> list[int]:
         return [0, *accumulate(sizes)][:-1]
@@ -374,9 +374,12 @@ def union(graphs: Sequence[FormulaGraph]) -> FormulaGraph:
         "label_of": moved_by("label_of", labels),
         "spec": moved_by("spec", list(range(len(graphs)))),
     }
-    others = [each.name for each in fields(FormulaGraph) if each.name not in {*shifted, "forms"}]
+    others = [name for name in TENSORS if name not in shifted]
     return FormulaGraph(
         **shifted,
         **{name: torch.cat([getattr(one, name) for one in graphs]) for name in others},
+        members=tuple(mine + atom for one, atom in zip(graphs, atoms, strict=True) for mine in one.members),
+        ranks=tuple(rank for one in graphs for rank in one.ranks),
+        specs=len(graphs),
         forms={form: _together(found) for form, found in forms.items()},
     )

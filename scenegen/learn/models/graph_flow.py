@@ -19,7 +19,7 @@ from pathlib import Path
 import torch
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 from torch import Tensor, nn
-from torch.nn.functional import cross_entropy, silu
+from torch.nn.functional import silu
 
 from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
@@ -71,7 +71,7 @@ def told(graph: FormulaGraph, wanted: Tensor) -> tuple[Tensor, Tensor]:
     """What is wanted of each label (L, B), NaN where it is free: the value, 0 where there is none, and whether there is
     one. What is required is always wanted, to be at least 0."""
     known = ~torch.isnan(wanted) | graph.required[:, None]
-    value = torch.where(known & ~graph.required[:, None], wanted, torch.zeros(()))
+    value = torch.where(known & ~graph.required[:, None], wanted, wanted.new_zeros(()))
     return value, known.to(value)
 
 
@@ -277,7 +277,7 @@ class Networks(nn.Module):
         count = rows.shape[1]
         end, free = graph.view(rows), graph.free()
         begin = torch.where(free, graph.view(graph.base(count, generator)), end)
-        time = torch.rand(int(graph.spec[-1]) + 1, count, 1, generator=generator, device=rows.device)[graph.spec]
+        time = torch.rand(graph.specs, count, 1, generator=generator, device=rows.device)[graph.spec]
         point = torch.lerp(begin, end, time)
         goal = self.goal(graph, point, time, wanted, active, *graph.margins(graph.storage(point)))
         off = ((goal - end) / (1.0 - time).clamp_min(LEAST)).square() * free
@@ -285,22 +285,18 @@ class Networks(nn.Module):
         return mean
 
     def _surprise(self, graph: FormulaGraph, wanted: Tensor, deciders: Tensor) -> Tensor:
-        surprise, count = wanted.new_zeros(()), 0
-        known = ~torch.isnan(wanted) & (deciders >= 0)
-        so_far = torch.full_like(deciders, -1)
+        known = (~torch.isnan(wanted) & (deciders >= 0)).to(wanted)
+        so_far, surprise = torch.full_like(deciders, -1), wanted.new_zeros(())
         for labels in graph.in_order():
             logits = self.branch(graph, wanted, marked(graph, wanted, so_far))
             for label in labels:
-                on = known[label].nonzero()[:, 0]
-                if len(on):
-                    mine = graph.atoms_of(label)
-                    place = torch.searchsorted(mine, deciders[label, on])
-                    told_apart = logits.index_select(0, mine).index_select(1, on).T
-                    surprise = surprise + cross_entropy(told_apart, place, reduction="sum")
-                    count += len(on)
+                mine = graph.members[label]
+                place = torch.searchsorted(mine, deciders[label].contiguous()).clamp_max(len(mine) - 1)
+                told_apart = torch.log_softmax(logits.index_select(0, mine), 0).gather(0, place[None])[0]
+                surprise = surprise - (told_apart * known[label]).sum()
             so_far = so_far.clone()
             so_far[labels] = deciders[labels]
-        return surprise / max(1, count)
+        return surprise / known[[label for labels in graph.in_order() for label in labels]].sum().clamp_min(1.0)
 
     @torch.no_grad()
     def draw_branches(self, graph: FormulaGraph, wanted: Tensor, generator: torch.Generator) -> Tensor:
@@ -309,7 +305,7 @@ class Networks(nn.Module):
         for labels in graph.in_order():
             logits = self.branch(graph, wanted, marked(graph, wanted, found))
             for label in labels:
-                mine = graph.atoms_of(label)
+                mine = graph.members[label]
                 up_to = torch.softmax(logits[mine], 0).cumsum(0).T.contiguous()
                 place = torch.rand(len(up_to), 1, generator=generator, device=wanted.device)
                 drawn = mine[torch.searchsorted(up_to, place)[:, 0].clamp_max(len(mine) - 1)]
@@ -343,10 +339,9 @@ class Networks(nn.Module):
 
 def marked(graph: FormulaGraph, wanted: Tensor, deciders: Tensor) -> Tensor:
     """(A, B): 1 where an atom decides a label that is given."""
-    active = torch.zeros(graph.atoms, wanted.shape[1], device=wanted.device)
-    told_ones = (~torch.isnan(wanted) & (deciders >= 0)).nonzero()
-    active[deciders[told_ones[:, 0], told_ones[:, 1]], told_ones[:, 1]] = 1.0
-    return active
+    known = (~torch.isnan(wanted) & (deciders >= 0)).to(wanted)
+    active = wanted.new_zeros(graph.atoms, wanted.shape[1])
+    return active.scatter_reduce(0, deciders.clamp_min(0), known, "amax")
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -68,7 +68,7 @@ def test_roots_and_deciding_atoms():
     phi, margins = Robustness(core).rows(rows), graph.margins(rows)[0]
     assert torch.equal(margins.gather(0, places), margins.gather(0, places).clamp(phi - 1e-6, phi + 1e-6))
     for label in range(graph.labels):
-        assert set(places[label].tolist()) <= set(graph.atoms_of(label).tolist())
+        assert set(places[label].tolist()) <= set(graph.members[label].tolist())
     roots = graph.junction_features[:, ROOT] > 0.0
     assert roots.sum() == 3 and graph.label_of[roots].tolist() == [0, 1, 2]
 

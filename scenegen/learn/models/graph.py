@@ -143,10 +143,9 @@ class FormulaGraph:
     `ties` (E, 3) are atom, object, and the object's place in the atom; `below` (I, 2) atom and junction; `roots`
     (I', 2) atom and label; `members` are the atoms of each label, in order. `label_of` (J,) is the label of a junction,
     `required` (L,) which labels are what is required; `ranks` has the place of each label in its spec, None for what is
-    required. `low` and `high` (3N, 1) bound the poses, `centre` and `half`
-    (N, 2, 1) are of the workspace. `spec` (N,) is the spec of an object, of `specs`, and `share` (N, 1) one by the number of
-    objects there. `nodes` (A,) are the atoms in the core formula, `place_of` (M + 1,) the
-    places of all its nodes among them, -1 of others.
+    required. `low` and `high` (3N, 1) bound the poses, `centre` and `half` (N, 2, 1) are of the workspace. `spec` (N,)
+    is the spec of an object, of `specs`, and `share` (N, 1) one by the number of objects there. `nodes` (A,) are the
+    atoms in the core formula, `place_of` (M + 1,) the places of all its nodes among them, -1 of others.
     """
 
     object_features: Tensor

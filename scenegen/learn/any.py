@@ -62,20 +62,22 @@ class AnyModel(Model):
         return f"<AnyModel of {self.spec.declared.name}>"
 
     def proposer_of(self, checked: CheckedSpec, ranges: Mapping[str, Range]) -> TrainedModel:
-        _, phi = self._exact(ranges, "base")
+        _, phi = self._exact(SampleRequest(dict(ranges), SCENES, SEED, spread="base", workers=1))
         ends = np.array([_ends(ranges.get(label)) for label in self.spec.labels])
         regions = (np.concatenate([ends, phi], axis=1),) if phi.shape[1] else ()
         return replace(self.trained, only=tuple(ranges), regions=regions)
 
     def advice(self, request: SampleRequest, rows: npt.NDArray[np.float64] | None) -> tuple[Diagnostic, ...]:
-        """What a comparison with exact scenes shows; where its own are few, or not in memory, some are made for it."""
-        exact, _ = self._exact(request.phi, request.spread)
+        """What a comparison with exact scenes shows; where its own are few, selected or not in memory, some are made
+        for it."""
         found = []
         if request.raw:
             found += beyond(self, {label: _ends(one) for label, one in request.phi.items()})
             found += [] if rows is None else unmet(self, rows)
-        if rows is None or rows.shape[1] < SCENES or request.raw:
-            asked = replace(request, n=SCENES, seed=SEED, raw=False, fix={}, workers=1)
+        asked = SampleRequest(request.phi, SCENES, SEED, spread=request.spread, fix=request.fix, workers=1)
+        exact, _ = self._exact(asked)
+        selected = request.raw or request.settle or request.success is not None
+        if rows is None or rows.shape[1] < SCENES or selected:
             try:
                 rows = returned(self, asked, CpuBudget(math.inf, allowed=PATIENCE))[0]
             except (RequestError, StoppedError):
@@ -87,17 +89,15 @@ class AnyModel(Model):
         some = np.random.default_rng(SEED).permutation(rows.shape[1])[:count]
         return (*found, *compared(self.spec.checked, exact[:, :count], rows[:, some], where))
 
-    def _exact(self, ranges: Mapping[str, Range], spread: str) -> tuple[Array, Array]:
-        """Exact scenes (3N, n) in ranges of phi, and their phi (L, n), in random order: SCENES, or as many as there are
-        in time."""
-        key = (spread, *sorted(ranges.items(), key=lambda item: item[0]))
+    def _exact(self, request: SampleRequest) -> tuple[Array, Array]:
+        key = (request.spread, *sorted(request.phi.items()), *sorted(request.fix.items()))
         if key not in self._known:
-            self._known[key] = exact_scenes(self.spec.checked, ranges, spread)
+            self._known[key] = exact_scenes(self.spec.checked, request)
         return self._known[key]
 
 
-def exact_scenes(checked: CheckedSpec, ranges: Mapping[str, Range], spread: str) -> tuple[Array, Array]:
-    request = SampleRequest(dict(ranges), SCENES, SEED, spread=spread, workers=1)
+def exact_scenes(checked: CheckedSpec, request: SampleRequest) -> tuple[Array, Array]:
+    """Exact scenes (3N, n) for a request, and their phi (L, n), in random order: as many as there are in time."""
     budget = CpuBudget(math.inf, allowed=PATIENCE)
     try:
         found = draw(make_problem(checked, request, budget), budget)
@@ -165,7 +165,7 @@ def bound(checked: CheckedSpec) -> TrainedModel:
 
 def _reach(checked: CheckedSpec, label: str) -> tuple[float, float]:
     """The lowest and the highest phi of a label among exact scenes. Raises RequestError where it cannot vary."""
-    _, phi = exact_scenes(checked, {label: Range(None, None)}, "flat")
+    _, phi = exact_scenes(checked, SampleRequest({label: Range(None, None)}, SCENES, SEED, workers=1))
     mine = phi[checked.labels.index(label)]
     if len(mine) < FEWEST or mine.min() == mine.max():
         return reach(checked, SEED)[label]

@@ -9,6 +9,7 @@ import torch
 import scenegen
 from scenegen.errors import RequestError
 from scenegen.errors.learning import NOT_MEASURED, POOR_MODEL
+from scenegen.learn import any as any_model
 from scenegen.learn.any import compared, exact_scenes, left_out
 from scenegen.learn.models.codec import ways_of
 from scenegen.learn.models.graph_flow import shipped
@@ -73,7 +74,8 @@ def test_it_has_to_be_told_of_which_spec():
 
 
 def test_a_part_that_is_left_out_is_named(spec):
-    exact, _ = exact_scenes(spec.checked, {"goal": Range(-0.05, 0.05)}, "base")
+    request = SampleRequest({"goal": Range(-0.05, 0.05)}, 400, seed=1, spread="base")
+    exact, _ = exact_scenes(spec.checked, request)
     assert left_out(spec.checked, exact, exact) == "" and compared(spec.checked, exact, exact, "goal") == []
     decides = ways_of(spec.checked, torch.from_numpy(exact))[0].numpy()
     texts = [getattr(spec.checked.core.nodes[node], "text", "") for node in decides]
@@ -86,9 +88,9 @@ def test_a_part_that_is_left_out_is_named(spec):
 
 
 @pytest.mark.long
-def test_it_says_where_it_could_not_be_compared(spec):
+def test_it_says_where_it_could_not_be_compared(spec, monkeypatch):
     model = scenegen.load_model("any", spec)
-    model._known[("flat", ("goal", Range(0.0, None)))] = np.empty((9, 0)), np.empty((1, 0))
+    monkeypatch.setattr(any_model, "exact_scenes", lambda *_: (np.empty((9, 0)), np.empty((1, 0))))
     [said] = model.advice(SampleRequest({"goal": Range(0.0, None)}, 10), None)
     assert said.kind is NOT_MEASURED
 
@@ -108,3 +110,14 @@ def test_it_can_be_tuned_to_one_spec(spec, tmp_path):
     assert len(scenes) == 50 and json.loads(json.dumps(scenes.header.sampler))["model"] == "any"
     fresh = shipped()[1]["goal.made.weight"]
     assert not torch.equal(again.trained.model.networks.goal.made.weight, fresh)
+
+
+@pytest.mark.long
+def test_with_what_is_held_it_is_compared_with_what_is_held(spec):
+    held = {"plate": (0.3, 0.7)}
+    scenes = scenegen.sample(spec, {"goal": (-0.1, 0.0)}, n=400, method="any", fix=held)
+    assert np.allclose(scenes.poses[:, 0, :2], (0.3, 0.7))
+    # networks do not know what a request holds, and it is said that this shows
+    assert [one.kind for one in scenes.warnings] == [POOR_MODEL]
+    free = scenegen.sample(spec, {"goal": (-0.1, 0.0)}, n=400, method="any")
+    assert free.warnings == ()

@@ -40,7 +40,10 @@ from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owne
 
 MOVES = 24  # of a scene, at most
 WORK = 2500  # visits of nodes that they may take for each scene
-THOROUGH = 3  # times as many of both for the scenes of a network that has not seen the spec
+THOROUGH, FEWEST = (
+    3,
+    32,
+)  # times as many of both for the scenes of a network that has not seen the spec; at least so many
 PER_SHAPE = 30  # what a footprint costs, in plain nodes
 SHORTEST_WALK, LONGEST_WALK = 0.01, 0.5  # of the workspace, or of a turn
 FITTED, AIM = 0.75, 0.3  # of the shifts of one coordinate are fitted, so that this share of them is kept
@@ -74,8 +77,12 @@ class McmcMoves:
         self._moves = [self._one, self._around, self._one, self._some, self._one, self._swap]
         if len(self._free) < 2:
             self._moves = [self._one]
+        self._headings = torch.tensor([row for row in self._rows.tolist() if bool(self._turns[row])])
+        if thorough and len(self._headings) > 1:
+            self._moves = [self._turned, *self._moves]
         shapes = sum(len(node.shapes) for node in core.nodes if isinstance(node, Apply))
-        count = min(MOVES, WORK // (len(core.nodes) + PER_SHAPE * shapes)) * (THOROUGH if thorough else 1)
+        count = min(MOVES, WORK // (len(core.nodes) + PER_SHAPE * shapes))
+        count = max(FEWEST, THOROUGH * count) if thorough else count
         self._fit = thorough
         self.moving = len(self._rows) > 0
         self.count = count if self.moving else 0
@@ -150,6 +157,13 @@ class McmcMoves:
         axis = torch.where(random[2] < 0.5, X, Y)
         place = SIZE * self._free[:, None] + axis
         return place, rows.gather(0, place) + self._size[place] * step
+
+    def _turned(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
+        """Some of the headings, mostly all, turned together: what is to point the same way does so still."""
+        random = torch.rand(2 + len(self._headings), rows.shape[1], generator=generator)
+        step = torch.where(random[2:] < 2.0 * random[0], TWO_PI * random[1], torch.zeros(()))
+        place = self._headings[:, None].expand(-1, rows.shape[1])
+        return place, torch.remainder(rows.gather(0, place) + step, TWO_PI)
 
     def _around(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
         """One object, turned about another by a random angle, or mirrored there at x, y or a diagonal."""

@@ -66,8 +66,7 @@ def any_model(source: Spec | LearnedModel) -> LearnedModel:
         return source
     check_spec(source)
     need("torch", "to draw from a model")
-    module, _, name = METHODS["any"].make.partition(":")
-    made: LearnedModel = getattr(importlib.import_module(module), name)(source)
+    made: LearnedModel = importlib.import_module(METHODS["any"].make.partition(":")[0]).AnyModel(source)
     return made
 
 

@@ -20,6 +20,7 @@ from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.learning import NOT_MEASURED, POOR_MODEL
 from scenegen.lang.spec import CheckedSpec
+from scenegen.learn import guided
 from scenegen.learn.evaluation.card import CpuBudget, returned
 from scenegen.learn.evaluation.fidelity import fidelity
 from scenegen.learn.faults import FAULTS_SHOWN, LEAST_COVERAGE, MOST_DISTANCE
@@ -31,7 +32,8 @@ from scenegen.learn.models.graph_flow import WEIGHTS, shipped
 from scenegen.learn.training.balanced import reach
 from scenegen.resources import __version__
 from scenegen.sampling.engine.run import draw
-from scenegen.sampling.problem import make_problem
+from scenegen.sampling.plan import Plan
+from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.data import WorkspaceData
 from scenegen.search.effort import StoppedError
@@ -115,6 +117,12 @@ def compared(spec: CheckedSpec, exact: Array, made: Array, where: str) -> list[D
         found.append(POOR_MODEL(unlike=f"cover {figures.coverage:.2f}, KS {figures.ks:.2f} at {where}"))
     missing = left_out(spec, exact, made)
     return [*found, POOR_MODEL(branches=missing, where=where)] if missing else found
+
+
+def make_plan(problem: Problem, budget: Budget) -> Plan:
+    """The plan of a problem by the model of its spec. Raises RequestError."""
+    proposer = AnyModel(Spec(problem.spec)).proposer_of(problem.spec, problem.request.phi)
+    return guided.make_plan(problem, budget, proposer)
 
 
 def _ends(wanted: Range | None) -> tuple[float, float]:

@@ -265,7 +265,7 @@ METHODS: Mapping[str, Method] = {
     "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests", over_time=True),
     "growth": Method("scenegen.sampling.growth.sampler:make_plan", "full tables"),
     "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets", over_time=True),
-    "any": Method("scenegen.learn.any:AnyModel", "a network that has learnt from other specs; approximate"),
+    "any": Method("scenegen.learn.any:make_plan", "a network that has learnt from other specs; approximate"),
     "model": Method("scenegen.learn.guided:make_plan", "a model file", proposes=True),
 }
 

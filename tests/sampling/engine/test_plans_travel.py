@@ -19,7 +19,7 @@ WAVE = "sin(20 * theta({})) >= 0.9"
 TEXT = "object mug, plate, cup\nrequire farFrom(mug, plate, 0.1)\ntask: leftOf(mug, plate) & closeTo(cup, mug, 0.3)\n"
 APART = f"object a, b\ntask: {WAVE.format('a')} & x(a) + y(a) >= 1 & {WAVE.format('b')} & x(b) * y(b) >= 0.1"
 FLAT = {"task": Range(0.02, 0.2)}
-EXACT = [name for name, method in METHODS.items() if not method.proposes and name != "auto"]
+EXACT = [name for name, method in METHODS.items() if not method.proposes and name not in ("auto", "any")]
 # kind of plan -> the words of its request
 KINDS = {
     **{name: {"method": name} for name in EXACT},
@@ -28,8 +28,9 @@ KINDS = {
     "model": {"method": "model"},
     "raw": {"method": "model", "raw": True},
     "settled model": {"method": "model", "settle": True},
+    "any": {"method": "any"},
 }
-OF_A_MODEL = list(KINDS)[-3:]
+OF_A_MODEL = list(KINDS)[-4:]
 
 PROGRAM = """
 import base64, hashlib, json, pickle, sys
@@ -65,7 +66,7 @@ def plans(model):
 
 
 def _plan(kind, model):
-    source = model if kind in OF_A_MODEL else model.spec
+    source = model if kind in OF_A_MODEL and kind != "any" else model.spec
     request = SampleRequest(FLAT, 20, **KINDS[kind], workers=1)
     if kind == "paired":
         return _paired()

@@ -56,10 +56,10 @@ def info(
 
 def _any(json: bool) -> None:
     """What the model of any spec is, of none in particular."""
-    from scenegen.learn.any import TAKES
     from scenegen.needs import need
 
     need("torch", "to read a model")
+    from scenegen.learn.any import TAKES
     from scenegen.learn.models.graph_flow import WEIGHTS, shipped
 
     card, weights = shipped()

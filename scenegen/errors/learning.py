@@ -238,7 +238,7 @@ POOR_MODEL = Kind(
         "[[with {counted}: ]]the model's scenes are not distributed as exact ones: {unlike} (exact scenes: 0.97, 0.05)",
         "[[with {counted}: ]]the model's scenes leave a part out at {where}: {branches}",
     ),
-    help="the model card has the figures; sample the spec itself for exact scenes",
+    help="the card of a trained model has the figures; sample the spec itself for exact scenes",
     severity="warning",
     formerly=("scenes-left-out", "phi-missed", "unlike-exact"),
 )

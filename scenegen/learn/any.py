@@ -65,6 +65,7 @@ class AnyModel(Model):
 
     def proposer_of(self, checked: CheckedSpec, ranges: Mapping[str, Range]) -> TrainedModel:
         _, phi = self._exact(SampleRequest(dict(ranges), SCENES, SEED, spread="base", workers=1))
+        phi = phi if phi.shape[1] == SCENES else phi[:, :0]  # how many a machine finds in time changes no scene
         ends = np.array([_ends(ranges.get(label)) for label in self.spec.labels])
         regions = (np.concatenate([ends, phi], axis=1),) if phi.shape[1] else ()
         return replace(self.trained, only=tuple(ranges), regions=regions)
@@ -175,6 +176,6 @@ def _reach(checked: CheckedSpec, label: str) -> tuple[float, float]:
     """The lowest and the highest phi of a label among exact scenes. Raises RequestError where it cannot vary."""
     _, phi = exact_scenes(checked, SampleRequest({label: Range(None, None)}, SCENES, SEED, workers=1))
     mine = phi[checked.labels.index(label)]
-    if len(mine) < FEWEST or mine.min() == mine.max():
+    if len(mine) < SCENES or mine.min() == mine.max():  # not what a machine found in time
         return reach(checked, SEED)[label]
     return float(mine.min()), float(mine.max())

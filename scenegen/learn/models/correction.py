@@ -40,10 +40,8 @@ from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owne
 
 MOVES = 24  # of a scene, at most
 WORK = 2500  # visits of nodes that they may take for each scene
-THOROUGH, FEWEST = (
-    3,
-    32,
-)  # times as many of both for the scenes of a network that has not seen the spec; at least so many
+THOROUGH = 3  # times as many, for the scenes of a network that has not seen the spec
+FEWEST = 32  # of these, at least
 PER_SHAPE = 30  # what a footprint costs, in plain nodes
 SHORTEST_WALK, LONGEST_WALK = 0.01, 0.5  # of the workspace, or of a turn
 FITTED, AIM = 0.75, 0.3  # of the shifts of one coordinate are fitted, so that this share of them is kept

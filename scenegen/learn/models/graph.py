@@ -10,7 +10,7 @@ numbers (a `MarginForm`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import accumulate
 from typing import cast
@@ -18,8 +18,8 @@ from typing import cast
 import torch
 from torch import Tensor
 
-from scenegen.geometry import PRIMITIVES, Footprint, Namespace
-from scenegen.geometry.footprint import Box, Circle
+from scenegen.geometry import PRIMITIVES, Namespace
+from scenegen.geometry.footprint import Circle
 from scenegen.geometry.namespace import Turning
 from scenegen.geometry.primitives import ANGLE
 from scenegen.lang.formula.core import (
@@ -38,7 +38,7 @@ from scenegen.lang.formula.core import (
 )
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.robustness.compile import TORCH
-from scenegen.learn.robustness.deciding import AnyBox, AnyCircle
+from scenegen.learn.robustness.deciding import general, sized
 from scenegen.pose import SIZE, THETA, row_of
 
 KINDS = tuple(sorted(PRIMITIVES))
@@ -73,19 +73,10 @@ class MarginForm:
                     turning.keep(value)
                 values.append(value)
             else:
-                assert isinstance(node, Apply)
-                shapes = [_sized(shape, rest) for shape in node.shapes]
-                args = [values[arg] for arg in node.args]
-                values.append(PRIMITIVES[node.primitive].evaluate(cast(Namespace, turning), *shapes, *args))
+                whole = cast(Apply, sized(node, rest))
+                args = [values[arg] for arg in whole.args]
+                values.append(PRIMITIVES[whole.primitive].evaluate(cast(Namespace, turning), *whole.shapes, *args))
         return values[-1].expand(poses.shape[1])
-
-
-def _sized(shape: Footprint, numbers: Iterator[Tensor]) -> Footprint:
-    if isinstance(shape, Circle):
-        return AnyCircle(cast(float, next(numbers)))
-    if isinstance(shape, Box):
-        return AnyBox(cast(float, next(numbers)), cast(float, next(numbers)))
-    return shape
 
 
 def _form(core: Core, atom: Atom) -> tuple[MarginForm, list[int], list[float]]:
@@ -98,21 +89,8 @@ def _form(core: Core, atom: Atom) -> tuple[MarginForm, list[int], list[float]]:
         if isinstance(node, Const):
             numbers.append(node.value)
             nodes.append(Const(0.0))
-        elif isinstance(node, Coord):
-            nodes.append(Coord(objects.index(node.object), node.axis))
         else:
-            assert isinstance(node, Apply)
-            shapes: list[Footprint] = []
-            for shape in node.shapes:
-                if isinstance(shape, Circle):
-                    numbers.append(shape.radius)
-                    shapes.append(Circle(0.0))
-                elif isinstance(shape, Box):
-                    numbers += [shape.length, shape.width]
-                    shapes.append(Box(0.0, 0.0))
-                else:
-                    shapes.append(shape)
-            nodes.append(Apply(node.primitive, node.args, tuple(shapes)))
+            nodes.append(general(node, objects, numbers))
     return MarginForm(tuple(nodes)), objects, numbers
 
 
@@ -144,8 +122,8 @@ class FormulaGraph:
     (I', 2) atom and label; `members` are the atoms of each label, in order. `label_of` (J,) is the label of a junction,
     `required` (L,) which labels are what is required; `ranks` has the place of each label in its spec, None for what is
     required. `low` and `high` (3N, 1) bound the poses, `centre` and `half` (N, 2, 1) are of the workspace. `spec` (N,)
-    is the spec of an object, of `specs`, and `share` (N, 1) one by the number of objects there. `nodes` (A,) are the
-    atoms in the core formula, `place_of` (M + 1,) the places of all its nodes among them, -1 of others.
+    is the spec of an object, of `specs`, and `share` (N, 1) one by the number of objects there. `place_of` (M + 1,)
+    are the places of all nodes of the core formula among the atoms, -1 of others.
     """
 
     object_features: Tensor
@@ -162,7 +140,6 @@ class FormulaGraph:
     half: Tensor
     spec: Tensor
     share: Tensor
-    nodes: Tensor
     place_of: Tensor
     members: tuple[Tensor, ...]
     ranks: tuple[int | None, ...]
@@ -297,7 +274,6 @@ def graph_of(spec: CheckedSpec) -> FormulaGraph:
         half=torch.tensor([0.5 * (right - left), 0.5 * (top - bottom)]).expand(count, 2)[:, :, None],
         spec=torch.zeros(count, dtype=torch.int64),
         share=torch.full((count, 1), 1.0 / count),
-        nodes=torch.tensor(atoms),
         place_of=torch.tensor([place.get(node, -1) for node in range(-1, len(core.nodes))]).roll(-1),
         members=tuple(torch.tensor(sorted(one for one, mine in roots if mine == k)) for k in range(len(core.labels))),
         ranks=tuple(None if name == REQUIRE else k for k, name in enumerate(core.labels)),

@@ -79,7 +79,7 @@ class Rounds(nn.Module):
     """Messages between objects, atoms and junctions, (K, B, d) each, along what ties them."""
 
     def __init__(self, width: int, rounds: int, objects: int) -> None:
-        """In the first `objects` of the rounds objects are told, too."""
+        """Objects change in the first `objects` of the rounds, atoms and junctions in all."""
         super().__init__()
 
         def each(count: int, *widths: int) -> nn.ModuleList:
@@ -263,7 +263,7 @@ class Networks(nn.Module):
     def losses(
         self, graph: FormulaGraph, rows: Tensor, wanted: Tensor, deciders: Tensor, generator: torch.Generator
     ) -> dict[str, Tensor]:
-        """Of scenes (3N, B), their phi (L, B) as far as it is told, NaN elsewhere, and the atoms (L, B) that decide it,
+        """Of scenes (3N, B), their phi (L, B), NaN where it is left out, and the atoms (L, B) that decide it,
         places among the graph's: the squared error of the velocity, a mean over specs and objects, and the mean
         surprise at branches (nats)."""
         return {
@@ -300,7 +300,7 @@ class Networks(nn.Module):
 
     @torch.no_grad()
     def draw_branches(self, graph: FormulaGraph, wanted: Tensor, generator: torch.Generator) -> Tensor:
-        """A deciding atom for each label that is told, (L, B) places among the atoms, -1 elsewhere."""
+        """A deciding atom for each label that is wanted, (L, B) places among the atoms, -1 elsewhere."""
         found = torch.full(wanted.shape, -1, device=wanted.device)
         for labels in graph.in_order():
             logits = self.branch(graph, wanted, marked(graph, wanted, found))
@@ -399,7 +399,7 @@ class GraphFlow(SceneModel):
         self.codec = Codec(spec.workspace, len(spec.objects))
 
     def initialise(self, generator: torch.Generator) -> None:
-        """The weights that come with the package; with other settings than theirs, training begins anew."""
+        """The weights that come with the package; fresh ones where the settings are not theirs."""
         card, weights = shipped()
         if self.hyper.model_copy(update={"steps": 1}) == GraphHyper(**{**card.hyper, "steps": 1}):
             self.networks.load_state_dict({name: one.clone() for name, one in weights.items()}, assign=True)

@@ -173,7 +173,7 @@ class Slopes:
             alone = part_of(Core(self._core.nodes, {"": margin}, self._core.objects), [""])
             objects = list(dict.fromkeys(node.object for node in alone.nodes if isinstance(node, Coord)))
             sizes: list[float] = []
-            nodes = tuple([_general(node, objects, sizes) for node in alone.nodes])
+            nodes = tuple([general(node, objects, sizes) for node in alone.nodes])
             if nodes not in self._forms:
                 self._forms[nodes] = _form(nodes, tuple(map(str, range(len(objects)))), len(self._forms))
             reads = [SIZE * which + axis for which in objects for axis in range(SIZE)]
@@ -191,8 +191,8 @@ class _Form:
     bare: frozenset[int]
 
     def margin(self, rows: Tensor, sizes: Iterator[Tensor]) -> Tensor:
-        """(B,) in scenes (3N, B), for circles and boxes of these `sizes` (B,), in the order of _general."""
-        nodes = tuple([_sized(node, sizes) for node in self.core.nodes])
+        """(B,) in scenes (3N, B), for circles and boxes of these `sizes` (B,), in the order of `general`."""
+        nodes = tuple([sized(node, sizes) for node in self.core.nodes])
         core = Core(nodes, self.core.labels, self.core.objects)
         coordinate = coordinates(rows.__getitem__, self.bare)
         value: Tensor = run(core, self.dead, coordinate, rows.new_tensor)[0]
@@ -213,7 +213,7 @@ class _MarginForm:
     sizes: list[float]
 
 
-def _general(node: Node, objects: list[int], sizes: list[float]) -> Node:
+def general(node: Node, objects: list[int], sizes: list[float]) -> Node:
     """The node with its objects by their places in `objects`, and without the sizes of its circles and boxes, which are
     put into `sizes`."""
     if isinstance(node, Coord):
@@ -232,29 +232,29 @@ def _general(node: Node, objects: list[int], sizes: list[float]) -> Node:
     return Apply(node.primitive, node.args, tuple(shapes))
 
 
-class AnyCircle(Circle):
+class _Circles(Circle):
     """Circles of many sizes, as numbers of the namespace."""
 
     __slots__ = ()
     __eq__, __hash__ = object.__eq__, object.__hash__
 
 
-class AnyBox(Box):
+class _MixedBoxes(Box):
     """Boxes of many sizes; the numbers of one and of another are not compared."""
 
     __slots__ = ()
     __eq__, __hash__ = object.__eq__, object.__hash__
 
 
-def _sized(node: Node, sizes: Iterator[Tensor]) -> Node:
-    """The node of _general with sizes."""
+def sized(node: Node, sizes: Iterator[Tensor]) -> Node:
+    """The node of `general` with its sizes."""
     if not isinstance(node, Apply) or not node.shapes:
         return node
     shapes: list[Footprint] = []
     for shape in node.shapes:
         if isinstance(shape, Circle):
-            shape = AnyCircle(cast(float, next(sizes)))
+            shape = _Circles(cast(float, next(sizes)))
         elif isinstance(shape, Box):
-            shape = AnyBox(cast(float, next(sizes)), cast(float, next(sizes)))
+            shape = _MixedBoxes(cast(float, next(sizes)), cast(float, next(sizes)))
         shapes.append(shape)
     return Apply(node.primitive, node.args, tuple(shapes))

@@ -46,7 +46,8 @@ def networks():
 def test_margins_and_slopes_are_the_formulas(name):
     spec = shipped(name)
     graph, core, rows = graph_of(spec), gated(spec.core), scenes(spec, 40)
-    alone = dataclasses.replace(core, labels={str(node): node for node in graph.nodes.tolist()})
+    nodes = [graph.place_of.tolist().index(atom) for atom in range(graph.atoms)]
+    alone = dataclasses.replace(core, labels={str(node): node for node in nodes})
     asked = rows.clone().requires_grad_()
     expected = Robustness(alone).rows(asked)
     margins, slopes = graph.margins(rows)

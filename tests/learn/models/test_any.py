@@ -1,6 +1,8 @@
 """The model of any spec: what is asked of it is answered as by other models, or refused with the reason."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -53,6 +55,15 @@ def test_raw_scenes_are_near_their_phi(spec):
     phi = spec.robustness().rows(rows)[0]
     assert float((phi + 0.05).abs().mean()) < 0.01
     assert scenegen.sample(model, {"goal": (-0.1, 0.0)}, n=50, raw=True).header.sampler["raw"] is True
+
+
+def test_it_does_not_wait_for_sympy():
+    """torch imports it, which takes half a second, where slopes are given to begin with."""
+    program = (
+        f"import sys, scenegen; scenegen.sample(scenegen.parse({TEXT!r}), n=10, method='any'); print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert "torch" in done.stdout.split() and "sympy" not in done.stdout.split()
 
 
 @pytest.mark.parametrize(

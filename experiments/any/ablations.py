@@ -1,7 +1,8 @@
 """What the parts of the model of any spec are worth: `python -m experiments.any.ablations OUT [--hours 0.3]`.
 
 Each variety is trained by itself, with the same seeds and the same CPU time, and asked for the same phi on the first
-specs that models are tuned on. OUT is a folder with what was trained and measured; a second call goes on.
+specs that models are tuned on. OUT is a folder with what was trained and measured: a second call goes on with the
+varieties and specs that are missing.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ from __future__ import annotations
 import argparse
 import json
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +20,14 @@ import numpy as np
 import torch
 from torch import Generator, Tensor
 
-from experiments.any.report import FEWER, SEED, SHORT
+from experiments.any.report import FEWER, SHORT, named, rows
 from experiments.any.specs import training_text
 from experiments.any.stream import Stream
 from experiments.any.train import begin, save, train
-from experiments.unseen.queries import queries, truth
-from experiments.unseen.specs import TUNE, spec_text
-from scenegen.api.spec import Spec, parse
-from scenegen.errors import RequestError
+from scenegen.api.spec import Spec
 from scenegen.learn.any import AnyModel
-from scenegen.learn.evaluation.card import level
 from scenegen.learn.models.graph import ROOT, FormulaGraph
 from scenegen.learn.models.graph_flow import GraphHyper, Networks
-from scenegen.learn.training.balanced import reach
 from scenegen.processes.pool import one_thread
 
 SPECS = 20
@@ -116,21 +113,6 @@ def model_of(spec: Spec, variety: Variety, networks: Networks) -> AnyModel:
     return model
 
 
-def rows(seed: int, networks: dict[str, Networks]) -> Iterator[dict[str, Any]]:
-    """What each variety scores at what a spec is asked for."""
-    spec = parse(spec_text(seed))
-    models = {name: model_of(spec, VARIETIES[name], one) for name, one in networks.items()}
-    for query in queries(spec.checked, reach(spec.checked, 0), seed, SHORT)[0]:
-        try:
-            exact, phi = truth(spec.checked, query, 2 * FEWER, SEED, SHORT)
-        except RequestError:
-            continue
-        for name, model in models.items():
-            found = level(model, query.wanted, exact, phi)
-            told = {"coverage": found.made.coverage, "ks": found.made.ks, "sliced": found.made.sliced}
-            yield {"seed": seed, "variety": name, "wanted": dict(query.wanted), **told, "alone": found.alone}
-
-
 def main() -> None:
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("out", type=Path)
@@ -143,18 +125,21 @@ def main() -> None:
     with one_thread():
         names = [told.only] if told.only else list(VARIETIES)
         made = {one: trained(VARIETIES[one], told.out / f"{one.replace(' ', '-')}.pt", told.hours) for one in names}
-        for seed in [] if told.only else TUNE[:SPECS]:
-            if seed not in {row["seed"] for row in found}:
-                mine = list(rows(seed, made))
+        made_by = {one: partial(model_of, variety=VARIETIES[one], networks=mine) for one, mine in made.items()}
+        for name, source, seed in [] if told.only else list(named("tune"))[:SPECS]:
+            if name not in {row["spec"] for row in found}:
+                mine = list(rows(name, source, seed, FEWER, SHORT, made_by))
                 found += mine
                 with kept.open("a") as file:
                     file.write("".join(json.dumps(row) + "\n" for row in mine))
-    for name in {row["variety"]: None for row in found}:
-        of = [row for row in found if row["variety"] == name]
+    for name, networks in made.items():
+        of = [row for row in found if row.get("model") == name]
+        if not of:
+            continue
         coverage = np.array([row["coverage"] for row in of])
         off = np.array([max(row["ks"], row["sliced"]) for row in of])
         print(
-            f"{name}: {sum(one.numel() for one in made[name].parameters()):,} weights, {len(of)} targets; coverage "
+            f"{name}: {sum(one.numel() for one in networks.parameters()):,} weights, {len(of)} targets; coverage "
             f"mean {coverage.mean():.3f}, worst decile {np.quantile(coverage, 0.1):.3f}, at least 0.93 in "
             f"{np.mean(coverage >= 0.93):.0%}; KS and sliced at most 0.15 in {np.mean(off <= 0.15):.0%}, median "
             f"{np.median(off):.3f}; phi of the network alone off by {np.median([row['alone'] for row in of]):.3f}"

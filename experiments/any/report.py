@@ -10,8 +10,9 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -57,13 +58,20 @@ def named(which: str) -> Iterator[tuple[str, str | Path, int]]:
         yield f"{which} {seed}", text(seed), seed
 
 
-def rows(name: str, source: str | Path, seed: int, scenes: int, patience: float) -> Iterator[dict[str, Any]]:
-    """What is found for a spec, query by query; one row with `refused` where it is none for this model."""
+def rows(
+    name: str,
+    source: str | Path,
+    seed: int,
+    scenes: int,
+    patience: float,
+    made_by: Mapping[str, Callable[[Spec], AnyModel]] = MappingProxyType({"any": AnyModel}),
+) -> Iterator[dict[str, Any]]:
+    """What is found for a spec, query by query and model by model; one row with `refused` where it is none for them."""
     try:
         spec: Spec = load(source) if isinstance(source, Path) else parse(source)
         began = time.process_time()
-        model = AnyModel(spec)
-        bound = time.process_time() - began
+        models = {one: make(spec) for one, make in made_by.items()}
+        bound = (time.process_time() - began) / len(models)
         wanted, missing = queries(spec.checked, reach(spec.checked, 0), seed, patience)
     except ScenegenError as error:
         yield {"spec": name, "refused": error.diagnostics[0].title}
@@ -78,20 +86,22 @@ def rows(name: str, source: str | Path, seed: int, scenes: int, patience: float)
             yield {**told, "missing": error.diagnostics[0].title}
             continue
         cost = (time.process_time() - began) / exact.shape[1]
-        began = time.process_time()
-        found = level(model, query.wanted, exact, phi)
-        yield {
-            **told,
-            "error": found.error,
-            "coverage": found.made.coverage,
-            "ks": found.made.ks,
-            "sliced": found.made.sliced,
-            "required": found.required,
-            "true": [found.truth.coverage, found.truth.ks, found.truth.sliced],
-            "alone": found.alone,
-            "seconds": [bound, time.process_time() - began],
-            "proposals": [cost, *proposals(model, query, phi[:, scenes:])],
-        }
+        for one, model in models.items():
+            began = time.process_time()
+            found = level(model, query.wanted, exact, phi)
+            yield {
+                **told,
+                "model": one,
+                "error": found.error,
+                "coverage": found.made.coverage,
+                "ks": found.made.ks,
+                "sliced": found.made.sliced,
+                "required": found.required,
+                "true": [found.truth.coverage, found.truth.ks, found.truth.sliced],
+                "alone": found.alone,
+                "seconds": [bound, time.process_time() - began],
+                "proposals": [cost, *proposals(model, query, phi[:, scenes:])],
+            }
 
 
 def proposals(model: AnyModel, query: Query, phi: Array) -> tuple[float, float]:

@@ -97,7 +97,7 @@ def wide_text(seed: int) -> str:
 
 
 def placed_text(seed: int) -> str:
-    """The spec of a seed in which things stand in furniture and on one another."""
+    """The spec of a seed in which things stand in furniture and on one another: the same text on every machine."""
     author = _Author(np.random.default_rng(np.random.SeedSequence([20_261_128, seed])))
     lines, required = [], [author.one("noCollision()", "noCollision() & insideWorkspace()", "insideWorkspace()")]
     if author.likely(0.6):
@@ -142,24 +142,24 @@ def _stacked(author: _Author, lines: list[str], required: list[str], small: list
         required.append(f"stable({name}, {author.cm(0, 1)})")
 
 
+FURNITURE = (
+    ("rack", "rack", ("bottle", "glass", "jar"), tuple(f"slot[{place}]" for place in range(1, 7))),
+    ("shelfunit", "shelfunit", ("can", "bowl", "mug"), ("shelf[1]", "shelf[2]", "shelf[3]", "top")),
+    ("cabinet", "cabinet(drawers = 3, open = 0.9)", ("knife", "spoon", "pen"), ("drawer[3]", "top")),
+    ("tray2", "tray", ("pen", "bowl", "knife"), ("inside",)),
+)
+
+
 def _furnished(author: _Author, lines: list[str], required: list[str], small: list[str]) -> None:
     """Things in furniture that is held."""
     at = f"({author.point()}, {author.one('SOUTH', 'SOUTH', 'EAST', 'NORTH')})"
-    what, things, places = author.one(
-        ("rack", ("bottle", "glass", "jar"), tuple(f"slot[{place}]" for place in range(1, 7))),
-        ("shelfunit", ("can", "bowl", "mug2 = mug"), ("shelf[1]", "shelf[2]", "shelf[3]", "top")),
-        ("cabinet", ("knife", "spoon2 = spoon", "pen"), ("drawer[3]", "top")),
-        ("tray2 = tray", ("pen", "bowl", "knife"), ("inside",)),
-    )
-    lines.append(f"object {what.replace('cabinet', 'cabinet = cabinet(drawers = 3, open = 0.9)')} at {at}")
-    name = what.split(" ")[0]
+    name, kind, things, places = author.one(*FURNITURE)
+    lines.append(f"object {name} = {kind} at {at}")
     author.objects.append(name)
     for place in author.random.permutation(len(places))[: int(author.random.integers(1, 4))]:
-        thing = things[int(author.random.integers(len(things)))].split(" ")
-        thing[0] += f"_{place}"
-        kind = "" if "=" in thing else f" = {thing[0].split('_')[0]}"
-        lines.append(f"object {' '.join(thing)}{kind} on {name}.{places[place]}")
-        author.objects.append(thing[0])
+        thing = things[int(author.random.integers(len(things)))]
+        lines.append(f"object {thing}_{place} = {thing} on {name}.{places[place]}")
+        author.objects.append(f"{thing}_{place}")
 
 
 def _shelved(author: _Author, lines: list[str], required: list[str], small: list[str]) -> None:

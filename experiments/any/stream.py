@@ -13,7 +13,6 @@ from torch import Tensor
 from experiments.unseen.patience import CpuBudget
 from scenegen.api.spec import parse
 from scenegen.errors import ScenegenError
-from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.frames import frames_of
 from scenegen.learn.models.graph import FormulaGraph, graph_of, union
@@ -53,9 +52,8 @@ def lesson(text: str, seed: int = 0) -> Lesson | None:
         spec = parse(text).checked
     except ScenegenError:
         return None
-    core = gated(spec.core)
-    frames = frames_of(spec, core)
-    graph = graph_of(spec, frames)
+    frames = frames_of(spec)
+    graph = graph_of(frames)
     if not 0 < graph.atoms <= MOST_ATOMS:
         return None
     parts: list[tuple[Tensor, int]] = []
@@ -74,7 +72,7 @@ def lesson(text: str, seed: int = 0) -> Lesson | None:
     rows = torch.cat([part for part, _ in parts], 1)
     by = torch.cat([torch.full((part.shape[1],), place) for part, place in parts])
     with torch.no_grad():
-        phi = Robustness(core).rows(rows)
+        phi = Robustness(frames.core).rows(rows)
     framed, first = list[tuple[FormulaGraph, Tensor]](), 0
     for part, place in parts:
         order = first + torch.argsort(phi[place, first : first + part.shape[1]])
@@ -84,7 +82,7 @@ def lesson(text: str, seed: int = 0) -> Lesson | None:
             band = order[int(begin * len(order)) : max(1, int(end * len(order)))]
             ends = float(phi[place, band[0]]), float(phi[place, band[-1]])
             framed.append((graph.framed(frames, {spec.labels[place]: ends}), band))
-    return Lesson(tuple(framed), rows, phi, graph.places(deciding(core, rows)), by)
+    return Lesson(tuple(framed), rows, phi, graph.places(deciding(frames.core, rows)), by)
 
 
 def exact(spec: CheckedSpec, ranges: dict[str, Range], seed: int) -> Tensor | None:

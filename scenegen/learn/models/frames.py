@@ -1,13 +1,13 @@
-"""Where the objects of a spec can be: the box that contraction leaves each of them, for what is required and wanted.
+"""Frames of objects: the boxes that interval contraction leaves of their poses, for a requirement and ranges of phi.
 
-What stands on a thing that moves is told relative to it. A network that sees places in these frames sees a bottle in
-the cell of a rack as it sees a mug on a table.
+The frame of an object on a carrier that moves is relative to the carrier. In these coordinates a bottle that has 2 cm
+of room in the cell of a rack and a mug that has 1 m on a table both range from -1 to 1.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from torch import Tensor
 
 from scenegen.arrays import Array
 from scenegen.geometry.footprint import Circle
-from scenegen.lang.formula.core import REQUIRE, Core, read_rows
+from scenegen.lang.formula.core import REQUIRE, Core, gated, read_rows
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import SIZE, THETA, row_of
 from scenegen.search.contract import contract_box
@@ -24,48 +24,46 @@ from scenegen.search.effort import Effort
 from scenegen.search.tape import Tape, make_tape
 
 OBJECT_FEATURES = 3 + 1 + SIZE + 1 + 4 + 3  # footprint; held; which coordinates matter; carried; frame in two units
-HELD, MATTERS = 3, slice(4, 4 + SIZE)
+MATTERS = slice(4, 4 + SIZE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """Of N objects: `carrier` is what each moves with, -1 for the table; `apart` are the pairs of rows whose difference
-    is a node of the tape, with its sign."""
+    """Of N objects: `core` is the gated formula, `tape` that of it. `carrier` is the object that each moves with, -1
+    where it moves alone; `offsets` are the rows of places relative to a carrier, with the tape's node of the difference
+    and its sign."""
 
     spec: CheckedSpec
     core: Core
     tape: Tape
     carrier: tuple[int, ...]
-    apart: Mapping[tuple[int, int], tuple[int, float]]
+    offsets: tuple[tuple[int, int, float], ...]
 
     def within(self, wanted: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-        """Lowest and highest poses (3N,), places relative to what carries the object, of all scenes that meet what is
-        required and have phi of these labels in these ranges."""
+        """Lowest and highest poses (3N,), metres and radians, places relative to the carrier's, of all scenes that meet
+        the requirement and have phi of these labels in these ranges; without the ranges where no scene does."""
         lowest, highest = self.spec.box()
         labels = self.core.labels
         demand = {labels[name]: ends for name, ends in wanted.items()}
         demand |= {labels[REQUIRE]: (0.0, math.inf)} if REQUIRE in labels else {}
         found = contract_box(self.tape, lowest, highest, demand, Effort())
-        if not found.alive:  # nothing is there to be framed
+        if not found.alive:
             return self.within({}) if wanted else (lowest, highest)
         for row, node in self.tape.rows.items():
             lowest[row], highest[row] = found.lo[node], found.hi[node]
-        for thing, under in enumerate(self.carrier):
-            for axis in range(THETA) if under >= 0 else ():
-                node, sign = self.apart[row_of(thing, axis), row_of(under, axis)]
-                ends = sign * found.lo[node], sign * found.hi[node]
-                lowest[row_of(thing, axis)], highest[row_of(thing, axis)] = min(ends), max(ends)
+        for row, node, sign in self.offsets:
+            lowest[row], highest[row] = sorted((sign * found.lo[node], sign * found.hi[node]))
         return lowest, highest
 
-    def under(self, thing: int) -> list[int]:
-        """What carries a thing, from below it to the table."""
+    def carriers(self, thing: int) -> Sequence[int]:
+        """The carrier of a thing, the carrier's own, and so on."""
         found = []
         while (thing := self.carrier[thing]) >= 0:
             found.append(thing)
         return found
 
     def features(self, low: Array, high: Array) -> Tensor:
-        """What a network sees of objects (N, OBJECT_FEATURES) whose poses are from low to high (3N,)."""
+        """What a network sees of the objects, (N, OBJECT_FEATURES), in the frames from low to high (3N,)."""
         read, rows = read_rows(self.core), []
         (left, right), (bottom, top) = self.spec.workspace.x, self.spec.workspace.y
         begin, size = np.array([left, bottom]), np.array([right - left, top - bottom])
@@ -83,15 +81,18 @@ class Frames:
         return torch.tensor(np.array(rows), dtype=torch.float32)
 
 
-def frames_of(spec: CheckedSpec, core: Core) -> Frames:
-    """The frames of a spec without time and choices of surfaces; `core` is its gated formula."""
+def frames_of(spec: CheckedSpec) -> Frames:
+    """The frames of a spec without time and choices of surfaces."""
+    core = gated(spec.core)
     tape = make_tape(core, *spec.box())
     apart = {pair: (node, 1.0) for node, pair in tape.differences.items()}
     apart |= {(b, a): (node, -1.0) for (a, b), (node, _) in apart.items()}
-    carrier = [-1] * len(spec.objects)
+    carrier, offsets = [-1] * len(spec.objects), list[tuple[int, int, float]]()
     for thing, support in spec.supports.items():
-        under = support.carrier
-        if under is not None and not {thing, under} & spec.fixed.keys():
-            pairs = [(row_of(thing, axis), row_of(under, axis)) for axis in range(THETA)]
-            carrier[thing] = under if all(pair in apart for pair in pairs) else -1
-    return Frames(spec, core, tape, tuple(carrier), apart)
+        if (under := support.carrier) is None or {thing, under} & spec.fixed.keys():
+            continue
+        pairs = [(row_of(thing, axis), row_of(under, axis)) for axis in range(THETA)]
+        if all(pair in apart for pair in pairs):
+            carrier[thing] = under
+            offsets += [(pair[0], *apart[pair]) for pair in pairs]
+    return Frames(spec, core, tape, tuple(carrier), tuple(offsets))

@@ -4,7 +4,7 @@ Objects and atoms are tied where an atom depends on an object's pose; atoms and 
 below, so that what is decided high up is one step away. Each label is a junction as well, its root. The disjoint union
 of graphs is a graph: a network that trains on many specs at once sees one.
 
-Places are told in each object's own frame (scenegen.learn.models.frames).
+Coordinates are those of each object's own frame (scenegen.learn.models.frames).
 
 The margins of all atoms and their slopes are computed together for atoms that are alike but for their objects and
 numbers (a `MarginForm`).
@@ -33,11 +33,9 @@ from scenegen.lang.formula.core import (
     Junction,
     Node,
     atoms_below,
-    gated,
     part_of,
 )
-from scenegen.lang.spec import CheckedSpec
-from scenegen.learn.models.frames import HELD, MATTERS, Frames, frames_of
+from scenegen.learn.models.frames import MATTERS, Frames
 from scenegen.learn.robustness.compile import TORCH
 from scenegen.learn.robustness.deciding import general, sized
 from scenegen.pose import SIZE, THETA, row_of
@@ -121,9 +119,9 @@ class FormulaGraph:
     `ties` (E, 3) are atom, object, and the object's place in the atom; `below` (I, 2) atom and junction; `roots`
     (I', 2) atom and label; `members` are the atoms of each label, in order. `label_of` (J,) is the label of a junction,
     `required` (L,) which labels are what is required; `ranks` has the place of each label in its spec, None for what is
-    required. `carrier` (N,) is what an object moves with, -1 for the table, over at most so many `storeys`; `low` and
-    `high` (3N, 1) bound the poses, places relative to the carrier's. `carried` (C, 2) are ties of an atom with a thing
-    and with what carries it. `spec` (N,) is the spec of an object, of `specs`, and `share` (N, 1) one by the number of
+    required. `carrier` (N,) is the object that each moves with, -1 where it moves alone; `storeys` is how many stand on
+    one another at most. `low` and `high` (3N, 1) are the frames. `carried` (C, 2) are ties of an atom with an object
+    and with a carrier of it. `spec` (N,) is the spec of an object, of `specs`, and `share` (N, 1) one by the number of
     objects there. `place_of` (M + 1,) are the places of all nodes of the core formula among the atoms, -1 of others.
     """
 
@@ -171,7 +169,7 @@ class FormulaGraph:
         return replace(self, **moved, members=tuple(one.to(device) for one in self.members), forms=forms)
 
     def framed(self, frames: Frames, wanted: Mapping[str, tuple[float, float]]) -> FormulaGraph:
-        """The same graph in the frames of phi in these ranges."""
+        """The same graph in the frames for phi in these ranges."""
         low, high = frames.within(wanted)
         lowest, highest = (torch.from_numpy(ends).to(self.low)[:, None] for ends in (low, high))
         features = frames.features(low, high).to(self.low.device)
@@ -195,12 +193,11 @@ class FormulaGraph:
 
     def free(self) -> Tensor:
         """(N, 1, 4): which coordinates of a view are to be made: those that matter and can move."""
-        held, matters = self.object_features[:, HELD, None], self.object_features[:, MATTERS]
-        moves = (matters > 0.0) & (held == 0.0)
+        moves = (self.object_features[:, MATTERS] > 0.0) & (self.low < self.high).view(-1, SIZE)
         return torch.cat([moves, moves[:, THETA:]], 1)[:, None]
 
-    def below_each(self, places: Tensor) -> Tensor:
-        """(N, 2, B): the places of what carries each object, 0 where nothing does."""
+    def _origins(self, places: Tensor) -> Tensor:
+        """(N, 2, B): the place of each object's carrier, 0 where it has none."""
         return torch.cat([places, torch.zeros_like(places[:1])])[self.carrier]
 
     def view(self, rows: Tensor) -> Tensor:
@@ -208,7 +205,7 @@ class FormulaGraph:
         poses, (centre, half) = rows.view(self.objects, SIZE, -1), self.frame()
         places = poses[:, :THETA]
         if self.storeys:
-            places = places - self.below_each(places)
+            places = places - self._origins(places)
         turned = torch.stack([torch.cos(poses[:, THETA]), torch.sin(poses[:, THETA])], 1)
         return torch.cat([(places - centre) / half, turned], 1).transpose(1, 2).contiguous()
 
@@ -219,10 +216,10 @@ class FormulaGraph:
         return self._stored(parts[:, :2] * half + centre, turned)
 
     def _stored(self, offsets: Tensor, turned: Tensor) -> Tensor:
-        """(3N, B) of places (N, 2, B) relative to what carries each object, and headings (N, 1, B)."""
+        """Storage (3N, B) of places (N, 2, B) relative to the carriers', and headings (N, 1, B)."""
         places = offsets
         for _ in range(self.storeys):
-            places = offsets + self.below_each(places)
+            places = offsets + self._origins(places)
         return torch.cat([places, turned], 1).reshape(SIZE * self.objects, -1)
 
     def base(self, count: int, generator: torch.Generator) -> Tensor:
@@ -233,7 +230,7 @@ class FormulaGraph:
 
     def margins(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """Of all atoms in scenes (3N, B): margins (A, B), and their slopes along x, y and theta of each tie's object,
-        (E, B, 3); what an object carries goes with it."""
+        (E, B, 3), with all that it carries."""
         count = rows.shape[1]
         margins, slopes = rows.new_zeros(self.atoms, count), rows.new_zeros(len(self.ties), count, SIZE)
         for form, alike in self.forms.items():
@@ -260,10 +257,9 @@ class FormulaGraph:
 TENSORS = tuple(each.name for each in fields(FormulaGraph) if each.type == "Tensor")
 
 
-def graph_of(spec: CheckedSpec, frames: Frames | None = None) -> FormulaGraph:
-    """The graph of a spec without time and choices of surfaces, in the frames of what it requires."""
-    core = gated(spec.core)
-    frames = frames_of(spec, core) if frames is None else frames
+def graph_of(frames: Frames) -> FormulaGraph:
+    """The graph of a spec, in the frames for what it requires."""
+    core = frames.core
     low, high = frames.within({})
     form_of: dict[int, tuple[MarginForm, list[int], list[float]]] = {}
     for root in core.labels.values():
@@ -280,7 +276,7 @@ def graph_of(spec: CheckedSpec, frames: Frames | None = None) -> FormulaGraph:
         ties += [(number, one, min(slot, SLOTS - 2)) for slot, one in enumerate(objects)]
         tie_of = dict(zip(objects, mine.tolist(), strict=True))
         for thing in objects:
-            for under in frames.under(thing):
+            for under in frames.carriers(thing):
                 if under not in tie_of:
                     tie_of[under] = len(ties)
                     ties.append((number, under, SLOTS - 1))
@@ -298,7 +294,7 @@ def graph_of(spec: CheckedSpec, frames: Frames | None = None) -> FormulaGraph:
             kinds = [float(kind == one) for one in (ROOT, MIN, MAX)]
             junctions.append([*kinds, len(found) ** 0.5 / 4.0, float(name == REQUIRE)])
             label_of.append(label)
-    count = len(spec.objects)
+    count = len(frames.carrier)
     return FormulaGraph(
         object_features=frames.features(low, high),
         atom_features=torch.stack([_atom_features(core, node, *form_of[node]) for node in atoms]),
@@ -318,7 +314,7 @@ def graph_of(spec: CheckedSpec, frames: Frames | None = None) -> FormulaGraph:
         members=tuple(torch.tensor(sorted(one for one, mine in roots if mine == k)) for k in range(len(core.labels))),
         ranks=tuple(None if name == REQUIRE else k for k, name in enumerate(core.labels)),
         specs=1,
-        storeys=max(len(frames.under(one)) for one in range(count)),
+        storeys=max(len(frames.carriers(one)) for one in range(count)),
         forms={form: _together(found) for form, found in alike.items()},
     )
 

@@ -21,7 +21,6 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 from torch import Tensor, nn
 from torch.nn.functional import silu
 
-from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import Hyper, SceneModel, SpecLoss
 from scenegen.learn.models.card import Layout
@@ -378,7 +377,7 @@ def shipped() -> tuple[WeightsCard, dict[str, Tensor]]:
 # The model: both networks and the formula of one spec.
 
 PIECE, FEWEST = 4096, 128  # atoms of all scenes that are made at a time, which stay in cache; and scenes, at least
-FINEST, KEPT = 0.01, 16  # steps of phi's ends for frames, metres or radians; graphs that are kept in them
+FINEST = 0.01  # step of the ends of phi, metres or radians, that frames are made for
 
 
 class GraphFlow(SceneModel):
@@ -389,7 +388,6 @@ class GraphFlow(SceneModel):
     thorough = True
     graph: FormulaGraph
     frames: Frames
-    framed: dict[tuple[tuple[str, float, float], ...], FormulaGraph]
 
     def __init__(self, layout: Layout, hyper: GraphHyper) -> None:
         super().__init__(layout, hyper)
@@ -397,9 +395,8 @@ class GraphFlow(SceneModel):
         self.networks = Networks(hyper)
 
     def bind(self, spec: CheckedSpec) -> None:
-        self.core = gated(spec.core)
-        self.frames = frames_of(spec, self.core)
-        self.graph, self.framed = graph_of(spec, self.frames), {}
+        self.frames = frames_of(spec)
+        self.graph = graph_of(self.frames)
         self.codec = Codec(spec.workspace, len(spec.objects))
 
     def initialise(self, generator: torch.Generator) -> None:
@@ -417,7 +414,7 @@ class GraphFlow(SceneModel):
         rows = self.codec.decode(batch.x)
         wanted = batch.phi if not self.layout.partial else torch.where(given(batch, generator), batch.phi, torch.nan)
         graph = self._graph(rows.device)
-        deciders = graph.places(deciding(self.core, rows))
+        deciders = graph.places(deciding(self.frames.core, rows))
         losses = self.networks.losses(graph, rows, self._all(wanted.T), deciders, generator)
         optimiser = self.optimisers["all"]
         optimiser.zero_grad()
@@ -427,24 +424,19 @@ class GraphFlow(SceneModel):
 
     def _graph(self, device: torch.device) -> FormulaGraph:
         if self.graph.low.device != device:
-            self.graph, self.framed = self.graph.to(device), {}
+            self.graph = self.graph.to(device)
         return self.graph
 
     def _framed(self, phi: Tensor) -> FormulaGraph:
-        """The graph in the frames of these phi (n, L), NaN where it is free; ends are rounded outwards, so that a graph
-        serves again."""
-        graph, ends = self._graph(phi.device), list[tuple[str, float, float]]()
-        for label, mine in zip(self.core.labels, phi.T, strict=False):
-            if not bool(torch.isnan(mine).any()):
-                low, high = float(mine.min()), float(mine.max())
+        """The graph in the frames for these phi, (n, L) or (L,), NaN where a label is free. Ends are rounded outwards,
+        so that most calls for a request contract the same box, which the tape keeps."""
+        ends: dict[str, tuple[float, float]] = {}
+        for label, mine in zip(self.frames.spec.labels, phi.T, strict=True):
+            low, high = float(mine.min()), float(mine.max())  # NaN if any is
+            if not math.isnan(low):
                 step = max(FINEST, 2.0 ** math.ceil(math.log2(max(high - low, FINEST))) / 8.0)
-                ends.append((label, math.floor(low / step) * step, math.ceil(high / step) * step))
-        key = tuple(ends)
-        if key not in self.framed:
-            if len(self.framed) >= KEPT:
-                self.framed.clear()
-            self.framed[key] = graph.framed(self.frames, {label: (low, high) for label, low, high in ends})
-        return self.framed[key]
+                ends[label] = math.floor(low / step) * step, math.ceil(high / step) * step
+        return self._graph(phi.device).framed(self.frames, ends)
 
     def _all(self, wanted: Tensor) -> Tensor:
         """phi of the labels (L, B), and NaN for what is required, if anything is."""

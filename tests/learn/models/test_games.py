@@ -1,5 +1,5 @@
-"""The default GAN and AAE, trained in a few seconds on a spec with two branches, against scenes by rejection: they hit
-the wanted phi and, what games are known to lose, keep the spread and both branches."""
+"""GAN and AAE, trained in a few seconds on a spec with two branches, against scenes by rejection: by default they keep
+what games are known to lose, the spread and both branches; with a heavy loss of phi their networks alone hit it."""
 
 import pytest
 import torch
@@ -36,15 +36,14 @@ def truth(spec):
     return data.rows[:, (data.phi[0] - WANTED).abs() < 0.01]
 
 
-@pytest.fixture(scope="module", params=["gan", "aae"])
-def learnt(request, spec):
+def trained(name, spec, **settings):
     """The first losses, the last ones (means over some steps), and 2,000 scenes at WANTED in storage."""
     data = balanced(spec, 20_000, torch.Generator().manual_seed(0))
     codec = Codec(spec.workspace, len(spec.objects))
     branch, table = survey(spec, data.rows)
     examples = Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch)
-    kind = model_class(request.param)
-    hyper = parse_hyper(request.param, {**SMALL, **EXTRA[request.param]})
+    kind = model_class(name)
+    hyper = parse_hyper(name, {**SMALL, **EXTRA[name], **settings})
     model = kind(layout_of(spec.core, len(table)), hyper)
     generator = torch.Generator().manual_seed(2)
     model.initialise(generator)
@@ -60,8 +59,18 @@ def learnt(request, spec):
     return means(losses[:20]), means(losses[-20:]), rows
 
 
-def test_the_wanted_phi_is_hit(learnt, spec):
-    error = (Robustness(spec.core).rows(learnt[2])[0] - WANTED).abs()
+@pytest.fixture(scope="module", params=["gan", "aae"])
+def learnt(request, spec):
+    return trained(request.param, spec)
+
+
+@pytest.fixture(scope="module", params=["gan", "aae"])
+def strict(request, spec):
+    return trained(request.param, spec, consistency=2.0)
+
+
+def test_a_heavy_loss_of_phi_hits_the_wanted_phi(strict, spec):
+    error = (Robustness(spec.core).rows(strict[2])[0] - WANTED).abs()
     assert error.mean() < 0.06
 
 
@@ -80,8 +89,16 @@ def test_both_branches_are_drawn_as_often_as_in_truth(learnt, truth):
     assert abs(shares[0] - shares[1]) < 0.12 and 0.05 < shares[1] < 0.95
 
 
-def test_phi_is_learnt_by_its_loss_and_the_critic_stays_in_the_game(learnt):
-    first, last, _ = learnt
+def test_phi_is_learnt_by_its_loss_and_the_critic_stays_in_the_game(strict):
+    first, last, _ = strict
     assert last["phi"] < 0.3 * first["phi"]
+    in_the_game(first, last)
+
+
+def test_the_critic_stays_in_the_game(learnt):
+    in_the_game(*learnt[:2])
+
+
+def in_the_game(first, last):
     assert 0.35 < last["critic"] < 0.75  # ln 2 = 0.69 where it cannot tell, 0 where it wins
     assert last.get("reconstruction", 0.0) <= 0.5 * first.get("reconstruction", 0.0)

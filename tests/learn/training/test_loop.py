@@ -331,7 +331,7 @@ def test_a_step_and_a_sample(recipe, model):
     batch = feed.fitting.to(device).take(slice(0, 32))
     losses = session.model.update(batch, None)
     assert losses and all(value.device == device for value in losses.values())
-    if model == "any":  # its frames need the values of phi, which are not there
+    if model == "any":  # its frames depend on the values of phi, and tensors of this device have none
         session.model._framed = lambda phi: session.model._graph(phi.device)
     for phi in (batch.phi[:10], batch.phi[0]):
         x = session.model.sample(10, phi, None)

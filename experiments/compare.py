@@ -25,8 +25,9 @@ from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
 from scenegen.errors import RequestError
 from scenegen.learn.evaluation.fidelity import fidelity
-from scenegen.learn.model import Model
+from scenegen.learn.model import ANY, Model, load_model
 from scenegen.learn.models.card import depends_on
+from scenegen.learn.models.graph_flow import WEIGHTS
 from scenegen.pose import row_count
 from scenegen.processes.pool import one_thread
 
@@ -68,9 +69,13 @@ def compare(plan: Plan, problem: Problem) -> Comparison:
                 raw.setdefault(variant.name, output)
                 training.setdefault(variant.name, data_sets[source])
                 near = _near(here, output, true, data_sets[source])
-                runs.append(near | _quality(here, output) | _handed(here, one.model, seed) | _cost(here, one))
+                runs.append(near | _measured(here, one, output, seed))
             rows.append(Row(variant.name, tuple(runs), variant.family, variant.recipe))
-        rows += [no_model(here), exact(here, fresh), plain(here)]
+        untrained = Trained(load_model(ANY, here.spec), WEIGHTS.stat().st_size, 0.0)
+        drawn = [_raw(here, untrained.model, seed) for seed in plan.seeds]
+        runs = [_measured(here, untrained, *one) for one in zip(drawn, plan.seeds, strict=True)]
+        found[ANY], raw[ANY] = [untrained], drawn[0]
+        rows += [Row(ANY, tuple(runs), ANY, "default"), no_model(here), exact(here, fresh), plain(here)]
     models = {name: runs[0].model for name, runs in found.items()}
     return Comparison(problem, here.spec, tuple(rows), models, raw, training, fresh[0])
 
@@ -89,6 +94,11 @@ def _known(one: Known, labels: tuple[str, ...]) -> Row:
 def _raw(here: Bench, model: Model, seed: int) -> Array:
     wanted = target(here.problem, here.spec.labels, here.sizes.scenes)
     return model.trained.propose(wanted, torch.Generator().manual_seed(RAW + seed)).double().numpy()
+
+
+def _measured(here: Bench, one: Trained, output: Array, seed: int) -> Values:
+    """Of a model and its raw scenes (3N, n)."""
+    return _quality(here, output) | _handed(here, one.model, seed) | _cost(here, one)
 
 
 def _quality(here: Bench, output: Array) -> Values:

@@ -26,7 +26,7 @@ def rows_of(scenes: SceneSet) -> Array:
 
 def phi_of(spec: Spec, rows: Array) -> Array:
     """phi (L, n) of scenes (3N, n), exactly and in float64."""
-    found: Array = spec.robustness().rows(torch.from_numpy(np.ascontiguousarray(rows))).numpy()
+    found: Array = spec.robustness().rows(torch.from_numpy(np.array(rows, order="C"))).numpy()
     return found
 
 

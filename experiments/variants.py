@@ -7,10 +7,11 @@ from typing import Any
 
 from experiments.plan import Sizes
 from experiments.problems import Problem
+from scenegen.learn.model import ANY
 from scenegen.learn.models.registry import RECIPES
 from scenegen.learn.training.config import TrainConfig, make_config
 
-ABBREVIATIONS = ("gan", "aae")
+WORDS = {"gan": "GAN", "aae": "AAE", ANY: "any, tuned"}
 MANY: dict[str, int] = {"flow": 8}  # models that take steps to make a scene -> how many, beside the few by default
 
 
@@ -26,7 +27,7 @@ class Variant:
     @property
     def name(self) -> str:
         """What reports call it."""
-        word = self.family.upper() if self.family in ABBREVIATIONS else self.family
+        word = WORDS.get(self.family, self.family)
         if self.recipe == "paper":
             return f"{word}, paper's recipe"
         return word if self.steps is None else f"{word}, {self.steps} steps"

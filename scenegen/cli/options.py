@@ -97,6 +97,7 @@ def parse_counts(options: list[str] | None) -> dict[str, str]:
         name, _, number = (part.strip() for part in text.partition("="))
         if not name or not number:
             example = "--count block=5; of an object of a category the asset: --count mug=025_mug"
+            example += f"; for that many scenes: -n {text}" if text.isdecimal() else ""
             raise RequestError(ARGUMENT_SYNTAX(here, what="a number of things", form="NAME=NUMBER", example=example))
         if name in found:
             raise RequestError(GIVEN_TWICE(here, what=f"the number of `{name}`"))

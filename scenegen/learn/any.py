@@ -30,6 +30,7 @@ from scenegen.learn.models.checkpoint import TrainedModel, as_trained
 from scenegen.learn.models.codec import ways_of
 from scenegen.learn.models.graph_flow import WEIGHTS, shipped
 from scenegen.learn.training.balanced import reach
+from scenegen.processes.pool import one_thread
 from scenegen.resources import __version__
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.plan import Plan
@@ -58,7 +59,7 @@ class AnyModel(Model):
         refuse_choices(spec, "the model of any spec")
         super().__init__(bound(spec.checked))
         self.spec = spec
-        self._known: dict[tuple[object, ...], tuple[Array, Array]] = {}
+        self._known: dict[tuple[object, ...], dict[str, tuple[Array, Array]]] = {}
 
     def __repr__(self) -> str:
         return f"<AnyModel of {self.spec.declared.name}>"
@@ -70,6 +71,7 @@ class AnyModel(Model):
         regions = (np.concatenate([ends, phi], axis=1),) if phi.shape[1] else ()
         return replace(self.trained, only=tuple(ranges), regions=regions)
 
+    @one_thread()
     def advice(self, request: SampleRequest, rows: npt.NDArray[np.float64] | None) -> tuple[Diagnostic, ...]:
         """What a comparison with exact scenes shows; where its own are few, selected or not in memory, some are made
         for it."""
@@ -93,10 +95,12 @@ class AnyModel(Model):
         return (*found, *compared(self.spec.checked, exact[:, :count], rows[:, some], where))
 
     def _exact(self, request: SampleRequest) -> tuple[Array, Array]:
-        key = (request.spread, *sorted(request.phi.items()), *sorted(request.fix.items()))
-        if key not in self._known:
-            self._known[key] = exact_scenes(self.spec.checked, request)
-        return self._known[key]
+        """See `exact_scenes`; those that were not found in time, spread in one way, are not looked for in another."""
+        known = self._known.setdefault((*sorted(request.phi.items()), *sorted(request.fix.items())), {})
+        if request.spread not in known:
+            rare = next((found for found in known.values() if not found[1].shape[1]), None)
+            known[request.spread] = rare or exact_scenes(self.spec.checked, request)
+        return known[request.spread]
 
 
 def exact_scenes(checked: CheckedSpec, request: SampleRequest) -> tuple[Array, Array]:

@@ -245,6 +245,10 @@ def test_a_wrong_count_is_refused(scenegen, spec, count, code):
     assert found.status == 1 and f"error[{code}]" in found.err
 
 
+def test_a_number_alone_is_taken_for_how_many_scenes(scenegen, spec):
+    assert "for that many scenes: -n 20" in scenegen("sample", spec, "--count", "20").err
+
+
 def test_check_shows_the_numbers_and_the_bounds_of_all(scenegen, spec):
     found = scenegen("check", spec)
     assert found.status == 0

@@ -142,7 +142,7 @@ class TrainConfig:
     """
 
     model: Annotated[
-        str, Option("flow, energy, gan or aae; any tunes the model of any spec to this one.", "NAME", hints=MODELS)
+        str, Option("flow, energy, gan or aae; any tunes the model of any spec to yours.", "NAME", hints=MODELS)
     ]
     recipe: Annotated[str, Option("default, or paper: the published networks and settings (gan, aae).")]
     epochs: Annotated[int, Option("Passes over the training scenes.", typed=int | None)]

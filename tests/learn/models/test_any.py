@@ -101,9 +101,14 @@ def test_a_part_that_is_left_out_is_named(spec):
 @pytest.mark.long
 def test_it_says_where_it_could_not_be_compared(spec, monkeypatch):
     model = scenegen.load_model("any", spec)
-    monkeypatch.setattr(any_model, "exact_scenes", lambda *_: (np.empty((9, 0)), np.empty((1, 0))))
-    [said] = model.advice(SampleRequest({"goal": Range(0.0, None)}, 10), None)
-    assert said.kind is NOT_MEASURED
+    looked = []
+    monkeypatch.setattr(
+        any_model, "exact_scenes", lambda *asked: looked.append(asked) or (np.empty((9, 0)), np.empty((1, 0)))
+    )
+    satisfied = {"goal": Range(0.0, None)}
+    model.proposer_of(spec.checked, satisfied)
+    [said] = model.advice(SampleRequest(satisfied, 10), None)
+    assert said.kind is NOT_MEASURED and len(looked) == 1, "what is too rare is not looked for twice"
 
 
 def test_the_card_of_the_weights():

@@ -37,9 +37,9 @@ class Entry:
 # Text, not functions: `python -m experiments --help` lists them without importing torch.
 EXPERIMENTS: dict[str, Entry] = {
     "semantics": Entry("experiments.semantics:run", "phi while a mug moves round a plate", "10 seconds"),
-    "exp1": Entry("experiments.exp1:run", "a mug to the upper left of a plate, two labels", "20 minutes"),
-    "exp2": Entry("experiments.exp2:run", "a table set for one, rare", "20 minutes"),
-    "exp3": Entry("experiments.exp3:run", "3, 5 and 7 blocks in order", "70 minutes"),
+    "exp1": Entry("experiments.exp1:run", "a mug to the upper left of a plate, two labels", "15 minutes"),
+    "exp2": Entry("experiments.exp2:run", "a table set for one, rare", "15 minutes"),
+    "exp3": Entry("experiments.exp3:run", "3, 5 and 7 blocks in order", "60 minutes"),
     "unseen": Entry("experiments.unseen.report:run", "specs that nobody tuned on; --seeds A:B", "2 hours", 1040, 1000),
     "unseen-games": Entry(
         "experiments.unseen.report:run_games", "the same by gan and aae, spec by spec", "2 hours", 1040, 1000

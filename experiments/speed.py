@@ -11,18 +11,18 @@ import torch
 from scenegen.learn.model import Model
 from scenegen.processes.pool import one_thread
 
+LONG = 4.0  # CPU seconds: work that takes more is not repeated
+
 
 def per_second(work: Callable[[], int], repeats: int) -> float:
-    """What `work` makes, by its own count, per CPU second: the median over the repeats, after one that does not count
-    where there are several."""
-    if repeats > 1:
-        work()
-    rates = []
-    for _ in range(repeats):
-        began = time.process_time()
-        made = work()
-        rates.append(made / max(time.process_time() - began, 1e-9))
-    return statistics.median(rates)
+    """What `work` makes, by its own count, per CPU second: the median over the repeats, after one that counts only where
+    it is the only one or takes long."""
+    began = time.process_time()
+    made = work()
+    seconds = time.process_time() - began
+    if repeats == 1 or seconds > LONG:
+        return made / max(seconds, 1e-9)
+    return statistics.median(per_second(work, 1) for _ in range(repeats))
 
 
 def model_speed(model: Model, wanted: torch.Tensor, repeats: int) -> float:

@@ -15,8 +15,8 @@ LONG = 4.0  # CPU seconds: work that takes more is not repeated
 
 
 def per_second(work: Callable[[], int], repeats: int) -> float:
-    """What `work` makes, by its own count, per CPU second: the median over the repeats, after one that counts only where
-    it is the only one or takes long."""
+    """What `work` makes, by its own count, per CPU second: the median over the repeats, after one that counts only
+    where it is the only one or takes long."""
     began = time.process_time()
     made = work()
     seconds = time.process_time() - began

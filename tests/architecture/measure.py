@@ -100,8 +100,9 @@ def _imports(name: str, tree: ast.Module, known: set[str], inside: bool = True) 
         if isinstance(node, ast.Import):
             found.update(one.name for one in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            found.update(f"{node.module}.{one.name}" for one in node.names)
-            found.add(node.module)
+            for one in node.names:  # a package that a module of its own is taken from is not imported itself
+                whole = f"{node.module}.{one.name}"
+                found.add(whole if whole in known else node.module)
         elif not inside and (
             isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
             or (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,10 +20,11 @@ from scenegen.errors.declarations import (
 )
 from scenegen.errors.requests import TABLE_TOO_FULL
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, Atom, Core, atoms_below, gated, part_of
+from scenegen.lang.formula.core import REQUIRE, Atom, Const, Core, atoms_below, gated, part_of
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec, combinations, written
 from scenegen.search import node_bounds, spec_bounds
+from scenegen.search.effort import Effort, StoppedError
 
 ENDS = (0.0, math.inf)  # satisfied
 SCENES, LIVE = 256, 1 << 22  # scenes of the first look, and numbers that it may hold at a time
@@ -31,6 +33,7 @@ LARGE = 200_000  # nodes of a core from which on nothing is said of parts that d
 WORK = 2000  # visits of nodes that one label's search for clashes may take: about half a second
 TOTAL = 2 * WORK  # that all labels together may take
 MOST = 24  # labels that are searched for clashes; of more, bounds alone decide
+NUMBERS = 4  # of things, that a message names
 
 SMALLER = {"cm": 0.01, "mm": 0.001}
 
@@ -56,91 +59,109 @@ def infeasible(spec: CheckedSpec) -> list[Diagnostic]:
     return [doubt.problem for doubt in doubts(spec) if doubt.problem is not None]
 
 
-def doubts(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
+def doubts(spec: CheckedSpec, effort: Effort | None = None) -> list[UnsatisfiedLabel]:
     """The labels that no scene was found to satisfy, and the requirement, where none was found to meet it.
 
     Scenes are looked for first: most labels are done with that. What is left is searched for clashes, for about half a
-    second in all. Of a spec over time only bounds are looked at.
+    second in all. Of a spec over time only bounds are looked at. Where `effort` is stopped, the labels of which nothing
+    is known yet have no `problem`.
     """
+    effort = effort or Effort()
     if spec.timed is not None:
         return _over_time(spec)
     if spec.members:
-        return _of_members(spec)
+        return _of_members(spec, effort)
+    found, left = [], list(spec.labels)
+    try:
+        for one in _search(spec, left, effort):
+            found.append(one)
+    except StoppedError:
+        pass
+    return found + [UnsatisfiedLabel(name, False, None) for name in left]
+
+
+def _search(spec: CheckedSpec, left: list[str], effort: Effort) -> Iterator[UnsatisfiedLabel]:
+    """What `doubts` finds. `left` are the labels of which nothing is known yet: it gets shorter. Raises what `effort`
+    raises."""
     core, box, bounds = gated(spec.core), spec.box(), spec_bounds(spec)
     required = (REQUIRE,) if REQUIRE in core.labels else ()
-    waiting = _not_at_once(core, box)
-    if not waiting:
-        return []
+    left[:] = _not_at_once(core, box, effort)
+    if not left:
+        return
     from scenegen.search.clash import clash, explain
     from scenegen.search.prune import find
     from scenegen.search.tape import weight
 
-    left_out: list[str] = []
-    if len(waiting) > MOST:
-        never = [name for name in waiting if bounds[name][1] < 0.0][:MOST]
-        waiting, left_out = never, [name for name in waiting if name not in never]
+    waiting = list(left) if len(left) <= MOST else [name for name in left if bounds[name][1] < 0.0][:MOST]
     missing = []
     work = min(WORK, TOTAL // max(1, len(waiting)))
     for name in waiting:
         one = part_of(core, (name, *required))
-        reach = find(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=work)
+        reach = find(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=work, effort=effort)
         if reach.verdict != "yes":
             highest = bounds[name][1]
             missing.append((name, highest if highest < 0.0 else None, one, reach))
+        else:
+            left.remove(name)
     if required and len(missing) == len(spec.labels):  # some label's scene would have met the requirement, too
         one = part_of(core, required)
-        reach = find(one, *box, {one.labels[REQUIRE]: ENDS}, work=work)
+        reach = find(one, *box, {one.labels[REQUIRE]: ENDS}, work=work, effort=effort)
         if reach.verdict != "yes":
-            if (crowded := _too_full(spec, REQUIRE)) is not None:
-                return [crowded]  # without it nothing else matters
+            if (crowded := _too_full(spec, REQUIRE, effort)) is not None:
+                left.clear()
+                yield crowded  # without it nothing else matters
+                return
             missing.insert(0, (REQUIRE, None, one, reach))
-    found: list[UnsatisfiedLabel] = []
     for name, most, one, reach in missing:
         result = None
         if not reach.short or weight(one.nodes) <= 2 * work:
             # a search that was cut short proves little: its best scene is no reason to warn
             wanted = dict.fromkeys(one.labels.values(), ENDS)
-            result = clash(one, *box, wanted, search=not reach.short and reach, work=work)
+            result = clash(one, *box, wanted, search=not reach.short and reach, work=work, effort=effort)
+        crowded = None
         if result is None or not result.proved:
-            crowded = _too_full(spec, name)
-            if crowded is not None or result is None:
-                found.append(crowded or UnsatisfiedLabel(name, False, None))
-                continue
+            crowded = _too_full(spec, name, effort)
+        if name != REQUIRE:
+            left.remove(name)
+        if crowded is not None or result is None:
+            yield crowded or UnsatisfiedLabel(name, False, None)
+            continue
         unit: dict[str, str] = {}
         if len(result.nodes) == 1 and isinstance(alone := one.nodes[result.nodes[0]], Atom) and alone.spans:
-            unit = _unit(alone, alone.spans[0], spec)
+            unit = _unit(one, alone, alone.spans[0], spec)
         if name == REQUIRE:
-            problem = explain(
-                one, result, REQUIREMENT_CANNOT_BE_MET if result.proved else REQUIREMENT_HARDLY_MET, **unit
-            )
-        else:
-            kind = CANNOT_BE_SATISFIED if result.proved else HARDLY_SATISFIED
-            problem = explain(one, result, kind, name=name, most=most, **unit)
-        found.append(UnsatisfiedLabel(name, result.proved, problem))
-        if name == REQUIRE:
-            break  # without it nothing else matters
-    return found + [UnsatisfiedLabel(name, False, None) for name in left_out]
+            left.clear()
+            kind = REQUIREMENT_CANNOT_BE_MET if result.proved else REQUIREMENT_HARDLY_MET
+            yield UnsatisfiedLabel(name, result.proved, explain(one, result, kind, **unit))
+            return  # without it nothing else matters
+        kind = CANNOT_BE_SATISFIED if result.proved else HARDLY_SATISFIED
+        yield UnsatisfiedLabel(name, result.proved, explain(one, result, kind, name=name, most=most, **unit))
 
 
-def idle(spec: CheckedSpec) -> list[Diagnostic]:
+def idle(spec: CheckedSpec, effort: Effort | None = None) -> list[Diagnostic]:
     """A warning for each label that every scene satisfies, and for each part of a formula, with a number in it, that
-    holds in every scene or in none: the number decides nothing, and mostly its unit is wrong. Bounds prove it."""
+    holds in every scene or in none: the number decides nothing, and mostly its unit is wrong. Bounds prove it. Nothing
+    is said where `effort` is stopped."""
     if spec.timed is not None:
         return []
-    found: dict[tuple[str, Span], Diagnostic] = {}
-    each = [_idle(one) for one in spec.members or (spec,)]
-    for key, problem in each[0].items():
-        if all(key in other for other in each):
-            found[key] = problem
+    effort = effort or Effort()
+    first, *others = spec.members or (spec,)
+    try:
+        found = _idle(first, effort)
+        for other in others if found else ():
+            same = _idle(other, effort)
+            found = {key: problem for key, problem in found.items() if key in same}
+    except StoppedError:
+        return []
     return list(found.values())
 
 
-def _idle(spec: CheckedSpec) -> dict[tuple[str, Span], Diagnostic]:
+def _idle(spec: CheckedSpec, effort: Effort) -> dict[tuple[str, Span], Diagnostic]:
     core = gated(spec.core)
     if len(core.nodes) > LARGE:
         return {}
     with np.errstate(over="ignore", invalid="ignore"):
-        bounds = node_bounds(core, *spec.box())
+        bounds = node_bounds(core, *spec.box(), effort)
     parts: dict[Span, list[int]] = {}
     for index, node in enumerate(core.nodes):
         if isinstance(node, Atom) and node.spans[0].source.name == spec.name:
@@ -156,7 +177,7 @@ def _idle(spec: CheckedSpec) -> dict[tuple[str, Span], Diagnostic]:
                 first = core.nodes[min(mine)]
                 assert isinstance(first, Atom)
                 here = next((span for span in first.spans if span.source.name == spec.name), first.spans[0])
-                found[name, here] = ALWAYS_SATISFIED(here, name=name, least=low, **_unit(first, here, spec))
+                found[name, here] = ALWAYS_SATISFIED(here, name=name, least=low, **_unit(core, first, here, spec))
     for span, atoms in parts.items():
         low, high = min(float(bounds[one].lo) for one in atoms), max(float(bounds[one].hi) for one in atoms)
         first = core.nodes[atoms[0]]
@@ -164,13 +185,15 @@ def _idle(spec: CheckedSpec) -> dict[tuple[str, Span], Diagnostic]:
             continue
         assert isinstance(first, Atom)
         ends = {"least": low} if low > 0.0 else {"most": high}
-        found["", span] = ALWAYS_SATISFIED(span, part=span.text, **ends, **_unit(first, span, spec))
+        found["", span] = ALWAYS_SATISFIED(span, part=span.text, **ends, **_unit(core, first, span, spec))
     return found
 
 
-def _unit(atom: Atom, here: Span, spec: CheckedSpec) -> dict[str, str]:
+def _unit(core: Core, atom: Atom, here: Span, spec: CheckedSpec) -> dict[str, str]:
     """The bare number at the end of an atom's text, where a smaller unit is likely meant, with both units: the largest
-    in which it is no longer than the table."""
+    in which it is no longer than the table. Not of counts, which alone are the same in every scene."""
+    if isinstance(core.nodes[atom.margin], Const):
+        return {}
     bare = _BARE.search(here.text)
     if bare is None or float(bare[1]) < 1.0:
         return {}
@@ -182,9 +205,9 @@ def _unit(atom: Atom, here: Span, spec: CheckedSpec) -> dict[str, str]:
     return {"number": bare[1], "unit": "metres", "small": small, "large": "m"} if small else {}
 
 
-def _too_full(spec: CheckedSpec, label: str) -> UnsatisfiedLabel | None:
+def _too_full(spec: CheckedSpec, label: str, effort: Effort) -> UnsatisfiedLabel | None:
     """The proof, from areas alone, that the table cannot hold what must keep apart; None where there is none, or where
-    it would take long to find."""
+    it would take long to find. Raises what `effort` raises."""
     if len(spec.core.nodes) > SMALL:
         return None
     from scenegen.sampling.growth.failure import too_full
@@ -194,9 +217,11 @@ def _too_full(spec: CheckedSpec, label: str) -> UnsatisfiedLabel | None:
 
     try:
         with np.errstate(all="ignore"):
-            problem = make_problem(spec, SampleRequest({} if label == REQUIRE else {label: Range(0.0)}))
-            proof = too_full(make_graph(problem), spec)
+            request = SampleRequest({} if label == REQUIRE else {label: Range(0.0)})
+            problem = make_problem(spec, request, effort=effort)
+            proof = too_full(make_graph(problem, effort=effort), spec)
     except RequestError:
+        effort.check()
         return None  # there is no such scene for another reason, which the search for clashes names
     if not proof:
         return None
@@ -209,11 +234,11 @@ def _too_full(spec: CheckedSpec, label: str) -> UnsatisfiedLabel | None:
     return UnsatisfiedLabel(label, True, replace(TABLE_TOO_FULL(here, **proof), severity="warning"))
 
 
-def _of_members(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
+def _of_members(spec: CheckedSpec, effort: Effort) -> list[UnsatisfiedLabel]:
     """What is doubtful with some number of things; it is proved only where it is proved of every number."""
     found: dict[str, list[tuple[str, UnsatisfiedLabel]]] = {}
     for numbers, member in zip(combinations(spec.counts), spec.members, strict=True):
-        for one in doubts(member):
+        for one in doubts(member, effort):
             found.setdefault(one.label, []).append((written(numbers), one))
     told = []
     for label, each in found.items():
@@ -224,7 +249,9 @@ def _of_members(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
         problem = with_problem[0][1].problem
         assert problem is not None
         everywhere = len(each) == len(spec.members) and all(one.proved for _, one in each)
-        names = ", ".join(name for name, _ in with_problem)
+        names = ", ".join(name for name, _ in with_problem[:NUMBERS])
+        if len(with_problem) > NUMBERS:
+            names += f" and {len(with_problem) - NUMBERS} more"
         told.append(UnsatisfiedLabel(label, everywhere, problem.but(counted="any number" if everywhere else names)))
     return told
 
@@ -242,12 +269,13 @@ def _over_time(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
     ]
 
 
-def _not_at_once(core: Core, box: tuple[Array, Array]) -> list[str]:
+def _not_at_once(core: Core, box: tuple[Array, Array], effort: Effort) -> list[str]:
     """The labels that none of a few random scenes satisfies together with the requirement."""
     lowest, highest = (end[:, None] for end in box)
     scenes = max(8, min(SCENES, LIVE // len(core.nodes)))
     rows = lowest + (highest - lowest) * np.random.default_rng(0).random((len(lowest), scenes))
-    met = {name: np.broadcast_to(value, scenes) >= 0.0 for name, value in phi(core, list(rows), NUMPY).items()}
+    values = phi(core, list(rows), NUMPY, effort.check)
+    met = {name: np.broadcast_to(value, scenes) >= 0.0 for name, value in values.items()}
     valid = met.pop(REQUIRE, np.ones(scenes, dtype=bool))
     return [name for name, satisfied in met.items() if not (satisfied & valid).any()]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -160,15 +161,15 @@ class FormulaTree:
         if self._alike is None or not parents:
             return [self._part((arg,), "") for args in parents for arg in args]
         classes: dict[tuple[int, int], list[int]] = {}
-        counts: dict[tuple[int, int], list[int]] = {}
+        counts: dict[tuple[int, int], Counter[int]] = {}
         for number, args in enumerate(parents):
             for arg in args:
                 classes.setdefault(self._alike[arg], []).append(arg)
-                counts.setdefault(self._alike[arg], [0] * len(parents))[number] += 1
+                counts.setdefault(self._alike[arg], Counter())[number] += 1
         found = []
         for key, nodes in classes.items():
             if len(parents) > 1 or len(nodes) >= LEAST:
-                found.append((nodes[0], self._part(tuple(dict.fromkeys(nodes)), _times(counts[key]))))
+                found.append((nodes[0], self._part(tuple(dict.fromkeys(nodes)), _times(counts[key], len(parents)))))
             else:
                 found += [(node, self._part((node,), "")) for node in nodes]
         order = {arg: place for place, arg in reversed(list(enumerate(arg for args in parents for arg in args)))}
@@ -183,8 +184,8 @@ class FormulaTree:
         return OutlinePart(indices, count, Line(0, text, margin, lines[0].unit, low, high))
 
 
-def _times(counts: Sequence[int]) -> str:
-    low, high = min(counts), max(counts)
+def _times(counts: Counter[int], parents: int) -> str:
+    low, high = min(counts.values()) if len(counts) == parents else 0, max(counts.values())
     return "" if low == high == 1 else str(low) if low == high else f"{low} to {high}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,10 +19,12 @@ from scenegen.api.spec import Spec
 from scenegen.cli.options import COUNT, ROOT, SPEC_FILES, named, option, parse_counts
 from scenegen.cli.output import complain, detail, flag, print_json, tree
 from scenegen.errors import ScenegenError, Source, to_json
+from scenegen.errors.declarations import NOT_LOOKED_AT
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_statement
+from scenegen.search.effort import Effort
 from scenegen.things import Circle, Shape
 
 if TYPE_CHECKING:
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
 
 
 OPEN = "rough: a quick look found no scene {}, nor a proof that there is none"
+LOOKED = 3.0  # CPU seconds after which `check` looks no further for what satisfies a spec's labels
 MEANT = "change one of the parts that clash; where it is meant so, add --allow-unsatisfiable"
 
 
@@ -65,6 +69,7 @@ def check(
     reports: list[dict[str, Any]] = []
     failed = False
     for position, path in enumerate(specs):
+        started = time.process_time()
         try:
             spec = load(path, root).with_counts(numbers)
         except ScenegenError as error:
@@ -76,9 +81,12 @@ def check(
             )
             continue
         detail(f"parsed and checked {path}: {len(spec.declared.core.nodes):,} nodes")
-        found = doubts(spec.declared)
+        looking = _Looking(started + LOOKED)
+        found = doubts(spec.declared, looking.effort)
         detail("looked for what satisfies the labels")
-        problems = [*spec.warnings, *_problems(found, allow_unsatisfiable), *idle(spec.declared)]
+        problems = [*spec.warnings, *_problems(found, allow_unsatisfiable), *idle(spec.declared, looking.effort)]
+        if looking.ended:
+            problems.append(NOT_LOOKED_AT(file=named(path), seconds=LOOKED))
         ok = all(one.severity != "error" for one in problems)
         failed = failed or not ok
         if not json:
@@ -87,10 +95,23 @@ def check(
             _print(path, spec, found, ok, depth, full)
             complain(*problems)
         diagnostics = [_as_json(one) for one in problems]
-        reports.append({"file": named(path), "ok": ok, "diagnostics": diagnostics, **_facts(spec)})
+        reports.append({"file": named(path), "ok": ok, "diagnostics": diagnostics, **(_facts(spec) if json else {})})
     if json:
         print_json(reports)
     return int(failed)
+
+
+class _Looking:
+    """The search for what satisfies the labels, which ends by this process's clock of CPU seconds."""
+
+    def __init__(self, until: float) -> None:
+        self.ended = False
+        self.until = until
+        self.effort = Effort(self._over)
+
+    def _over(self) -> bool:
+        self.ended = self.ended or time.process_time() > self.until
+        return self.ended
 
 
 def _problems(found: list[UnsatisfiedLabel], allowed: bool) -> list[Diagnostic]:

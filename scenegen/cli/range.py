@@ -63,7 +63,8 @@ def range_(
     if json:
         print_json(as_json(named(spec), found))
     else:
-        _print(spec, found, "scene" if checked.over_time is None else "motion", count or [])
+        what = "scene" if checked.over_time is None else "motion"
+        _print(spec, found, what, count or [], checked.declared.declares_heights)
     complain(*found.warnings)
     if png is not None:
         from scenegen.show.figures.charts import RarityPanel, plot
@@ -81,11 +82,13 @@ def _check_png(path: Path) -> None:
         raise RequestError(WRONG_ENDING(path=path, ending=".png", remedy="name a file such as rarity.png"))
 
 
-def _print(spec: Path, found: SpecRarity, what: str, counts: list[str]) -> None:
+def _print(spec: Path, found: SpecRarity, what: str, counts: list[str], stands: bool) -> None:
     title = f"{named(spec)}: rarity of phi from {found.evaluations:,} evaluations, seed {found.seed}"
     typer.echo(title)
     if found.requirement is not None:
         many, exactly = one_in(found.requirement.log10, what), _estimate(found.requirement)
+        if stands:
+            typer.echo("  a thing that stands on something is counted as if its centre were anywhere in the workspace:")
         typer.echo(f"  what the spec requires is met by {many} (log10 P = {exactly}); what follows is about these")
     for one in found.labels:
         typer.echo("")

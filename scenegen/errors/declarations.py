@@ -218,6 +218,13 @@ REQUIREMENT_HARDLY_MET = Kind(
     "{others}",
     severity="warning",
 )
+NOT_LOOKED_AT = Kind(
+    "not-looked-at",
+    "after {seconds:g} s of CPU time the search for scenes that satisfy the labels of {file} ended",
+    help="`scenegen range {file}` looks longer",
+    note="what the messages above do not say, was not found out",
+    severity="note",
+)
 NEVER_SATISFIED = Kind(
     "never-satisfied",
     (

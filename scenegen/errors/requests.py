@@ -186,9 +186,15 @@ ALL_HELD = Kind("all-held", "every object is held in place: {consequence}", help
 # unreachable targets, and time limits
 NO_SUCH_SCENE = Kind(
     "no-such-scene",
-    ("no scene can have {wanted}", "no scene meets what the spec requires"),
+    (
+        "no scene can have {wanted}",
+        "no scene with {held:quoted8} there meets what the spec requires",
+        "no scene meets what the spec requires",
+    ),
     "{clash}",
     (
+        "{held:?}hold other objects, or hold them elsewhere",
+        "{required:?}`scenegen check` names the requirements that clash; require less",
         "{clash:?}ask for another range; `scenegen check` shows what each part can reach",
         "ask for another range",
     ),

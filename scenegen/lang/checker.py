@@ -33,7 +33,7 @@ from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLa
 from scenegen.lang.formula.core import Coord, Junction, Node, Temporal, children
 from scenegen.lang.formula.interpret import headings_compared, phi
 from scenegen.lang.formula.timed import MOST_VALUES, endless, split
-from scenegen.lang.spec import CheckedSpec, Region, Support
+from scenegen.lang.spec import CheckedSpec, Region, Support, written
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse, plain_breaks, read_source
 from scenegen.lang.syntax.printer import print_expr
@@ -65,10 +65,25 @@ def check_module(
     the spec declares is known; it may expand formulas of its own. `counts` are numbers of things that the spec draws;
     with those that it does not say the spec is a family, see `lang.check.families`."""
     given, project = counts or {}, project or Project()
-    spec = _passed(Draft(module, project, look, given))
+    draft = Draft(module, project, look, given)
+    spec, constant = _passed(draft), draft.constant
     if not spec.counts:
+        never = [one for one in constant.values() if one.kind is IMPOSSIBLE_REQUIREMENT]
+        if never:
+            raise SpecError(*(one.but(counted=written(given)) for one in never))
         return spec
-    return family(module, spec, lambda numbers: _passed(Draft(module, project, None, {**given, **numbers})))
+
+    def member(numbers: dict[str, int]) -> CheckedSpec:
+        draft = Draft(module, project, None, {**given, **numbers})
+        made = _passed(draft)
+        for key in constant.keys() - draft.constant.keys():
+            del constant[key]
+        return made
+
+    spec = family(module, spec, member)
+    if constant:
+        raise SpecError(*constant.values())
+    return spec
 
 
 def _passed(draft: Draft) -> CheckedSpec:
@@ -299,7 +314,7 @@ def _labels(draft: Draft) -> dict[str, int]:
 
 def _requirement(draft: Draft) -> int:
     """The conjunction of all `require` statements, after what supports require."""
-    lowering = draft.lowering
+    lowering, builder = draft.lowering, draft.lowering.builder
     parts = [*draft.standing]
     declared = lowering.supports or lowering.choices
     options = {which: choice.options for which, choice in lowering.choices.items()}
@@ -309,18 +324,21 @@ def _requirement(draft: Draft) -> int:
                 value = lowering.evaluate(one.statement.formula, CallFrame(one.source))
                 part = lowering.coerce.formula(value, "what `require` demands")
                 here = one.statement.formula.span(one.source)
-                if _never(part, lowering.builder):
-                    raise SpecError(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)))
-                part, *later = _by_time(part, lowering.builder)
-                parts.extend(later)
-                problem = clashing(lowering, part, lowering.supports, options)
-                if problem is not None:
-                    raise SpecError(problem)
-                part = relaxed(lowering, part, frozenset(draft.standing)) if declared else part
-                if part == FALSE:  # where heights and places are constants
-                    raise SpecError(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)))
+                never = _constant(part, builder) < 0.0
+                if not never:
+                    part, *later = _by_time(part, builder)
+                    parts.extend(later)
+                    problem = clashing(lowering, part, lowering.supports, options)
+                    if problem is not None:
+                        raise SpecError(problem)
+                    part = relaxed(lowering, part, frozenset(draft.standing)) if declared else part
+                    never = part == FALSE  # where heights and places are constants
+                if never:
+                    draft.refuse_constant(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)), -1.0)
+                if part == FALSE:  # which no core has
+                    part = builder.atom(builder.const(1.0), builder.const(0.0), here.text, BARE, (here,))
                 parts.append(part)
-    return lowering.builder.junction("min", parts, "require" if len(parts) > 1 else "")
+    return builder.junction("min", parts, "require" if len(parts) > 1 else "")
 
 
 def _by_time(formula: int, builder: CoreBuilder) -> list[int]:
@@ -359,11 +377,13 @@ def _takes(formula: int, builder: CoreBuilder, what: Callable[[Node], bool]) -> 
     return False
 
 
-def _never(formula: int, builder: CoreBuilder) -> bool:
-    """Whether a formula that no coordinate takes part in does not hold."""
-    if formula < 0 or _takes(formula, builder, lambda one: isinstance(one, Coord | Temporal)):
-        return formula == FALSE
-    return bool(phi(builder.finish({LABEL: formula}), [])[LABEL] < 0.0)
+def _constant(formula: int, builder: CoreBuilder) -> float:
+    """phi of a formula that no coordinate takes part in; NaN of others, and of those over time."""
+    if formula < 0:
+        return math.inf if formula == TRUE else -math.inf
+    if _takes(formula, builder, lambda one: isinstance(one, Coord | Temporal)):
+        return math.nan
+    return float(phi(builder.finish({LABEL: formula}), [])[LABEL])
 
 
 def check_uncalled(draft: Draft) -> None:
@@ -395,9 +415,11 @@ def make_core(draft: Draft) -> None:
     held = [name for name, thing in things if thing.declaration and thing.declaration.pose is not None]
     for name, index in core.labels.items():
         if not depends[index]:
-            draft.problems.append(CONSTANT_LABEL(draft.formula(name), name=name, held=held))
-    if core.requirement is not None and not depends[core.requirement]:
-        draft.problems.append(CONSTANT_LABEL(draft.first_requirement(), held=held))
+            value = _constant(draft.labels[name], draft.lowering.builder)
+            draft.refuse_constant(CONSTANT_LABEL(draft.formula(name), name=name, held=held), value)
+    still = core.requirement is not None and not depends[core.requirement]
+    if still and not _constant(draft.requirement, draft.lowering.builder) < 0.0:  # which was refused
+        draft.refuse_constant(CONSTANT_LABEL(draft.first_requirement(), held=held), 0.0)
 
 
 def split_time(draft: Draft) -> None:

@@ -100,7 +100,8 @@ class CheckedSpec:
     object's lowest point is above the table, and empty where no object has a support. `choices` maps the index of each
     object that stands on one of several surfaces to these; its height, and that of what it carries, is None.
     `warnings` is what the checker noticed and let pass. `timed` is what a spec over time means; its `core` has formulas
-    over time then, which no reader of cores takes.
+    over time then, which no reader of cores takes. `phi_bounds` is filled in by `search.spec_bounds`: for the
+    largest specs that takes seconds.
 
     A spec with random numbers of things has `counts`. It stands for `members`, an ordinary spec for each combination of
     numbers, in lexicographic order; all else here is that of the last one, which has all the objects.
@@ -121,6 +122,7 @@ class CheckedSpec:
     timed: Timed | None = None
     counts: tuple[Count, ...] = ()
     members: tuple[CheckedSpec, ...] = ()
+    phi_bounds: dict[str, tuple[float, float]] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.shapes:

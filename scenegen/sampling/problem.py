@@ -244,11 +244,12 @@ def make_problem(
     *,
     rounds: int = ROUNDS,
     most: float = math.inf,
+    effort: Effort | None = None,
 ) -> Problem:
     """Check a request against its spec, and cut it into about `most` cells at most. Raises RequestError, also if
     contraction in so many rounds proves the whole range empty, and if the time of `budget` is long up before that is
-    known."""
-    effort = Effort() if budget is None else Effort(lambda: budget.overdrawn)
+    known, or `effort` is stopped."""
+    effort = effort or (Effort() if budget is None else Effort(lambda: budget.overdrawn))
     try:
         lowest, highest, fixed = hold_fixed(spec, request.fix)
         core = gated(spec.core)
@@ -260,7 +261,7 @@ def make_problem(
             point |= one.low is not None and one.low == one.high
             touching |= name in bounds and (one.low == bounds[name][1] or one.high == bounds[name][0])
         if point:
-            _refuse_points(core, lowest, highest, phi, effort)
+            _refuse_points(core, lowest, highest, phi, tuple(fixed), effort)
         if touching:
             phi, bounds = _at_shared_bounds(core, lowest, highest, phi, bounds, effort)
         checked, warnings = within_reach(dataclasses.replace(request, fix=fixed, phi=phi), bounds)
@@ -309,7 +310,8 @@ def impossible(problem: Problem, effort: Effort | None = None) -> Diagnostic:
     if problem.improbable:
         return TOO_IMPROBABLE(wanted=_asked(problem.request.phi))
     effort = Effort() if effort is None else effort
-    return _impossible(problem.core, problem.lowest, problem.highest, problem.request.phi, problem.wanted(), effort)
+    asked = problem.request.phi, problem.wanted()
+    return _impossible(problem.core, problem.lowest, problem.highest, *asked, tuple(problem.fixed), effort)
 
 
 def _impossible(
@@ -318,25 +320,34 @@ def _impossible(
     highest: Array,
     phi: Mapping[str, Range],
     wanted: Mapping[int, Ends],
+    held: Sequence[str],
     effort: Effort,
 ) -> Diagnostic:
+    """The error names the requirement alone where that suffices: then no other range of phi helps."""
     from scenegen.search.clash import clash, explain
 
-    asked = _asked(phi)
+    facts: dict[str, object] = {"wanted": _asked(phi)}
     try:
-        found = clash(core, lowest, highest, wanted, search=False, effort=effort)
+        found = None
+        if REQUIRE in core.labels:
+            required = {core.labels[REQUIRE]: (0.0, math.inf)}
+            found = clash(core, lowest, highest, required, search=False, effort=effort)
+        if found is not None:
+            facts = {"required": True, "held": held}
+        else:
+            found = clash(core, lowest, highest, wanted, search=False, effort=effort)
     except (StoppedError, TooMuchError):
         found = None
-    if found is None:
-        return NO_SUCH_SCENE(wanted=asked)
-    return explain(core, found, NO_SUCH_SCENE, wanted=asked)
+    return NO_SUCH_SCENE(**facts) if found is None else explain(core, found, NO_SUCH_SCENE, **facts)
 
 
 def _asked(phi: Mapping[str, Range]) -> str:
     return " and ".join(f"phi of `{name}` in {wanted}" for name, wanted in phi.items())
 
 
-def _refuse_points(core: Core, lowest: Array, highest: Array, phi: Mapping[str, Range], effort: Effort) -> None:
+def _refuse_points(
+    core: Core, lowest: Array, highest: Array, phi: Mapping[str, Range], held: Sequence[str], effort: Effort
+) -> None:
     """A single value has probability 0, so the error suggests a band; if no scene has the value at all, it says so
     instead."""
     if any(name not in core.labels or empty_range(wanted) is not None for name, wanted in phi.items()):
@@ -351,7 +362,7 @@ def _refuse_points(core: Core, lowest: Array, highest: Array, phi: Mapping[str, 
     from scenegen.search.clash import clash  # few requests are refused
 
     if clash(core, lowest, highest, wanted, search=False, effort=effort) is not None:
-        raise RequestError(_impossible(core, lowest, highest, phi, wanted, effort))
+        raise RequestError(_impossible(core, lowest, highest, phi, wanted, held, effort))
 
 
 def _at_shared_bounds(
@@ -375,10 +386,10 @@ def _at_shared_bounds(
     phi, bounds = dict(phi), dict(bounds)
     for name, one in ends.items():
         low, high = bounds[name]
-        if one.low == high and (values[name] == high).any():
+        if one.low == high and np.any(values[name] == high):
             bounds[name] = low, float(np.nextafter(high, math.inf))
             phi[name] = dataclasses.replace(one, high=None) if one.high == high else one
-        elif one.high == low and (values[name] == low).any():
+        elif one.high == low and np.any(values[name] == low):
             bounds[name] = float(np.nextafter(low, -math.inf)), high
             phi[name] = dataclasses.replace(one, low=None) if one.low == low else one
     return phi, bounds

@@ -258,7 +258,9 @@ def label_bounds(
 
 def spec_bounds(spec: CheckedSpec) -> dict[str, tuple[float, float]]:
     """What phi of each label can be at most, anywhere in the workspace; the requirement is not looked at."""
-    core = spec.core
-    with np.errstate(over="ignore", invalid="ignore"):  # infinite bounds are an answer, not an accident
-        lo, hi = label_bounds(core, *spec.box())
-    return {name: (float(low), float(high)) for name, low, high in zip(core.labels, lo, hi, strict=True)}
+    core, known = spec.core, spec.phi_bounds
+    if not known:
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite bounds are an answer, not an accident
+            lo, hi = label_bounds(core, *spec.box())
+        known.update((name, (float(low), float(high))) for name, low, high in zip(core.labels, lo, hi, strict=True))
+    return known

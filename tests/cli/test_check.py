@@ -114,6 +114,15 @@ def test_a_requirement_that_no_scene_meets_is_told_once(scenegen, here):
     assert outcome.err.count("error[") == 1 and "warning[" not in outcome.err
 
 
+def test_it_says_where_the_search_ended(scenegen, here, monkeypatch):
+    (here / "hopeless.spec").write_text("task: leftOf(mug, plate) & leftOf(plate, fork) & leftOf(fork, mug)\n")
+    assert scenegen("check", "hopeless.spec").status == 1
+    monkeypatch.setattr("scenegen.cli.check.LOOKED", -1e9)
+    outcome = scenegen("check", "hopeless.spec")
+    assert outcome.status == 0 and outcome.err.startswith("note[not-looked-at]: ")
+    assert "rough: a quick look found no scene with phi >= 0" in outcome.out
+
+
 BLOCKS = "object block[30]\nrequire noOverlap() & insideWorkspace()\ntask: closeTo(block[1], block[2], 0.3)\n"
 WIDE = "task: " + " & ".join(f"x(o{n}) <= y(p{n}) + 1" for n in range(100)) + "\n"
 DEEP = "task: " + "".join(f"(x(a) <= 0.{n} | " for n in range(1, 60)) + "x(b) <= 1" + ")" * 59 + "\n"

@@ -399,6 +399,28 @@ def test_categories_come_from_the_index_and_large_ones_in_part(tmp_path):
 FAMILY = "object block[2..4], cup[1..2], mug\nrequire noOverlap(objects)\ntask: forall b in block: leftOf(b, mug)\n"
 
 
+@pytest.mark.parametrize(
+    ("formulas", "code"),
+    [
+        ("require block.count >= 3\ntask: leftOf(block[1], mug)", "constant-label"),
+        ("require block.count >= 6\ntask: leftOf(block[1], mug)", "impossible-requirement"),
+        ("require block.count != 4 & 4 <= block.count <= 4\ntask: leftOf(block[1], mug)", "impossible-requirement"),
+        ("task: 1 <= 2", "constant-label"),
+        ("require block.count >= 4\ntask: leftOf(block[1], mug)", None),
+        ("require block.count != 4\ntask: leftOf(block[1], mug)", None),
+        ("many: block.count >= 4", None),
+    ],
+)
+def test_what_is_constant_or_impossible_is_judged_over_all_numbers(formulas, code):
+    text = f"object block[3..5], mug\n{formulas}"
+    if code is None:
+        check_text(text)
+        return
+    with pytest.raises(SpecError) as error:
+        check_text(text)
+    assert [one.code for one in error.value.diagnostics] == [code]
+
+
 def test_a_family_has_an_ordinary_spec_for_each_combination():
     spec = scenegen.parse(FAMILY)
     assert spec.counts == {"block": (2, 4), "cup": (1, 2)}

@@ -458,6 +458,57 @@ def test_a_number_without_scenes_is_left_out_and_told():
     assert error.value.diagnostics[0].code == "no-number-possible"
 
 
+SOME_BLOCKS = "object block[3..5], plate\n{}task: forall b in block: leftOf(b, plate)\n"
+UNMET = "no scene meets what the spec requires"
+
+
+@pytest.mark.parametrize(
+    ("required", "left"),
+    [
+        ("require block.count >= 4\n", [4, 5]),
+        ("require block.count != 4\n", [3, 5]),
+        ("require (block.count <= 3 | block.count >= 5) & noOverlap()\n", [3, 5]),
+        ("require noOverlap()\nrequire block.count <= 3 | block.count >= 5\n", [3, 5]),
+        ("require leftOf(block[1], plate)\nrequire block.count <= 3\n", [3]),
+    ],
+)
+def test_a_requirement_about_numbers_leaves_out_the_others_and_is_named(required, left):
+    found = scenegen.sample(scenegen.parse(SOME_BLOCKS.format(required)), (0.0, None), n=6)
+    assert sorted(set(found.counts["block"].tolist())) == left
+    assert all(one.code == "number-left-out" and one.facts["why"] == UNMET for one in found.warnings)
+    assert len(found.warnings) == 3 - len(left)
+
+
+def test_a_spec_with_one_of_the_numbers_can_be_saved_and_read(tmp_path):
+    spec = scenegen.parse(SOME_BLOCKS.format("require block.count >= 4\n")).with_counts({"block": 4})
+    scenegen.sample(spec, (0.0, None), n=2).save(tmp_path / "four.json")
+    assert len(scenegen.read_scenes(tmp_path / "four.json")) == 2
+
+
+def test_a_label_about_numbers_has_a_phi_for_each():
+    spec = scenegen.parse("object block[3..5], plate\nmany: block.count >= 4\ntask: leftOf(block[1], plate)\n")
+    found = scenegen.sample(spec, {"task": (0.0, None)}, n=9)
+    assert (found.phi["many"] == found.counts["block"] - 4).all()
+    for method in ("rejection", "growth", "splitting"):
+        some = scenegen.sample(spec, {"many": (0.0, None), "task": (0.0, None)}, n=6, method=method)
+        assert sorted(set(some.counts["block"].tolist())) == [4, 5]
+
+
+@pytest.mark.parametrize(
+    ("fix", "title"),
+    [({"mug": (0.5, 0.5), "plate": (0.6, 0.5)}, "no scene with `mug` and `plate` there meets"), ({}, UNMET)],
+)
+def test_an_impossible_requirement_is_not_blamed_on_phi(fix, title):
+    clear = "clearOf(mug, plate, 10 cm)" if fix else "clearOf(mug, plate, 2 m)"
+    spec = scenegen.parse(f"require {clear}\ntask: leftOf(mug, fork)\n")
+    for wanted in ((0.0, None), (0.1, 0.1)):  # a range, and a single value
+        with pytest.raises(RequestError) as error:
+            scenegen.sample(spec, wanted, n=3, fix=fix)
+        (problem,) = error.value.diagnostics
+        assert problem.code == "no-such-scene" and problem.title.startswith(title)
+        assert problem.span is not None and problem.span.text == clear
+
+
 def test_groups_of_cells_have_equal_shares_whatever_they_reach():
     spec = scenegen.parse("object block[1..2], mug\ntask: x(mug) <= 0.4 * block.count\n")
     found = scenegen.sample(spec, (0.0, 0.8), n=64, seed=3)

@@ -11,6 +11,7 @@ from scenegen.lang.check.families import Category, Variants
 from scenegen.lang.check.imports import Project, SourcedStatement
 from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.scope import LABEL, DeclaredObject, Scope
+from scenegen.lang.formula.builder import TRUE
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.timed import Movers, Timed
 from scenegen.lang.spec import Pose
@@ -55,7 +56,7 @@ class Draft:
     `placed` are the statements of all files. `lowering` knows the names, and what the declarations say. `kinds` are the
     categories of objects by name, `variants` what these objects are; `shapes` has one entry per object, `fixed` the
     poses of those that are held in place. `used` are the names that formulas use, without those of definitions that
-    nobody calls.
+    nobody calls. `constant` is what is wrong if it is so with all numbers of things that the spec draws.
     """
 
     module: ast.Module
@@ -74,8 +75,9 @@ class Draft:
     moves: Movers = "one"
     standing: list[int] = field(default_factory=list)
     labels: dict[str, int] = field(default_factory=dict)
-    requirement: int | None = None
+    requirement: int = TRUE
     used: set[str] = field(default_factory=set)
+    constant: dict[object, Diagnostic] = field(default_factory=dict)
     core: Core = field(init=False)
     timed: Timed | None = None
 
@@ -83,6 +85,14 @@ class Draft:
     def source(self) -> Source:
         """The spec's own text."""
         return self.module.source
+
+    def refuse_constant(self, problem: Diagnostic, value: float) -> None:
+        """Notes that what has this value in every scene is wrong: at once, or, where numbers of things or assets may
+        decide, for `check_module`, which knows whether it is the same with all of them."""
+        if self.lowering.numbered or self.kinds or any(one.least < one.most for one in self.scope.counts.values()):
+            self.constant[problem.kind, problem.span, value] = problem
+        else:
+            self.problems.append(problem)
 
     def places(self, thing: DeclaredObject) -> Sequence[int]:
         """The places of an object, or of the elements of an array, in storage order."""

@@ -363,6 +363,7 @@ def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: 
             return _of_region(lowering, base, node, name, frame)
         case ListValue(items) if name in LIST_MEMBERS:
             if name == "count":
+                lowering.numbered = True
                 return NumberValue(lowering.builder.const(float(len(items))), BARE, origin=origin)
             if not items:
                 raise lowering.error(TOO_FEW_ELEMENTS, node.base, frame, needs=f"it has no `.{name}`")

@@ -126,6 +126,7 @@ class Lowering(ABC):
         self.values: dict[str, Value] = {}
         self.horizon: Horizon | None = None
         self.noticed: list[Diagnostic] = []  # warnings
+        self.numbered = False  # whether something asks how many things there are
         self.calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
 
     def spend(self, steps: int, frame: CallFrame) -> None:

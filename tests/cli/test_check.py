@@ -115,7 +115,7 @@ def test_a_requirement_that_no_scene_meets_is_told_once(scenegen, here):
 
 
 def test_it_says_where_the_search_ended(scenegen, here, monkeypatch):
-    (here / "hopeless.spec").write_text("task: leftOf(mug, plate) & leftOf(plate, fork) & leftOf(fork, mug)\n")
+    (here / "hopeless.spec").write_text("task: closeTo(mug, plate, 5 cm) & x(mug) >= x(plate) + 0.1\n")
     assert scenegen("check", "hopeless.spec").status == 1
     monkeypatch.setattr("scenegen.cli.check.LOOKED", -1e9)
     outcome = scenegen("check", "hopeless.spec")

@@ -1,8 +1,9 @@
 """A policy in a process of its own, behind HTTP: how values travel, and a server.
 
-`POST /reset` with {"seed": 7} begins an episode, `POST /act` with {"observation": ...,
-"instruction": "..."} returns {"action": ...}; a policy that fails answers with status 500 and {"error": "..."}. Bodies
-are JSON. An array is an object: its bytes in base64 under `__array__`, beside `dtype`, such as "<f4", and `shape`.
+`POST /reset` with {"seed": 7} begins an episode, `POST /act` with {"observation": ..., "instruction": "..."} returns
+{"action": ...}; a policy that fails answers with status 500 and {"error": "..."}. Where both also have a {"client":
+"..."}, a policy in an episode of another client answers {"busy": "..."}. Bodies are JSON. An array is an object: its
+bytes in base64 under `__array__`, beside `dtype`, such as "<f4", and `shape`.
 Nothing is pickled. This file needs numpy alone, so that it can be copied into any environment.
 """
 
@@ -10,8 +11,9 @@ from __future__ import annotations
 
 import base64
 import json
+import threading
 from collections.abc import Callable, Mapping
-from http.server import BaseHTTPRequestHandler, HTTPServer
+from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 from typing import Any
 
 import numpy as np
@@ -55,14 +57,20 @@ def serve(policy: Callable[[Any, str], Any], port: int = 8000, host: str = "127.
 
 
 def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0.1") -> HTTPServer:
-    """The server, which listens already; port 0 is any free one."""
+    """The server, which listens already; port 0 is any free one. It serves many clients, one request at a time; those
+    of a policy with a `reset`, one episode at a time: who begins one ends that of another client."""
+    one_at_a_time, episode = threading.Lock(), {"client": None}
 
     def answer(path: str, given: Mapping[str, Any]) -> dict[str, Any]:
+        client = given.get("client")
         if path == "/act":
+            if client and episode["client"] not in (None, client):
+                return {"busy": "another client has begun an episode; start a server for each"}
             return {"action": policy(given["observation"], given["instruction"])}
         if path != "/reset":
             raise ValueError(f"there are /reset and /act here, not {path}")
         if hasattr(policy, "reset"):
+            episode["client"] = client
             policy.reset(given["seed"])
         return {}
 
@@ -73,7 +81,9 @@ def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0
         def do_POST(self) -> None:
             status = 200
             try:
-                body = encode(answer(self.path, decode(self.rfile.read(int(self.headers["content-length"])))))
+                given = decode(self.rfile.read(int(self.headers["content-length"])))
+                with one_at_a_time:
+                    body = encode(answer(self.path, given))
             except Exception as error:
                 status, body = 500, encode({"error": f"{type(error).__name__}: {error}"})
             self.send_response(status)
@@ -84,4 +94,4 @@ def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0
         def log_message(self, *_: object) -> None:
             """Nothing is said of each step."""
 
-    return HTTPServer((host, port), Handler)
+    return ThreadingHTTPServer((host, port), Handler)

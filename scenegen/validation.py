@@ -110,14 +110,15 @@ def as_point(name: str, value: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
-def as_success(world: str, value: object) -> bool:
+def as_success(world: str, info: Mapping[str, Any], name: str) -> bool:
     """What a world says of an episode: True or False, 0 or 1, as Python, numpy or torch has them, alone or as the one
     element of an array; None is no success. Raises ScenegenError for what is no judgement."""
+    value = info.get(name, "missing")
     found = as_list(value)
     while isinstance(found, tuple | list) and len(found) == 1:
         found = found[0]
     if value is not None and not (isinstance(found, Real) and found in (0, 1)):
-        reason = f"success is {value!r}"[:200]
+        reason = f"`{name}` of info is {value!r}"[:200]
         raise ScenegenError(WORLD_FAILS(what="the world", name=world, how="does not judge", reason=reason))
     return bool(found)
 

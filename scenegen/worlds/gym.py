@@ -128,7 +128,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
             self._reported = True
             info = {**info, **self._told(info)}
         if self._success in info:
-            info = {**info, "success": as_success(str(self.env), info[self._success])}
+            info = {**info, "success": as_success(str(self.env), info, self._success)}
         return seen, reward, terminated, truncated, info
 
     def phi_now(self) -> dict[str, float]:
@@ -170,7 +170,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
             return {}
         if self._success not in info:
             raise RequestError(UNKNOWN_CHOICE(what="entry of info", name=self._success, known=tuple(info)))
-        phi, success = tuple(start.phi.values()), as_success(str(self.env), info[self._success])
+        phi, success = tuple(start.phi.values()), as_success(str(self.env), info, self._success)
         self._strategy.report(Outcome(start.task, phi, success, self._total, self._steps))
         task = {"low": list(start.task.low), "high": list(start.task.high)}
         return {"outcome": {**task, "phi": list(phi), "success": success, "total": self._total, "steps": self._steps}}

@@ -85,10 +85,6 @@ def _sigmoid(odds: Array) -> Array:
     return np.asarray(0.5 * (1.0 + np.tanh(0.5 * odds)))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Fitting.
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcomes:
     """The values (F, n) of `features` at the start of each of n episodes, whether it was a `success` (n,), and the
@@ -197,10 +193,7 @@ def _newton(x: Array, y: Array, strength: float, least: Array, weights: Array) -
     return weights
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How good predictions p (n,) of success y (n,) are.
-
-
+# Measures of predictions p (n,) of success y (n,).
 BINS, IN_A_BIN = 10, 40  # of predictions, at most; episodes, at least: of 20 the rate itself is off by 0.1 by chance
 REPEATS = 400
 FEW = 10  # starts that succeeded, or failed, below which a bootstrap is too narrow

@@ -35,7 +35,7 @@ from scenegen.scenes.files import whole_files
 from scenegen.scenes.formats.scenes_json import write
 from scenegen.validation import as_int, as_path
 from scenegen.worlds.suites.statistics import Z
-from scenegen.worlds.suites.suite import BLANK, MANIFEST, BandData, SuiteFile, TaskData, as_name, overlapping
+from scenegen.worlds.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
 
 STREAM = 17  # the stream of random numbers of suites
 GOAL, START = "goal", "start"  # labels that are taken where none is named
@@ -146,11 +146,10 @@ def _tasks(name: str, path: Path, success: str | None, start: str | None, bands:
 def _check_names(names: Mapping[str, Iterable[str]]) -> None:
     """Raises RequestError for a name that a suite, a task or a band cannot have, given by what they are of."""
     for what, name in ((what, name) for what, some in names.items() for name in some):
-        try:
-            as_name(name)
-        except ValueError as error:
-            rule = f"cannot be the name of a {what}: {error}"
-            raise RequestError(OUT_OF_PLACE(option=repr(name), rule=rule, remedy="take another name")) from None
+        text = name.encode(errors="backslashreplace").decode()  # half of a character has a backslash then
+        if re.fullmatch(NAME_PATTERN, text) is None:
+            wanted = "a name of 1 to 200 characters, none of which is `/`, `\\` or a control character"
+            raise RequestError(WRONG_VALUE(argument=f"name of a {what}", value=repr(name), wanted=wanted))
 
 
 @dataclass(frozen=True, slots=True)

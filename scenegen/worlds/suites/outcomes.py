@@ -14,7 +14,7 @@ from operator import not_
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic_core import from_json
 
 from scenegen.errors import DataError, RequestError
@@ -27,16 +27,10 @@ from scenegen.worlds.suites.suite import Suite, SuiteModel, load_model
 Instruction = Literal["own", "empty"]
 
 
-class OutcomeModel(SuiteModel):
-    """A line. What else a program has put into it stays there."""
-
-    model_config = ConfigDict(extra="allow")
-
-
-class OutcomesHeader(OutcomeModel):
+class OutcomesHeader(SuiteModel, extra="allow"):
     """The first line: which suite, world and policy; `episodes` is the number of starts of the suite. `steps` and
     `timeout`, in seconds, are the most that an episode had; `versions` those of scenegen and of the world's package;
-    files of before have none of these."""
+    old files have none of these. What else a program has put into a line stays there."""
 
     format: Literal["scenegen/outcomes"] = "scenegen/outcomes"
     version: Literal[1] = 1
@@ -52,7 +46,7 @@ class OutcomesHeader(OutcomeModel):
     versions: dict[str, str] | None = Field(default=None, exclude_if=not_)
 
 
-class EpisodeOutcome(OutcomeModel):
+class EpisodeOutcome(SuiteModel, extra="allow"):
     """Another line: `error` says why an episode counts as a failure that was none of the world's judgement."""
 
     episode: Annotated[int, Field(ge=0)]

@@ -154,11 +154,7 @@ def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
             continue
         low, high = (f"{100 * end:+.1f}" for end in found.interval)
         unlike = differences(one.header, other.header)
-        words = [
-            f"{_of_run(name, mine)} and {_of_run(name, its)}"
-            for name, (mine, its) in unlike.items()
-            if name in OF_A_RUN
-        ]
+        words = [" and ".join(_of_run(name, value) for value in unlike[name]) for name in OF_A_RUN if name in unlike]
         done = [*one.success.values(), *other.success.values()]
         rows.append((
             f"{one.name} - {other.name}", f"{100 * found.difference:+.1f} points ({low} to {high})",

@@ -237,12 +237,12 @@ class Player:
         observation, info = self.env.reset(seed=start.seed, options={"start": start})
         if hasattr(self.act, "reset"):
             self.act.reset(start.seed)
-        over, success = False, as_success(self.world, info.get("success"))
+        over, success = False, as_success(self.world, {"success": None, **info}, "success")
         while not (over or success) and self.steps < self.most:
             action = self.act(observation, "" if self.empty else start.task.instruction)
             self.steps += 1
             observation, _, terminated, truncated, info = self.env.step(action)
-            over, success = bool(terminated or truncated), as_success(self.world, info.get("success", "missing"))
+            over, success = bool(terminated or truncated), as_success(self.world, info, "success")
         return success
 
 

@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
-from scenegen.validation import as_int
 
 Z, POWER = 1.959964, 0.841621  # quantiles of the normal distribution: 97.5 %, 80 %
 LEAST = 1e-100  # probability of a stratum: squares of smaller ones are 0
@@ -84,14 +83,9 @@ class PairedDifference:
     second: int
     n: int
 
-    def __post_init__(self) -> None:
-        """Whole numbers as Python has them, which do not overflow. Raises RequestError for others."""
-        for name in ("first", "second", "n"):
-            object.__setattr__(self, name, as_int(name, getattr(self, name)))
-
     @property
     def difference(self) -> float:
-        return (self.first - self.second) / max(self.n, 1)
+        return self.first / max(self.n, 1) - self.second / max(self.n, 1)
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -103,7 +97,7 @@ class PairedDifference:
     @property
     def p(self) -> float:
         """McNemar's exact test: of episodes that one alone solved, each does half, where there is no difference."""
-        most, least = self.first + self.second, min(self.first, self.second)
+        most, least = int(self.first) + int(self.second), int(min(self.first, self.second))  # numpy's overflow
         return min(1.0, float(2 * sum(math.comb(most, k) for k in range(least + 1)) / 2**most))
 
     def needed(self, difference: float) -> int:

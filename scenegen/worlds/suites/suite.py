@@ -8,7 +8,6 @@ from the files alone, so episode i has start i in every program that reads them.
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -34,18 +33,9 @@ from scenegen.validation import as_int, as_path
 
 MANIFEST = "suite.json"
 BLANK = "0" * 64  # what the digest is computed with in its own place
-NAME_PATTERN = "[^\0-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff/\\\\]{1,200}"
+NAME_PATTERN = r"[^\x00-\x1f\x7f-\x9f\u2028\u2029/\\]{1,200}"  # part of a file's name, and of lines
+Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$")]
 Model = TypeVar("Model", bound=BaseModel)
-
-
-def as_name(name: str) -> str:
-    """The name of a suite, a task or a band: part of a file's name, and of lines. Raises ValueError."""
-    if re.fullmatch(NAME_PATTERN, name) is None:
-        raise ValueError("a name has 1 to 200 characters, of which none is /, \\ or a control character")
-    return name
-
-
-Name = Annotated[str, AfterValidator(as_name)]
 
 
 def overlapping(ranges: Iterable[tuple[str, float, float]]) -> tuple[str, str] | None:
@@ -282,11 +272,16 @@ def check_suite(folder: str | Path) -> list[Suite]:
     both = (False, True) if read_manifest(folder).reversed else (False,)
     suites = [Suite.load(folder, reverse=reverse) for reverse in both]
     for suite in suites:
+        goals = {task.name: task.success for other in suites if other is not suite for task in other.tasks}
         for task in suite.tasks:
             name = f"the starts of {task.name}{' reversed' if suite.reverse else ''}"
             for wrong in compare(task.spec.checked, task.scenes, name):
                 raise DataError(wrong)
             check_scenes(task.spec.checked, rows_of(task.spec.checked, task.scenes))
+            goal = task.scenes.phi.get(goals.get(task.name, ""))  # of the task the other way: starts are there
+            if (goal is None and (suite.reverse or task.name in goals)) or (goal is not None and (goal < 0.0).any()):
+                reason = "a start is not where the task the other way ends"
+                raise DataError(NOT_A_SUITE(file=name, what="what the suite says", reason=reason))
             for number, band in enumerate(task.bands):
                 phi = task.scenes.phi[task.success][number * suite.n : (number + 1) * suite.n]
                 low, high = band.phi

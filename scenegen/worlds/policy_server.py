@@ -10,6 +10,7 @@ Nothing is pickled. This file needs numpy alone, so that it can be copied into a
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import threading
 from collections.abc import Callable, Mapping
@@ -89,7 +90,8 @@ def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0
             self.send_response(status)
             self.send_header("content-length", str(len(body)))
             self.end_headers()
-            self.wfile.write(body)
+            with contextlib.suppress(ConnectionError):  # the client has gone
+                self.wfile.write(body)
 
         def log_message(self, *_: object) -> None:
             """Nothing is said of each step."""

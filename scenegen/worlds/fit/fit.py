@@ -69,12 +69,12 @@ class TaskFit(SuiteModel):
     def findings(self) -> list[str]:
         """Where phi, or all that is measured, does not tell what it should, in words."""
         if self.held_out is None:
-            return [f"nothing tells what predicts success in {self.name}: all {self.episodes} episodes ended alike"]
+            return [f"nothing can be told of success in {self.name}: all {self.episodes} episodes ended alike"]
         mine, (phi, low, high) = self.held_out.auc, self.held_out.auc_of_phi
         found = []
         if low <= COIN:
             what = "phi does not predict success" if high >= COIN else "success is more frequent where phi is lower"
-            what = "too few episodes tell whether phi predicts success" if high - low > VAGUE else what
+            what = "it cannot be told whether phi predicts success" if high - low > VAGUE else what
             found.append(f"{what} in {self.name}: AUC {phi:.2f}, 95 % interval {low:.2f} to {high:.2f}")
         if low <= COIN <= high and mine[1] <= COIN and mine[2] - mine[1] <= VAGUE:
             said = "AUC {:.2f}, 95 % interval {:.2f} to {:.2f}".format(*mine)

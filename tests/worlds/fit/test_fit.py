@@ -87,7 +87,7 @@ def test_where_all_ended_alike_nothing_is_told(halves, outcomes, tmp_path):
     fit = fit_outcomes([outcomes("never")], halves)
     (task,) = fit.tasks
     assert task.held_out is None and task.base_rate[:2] == (0.0, 0.0) and 0.0 < task.base_rate[2] < 0.05
-    assert task.findings == ["nothing tells what predicts success in cube: all 200 episodes ended alike"]
+    assert task.findings == ["nothing can be told of success in cube: all 200 episodes ended alike"]
     fit.save(tmp_path / "never.fit")
     assert Fit.load(tmp_path / "never.fit").tasks == fit.tasks
 
@@ -96,7 +96,7 @@ def test_where_all_ended_alike_nothing_is_told(halves, outcomes, tmp_path):
 def test_one_failure_tells_next_to_nothing(halves, outcomes):
     (task,) = fit_outcomes([outcomes("but for one")], halves).tasks
     (said,) = task.findings
-    assert said.startswith("too few episodes tell whether phi predicts success in cube: AUC 0.")
+    assert said.startswith("it cannot be told whether phi predicts success in cube: AUC 0.")
     for _, low, high in (task.held_out.auc, task.held_out.auc_of_phi):
         assert high - low > 0.7
 

@@ -92,7 +92,7 @@ def run_suite(
     )  # fmt: skip
     check_writable(out)
     whole = target(out)
-    with locked(whole.with_name(f".{whole.name}.lock"), str(out)):
+    with locked(whole.with_name(f".{whole.name[:200]}.lock"), str(out)):
         found: list[EpisodeOutcome] = []
         if out.exists() and (before := read_outcomes(out, suite)).episodes:
             if not resume:

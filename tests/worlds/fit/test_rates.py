@@ -109,6 +109,20 @@ def test_too_few_episodes_are_refused():
         allocate([0.5, 0.5], [0.5, 0.5], 1)
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        ([0.5, math.nan], [0.5, 0.5], 9),
+        ([0.5, 0.5], [0.5, 1.5], 9),
+        ([0.5, 0.5], [0.5], 9),
+        ([0.5, 0.5], [0.5, 0.5], 2.5),
+    ],
+)
+def test_strata_that_get_no_episodes(given):
+    with pytest.raises(RequestError):
+        allocate(*given)
+
+
 def test_strata_are_as_many_as_pay():
     """Of predictions that are all alike one; of predictions that are near 0 or 1 two at least, at any price more with
     more episodes."""

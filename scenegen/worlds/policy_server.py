@@ -15,6 +15,7 @@ import json
 import threading
 from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -58,9 +59,11 @@ def serve(policy: Callable[[Any, str], Any], port: int = 8000, host: str = "127.
 
 
 def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0.1") -> HTTPServer:
-    """The server, which listens already; port 0 is any free one. It serves many clients, one request at a time; those
-    of a policy with a `reset`, one episode at a time: who begins one ends that of another client."""
-    one_at_a_time, episode = threading.Lock(), {"client": None}
+    """The server, which listens already; port 0 is any free one. Each client has a thread of its own, but the policy
+    acts in the thread that calls `serve_forever`, for one request at a time. If it has a `reset`, who begins an episode
+    ends that of another client."""
+    requests: SimpleQueue[tuple[str, bytes, SimpleQueue[tuple[int, bytes]]] | None] = SimpleQueue()
+    episode = {"client": None}
 
     def answer(path: str, given: Mapping[str, Any]) -> dict[str, Any]:
         client = given.get("client")
@@ -75,18 +78,27 @@ def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0
             policy.reset(given["seed"])
         return {}
 
+    class Server(ThreadingHTTPServer):
+        def serve_forever(self, poll_interval: float = 0.5) -> None:
+            threading.Thread(target=super().serve_forever, args=(poll_interval,), daemon=True).start()
+            for path, data, answered in iter(requests.get, None):
+                try:
+                    answered.put((200, encode(answer(path, decode(data)))))
+                except Exception as error:
+                    answered.put((500, encode({"error": f"{type(error).__name__}: {error}"})))
+
+        def shutdown(self) -> None:
+            super().shutdown()
+            requests.put(None)
+
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"  # one connection for a run
         disable_nagle_algorithm = True  # answers are two small packets: 40 ms a step otherwise
 
         def do_POST(self) -> None:
-            status = 200
-            try:
-                given = decode(self.rfile.read(int(self.headers["content-length"])))
-                with one_at_a_time:
-                    body = encode(answer(self.path, given))
-            except Exception as error:
-                status, body = 500, encode({"error": f"{type(error).__name__}: {error}"})
+            answered: SimpleQueue[tuple[int, bytes]] = SimpleQueue()
+            requests.put((self.path, self.rfile.read(int(self.headers["content-length"] or 0)), answered))
+            status, body = answered.get()
             self.send_response(status)
             self.send_header("content-length", str(len(body)))
             self.end_headers()
@@ -96,4 +108,4 @@ def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0
         def log_message(self, *_: object) -> None:
             """Nothing is said of each step."""
 
-    return ThreadingHTTPServer((host, port), Handler)
+    return Server((host, port), Handler)

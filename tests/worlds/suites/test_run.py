@@ -120,9 +120,10 @@ def test_what_travels_to_a_policy(tmp_path):
 def served():
     class Served:
         def __init__(self):
-            self.seeds = []
+            self.seeds, self.threads = [], set()
 
         def reset(self, seed):
+            self.threads.add(threading.get_ident())
             self.seeds.append(seed)
 
         def __call__(self, observation, instruction):
@@ -155,6 +156,14 @@ def test_a_silent_client_does_not_hold_the_others(served):
         policy = RemotePolicy(served[1], 5.0)
         policy.reset(3)
         assert policy({"number": 0, "a": np.array([0.0, 1.0])}, "").tolist() == [0.0, -0.01] and one
+
+
+def test_a_policy_acts_in_the_thread_that_serves(served):
+    """What frameworks keep for each thread, such as torch's grad mode, is as it was where `serve` was called."""
+    policy, url = served
+    for _ in range(2):
+        RemotePolicy(url).reset(0)
+    assert len(policy.threads) == 1
 
 
 def test_an_episode_of_another_client_is_not_mixed_in(served):

@@ -22,7 +22,7 @@ from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 from scenegen.scenes.data import RequestData
 from scenegen.validation import as_int, as_list, as_number, as_point, as_seconds, as_success, by_name
 from scenegen.worlds.frame import UPRIGHT, Axis, Origins, TableFrame, flat, in_world, inverse, quaternion_order, times
-from scenegen.worlds.starts import AHEAD, RangeStarts, Start, Wanted, is_strategy, make_starts, phi_at
+from scenegen.worlds.starts import AHEAD, RangeStarts, Start, StartSource, Wanted, is_strategy, make_starts, phi_at
 
 Put: TypeAlias = Callable[[Any, str, Array], None]
 """put(env, name, pose): the object now has the pose (7,), x, y, z in metres and a quaternion."""
@@ -102,13 +102,13 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         given, self._asked = rest.pop("start", None), rest.pop("phi", None)
         if given is not None and self._asked is not None:
             raise RequestError(CONFLICTING_ARGUMENTS(one="start", other="phi"))
-        names, poses = self.table.objects, np.shape(getattr(given, "poses", None))
-        if given is not None and (poses != (len(names), 7) or getattr(given, "objects", names) != names):
+        names, shape = self.table.objects, np.shape(getattr(given, "poses", None))
+        if given is not None and (shape != (len(names), 7) or getattr(given, "objects", names) != names):
             wanted = "a start of the same objects, such as suite[i]"
             raise RequestError(WRONG_VALUE(argument="start", value=repr(given), wanted=wanted))
         if seed is not None:
             self._rng = np.random.default_rng([seed, STREAM])
-        source = self._starts if self._asked is None else self._ranges
+        source: StartSource = self._starts if self._asked is None else self._ranges
         choose = getattr(source, "choose", None)
         start: Start = given or (source.take() if choose is None else choose(self._rng))
         _, info = self.env.reset(seed=seed, options=rest or None)

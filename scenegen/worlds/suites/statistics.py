@@ -58,7 +58,7 @@ def base_rate(
         ("episodes", n, n < math.inf, "finite numbers"),
         ("probabilities", w, (w >= 0) & (w.sum() <= 1.001), "at least 0, at most 1 together: strata do not overlap"),
         ("errors", e, (e >= 0) & (e < math.inf), "at least 0: they are halves of intervals"),
-        ("episodes", n, run.any(), "at least one where the probability is above 0"),
+        ("episodes", n, run.any(keepdims=True), "at least one where the probability is above 0"),
     ):
         if not right.all():
             raise RequestError(WRONG_VALUE(argument=argument, value=str(value.tolist()), wanted=wanted))

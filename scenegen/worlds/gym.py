@@ -102,7 +102,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         given, self._asked = rest.pop("start", None), rest.pop("phi", None)
         if given is not None and self._asked is not None:
             raise RequestError(CONFLICTING_ARGUMENTS(one="start", other="phi"))
-        names, shape = self.table.objects, np.shape(getattr(given, "poses", None))
+        names, shape = self.table.objects, np.shape(getattr(given, "poses", ()))
         if given is not None and (shape != (len(names), 7) or getattr(given, "objects", names) != names):
             wanted = "a start of the same objects, such as suite[i]"
             raise RequestError(WRONG_VALUE(argument="start", value=repr(given), wanted=wanted))

@@ -12,8 +12,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from scenegen.errors import RequestError
+from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.worlds import WORLD_FAILS
 
 # --------------------------------------------------------------------------------------------------------------------
 # Options: the fields of a request say themselves how they are given, and what they can be.
@@ -107,6 +108,19 @@ def as_point(name: str, value: Any) -> tuple[float, float, float]:
     if not math.isfinite(x + y + z):
         raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted="a point (x, y, z)"))
     return x, y, z
+
+
+def as_success(world: str, info: Mapping[str, Any], name: str) -> bool:
+    """What a world says of an episode: True or False, 0 or 1, as Python, numpy or torch has them, alone or as the one
+    element of an array; None is no success. Raises ScenegenError for what is no judgement."""
+    value = info.get(name, "missing")
+    found = as_list(value)
+    while isinstance(found, tuple | list) and len(found) == 1:
+        found = found[0]
+    if value is not None and not (isinstance(found, Real) and found in (0, 1)):
+        reason = f"`{name}` of info is {value!r}"[:200]
+        raise ScenegenError(WORLD_FAILS(what="the world", name=world, how="does not judge", reason=reason))
+    return bool(found)
 
 
 def as_list(value: object) -> object:

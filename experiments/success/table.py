@@ -47,7 +47,13 @@ def rows(suite: Suite, paths: Sequence[Path]) -> list[str]:
             low, high = wilson(float(success.mean()), len(success))
             share = f"{success.mean():.0%} ({low:.0%} to {high:.0%})"
             gap = clear[[suite[one.episode].row for one in mine]]
-            cells = [task.name, outcomes.name, str(len(mine)), share, *(f"{one.mean():.0%}" for one in by_band)]
+            cells = [
+                task.name,
+                outcomes.header.policy.rpartition("/")[2],
+                str(len(mine)),
+                share,
+                *(f"{one.mean():.0%}" for one in by_band),
+            ]
             found.append(f"| {' | '.join([*cells, both(phi, success), both(gap, success)])} |")
     return found
 

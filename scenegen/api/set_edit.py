@@ -48,10 +48,8 @@ def filter_set(stored: StoredSet, ranges: Mapping[str, Range], out: str) -> sets
         for block in _blocks(stored):
             fits = np.ones(block.count, dtype=bool)
             for label, values in zip(stored.labels, block.phi, strict=True):
-                one = ranges.get(label, Range())
-                fits &= (values >= (-np.inf if one.low is None else one.low)) & (
-                    values <= (np.inf if one.high is None else one.high)
-                )
+                low, high = ranges.get(label, Range()).ends
+                fits &= (values >= low) & (values <= high)
             yield _part(block, fits)
 
     wanted = {label: [one.low, one.high] for label, one in ranges.items()}

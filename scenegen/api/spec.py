@@ -305,12 +305,16 @@ def load(path: str | Path, root: str | Path | None = None) -> Spec:
     What it imports must lie in its own folder, or in the folder `root`. "-" and "/dev/stdin" are standard input,
     "/dev/fd/N" is a pipe that is open already; what these import lies in the current folder.
     """
-    path = as_path("path", path)
     folder = None if root is None else as_path("root", root)
+    return Spec(check_file(*read_spec(path), folder))
+
+
+def read_spec(path: str | Path) -> tuple[Path, bytes]:
+    """What a spec's file is called in messages, and its bytes. Raises DataError."""
+    path = as_path("path", path)
     if is_stream(path):
-        data = read_stream(path, "a spec", limit=MAX_BYTES)
-        return Spec(check_file(Path("<stdin>"), data, folder))
-    return Spec(check_file(path, read_bytes(path, "a spec", limit=MAX_BYTES), folder))
+        return Path("<stdin>"), read_stream(path, "a spec", limit=MAX_BYTES)
+    return path, read_bytes(path, "a spec", limit=MAX_BYTES)
 
 
 class LearnedModel(ABC):

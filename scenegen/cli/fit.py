@@ -52,10 +52,11 @@ def fit(
 
 
 def _row(one: TaskFit) -> tuple[str, ...]:
-    held = one.held_out
-    numbers = map(_interval, (one.base_rate, held.auc_of_phi, held.auc, held.brier))
-    chance = "{:.3f}, at most {:.3f}".format(*held.by_chance)
-    return one.name, f"{one.episodes:,}", *numbers, f"{held.calibration_error:.3f}", chance, one.model.reads
+    held, told = one.held_out, ["-"] * 5
+    if held is not None:
+        chance = "{:.3f}, at most {:.3f}".format(*held.by_chance)
+        told = [*map(_interval, (held.auc_of_phi, held.auc, held.brier)), f"{held.calibration_error:.3f}", chance]
+    return one.name, f"{one.episodes:,}", _interval(one.base_rate), *told, one.model.reads
 
 
 def _interval(value: Interval) -> str:

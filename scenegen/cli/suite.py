@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.cli.many import names_of, say_why
+from scenegen.cli.many import names_of
 from scenegen.cli.options import WORKERS, argument, choices, find_spec, option, seconds
-from scenegen.cli.output import print_error, progress_bar
+from scenegen.cli.output import print_error, print_message, progress_bar
 from scenegen.errors import RequestError
 from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
 
@@ -90,19 +90,20 @@ def suite(
 
 
 def _new(specs: list[str], out: Path, bands: list[str] | None = None, **given: Any) -> None:
+    from scenegen.scenes.files import is_stream
     from scenegen.worlds.suites.new import new_suite
 
     paths = [find_spec(Path(one)) for one in specs]
+    names = names_of([Path("stdin") if is_stream(path) else path for path in paths])
     with progress_bar() as bar:
         task = bar.add_task("tasks", total=None)
 
         def told(ended: JobResult, done: int, count: int) -> None:
             bar.update(task, completed=done, total=count)
             if ended.errors:
-                say_why(ended)
+                print_message(f"{ended.name} failed:")
 
-        named = list(zip(names_of(paths), paths, strict=True))
-        made = new_suite(named, out, bands=_bands(bands), told=told, **given)
+        made = new_suite(list(zip(names, paths, strict=True)), out, bands=_bands(bands), told=told, **given)
     starts = sum(made.n * len(one.bands) for one in made.tasks)
     print_error(f"{starts:,} starts of {len(made.tasks)} tasks in {out}, digest {made.digest}")
 

@@ -285,7 +285,10 @@ UNFINISHED_RUN = Kind(
 OTHER_REQUEST = Kind(
     "other-request",
     "{folder} is of another request: `{key}` was {before}, and is {now} now",
-    help="ask for the same again, or delete the folder",
+    help=(
+        "{outcomes:?}ask for the same again, or name another file",
+        "ask for the same again, or delete the folder",
+    ),
 )
 
 
@@ -303,8 +306,7 @@ SET_IN_USE = Kind(
     "another run is writing {location}[[: process {pid} on {host}]]",
     help=(
         "wait for it; if it was killed, its hold ends in {seconds:.0f} s",
-        "{file:?}wait for it, or name another output file",
-        "wait for it, or name another folder",
+        "wait for it, or name another place",
     ),
     formerly=("folder-locked",),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
@@ -212,8 +213,9 @@ def probability(
     mean = total / count
     log10 = math.log10(mean) + excess / math.log(10.0)
     out: dict[str, object] = {"log10_probability": round(log10, 5) + 0.0, "log10_error": None}
-    if count > 1:
-        variance = max(0.0, square - count * mean * mean) / (count - 1) / mean**2
+    digits = mean**2 > sys.float_info.min  # the square of a smaller mean has none
+    if count > 1 and (digits or logs is not None):
+        variance = max(0.0, square - count * mean * mean) / (count - 1) / mean**2 if digits else 0.0
         if logs is not None:
             scatter = max(0.0, logs[1] - logs[0] ** 2 / count) / (count - 1)
             widest = scatter + 0.5 * scatter**2 * count / (count - 1)  # of a wild scatter: Cox's interval

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, cast, get_args
@@ -47,6 +47,7 @@ LARGEST_PHI = 1e12
 MAX_SEED = 2**63 - 1
 PHI_UNITS = ("", "m", "cm", "mm", "rad", "deg")
 RANGE = {"what": "a range", "form": "LO:HI, LO: or :HI"}
+RATE_USAGE = "write a range of rates such as 0.4:0.6 or 40%:60%"
 PHI_USAGE = "write a range such as 0.05:0.2, in metres and radians, or with units: 5cm:20cm"
 
 
@@ -61,6 +62,11 @@ class Range:
     @property
     def bounded(self) -> bool:
         return self.low is not None and self.high is not None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both, an open one infinite."""
+        return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
 
     def __str__(self) -> str:
         low, high = ("" if end is None else f"{end + 0.0:.10g}" for end in (self.low, self.high))
@@ -100,7 +106,9 @@ def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "ph
     return phi
 
 
-def _parse_range(text: str, source: Source, offset: int) -> Range:
+def _parse_range(
+    text: str, source: Source, offset: int, units: Collection[str] = PHI_UNITS, usage: str = PHI_USAGE
+) -> Range:
     from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
 
     whole = Span(source, offset, offset + len(text))
@@ -113,11 +121,13 @@ def _parse_range(text: str, source: Source, offset: int) -> Range:
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
         amount, suffix = unit_of(part)
-        value = number(amount) if part.strip() and suffix in PHI_UNITS else None
+        value = number(amount) if part.strip() and suffix in units else None
         if part.strip() and value is None:
             here = Span(source, start, start + len(part))
-            raise RequestError(NOT_A_NUMBER(here, text=part, usage=PHI_USAGE))
-        ends.append(value if value is None else quantity(amount, suffix)[0])
+            raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
+        if value is not None:
+            value = value / 100.0 if suffix == "%" else quantity(amount, suffix)[0]
+        ends.append(value)
     if ends == [None, None]:
         raise RequestError(ARGUMENT_SYNTAX(whole, **RANGE, example="0.05:0.2; or leave the option out"))
     result = Range(ends[0], ends[1], whole)
@@ -137,7 +147,7 @@ def number(text: str) -> float | None:
 
 def unit_of(text: str) -> tuple[str, str]:
     """A quantity as typed, such as 5 cm or 90\N{DEGREE SIGN}: its number and the suffix of its unit, both as texts."""
-    found = re.fullmatch(r"\s*(.*?)\s*([a-z]*|\N{DEGREE SIGN})\s*", text, re.DOTALL)
+    found = re.fullmatch(r"\s*(.*?)\s*([a-z]*|\N{DEGREE SIGN}|%)\s*", text, re.DOTALL)
     assert found is not None
     return found[1], "deg" if found[2] == "\N{DEGREE SIGN}" else found[2]
 
@@ -156,7 +166,7 @@ def empty_range(wanted: Range) -> Diagnostic | None:
 
 
 def _parse_success(text: str, labels: tuple[str, ...]) -> Range:
-    return _parse_range(text, Source("success", text, argument=True), 0)
+    return _parse_range(text, Source("success", text, argument=True), 0, ("", "%"), RATE_USAGE)
 
 
 def _as_rates(name: str, value: Any) -> Range:
@@ -440,8 +450,7 @@ def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warning
     """The range, or a band beside the bound where phi reaches the range only there. Without a list for its warning that
     is refused."""
     lowest, highest = bounds
-    low = -math.inf if wanted.low is None else wanted.low
-    high = math.inf if wanted.high is None else wanted.high
+    low, high = wanted.ends
     reach = {"label": name, "lowest": lowest, "highest": highest}
     if low > highest or high < lowest:
         raise RequestError(BEYOND_BOUNDS(wanted.span, range=wanted, **reach))

@@ -60,7 +60,9 @@ def held(store: Store) -> Iterator[SetLease]:
     """The set, for this process alone until the end of the block. Raises OutputError if another run has it, and if the
     place cannot be written to."""
     with contextlib.ExitStack() as stack:
-        if store.local and stack.enter_context(_locked(store)):
+        if store.local:
+            store.make()
+        if store.local and stack.enter_context(locked(Path(store.path(LOCK)), store.location)):
             yield SetLease(store)
         else:
             yield stack.enter_context(_leased(store))
@@ -76,26 +78,21 @@ def refuse_held(store: Store) -> None:
     except OSError:  # what cannot be opened is nobody's; whether the place will do is found out later
         return
     with file:
-        _lock(file, store)
+        _lock(file, store.location)
 
 
 @contextlib.contextmanager
-def _locked(store: Store) -> Iterator[bool]:
-    """Whether the disk has locks; then the set is locked until the end of the block."""
-    path = Path(store.path(LOCK))
-    store.make()
+def locked(path: Path, location: str) -> Iterator[bool]:
+    """Whether the disk has locks; then what is at `location` is locked by the file `path` until the end of the block.
+    Raises OutputError if another process has it."""
     while True:
         try:
             file = path.open("a+b")
         except OSError as error:
-            facts = {
-                "location": store.location,
-                "reason": reason_of(error),
-                "remedy": "see whether you may write there",
-            }
-            raise OutputError(CANNOT_WRITE(file=LOCK, **facts)) from error
+            facts = {"location": location, "reason": reason_of(error), "remedy": "see whether you may write there"}
+            raise OutputError(CANNOT_WRITE(file=path.name, **facts)) from error
         with file:
-            if not _lock(file, store):
+            if not _lock(file, location):
                 yield False
                 return
             if not path.exists() or not os.path.samestat(os.fstat(file.fileno()), path.stat()):
@@ -111,7 +108,7 @@ def _locked(store: Store) -> Iterator[bool]:
             return
 
 
-def _lock(file: IO[bytes], store: Store) -> bool:
+def _lock(file: IO[bytes], location: str) -> bool:
     """Whether a file could be locked; not, if the disk has no locks. Raises OutputError if another process has it."""
     try:
         import fcntl
@@ -121,7 +118,7 @@ def _lock(file: IO[bytes], store: Store) -> bool:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         file.seek(0)
-        raise _in_use(store, _read(file.read()), None) from None
+        raise _in_use(location, _read(file.read()), None) from None
     except OSError:
         return False
     return True
@@ -136,7 +133,7 @@ def _leased(store: Store) -> Iterator[SetLease]:
     time.sleep(SETTLE)
     other = _holder(store)
     if other is not None and other.token != me.token:
-        raise _in_use(store, other, None)
+        raise _in_use(store.location, other, None)
     hold, over = SetLease(store), threading.Event()
 
     def renew() -> None:
@@ -168,16 +165,16 @@ def _refuse(store: Store, holder: LeaseHolder | None) -> None:
         return
     if holder.machine == _machine():
         if _born(holder.pid) == holder.born:
-            raise _in_use(store, holder, None)
+            raise _in_use(store.location, holder, None)
         return
     age = time.time() - store.changed(LOCK)
     if age < LEASE:
-        raise _in_use(store, holder, LEASE - age)
+        raise _in_use(store.location, holder, LEASE - age)
 
 
-def _in_use(store: Store, holder: LeaseHolder | None, left: float | None) -> OutputError:
+def _in_use(location: str, holder: LeaseHolder | None, left: float | None) -> OutputError:
     facts = {} if holder is None else {"pid": holder.pid, "host": holder.host}
-    return OutputError(SET_IN_USE(location=store.location, **facts, **({} if left is None else {"seconds": left})))
+    return OutputError(SET_IN_USE(location=location, **facts, **({} if left is None else {"seconds": left})))
 
 
 def _holder(store: Store) -> LeaseHolder | None:

@@ -10,18 +10,19 @@ from typing import Any, Literal, TypeAlias
 import gymnasium
 import numpy as np
 
+from scenegen.api.request import Phi
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.learning import NO_EPISODE
-from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.requests import CONFLICTING_ARGUMENTS, MISSING_ARGUMENT, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.lang.checker import check_text
 from scenegen.learn.curriculum.tasks import Outcome, PhiBox
 from scenegen.scenes.data import RequestData
-from scenegen.validation import as_int, as_list, as_number, as_point, as_seconds
+from scenegen.validation import as_int, as_list, as_number, as_point, as_seconds, as_success, by_name
 from scenegen.worlds.frame import UPRIGHT, Axis, Origins, TableFrame, flat, in_world, inverse, quaternion_order, times
-from scenegen.worlds.starts import AHEAD, Start, Wanted, is_strategy, make_starts, phi_at
+from scenegen.worlds.starts import AHEAD, RangeStarts, Start, StartSource, Wanted, is_strategy, make_starts, phi_at
 
 Put: TypeAlias = Callable[[Any, str, Array], None]
 """put(env, name, pose): the object now has the pose (7,), x, y, z in metres and a quaternion."""
@@ -43,7 +44,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
     The same seed, at `reset`, is the same start: it chooses among the first `ahead` scenes of the range, or among those
     of the strategy's task. Episodes without a seed go on from the last one, at first from `seed`. `info["phi"]` at
     reset is phi of the start by label. With `get(env, name)`, which gives poses in the same form, `phi_now` gives it at
-    any moment.
+    any moment. `reset(options={"phi": phi})` begins one episode at another range; other options are for `env`.
 
     A strategy is about the label `goal`, by default all. It hears of each episode that ends, not of those that `reset`
     interrupts; `success` is the entry of `info` that judges it, and `info["outcome"]` is what it was told. The wrapper
@@ -88,19 +89,29 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._strategy, self._success = phi if is_strategy(phi) else None, success
         if as_int("ahead", ahead) < 1:
             raise RequestError(OUT_OF_RANGE(argument="ahead", value=ahead, wanted="1 or more"))
-        self._starts = make_starts(spec, phi, goal, as_int("seed", seed), as_seconds("timeout", timeout), ahead)
+        seed, timeout = as_int("seed", seed), as_seconds("timeout", timeout)
+        self._starts = make_starts(spec, phi, goal, seed, timeout, ahead)
+        self._asked: Phi | PhiBox | None = None  # by the options of a reset
+        self._ranges = RangeStarts(spec, lambda: self._asked, seed, timeout, ahead)
         self._rng = np.random.default_rng([seed, STREAM])
         self._total, self._steps, self._reported = 0.0, 0, True
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode from the next scene, or from `options["start"]`."""
-        rest = dict(options or {})
-        given = rest.pop("start", None)
-        _, info = self.env.reset(seed=seed, options=rest or None)
+        """Begin an episode from the next scene, from one with phi in `options["phi"]`, or from `options["start"]`."""
+        rest = dict(by_name("options", {} if options is None else options, 'options by name: {"phi": (-0.1, 0)}'))
+        given, self._asked = rest.pop("start", None), rest.pop("phi", None)
+        if given is not None and self._asked is not None:
+            raise RequestError(CONFLICTING_ARGUMENTS(one="start", other="phi"))
+        names, shape = self.table.objects, np.shape(getattr(given, "poses", ()))
+        if given is not None and (shape != (len(names), 7) or getattr(given, "objects", names) != names):
+            wanted = "a start of the same objects, such as suite[i]"
+            raise RequestError(WRONG_VALUE(argument="start", value=repr(given), wanted=wanted))
         if seed is not None:
             self._rng = np.random.default_rng([seed, STREAM])
-        choose = getattr(self._starts, "choose", None)
-        start: Start = given or (self._starts.take() if choose is None else choose(self._rng))
+        source: StartSource = self._starts if self._asked is None else self._ranges
+        choose = getattr(source, "choose", None)
+        start: Start = given or (source.take() if choose is None else choose(self._rng))
+        _, info = self.env.reset(seed=seed, options=rest or None)
         frame = self._frame
         poses = in_world(self._header, start.poses[None], frame.origin, frame.turn, self._origins, self._up)
         for name, pose in zip(self.table.objects, poses[0][:, self._order], strict=True):
@@ -117,7 +128,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
             self._reported = True
             info = {**info, **self._told(info)}
         if self._success in info:
-            info = {**info, "success": bool(info[self._success])}
+            info = {**info, "success": as_success(str(self.env), info, self._success)}
         return seen, reward, terminated, truncated, info
 
     def phi_now(self) -> dict[str, float]:
@@ -159,7 +170,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
             return {}
         if self._success not in info:
             raise RequestError(UNKNOWN_CHOICE(what="entry of info", name=self._success, known=tuple(info)))
-        phi, success = tuple(start.phi.values()), bool(info[self._success])
+        phi, success = tuple(start.phi.values()), as_success(str(self.env), info, self._success)
         self._strategy.report(Outcome(start.task, phi, success, self._total, self._steps))
         task = {"low": list(start.task.low), "high": list(start.task.high)}
         return {"outcome": {**task, "phi": list(phi), "success": success, "total": self._total, "steps": self._steps}}

@@ -1,5 +1,7 @@
 """`scenegen suite`: from a suite to outcomes and their page, and what is refused."""
 
+import io
+
 import pytest
 
 
@@ -61,3 +63,25 @@ def test_what_the_program_refuses(small, words, kind, scenegen, tmp_path, monkey
     (tmp_path / "small").symlink_to(small)
     said = scenegen("suite", *words)
     assert said.status == 1 and said.err.startswith(f"error[{kind}]"), said.err
+
+
+SPEC = """object a = cylinder(2 cm, 4 cm), b = cylinder(2 cm, 4 cm) at (0, 0)
+workspace [-15 cm, 15 cm] x [-15 cm, 15 cm]
+goal: closeTo(a, b, 6 cm)
+"""
+
+
+def test_an_error_is_said_once(scenegen, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.spec").write_text(SPEC)
+    said = scenegen("suite", "new", "a.spec", "--bands", "far=-90cm:-80cm", "-n", "1", "--out", "s/", "--workers", "1")
+    assert said.status == 1 and said.err.count("error[out-of-range]") == 1 and "a failed:" in said.err
+
+
+@pytest.mark.long
+def test_a_spec_on_standard_input(scenegen, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(f"# Go.\n{SPEC}".encode())))
+    words = ["--bands", "very near=-5cm:0", "-n", "1", "--out", str(tmp_path / "my suite"), "--workers", "1"]
+    assert scenegen("suite", "new", "-", *words).status == 0
+    said = scenegen("suite", "check", str(tmp_path / "my suite"))
+    assert said.status == 0 and (tmp_path / "my suite" / "stdin.json").exists()

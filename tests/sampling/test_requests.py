@@ -421,3 +421,24 @@ def test_the_interval_of_few_pieces_holds(count, sigma):
         plain += abs(found["log10_probability"]) <= probability(*sums)["log10_error"]
     assert held / TRIALS > 0.89
     assert sigma < 1.5 or plain / TRIALS < 0.86
+
+
+def test_a_mean_whose_square_is_no_number():
+    """The logarithms tell how sure it is; without them nothing does."""
+    sure = probability(4, 4e-200, 0.0, (4 * -460.0, 4 * 460.0**2 + 0.3))
+    assert sure["log10_probability"] == -200.0 and 0.1 < sure["log10_error"] < 0.5
+    assert probability(4, 4e-200, 0.0) == {"log10_probability": -200.0, "log10_error": None}
+
+
+@pytest.mark.parametrize("text, low, high", [("40%:60%", 0.4, 0.6), (" 40 % : ", 0.4, None), (":0.6", None, 0.6)])
+def test_rates_in_percent(text, low, high):
+    assert SampleRequest.typed({"success": text}, ["task"]).success == Range(low, high)
+
+
+@pytest.mark.parametrize("text", ["40cm:60cm", "0.4rad:", "%:", "40%%:", "50%:40%", "40%:160%"])
+def test_what_is_no_rate(text):
+    with pytest.raises(RequestError) as caught:
+        SampleRequest.typed({"success": text}, ["task"])
+    assert len(caught.value.diagnostics) == 1
+    with pytest.raises(RequestError):
+        parse_phi(["40%:60%"], ["task"])

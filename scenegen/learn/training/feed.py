@@ -6,7 +6,6 @@ Everything that goes to the model lives on its device. There are no workers: a b
 from __future__ import annotations
 
 import hashlib
-import math
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -399,10 +398,8 @@ def regions_of(data: Dataset) -> tuple[npt.NDArray[np.float64], ...]:
     """How phi is distributed, as a model file says it: in the regions of a data set, or among all of its scenes."""
     found = []
     for ranges, phi in data.regions or (({}, data.phi),):
-        wanted = [ranges.get(label, Range()) for label in data.labels]
-        low = [-math.inf if one.low is None else one.low for one in wanted]
-        high = [math.inf if one.high is None else one.high for one in wanted]
-        found.append(torch.cat([torch.tensor([low, high]).T, phi], dim=1).double().numpy())
+        ends = torch.tensor([ranges.get(label, Range()).ends for label in data.labels])
+        found.append(torch.cat([ends, phi], dim=1).double().numpy())
     return tuple(found)
 
 

@@ -30,7 +30,7 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
-from scenegen.errors.files import DAMAGED_SHARD, FOLDER_NOT_EMPTY, SET_IN_USE, UNFINISHED_RUN
+from scenegen.errors.files import DAMAGED_SHARD, FOLDER_NOT_EMPTY, UNFINISHED_RUN
 from scenegen.errors.program import INTERRUPTED
 from scenegen.processes.process import stop_signals
 from scenegen.sampling.engine.blocks import Drawing, RunProgress
@@ -290,8 +290,7 @@ class _Kept:
                 found = found.but(folder=self.store.location, scenes=self.run.manifest.scenes, full=full)
             return OutputError(found)
         assert isinstance(error, OutputError)
-        said = error.diagnostics[0]
-        return OutputError(said.but(file=True)) if said.code == SET_IN_USE.code else error
+        return error
 
 
 @contextmanager

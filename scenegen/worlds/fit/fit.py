@@ -1,5 +1,5 @@
 """A fit: how often a policy succeeds in each task of a suite, predicted from the start. Format `scenegen/fit`, version
-1."""
+2."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC
 from scenegen.errors.requests import OUT_OF_PLACE, WRONG_VALUE
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
-from scenegen.scenes.files import read_bytes, write_whole
+from scenegen.scenes.files import write_whole
 from scenegen.scenes.sets import Sha256
 from scenegen.validation import as_path
 from scenegen.worlds.fit import logistic
 from scenegen.worlds.fit.features import fingerprint, measured
 from scenegen.worlds.fit.logistic import Interval, Logistic, Outcomes
-from scenegen.worlds.suites.outcomes import OutcomesHeader, SuiteOutcomes, read_outcomes
+from scenegen.worlds.suites.outcomes import OutcomesHeader, SuiteOutcomes, differences, read_outcomes
 from scenegen.worlds.suites.statistics import base_rate
-from scenegen.worlds.suites.suite import Suite, SuiteModel, SuiteTask, load_model
+from scenegen.worlds.suites.suite import BLANK, Suite, SuiteModel, SuiteTask, dump_with_digest, load_with_digest
 
 FEWEST = 50  # episodes of a task
 COIN = 0.5  # the AUC of a score that tells nothing
+VAGUE = 0.5  # width of an interval of an AUC that says next to nothing
 
 
 class HeldOut(SuiteModel):
@@ -47,7 +48,8 @@ class HeldOut(SuiteModel):
 
 class TaskFit(SuiteModel):
     """The fit of a task, whose label `success` is success; `digest` is the fingerprint of what predictions follow from.
-    `base_rate` is the success rate of its base distribution, with a 95 % interval, by the bands of the suite."""
+    `base_rate` is the success rate of its base distribution, with a 95 % interval, by the bands of the suite.
+    There is no `held_out` where all episodes ended alike: no measure tells anything there."""
 
     name: str
     success: str
@@ -56,7 +58,7 @@ class TaskFit(SuiteModel):
     starts: int
     base_rate: Interval
     model: Logistic
-    held_out: HeldOut
+    held_out: HeldOut | None
 
     def predicted(self, spec: CheckedSpec, rows: Array) -> Array:
         """The success rate in scenes with the rows of the spec's core, (3M, B) -> (B,)."""
@@ -66,12 +68,15 @@ class TaskFit(SuiteModel):
     @property
     def findings(self) -> list[str]:
         """Where phi, or all that is measured, does not tell what it should, in words."""
+        if self.held_out is None:
+            return [f"nothing can be told of success in {self.name}: all {self.episodes} episodes ended alike"]
         mine, (phi, low, high) = self.held_out.auc, self.held_out.auc_of_phi
         found = []
         if low <= COIN:
             what = "phi does not predict success" if high >= COIN else "success is more frequent where phi is lower"
+            what = "it cannot be told whether phi predicts success" if high - low > VAGUE else what
             found.append(f"{what} in {self.name}: AUC {phi:.2f}, 95 % interval {low:.2f} to {high:.2f}")
-        if low <= COIN <= high and mine[1] <= COIN:
+        if low <= COIN <= high and mine[1] <= COIN and mine[2] - mine[1] <= VAGUE:
             said = "AUC {:.2f}, 95 % interval {:.2f} to {:.2f}".format(*mine)
             found.append(f"nothing measured at the start predicts success in {self.name}: {said}")
         return found
@@ -81,7 +86,8 @@ class Fit(SuiteModel):
     """How often a policy succeeds in the tasks of a suite; `run` says which, and in which world."""
 
     format: Literal["scenegen/fit"] = "scenegen/fit"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
+    digest: Sha256 = BLANK
     run: OutcomesHeader
     monotone: bool
     tasks: Annotated[tuple[TaskFit, ...], Field(min_length=1)]
@@ -89,12 +95,11 @@ class Fit(SuiteModel):
     @staticmethod
     def load(path: str | Path) -> Fit:
         """The fit in a file. Raises DataError."""
-        path = as_path("fit", path)
-        return load_model(Fit, read_bytes(path, "a fit"), path, "a fit of outcomes")
+        return load_with_digest(Fit, as_path("fit", path), "a fit", "a fit of outcomes")
 
     def save(self, path: str | Path) -> None:
         """Write the fit as JSON; the file appears whole or not at all. Raises OutputError."""
-        write_whole(as_path("out", path), self.model_dump_json(indent=1).encode() + b"\n")
+        write_whole(as_path("out", path), dump_with_digest(self))
 
     def task_of(self, spec: CheckedSpec) -> TaskFit:
         """The task of a spec: same objects, workspace and success formula, whatever it requires. Raises RequestError
@@ -108,10 +113,6 @@ class Fit(SuiteModel):
         """The success rate that is predicted at each of n scenes, (n,). Raises RequestError for scenes of others."""
         spec = check_text(scenes.header.spec.source, "the spec of the scenes")
         return self.task_of(spec).predicted(spec, rows_of(spec, scenes))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A fit of outcomes.
 
 
 def fit_outcomes(outcomes: Sequence[str | Path], suite: str | Path, *, monotone: bool = False) -> Fit:
@@ -128,11 +129,13 @@ def fit_outcomes(outcomes: Sequence[str | Path], suite: str | Path, *, monotone:
     found = Suite.load(suite, reverse=first.reverse)
     runs = [read_outcomes(path, found) for path in paths]
     for path, run in zip(paths, runs, strict=True):
-        for name, mine in first:
-            if getattr(run.header, name) != mine:
-                rule = f"is of another run than {paths[0]}: its {name} is {getattr(run.header, name)}, not {mine}"
-                raise RequestError(OUT_OF_PLACE(option=path, rule=rule, remedy="fit the outcomes of one run, repeated"))
+        for name, (mine, other) in differences(first, run.header).items():
+            rule = f"is of another run than {paths[0]}: its {name} is {other}, not {mine}"
+            raise RequestError(OUT_OF_PLACE(option=path, rule=rule, remedy="fit the outcomes of one run, repeated"))
     tasks = [one for task in found.tasks for one in _fitted(found, task, runs, monotone)]
+    if not tasks:
+        remedy = f"run {FEWEST} episodes at least"
+        raise RequestError(OUT_OF_PLACE(option="the outcomes", rule="have no episodes", remedy=remedy))
     return Fit(run=first, monotone=monotone, tasks=tuple(tasks))
 
 
@@ -150,14 +153,16 @@ def _fitted(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monoto
     if len(y) < FEWEST:
         rule = f"are too few for a fit: {len(y)} of {task.name}"
         raise RequestError(OUT_OF_PLACE(option="the outcomes", rule=rule, remedy=f"run {FEWEST} episodes at least"))
-    p = logistic.held_out(data, monotone)
-    held_out = HeldOut(
-        calibration_error=logistic.calibration_error(y, p),
-        by_chance=logistic.by_chance(p),
-        brier=logistic.with_interval(logistic.brier, y, p, which),
-        auc=logistic.with_interval(logistic.auc, y, p, which),
-        auc_of_phi=logistic.with_interval(logistic.auc, y, phi, which),
-    )
+    held_out = None
+    if 0 < y.sum() < len(y):
+        p = logistic.held_out(data, monotone)
+        held_out = HeldOut(
+            calibration_error=logistic.calibration_error(y, p),
+            by_chance=logistic.by_chance(p),
+            brier=logistic.with_interval(logistic.brier, y, p, which),
+            auc=logistic.auc_with_interval(y, p, which),
+            auc_of_phi=logistic.auc_with_interval(y, phi, which),
+        )
     bands = [[ended[number] for number in ended if suite[number].band == band.name] for band in task.bands]
     won = [sum(float(np.mean(one)) for one in band) for band in bands]
     probability, error = zip(*((one.probability, one.error) for one in task.bands), strict=True)

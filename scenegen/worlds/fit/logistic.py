@@ -20,6 +20,7 @@ from pydantic import Field, FiniteFloat, model_validator
 
 from scenegen.arrays import Array, Bool, Index
 from scenegen.worlds.fit.features import RISING, Feature, Kind
+from scenegen.worlds.suites.statistics import wilson
 from scenegen.worlds.suites.suite import SuiteModel
 
 QUANTILES = (0.02, 0.25, 0.5, 0.75, 0.98)  # between them a feature has ramps
@@ -82,10 +83,6 @@ class Logistic(SuiteModel):
 
 def _sigmoid(odds: Array) -> Array:
     return np.asarray(0.5 * (1.0 + np.tanh(0.5 * odds)))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Fitting.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,12 +193,10 @@ def _newton(x: Array, y: Array, strength: float, least: Array, weights: Array) -
     return weights
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How good predictions p (n,) of success y (n,) are.
-
-
+# Measures of predictions p (n,) of success y (n,).
 BINS, IN_A_BIN = 10, 40  # of predictions, at most; episodes, at least: of 20 the rate itself is off by 0.1 by chance
 REPEATS = 400
+FEW = 10  # starts that succeeded, or failed, below which a bootstrap is too narrow
 
 Interval = tuple[float, float, float]
 """An estimate, and its 95 % interval."""
@@ -209,8 +204,10 @@ Interval = tuple[float, float, float]
 
 def calibration_error(y: npt.ArrayLike, p: npt.ArrayLike) -> float:
     """The mean difference of predicted and true rates over groups of equal size of similar predictions (expected
-    calibration error)."""
+    calibration error). Episodes of one prediction count as their mean, wherever a group ends among them."""
     y, p = np.asarray(y, dtype=np.float64), np.asarray(p, dtype=np.float64)
+    _, which, count = np.unique(p, return_inverse=True, return_counts=True)
+    y = (np.bincount(which, y) / count)[which]
     groups = np.array_split(np.argsort(p, kind="stable"), max(1, min(BINS, len(p) // IN_A_BIN)))
     return float(sum(abs(float((y[one] - p[one]).sum())) for one in groups)) / len(p)
 
@@ -221,12 +218,12 @@ def brier(y: npt.ArrayLike, p: npt.ArrayLike) -> float:
 
 
 def auc(y: npt.ArrayLike, score: npt.ArrayLike) -> float:
-    """The probability that a success has a higher score than a failure; equal scores count half. 0.5 where all episodes
+    """The probability that a success has a higher score than a failure; equal scores count half. NaN where all episodes
     ended alike."""
     y, score = np.asarray(y, dtype=bool), np.asarray(score, dtype=np.float64)
     good, bad = score[y], np.sort(score[~y])
     if not (len(good) and len(bad)):
-        return 0.5
+        return math.nan
     below = np.searchsorted(bad, good, side="left") + np.searchsorted(bad, good, side="right")
     return float(below.mean() / (2.0 * len(bad)))
 
@@ -242,11 +239,22 @@ def by_chance(p: Array) -> tuple[float, float]:
 def with_interval(
     measure: Callable[[npt.ArrayLike, npt.ArrayLike], float], y: Bool, p: Array, start: Index
 ) -> Interval:
-    """A measure of predictions, and its 95 % interval: percentiles of a bootstrap over starts."""
+    """A measure of predictions, and its 95 % interval: percentiles of a bootstrap over starts, of its draws that have
+    the measure."""
     _, number, count = np.unique(start, return_inverse=True, return_counts=True)
     members = np.split(np.argsort(number, kind="stable"), np.cumsum(count)[:-1])
     rng = np.random.default_rng(0)
     drawn = (rng.integers(len(count), size=len(count)) for _ in range(REPEATS))
     found = [measure(y[some], p[some]) for some in (np.concatenate([members[k] for k in one]) for one in drawn)]
-    low, high = np.quantile(found, (0.025, 0.975))
+    low, high = np.nanquantile(found, (0.025, 0.975))
     return measure(y, p), float(low), float(high)
+
+
+def auc_with_interval(y: Bool, score: Array, start: Index) -> Interval:
+    """The same for the AUC. Where few starts failed, or few succeeded, or where all draws are alike, a bootstrap is too
+    narrow; Wilson's interval of as many never is: the variance of an AUC a is at most a (1 - a) over the smaller number
+    (Birnbaum and Klose 1957)."""
+    found, low, high = with_interval(auc, y, score, start)
+    rare = min(len(np.unique(start[y])), len(np.unique(start[~y])))
+    widest = wilson(found, rare) if rare < FEW or low == high else (low, high)
+    return found, min(low, widest[0]), max(high, widest[1])

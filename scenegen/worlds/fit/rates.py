@@ -11,6 +11,7 @@ from scenegen.api.sample import sample
 from scenegen.arrays import Array, Index
 from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
+from scenegen.validation import as_int
 
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
@@ -28,9 +29,12 @@ def _variance(n: Array, p: Array, w: Array) -> Array:
 def allocate(probabilities: npt.ArrayLike, predicted: npt.ArrayLike, n: int) -> Index:
     """How many of n episodes each stratum gets, (k,), at least one, so that the interval of `base_rate` is as narrow as
     can be if its rate is as `predicted`, (k,): Neyman's shares (1934), but for what the interval adds to strata of few
-    failures. Raises RequestError for fewer episodes than strata."""
+    failures. Raises RequestError for fewer episodes than strata, and for what are no such numbers."""
     w, p = np.asarray(probabilities, dtype=np.float64), np.asarray(predicted, dtype=np.float64)
-    if n < len(w):
+    if w.shape != p.shape or not ((w >= 0.0) & (w < np.inf) & (p >= 0.0) & (p <= 1.0)).all():
+        wanted = "a rate from 0 to 1 for each probability, which are 0 or more"
+        raise RequestError(WRONG_VALUE(argument="predicted", value=f"{p.tolist()} for {w.tolist()}", wanted=wanted))
+    if as_int("n", n) < len(w):
         raise RequestError(WRONG_VALUE(argument="n", value=str(n), wanted=f"at least 1 for each of {len(w)} strata"))
     given = np.ones(len(w))
     for _ in range(n - len(w)):

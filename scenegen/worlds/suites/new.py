@@ -13,7 +13,7 @@ import hashlib
 import io
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,18 +23,19 @@ from scenegen.api.rarity import LabelRarity, rarity
 from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
-from scenegen.api.spec import Spec, load, parse
+from scenegen.api.spec import Spec, parse, read_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.errors.requests import OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.lang.checker import check_file
 from scenegen.sampling.engine.engines import JobResult, each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.scenes.data import RequestData
-from scenegen.scenes.files import read_bytes, whole_files
+from scenegen.scenes.files import whole_files
 from scenegen.scenes.formats.scenes_json import write
 from scenegen.validation import as_int, as_path
 from scenegen.worlds.suites.statistics import Z
-from scenegen.worlds.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData
+from scenegen.worlds.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
 
 STREAM = 17  # the stream of random numbers of suites
 GOAL, START = "goal", "start"  # labels that are taken where none is named
@@ -86,14 +87,22 @@ def new_suite(
     `workers`. Raises RequestError, SpecError, DataError and OutputError.
     """
     out = as_path("out", out)
-    count = bands if isinstance(bands, int) else len(bands)
-    for name, value, low, high in (("n", n, 1, 10_000), ("seed", seed, 0, MAX_SEED), ("bands", count, 1, MOST)):
-        if not low <= as_int(name, value) <= high:
+    ranges: Mapping[str, Range] = bands if isinstance(bands, Mapping) else {}
+    n, seed, count = as_int("n", n), as_int("seed", seed), len(ranges) or as_int("bands", bands)
+    bands = ranges or count
+    limits = ("specs", len(specs), 1, 999), ("n", n, 1, 10_000), ("seed", seed, 0, MAX_SEED), ("bands", count, 1, MOST)
+    for name, value, low, high in limits:
+        if not low <= value <= high:
             raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted=f"from {low} to {high}"))
-    if re.fullmatch(NAME_PATTERN, out.resolve().name) is None:
-        wanted = "a folder called by letters and digits"
-        raise RequestError(WRONG_VALUE(argument="out", value=f"`{out}`", wanted=wanted))
+    _check_names({"suite": [out.resolve().name], "task": [name for name, _ in specs], "band": ranges})
+    if both := overlapping((name, *one.ends) for name, one in ranges.items()):
+        rule, remedy = "overlap: starts in both would count twice", "let one end where the other begins"
+        raise RequestError(OUT_OF_PLACE(option="the bands `{}` and `{}`".format(*both), rule=rule, remedy=remedy))
     plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands)]
+    files = [MANIFEST, *(plan.file for plan in plans)]
+    for twice in [file for file in files if files.count(file) > 1][:1]:
+        rule = "would be two files of the suite: a task of this name cannot be in it"
+        raise RequestError(OUT_OF_PLACE(option=twice, rule=rule, remedy="rename its spec"))
     if not log10p:
         plans = [replace(one, bands=count) if one.back else one for one in plans]
     job = _MakeTask(log10p, n, seed, timeout)
@@ -114,7 +123,8 @@ def new_suite(
 
 def _tasks(name: str, path: Path, success: str | None, start: str | None, bands: Bands) -> list[TaskPlan]:
     """The task of a spec file, and the reversed one if it has one. Raises RequestError for labels that it lacks."""
-    spec = load(path)
+    file, data = read_spec(path)
+    spec = Spec(check_file(file, data, None))
     source = spec.checked.source
     for label in (success, start):
         if label is not None and label not in spec.labels:
@@ -127,14 +137,19 @@ def _tasks(name: str, path: Path, success: str | None, start: str | None, bands:
     instruction = spec.checked.title or name.replace("_", " ")
     forth = f"{source}require !{goal}" + (f" & {begin}" if begin else "") + "\n"
     plans = [TaskPlan(name, forth, instruction, goal, bands)]
-    said = re.search(r"^#\s*reverse:\s*(\S.*?)\s*$", read_bytes(path, "a spec").decode(), re.MULTILINE)
+    said = re.search(r"^#\s*reverse:\s*(\S.*?)\s*$", data.decode(), re.MULTILINE)
     if begin is not None and said is not None:
         plans.append(TaskPlan(name, f"{source}require !{begin} & {goal}\n", said[1], begin, bands, back=True))
     return plans
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# One task: how probable phi is among its starts, its bands, and its starts.
+def _check_names(names: Mapping[str, Iterable[str]]) -> None:
+    """Raises RequestError for a name that a suite, a task or a band cannot have, given by what they are of."""
+    for what, name in ((what, name) for what, some in names.items() for name in some):
+        text = name.encode(errors="backslashreplace").decode()  # half of a character has a backslash then
+        if re.fullmatch(NAME_PATTERN, text) is None:
+            wanted = "a name of 1 to 200 characters, none of which is `/`, `\\` or a control character"
+            raise RequestError(WRONG_VALUE(argument=f"name of a {what}", value=repr(name), wanted=wanted))
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,13 +5,17 @@ No times are in it, so the same outcomes give the same bytes.
 
 from __future__ import annotations
 
+import codecs
+import contextlib
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import not_
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
+from pydantic_core import from_json
 
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import OTHER_REQUEST
@@ -23,8 +27,10 @@ from scenegen.worlds.suites.suite import Suite, SuiteModel, load_model
 Instruction = Literal["own", "empty"]
 
 
-class OutcomesHeader(SuiteModel):
-    """The first line: which suite, world and policy; `episodes` is the number of starts of the suite."""
+class OutcomesHeader(SuiteModel, extra="allow"):
+    """The first line: which suite, world and policy; `episodes` is the number of starts of the suite. `steps` and
+    `timeout`, in seconds, are the most that an episode had; `versions` those of scenegen and of the world's package;
+    old files have none of these. What else a program has put into a line stays there."""
 
     format: Literal["scenegen/outcomes"] = "scenegen/outcomes"
     version: Literal[1] = 1
@@ -35,10 +41,13 @@ class OutcomesHeader(SuiteModel):
     instruction: Instruction = "own"
     reverse: bool = False
     episodes: Annotated[int, Field(ge=1)]
+    steps: int | None = Field(default=None, exclude_if=not_)
+    timeout: float | None = Field(default=None, exclude_if=not_)
+    versions: dict[str, str] | None = Field(default=None, exclude_if=not_)
 
 
-class EpisodeOutcome(SuiteModel):
-    """A line: `error` says why an episode counts as a failure that was none of the world's judgement."""
+class EpisodeOutcome(SuiteModel, extra="allow"):
+    """Another line: `error` says why an episode counts as a failure that was none of the world's judgement."""
 
     episode: Annotated[int, Field(ge=0)]
     task: str
@@ -50,59 +59,70 @@ class EpisodeOutcome(SuiteModel):
 
 @dataclass(frozen=True, slots=True)
 class SuiteOutcomes:
-    """A file of outcomes, in the order of episodes."""
+    """A file of outcomes, in the order of episodes; `name` is what a report calls it."""
 
     header: OutcomesHeader
     episodes: tuple[EpisodeOutcome, ...]
+    name: str = ""
 
     @property
     def success(self) -> dict[int, bool]:
         """Success by the number of the episode."""
         return {one.episode: one.success for one in self.episodes}
 
-    @property
-    def name(self) -> str:
-        """The policy without its folder, and how it was run where that was another way than usual."""
-        how = [word for word, there in (("reversed", self.header.reverse), ("no instruction", self.empty)) if there]
-        policy = self.header.policy.rpartition("/")[2]
-        return f"{policy} ({', '.join(how)})" if how else policy
-
-    @property
-    def empty(self) -> bool:
-        return self.header.instruction == "empty"
-
 
 def read_outcomes(path: Path, suite: Suite | None = None) -> SuiteOutcomes:
-    """The outcomes in a file; of `suite`, where one is given. An unfinished last line, as a run that was killed leaves
-    it, is left out. Raises DataError."""
+    """The outcomes in a file; of `suite`, where one is given. Blank lines count for nothing. The last line is left out
+    where it is unfinished, as a run that was killed leaves it. Raises DataError."""
     what = "a file of outcomes"
-    lines = read_bytes(path, what).split(b"\n")
-    header = load_model(OutcomesHeader, lines[0], path, what)
+    lines = read_bytes(path, what).removeprefix(codecs.BOM_UTF8).split(b"\n")
+    with contextlib.suppress(ValueError):
+        from_json(lines[-1])
+        lines.append(b"")
+    (_, first), *rest = [(number, line) for number, line in enumerate(lines[:-1], 1) if line.strip()] or [(1, b"")]
+    header = load_model(OutcomesHeader, first, path, what)
     found: dict[int, EpisodeOutcome] = {}
-    for line in lines[1:-1]:
-        one = load_model(EpisodeOutcome, line, path, what)
+    for number, line in rest:
+        one = load_model(EpisodeOutcome, line, f"line {number} of {path}", what)
         if one.episode >= header.episodes or one.episode in found:
             reason = f"episode {one.episode} is there twice, or beyond the {header.episodes} of the suite"
             raise DataError(NOT_A_SUITE(file=path, what=what, reason=reason))
         found[one.episode] = one
+    outcomes = SuiteOutcomes(header, tuple(found[number] for number in sorted(found)))
     if suite is not None:
-        if header.digest != suite.digest:
-            reason = f"its suite has the digest {header.digest[:12]}, and this one {suite.digest[:12]}"
-            raise DataError(NOT_A_SUITE(file=path, what=f"of the suite {suite.name}", reason=reason))
-        cells = suite.cells
-        for one in found.values():
-            task, band = cells[one.episode % len(cells)]
-            if header.reverse == suite.reverse and (one.task, one.band) != (task.name, band.name):
+        check_outcomes(path, outcomes, suite)
+    return outcomes
+
+
+def check_outcomes(path: Path, found: SuiteOutcomes, suite: Suite) -> None:
+    """Raises DataError where the outcomes in a file are not of a suite, or of its reversed tasks."""
+    header, reason = found.header, ""
+    if header.digest != suite.digest:
+        reason = f"its suite has the digest {header.digest[:12]}, and this one {suite.digest[:12]}"
+    elif header.reverse == suite.reverse:
+        if header.episodes != len(suite):
+            reason = f"it is of {header.episodes:,} episodes, and the suite has {len(suite):,}"
+        cells = [(task.name, band.name) for task, band in suite.cells]
+        for one in found.episodes:
+            if (one.task, one.band) != cells[one.episode % len(cells)]:
                 reason = f"episode {one.episode} names another task or band"
-                raise DataError(NOT_A_SUITE(file=path, what=f"of the suite {suite.name}", reason=reason))
-    return SuiteOutcomes(header, tuple(found[number] for number in sorted(found)))
+    if reason:
+        raise DataError(NOT_A_SUITE(file=path, what=f"of the suite {suite.name}", reason=reason))
+
+
+def differences(one: OutcomesHeader, other: OutcomesHeader) -> dict[str, tuple[Any, Any]]:
+    """What of two runs differs, by the name of the field; what a file does not say is None."""
+    names = OutcomesHeader.model_fields
+    pairs = {name: (getattr(one, name), getattr(other, name)) for name in names}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
 def same_run(path: Path, found: OutcomesHeader, wanted: OutcomesHeader) -> None:
-    """Raises RequestError where a file that is to be continued has outcomes of another run."""
-    for name, mine in wanted:
-        if getattr(found, name) != mine:
-            raise RequestError(OTHER_REQUEST(folder=path, key=name, before=getattr(found, name), now=mine))
+    """Raises RequestError where a file that is to be continued has outcomes of another run. What an old file does not
+    say is not compared."""
+    for name, (before, now) in differences(found, wanted).items():
+        if before is not None:
+            raise RequestError(OTHER_REQUEST(folder=path, key=name, before=before, now=now, outcomes=True))
 
 
 def dump_outcomes(header: OutcomesHeader, episodes: Iterable[EpisodeOutcome]) -> bytes:
@@ -113,4 +133,4 @@ def dump_outcomes(header: OutcomesHeader, episodes: Iterable[EpisodeOutcome]) ->
 
 def line_of(one: OutcomesHeader | EpisodeOutcome) -> bytes:
     """A line of the file."""
-    return (json.dumps(one.model_dump(), ensure_ascii=False) + "\n").encode()
+    return (json.dumps(one.model_dump(), ensure_ascii=False) + "\n").encode(errors="replace")

@@ -5,21 +5,24 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
 from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
+from scenegen.errors.requests import GIVEN_TWICE
 from scenegen.scenes.files import write_whole
 from scenegen.validation import as_path
-from scenegen.worlds.suites.outcomes import EpisodeOutcome, SuiteOutcomes, read_outcomes
+from scenegen.worlds.suites.outcomes import EpisodeOutcome, SuiteOutcomes, check_outcomes, differences, read_outcomes
 from scenegen.worlds.suites.statistics import PairedDifference, base_rate, needed_unpaired, wilson
 from scenegen.worlds.suites.suite import GradedStart, Suite
 
+OF_A_RUN = ("steps", "timeout", "world", "versions")  # what should not differ between runs that are compared
 POINTS = 0.05  # the difference whose episodes are counted
 PICTURE = (320, 240)
 STYLE = """
@@ -54,6 +57,9 @@ def report_suite(
     suite = Suite.load(folder)
     read = [read_outcomes(path, suite) for path in files]
     suites = {way: Suite.load(folder, reverse=way) for way in {one.header.reverse for one in read}}
+    for path, one in zip(files, read, strict=True):
+        check_outcomes(path, one, suites[one.header.reverse])
+    read = [replace(one, name=name) for one, name in zip(read, _names(read, files), strict=True)]
     played = [(one, suites[one.header.reverse]) for one in read]
     title = f"Suite {suite.name}"
     about = f"{len(suite):,} starts: {len(suite.tasks)} tasks, {suite.n} of each band. Digest {suite.digest}."
@@ -71,8 +77,29 @@ def report_suite(
     return out
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Tables.
+def _names(read: Sequence[SuiteOutcomes], files: Sequence[Path]) -> list[str]:
+    """What each file is called: its policy without the folder, how that was run where it was not as usual, and, of
+    those that are then called alike, what tells them apart. Raises RequestError for a file that is given twice."""
+    headers = [one.header for one in read]
+    words = [["reversed"] * one.reverse + ["no instruction"] * (one.instruction == "empty") for one in headers]
+    details = [[_of_run(field, getattr(one, field)) for one in headers] for field in (*OF_A_RUN, "policy")]
+    for detail in (*details, [path.name for path in files], [str(path) for path in files], [""] * len(files)):
+        policies = [re.split(r"[/\\]", one.policy.rstrip("/"))[-1] for one in headers]
+        names = [f"{one} ({', '.join(how)})" if how else one for one, how in zip(policies, words, strict=True)]
+        for own, how, name in zip(detail, words, names, strict=True):
+            if any(own != other for other, its in zip(detail, names, strict=True) if its == name):
+                how.append(own)
+    twice = [str(path) for path, name in zip(files, names, strict=True) if names.count(name) > 1]
+    if twice:
+        raise RequestError(GIVEN_TWICE(what=twice[0]))
+    return names
+
+
+def _of_run(field: str, value: object) -> str:
+    """What a header says in a field of OF_A_RUN."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {version}" for name, version in value.items())
+    return f"{field} {'not recorded' if value is None else value}"
 
 
 def _shares(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> Iterator[ReportTable]:
@@ -98,6 +125,8 @@ def _share(some: Sequence[EpisodeOutcome]) -> str:
 
 def _base(outcomes: SuiteOutcomes, suite: Suite) -> str:
     """The share of success over all starts that the tasks' specs allow, tasks alike."""
+    if not outcomes.episodes:
+        return "-"
     success, cells = outcomes.success, suite.cells
     each = [[done for number, done in success.items() if number % len(cells) == place] for place in range(len(cells))]
     weights = [band.probability / len(suite.tasks) for _, band in cells]
@@ -124,10 +153,13 @@ def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
         if one.header.reverse != other.header.reverse or not found.n:
             continue
         low, high = (f"{100 * end:+.1f}" for end in found.interval)
+        unlike = differences(one.header, other.header)
+        words = [" and ".join(_of_run(name, value) for value in unlike[name]) for name in OF_A_RUN if name in unlike]
         done = [*one.success.values(), *other.success.values()]
         rows.append((
             f"{one.name} - {other.name}", f"{100 * found.difference:+.1f} points ({low} to {high})",
-            f"{found.first} and {found.second} of {found.n}", f"{found.p:.2g}", "yes" if found.p < 0.05 else "no",
+            f"{found.first} and {found.second} of {found.n}", f"{found.p:.2g}",
+            ", but the runs differ: ".join(["yes" if found.p < 0.05 else "no", *words]),
             f"{found.needed(POINTS):,} ({needed_unpaired(sum(done) / len(done), POINTS):,} on starts of their own)",
         ))  # fmt: skip
     head = ("", "difference", "one alone succeeds", "p", "told apart", f"episodes for {100 * POINTS:.0f} points")
@@ -165,10 +197,6 @@ def _markdown(table: ReportTable) -> str:
     lines = [table.head, ("---",) * len(table.head), *table.rows]
     each = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
     return f"\n## {table.title}\n\n{table.note}\n\n{each}\n"
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Pictures.
 
 
 def _worst(read: Sequence[SuiteOutcomes], suite: Suite) -> list[tuple[GradedStart, int, int]]:

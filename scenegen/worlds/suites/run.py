@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import http.client
+import importlib.metadata
 import importlib.util
 import inspect
+import math
 import pickle
 import queue
+import secrets
 import sys
 import time
 from collections import deque
@@ -24,12 +27,14 @@ from urllib.parse import urlsplit
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import UNFINISHED_RUN
 from scenegen.errors.program import PROCESS_DIED
-from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.worlds import WORLD_FAILS
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
-from scenegen.scenes.files import reported, write_whole
-from scenegen.validation import as_path, as_seconds
+from scenegen.resources import __version__
+from scenegen.scenes.files import check_writable, reported, target, write_whole
+from scenegen.scenes.lease import locked
+from scenegen.validation import as_int, as_path, as_seconds, as_success
 from scenegen.worlds.policy_server import decode, encode
 from scenegen.worlds.suites.outcomes import (
     EpisodeOutcome,
@@ -44,7 +49,7 @@ from scenegen.worlds.suites.suite import GradedStart, Suite, SuiteTask
 
 SAID = 200  # characters of an error that outcomes keep
 START = 120.0  # seconds for a process to begin
-WAIT = 30.0  # seconds for a policy's server to come back
+WAIT = 30.0  # seconds for a policy's server to come back, but at most half of those of an episode
 Policy = Callable[[Any, str], Any]
 Told = Callable[[EpisodeOutcome, int, int], None]  # an outcome, how many of how many there are
 
@@ -71,7 +76,9 @@ def run_suite(
     `timeout`, in seconds, kills one that hangs. `resume` goes on with a file. Raises RequestError, DataError,
     OutputError, and ScenegenError where world or policy cannot be had at all.
     """
-    out, timeout = as_path("out", out), as_seconds("timeout", timeout)
+    out, timeout, steps = as_path("out", out), as_seconds("timeout", timeout), as_int("steps", steps)
+    if steps < 1:
+        raise RequestError(OUT_OF_RANGE(argument="steps", value=steps, wanted="1 or more"))
     if instruction not in get_args(Instruction):
         raise RequestError(UNKNOWN_CHOICE(what="instruction", name=instruction, known=get_args(Instruction)))
     for argument, text in (("world", world), ("policy", policy)):
@@ -81,27 +88,41 @@ def run_suite(
             raise RequestError(WRONG_VALUE(argument=argument, value=f"`{text}`", wanted=forms))
     header = OutcomesHeader(
         suite=suite.name, digest=suite.digest, world=world, policy=policy, instruction=instruction,
-        reverse=suite.reverse, episodes=len(suite),
+        reverse=suite.reverse, episodes=len(suite), steps=steps, timeout=timeout, versions=_versions(world),
     )  # fmt: skip
-    found: list[EpisodeOutcome] = []
-    if out.exists() and (before := read_outcomes(out, suite)).episodes:
-        if not resume:
-            raise RequestError(UNFINISHED_RUN(folder=out, outcomes=len(before.episodes)))
-        same_run(out, before.header, header)
-        found = list(before.episodes)
-    there = {one.episode for one in found}
-    wanted = [suite[number] for number in episodes or range(len(suite)) if number not in there]
-    todo = deque(start.number for start in sorted(wanted, key=lambda start: suite.tasks.index(start.task)))
-    write_whole(out, dump_outcomes(header, found))
-    job = Player(suite.folder, suite.reverse, world, policy, instruction == "empty", steps)
-    with reported(out), out.open("ab") as file:
-        for done, outcome in enumerate(_played(job, suite, todo, check_workers(workers), timeout), 1):
-            file.write(line_of(outcome))
-            file.flush()
-            found.append(outcome)
-            told(outcome, done, len(wanted))
-    write_whole(out, dump_outcomes(header, found))
+    check_writable(out)
+    whole = target(out)
+    with locked(whole.with_name(f".{whole.name[:200]}.lock"), str(out)):
+        found: list[EpisodeOutcome] = []
+        if out.exists() and (before := read_outcomes(out, suite)).episodes:
+            if not resume:
+                raise RequestError(UNFINISHED_RUN(folder=out, outcomes=len(before.episodes)))
+            same_run(out, before.header, header)
+            header, found = before.header, list(before.episodes)
+        there = {one.episode for one in found}
+        wanted = [suite[number] for number in episodes or range(len(suite)) if number not in there]
+        todo = deque(start.number for start in sorted(wanted, key=lambda start: suite.tasks.index(start.task)))
+        write_whole(out, dump_outcomes(header, found))
+        job = Player(suite.folder, suite.reverse, world, policy, instruction == "empty", steps, timeout / 2.0)
+        with reported(out), out.open("ab") as file:
+            for done, outcome in enumerate(_played(job, suite, todo, check_workers(workers), timeout), 1):
+                file.write(line_of(outcome))
+                file.flush()
+                found.append(outcome)
+                told(outcome, done, len(wanted))
+        write_whole(out, dump_outcomes(header, found))
     return out
+
+
+def _versions(world: str) -> dict[str, str]:
+    """That of scenegen, and that of the package which a world is imported from; scenegen's own need robosuite."""
+    package = world.rpartition(":")[0].partition(".")[0]
+    found = {"scenegen": __version__}
+    if not world.rpartition(":")[0].endswith(".py"):
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            package = "robosuite" if package == "scenegen" else package
+            found[package] = importlib.metadata.version(package)
+    return found
 
 
 def _played(job: Player, suite: Suite, todo: deque[int], workers: int, timeout: float) -> Iterator[EpisodeOutcome]:
@@ -161,13 +182,10 @@ def _outcome(start: GradedStart, success: bool, steps: int, error: str | None = 
     return EpisodeOutcome(episode=start.number, **names, success=success, steps=steps, error=error)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# In the worker process: one environment a task, one policy.
-
-
 @dataclass(slots=True)
 class Player:
-    """The job of an episode, by its number."""
+    """The job of an episode, by its number. It runs in a worker process, with one environment for a task, and one
+    policy; a policy's server has `wait` seconds to begin it."""
 
     folder: Path
     reverse: bool
@@ -175,6 +193,7 @@ class Player:
     policy: str
     empty: bool
     most: int
+    wait: float = math.inf
     suite: Suite | None = None
     task: SuiteTask | None = None
     env: Any = None
@@ -202,7 +221,7 @@ class Player:
         try:
             self.env = named(self.world)(task)
             what, name = "the policy", self.policy
-            self.act = policy_of(self.policy, self.env)
+            self.act = policy_of(self.policy, self.env, self.wait)
         except Exception as error:
             reason = _said(error)
             raise ScenegenError(WORLD_FAILS(what=what, name=name, how="cannot be made", reason=reason)) from error
@@ -218,15 +237,12 @@ class Player:
         observation, info = self.env.reset(seed=start.seed, options={"start": start})
         if hasattr(self.act, "reset"):
             self.act.reset(start.seed)
-        over, success = False, bool(info.get("success", False))
+        over, success = False, as_success(self.world, {"success": None, **info}, "success")
         while not (over or success) and self.steps < self.most:
             action = self.act(observation, "" if self.empty else start.task.instruction)
             self.steps += 1
             observation, _, terminated, truncated, info = self.env.step(action)
-            if "success" not in info:
-                reason = "there is no `success` in info"
-                raise ScenegenError(WORLD_FAILS(what="the world", name=self.world, how="does not judge", reason=reason))
-            over, success = bool(terminated or truncated), bool(info["success"])
+            over, success = bool(terminated or truncated), as_success(self.world, info, "success")
         return success
 
 
@@ -245,10 +261,10 @@ def named(text: str) -> Any:
     return getattr(sys.modules[key], name)
 
 
-def policy_of(text: str, env: Any) -> Policy:
+def policy_of(text: str, env: Any, wait: float = math.inf) -> Policy:
     """A policy by its name or URL: classes, and functions of `env` alone, make it. Raises what they raise."""
     if text.startswith("http://"):
-        return RemotePolicy(text)
+        return RemotePolicy(text, wait)
     found: Any = named(text)
     wanted = list(inspect.signature(found).parameters)
     if isinstance(found, type) or wanted == ["env"]:
@@ -258,35 +274,49 @@ def policy_of(text: str, env: Any) -> Policy:
 
 
 class RemotePolicy:
-    """A policy behind a server (scenegen/worlds/policy_server.py). `reset` waits a while for one that is restarted;
-    raises ScenegenError where none comes."""
+    """A policy behind a server (scenegen/worlds/policy_server.py). `reset` waits WAIT seconds, or `most` if that is
+    less, for one that is restarted, and `most` for its answer. Raises ScenegenError where none comes, and where the
+    server is in an episode of another client."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, most: float = math.inf) -> None:
         where = urlsplit(url)
-        self._url, self._path, self._link = url, where.path.rstrip("/"), http.client.HTTPConnection(where.netloc)
+        self._url, self._path, self._most, self._wait = url, where.path.rstrip("/"), most, min(WAIT, most)
+        self._link, self._me = http.client.HTTPConnection(where.netloc, timeout=self._wait), secrets.token_hex(8)
 
     def reset(self, seed: int) -> None:
-        until = time.monotonic() + WAIT
+        until = time.monotonic() + self._wait
         while True:
             try:
-                self._ask("/reset", {"seed": seed})
+                self._ask("/reset", {"seed": seed}, self._most)
                 return
-            except (ConnectionError, http.client.HTTPException) as error:
+            except (OSError, http.client.HTTPException) as error:
                 if time.monotonic() > until:
-                    facts = {"what": "the policy", "name": self._url, "how": "does not answer", "reason": str(error)}
-                    raise ScenegenError(WORLD_FAILS(**facts)) from error
+                    raise self._failed("does not answer", str(error) or type(error).__name__) from error
                 time.sleep(0.2)
 
     def __call__(self, observation: Any, instruction: str) -> Any:
-        return self._ask("/act", {"observation": observation, "instruction": instruction})["action"]
+        return self._ask("/act", {"observation": observation, "instruction": instruction}, math.inf)["action"]
 
-    def _ask(self, path: str, given: dict[str, Any]) -> Any:
+    def _ask(self, path: str, given: dict[str, Any], timeout: float) -> Any:
         try:
-            self._link.request("POST", self._path + path, encode(given), {"content-type": "application/json"})
-            answer = decode(self._link.getresponse().read())
+            if self._link.sock is None:
+                self._link.connect()
+            self._link.sock.settimeout(timeout if timeout < math.inf else None)
+            data = encode({**given, "client": self._me})
+            self._link.request("POST", self._path + path, data, {"content-type": "application/json"})
+            response = self._link.getresponse()
+            try:
+                answer = dict(decode(response.read()))
+            except (TypeError, ValueError):  # of a proxy, or of a server of another kind
+                raise http.client.HTTPException(f"status {response.status} and no JSON object") from None
         except BaseException:
             self._link.close()  # the next request opens it again
             raise
+        if "busy" in answer:
+            raise self._failed("serves another client", answer["busy"])
         if "error" in answer:
             raise RuntimeError(answer["error"])
         return answer
+
+    def _failed(self, how: str, reason: str) -> ScenegenError:
+        return ScenegenError(WORLD_FAILS(what="the policy", name=self._url, how=how, reason=reason))

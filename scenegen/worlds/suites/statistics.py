@@ -14,6 +14,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
 
 Z, POWER = 1.959964, 0.841621  # quantiles of the normal distribution: 97.5 %, 80 %
+LEAST = 1e-100  # probability of a stratum: squares of smaller ones are 0
 
 
 def wilson(share: float, n: float) -> tuple[float, float]:
@@ -51,16 +52,18 @@ def base_rate(
         shapes = f"of the shapes {s.shape}, {n.shape} and {w.shape}"
         wanted = "successes, episodes and probabilities of the same strata, (k,) each"
         raise RequestError(WRONG_VALUE(argument="successes", value=shapes, wanted=wanted))
-    if not ((s >= 0) & (s <= n)).all():
-        raise RequestError(WRONG_VALUE(argument="successes", value=str(s.tolist()), wanted="from 0 to the episodes"))
-    if not ((w >= 0).all() and w.sum() <= 1.001):  # they may be rounded
-        wanted = "probabilities of strata that do not overlap: at least 0, and at most 1 together"
-        raise RequestError(WRONG_VALUE(argument="probabilities", value=str(w.tolist()), wanted=wanted))
-    run, w = n > 0, w / max(1.0, w.sum())
-    s, n, w, e = s[run], n[run], w[run], e[run]
+    run = (n > 0) & (w > LEAST)
+    for argument, value, right, wanted in (
+        ("successes", s, (s >= 0) & (s <= n), "from 0 to the episodes"),
+        ("episodes", n, n < math.inf, "finite numbers"),
+        ("probabilities", w, (w >= 0) & (w.sum() <= 1.001), "at least 0, at most 1 together: strata do not overlap"),
+        ("errors", e, (e >= 0) & (e < math.inf), "at least 0: they are halves of intervals"),
+        ("episodes", n, run.any(keepdims=True), "at least one where the probability is above 0"),
+    ):
+        if not right.all():
+            raise RequestError(WRONG_VALUE(argument=argument, value=str(value.tolist()), wanted=wanted))
+    s, n, w, e = s[run], n[run], w[run] / max(1.0, w.sum()), e[run]
     known = float(w.sum())
-    if not known > 0.0:
-        return 0.5, 0.0, 1.0
     met = float((w * s / n).sum())
     p = (s + 1.0) / (n + 2.0)
     variance = w**2 * p * (1.0 - p) / n
@@ -82,7 +85,7 @@ class PairedDifference:
 
     @property
     def difference(self) -> float:
-        return (self.first - self.second) / self.n
+        return self.first / max(self.n, 1) - self.second / max(self.n, 1)
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -94,7 +97,7 @@ class PairedDifference:
     @property
     def p(self) -> float:
         """McNemar's exact test: of episodes that one alone solved, each does half, where there is no difference."""
-        most, least = self.first + self.second, min(self.first, self.second)
+        most, least = int(self.first) + int(self.second), int(min(self.first, self.second))  # numpy's overflow
         return min(1.0, float(2 * sum(math.comb(most, k) for k in range(least + 1)) / 2**most))
 
     def needed(self, difference: float) -> int:
@@ -107,7 +110,8 @@ class PairedDifference:
 
 def needed_unpaired(share: float, difference: float) -> int:
     """How many episodes of each of two policies it takes on starts of their own: shares around `share`."""
-    one, other = min(1.0, share + difference / 2.0), max(0.0, share - difference / 2.0)
+    one = min(1.0, max(share + difference / 2.0, difference))
+    other = one - difference
     middle = (one + other) / 2.0
     within = math.sqrt(one * (1.0 - one) + other * (1.0 - other))
     return math.ceil(((Z * math.sqrt(2.0 * middle * (1.0 - middle)) + POWER * within) / difference) ** 2)

@@ -8,9 +8,10 @@ from the files alone, so episode i has start i in every program that reads them.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
-from operator import not_
+from itertools import pairwise
+from operator import itemgetter, not_
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar
 
@@ -30,15 +31,17 @@ from scenegen.scenes.files import inside, read_bytes
 from scenegen.scenes.sets import Seed, Sha256
 from scenegen.validation import as_int, as_path
 
-# --------------------------------------------------------------------------------------------------------------------
-# suite.json.
-
-
 MANIFEST = "suite.json"
 BLANK = "0" * 64  # what the digest is computed with in its own place
-Model = TypeVar("Model", bound=BaseModel)
-NAME_PATTERN = "[A-Za-z0-9][A-Za-z0-9_.-]*"
+NAME_PATTERN = r"[^\x00-\x1f\x7f-\x9f\u2028\u2029/\\]{1,200}"  # part of a file's name, and of lines
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$")]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def overlapping(ranges: Iterable[tuple[str, float, float]]) -> tuple[str, str] | None:
+    """Two ranges, by name, lowest and highest, that have more in common than an end: their names."""
+    ordered = sorted(ranges, key=itemgetter(1, 2))
+    return next(((one[0], other[0]) for one, other in pairwise(ordered) if other[1] < one[2]), None)
 
 
 class SuiteModel(BaseModel):
@@ -91,6 +94,13 @@ class SuiteFile(SuiteModel):
             for names in ([task.name for task in tasks], *([band.name for band in task.bands] for task in tasks)):
                 if len(set(names)) < len(names):
                     raise ValueError("two tasks, or two bands of one, have the same name")
+        for task in (*self.tasks, *self.reversed):
+            if any(band.phi[0] > band.phi[1] for band in task.bands):
+                raise ValueError(f"a band of {task.name} ends below its beginning")
+            if both := overlapping((band.name, *band.phi) for band in task.bands):
+                raise ValueError("the bands {} and {} of {} overlap".format(*both, task.name))
+            if sum(band.probability for band in task.bands) > 1.001:  # they are rounded
+                raise ValueError(f"the bands of {task.name} are more probable than all starts")
         bands = [band for task in (*self.tasks, *self.reversed) for band in task.bands]
         if any(not len(band.log10p) == len(band.seeds) == self.n for band in bands):
             raise ValueError(f"a band has not {self.n} starts")
@@ -98,8 +108,13 @@ class SuiteFile(SuiteModel):
 
     def dump(self) -> bytes:
         """The bytes of the file, with their digest."""
-        text = self.model_copy(update={"digest": BLANK}).model_dump_json(indent=1).encode() + b"\n"
-        return text.replace(BLANK.encode(), hashlib.sha256(text).hexdigest().encode(), 1)
+        return dump_with_digest(self)
+
+
+def dump_with_digest(model: BaseModel) -> bytes:
+    """A model as JSON, its field `digest` the SHA-256 of these bytes with BLANK in its place."""
+    text = model.model_copy(update={"digest": BLANK}).model_dump_json(indent=1).encode() + b"\n"
+    return text.replace(BLANK.encode(), hashlib.sha256(text).hexdigest().encode(), 1)
 
 
 def load_model(model: type[Model], data: bytes, file: Path | str, what: str) -> Model:
@@ -108,13 +123,20 @@ def load_model(model: type[Model], data: bytes, file: Path | str, what: str) -> 
         return model.model_validate_json(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where, said = ".".join(map(str, first["loc"])), first["msg"].lower().removeprefix("value error, ")
+        where, said = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
+        said = said[:1].lower() + said[1:]
         reason = f"`{where}`: {said}" if where else said
         raise DataError(NOT_A_SUITE(file=file, what=what, reason=reason)) from None
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# A suite in memory.
+def load_with_digest(model: type[Model], path: Path, role: str, what: str) -> Model:
+    """What a file holds that `dump_with_digest` wrote. Raises DataError, also for bytes that are not those."""
+    data = read_bytes(path, role)
+    found = load_model(model, data, path, what)
+    digest: str = vars(found)["digest"]
+    if hashlib.sha256(data.replace(digest.encode(), BLANK.encode(), 1)).hexdigest() != digest:
+        raise DataError(NOT_A_SUITE(file=path, what=what, reason="it does not have the digest that it says"))
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,12 +246,7 @@ def find_suite(folder: str | Path) -> Path:
 def read_manifest(folder: Path) -> SuiteFile:
     """suite.json of a folder. Raises DataError, also for bytes without their digest and for other files than it
     says."""
-    path = folder / MANIFEST
-    data = read_bytes(path, "a suite")
-    file = load_model(SuiteFile, data, path, "a suite")
-    blank = data.replace(file.digest.encode(), BLANK.encode(), 1)
-    if hashlib.sha256(blank).hexdigest() != file.digest:
-        raise DataError(NOT_A_SUITE(file=path, what="a suite", reason="it does not have the digest that it says"))
+    file = load_with_digest(SuiteFile, folder / MANIFEST, "a suite", "a suite")
     for task in (*file.tasks, *file.reversed):
         scenes = folder / task.scenes
         if hashlib.sha256(read_bytes(scenes, "a scenes file of the suite")).hexdigest() != task.sha256:
@@ -255,11 +272,16 @@ def check_suite(folder: str | Path) -> list[Suite]:
     both = (False, True) if read_manifest(folder).reversed else (False,)
     suites = [Suite.load(folder, reverse=reverse) for reverse in both]
     for suite in suites:
+        goals = {task.name: task.success for other in suites if other is not suite for task in other.tasks}
         for task in suite.tasks:
             name = f"the starts of {task.name}{' reversed' if suite.reverse else ''}"
             for wrong in compare(task.spec.checked, task.scenes, name):
                 raise DataError(wrong)
             check_scenes(task.spec.checked, rows_of(task.spec.checked, task.scenes))
+            goal = task.scenes.phi.get(goals.get(task.name, ""))  # of the task the other way: starts are there
+            if (goal is None and (suite.reverse or task.name in goals)) or (goal is not None and (goal < 0.0).any()):
+                reason = "a start is not where the task the other way ends"
+                raise DataError(NOT_A_SUITE(file=name, what="what the suite says", reason=reason))
             for number, band in enumerate(task.bands):
                 phi = task.scenes.phi[task.success][number * suite.n : (number + 1) * suite.n]
                 low, high = band.phi

@@ -68,9 +68,49 @@ def test_the_format(golden, fitted):
         return "number" if isinstance(value, float) else value
 
     found = json.loads(fitted("by phi").read_text())
-    assert len(found["run"]["digest"]) == 64
-    found["run"]["digest"] = "digest"
+    assert len(found["run"]["digest"]) == len(found["digest"]) == 64
+    found["run"]["digest"] = found["digest"] = "digest"
     golden("worlds/fit/format.json", json.dumps(shape(found), indent=1) + "\n")
+
+
+def test_a_fit_of_a_header_alone_is_refused(fitted, tmp_path):
+    text = fitted("by phi").read_text()
+    (tmp_path / "head.fit").write_text(text[: text.index(',\n "tasks"')] + "}")
+    (tmp_path / "none.fit").write_text(text[: text.index('"tasks"')] + '"tasks": []}')
+    for name in ("head.fit", "none.fit"):
+        with pytest.raises(DataError) as caught:
+            Fit.load(tmp_path / name)
+        assert caught.value.diagnostics[0].kind is NOT_A_SUITE and "`tasks`" in str(caught.value)
+
+
+def test_where_all_ended_alike_nothing_is_told(halves, outcomes, tmp_path):
+    fit = fit_outcomes([outcomes("never")], halves)
+    (task,) = fit.tasks
+    assert task.held_out is None and task.base_rate[:2] == (0.0, 0.0) and 0.0 < task.base_rate[2] < 0.05
+    assert task.findings == ["nothing can be told of success in cube: all 200 episodes ended alike"]
+    fit.save(tmp_path / "never.fit")
+    assert Fit.load(tmp_path / "never.fit").tasks == fit.tasks
+
+
+@pytest.mark.long
+def test_one_failure_tells_next_to_nothing(halves, outcomes):
+    (task,) = fit_outcomes([outcomes("but for one")], halves).tasks
+    (said,) = task.findings
+    assert said.startswith("it cannot be told whether phi predicts success in cube: AUC 0.")
+    for _, low, high in (task.held_out.auc, task.held_out.auc_of_phi):
+        assert high - low > 0.7
+
+
+def test_outcomes_without_episodes_are_refused(halves, tmp_path):
+    with pytest.raises(RequestError) as caught:
+        fit_outcomes([write_outcomes(tmp_path / "none.jsonl", halves, "by phi", episodes=0)], halves)
+    assert caught.value.diagnostics[0].kind is OUT_OF_PLACE and "no episodes" in str(caught.value)
+
+
+def test_runs_of_other_lengths_are_refused(halves, outcomes, tmp_path):
+    longer = write_outcomes(tmp_path / "longer.jsonl", halves, "by phi", steps=99)
+    with pytest.raises(RequestError, match="its steps is 99, not None"):
+        fit_outcomes([outcomes("by phi"), longer], halves)
 
 
 def test_scenes_of_other_specs_are_refused(fitted):
@@ -86,7 +126,10 @@ def test_scenes_of_other_specs_are_refused(fitted):
     "old, new",
     [
         ("scenegen/fit", "scenegen/outcomes"),
-        ('"version": 1', '"version": 2'),
+        ('"version": 2', '"version": 1'),
+        ('"episodes": 200', '"episodes": 201'),
+        ('"strength": ', '"strength": 1'),
+        ('"digest": "', '"digestive": "'),
         ('"intercept": ', '"intercept": NaN, "odd": '),
         ("{", ""),
         ('"knots": [', '"knots": [9.0,'),

@@ -5,7 +5,18 @@ import pytest
 
 from scenegen.worlds.fit import logistic
 from scenegen.worlds.fit.features import Feature
-from scenegen.worlds.fit.logistic import Logistic, OddsCurve, Outcomes, auc, brier, by_chance, calibration_error, chosen
+from scenegen.worlds.fit.logistic import (
+    Logistic,
+    OddsCurve,
+    Outcomes,
+    auc,
+    auc_with_interval,
+    brier,
+    by_chance,
+    calibration_error,
+    chosen,
+)
+from scenegen.worlds.suites.statistics import wilson
 
 KINDS = ("phi", "margin", "place")
 
@@ -94,7 +105,7 @@ def test_a_prediction_does_not_depend_on_its_company():
 
 def test_measures_by_hand():
     assert auc([1, 0, 1, 0], [0.9, 0.1, 0.5, 0.5]) == (1 + 1 + 1 + 0.5) / 4
-    assert auc([1, 1], [0.1, 0.2]) == 0.5
+    assert np.isnan(auc([1, 1], [0.1, 0.2]))
     assert brier([1, 0], [0.8, 0.4]) == pytest.approx((0.04 + 0.16) / 2)
     y, p = np.arange(80) % 2, np.repeat([0.4, 0.7], 40)
     assert calibration_error(y, p) == pytest.approx((0.1 + 0.2) / 2)
@@ -125,3 +136,31 @@ def test_intervals_of_measures_cover_what_is_true():
 def test_curves_that_are_none_are_refused(knots, heights):
     with pytest.raises(ValueError):
         OddsCurve(feature="phi", kind="phi", knots=knots, heights=heights)
+
+
+def test_the_calibration_error_does_not_depend_on_the_order():
+    """Equal predictions are one group, or are shared out in equal parts."""
+    rng = np.random.default_rng(0)
+    y = np.repeat([True, False], 200)
+    assert calibration_error(y, np.full(400, 0.5)) == 0.0 and calibration_error(y, np.full(400, 0.3)) == pytest.approx(
+        0.2
+    )
+    some = np.array([0.2, 0.5, 0.7])[rng.integers(3, size=400)]
+    by_hand = sum(abs(float((y[some == p] - p).sum())) for p in (0.2, 0.5, 0.7)) / 400
+    found = {calibration_error(y[order], some[order]) for order in (rng.permutation(400) for _ in range(20))}
+    assert len(found) == 1 and by_hand == pytest.approx(found.pop(), abs=0.03)
+
+
+def test_few_of_a_kind_tell_little():
+    """The interval is Wilson's of as many, or wider; with many of both it is the bootstrap's."""
+    score, rng = np.arange(60) / 60.0, np.random.default_rng(0)
+    for failed in ([7], [0], [3, 9], list(range(9))):
+        y = ~np.isin(np.arange(60), failed)
+        found, low, high = auc_with_interval(y, score, np.arange(60))
+        least, most = wilson(found, len(failed))
+        assert low <= least <= found <= most <= high
+    y = rng.random(60) < score
+    assert auc_with_interval(y, score, np.arange(60)) == logistic.with_interval(auc, y, score, np.arange(60))
+    assert auc_with_interval(score > 0.5, score, np.arange(60))[1] == pytest.approx(wilson(1.0, 29)[0])
+    repeated = auc_with_interval(np.repeat(score != 0.5, 10), np.repeat(score, 10), np.repeat(np.arange(60), 10))
+    assert repeated[2] - repeated[1] > 0.8  # of one start, ten times

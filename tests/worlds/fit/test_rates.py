@@ -35,7 +35,6 @@ def test_what_was_not_run_may_succeed_always_or_never():
     known = base_rate([50], [100], [0.8])
     assert estimate == 0.5 and (estimate, low, high) == known
     assert high - low == pytest.approx(0.2 + 2 * 1.959964 * 0.8 * math.sqrt(0.25 / 100))
-    assert base_rate([0], [0], [1.0]) == (0.5, 0.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +93,11 @@ def test_neyman_beats_equal_shares():
 
 
 @pytest.mark.parametrize(
-    "given", [([1], [2, 3], [1.0]), ([5], [2], [1.0]), ([1, 1], [2, 2], [0.9, 0.9]), ([-1], [2], [0.5]), ([], [], [])]
+    "given",
+    [([1], [2, 3], [1.0]), ([5], [2], [1.0]), ([1, 1], [2, 2], [0.9, 0.9]), ([-1], [2], [0.5]), ([], [], [])]
+    + [([0], [0], [1.0]), ([1], [2], [0.0]), ([0, 1], [0, 2], [1.0, 0.0]), ([1], [2], [1e-200]), ([1], [2], [math.nan])]
+    + [([1], [math.inf], [1.0]), ([math.nan], [2], [1.0]), ([1], [math.nan], [1.0]), ([1], [2], [math.inf])]
+    + [([1], [2], [1.0], [error]) for error in (math.nan, math.inf, -0.1)],
 )
 def test_numbers_that_can_be_no_strata_are_refused(given):
     with pytest.raises(RequestError):
@@ -104,6 +107,20 @@ def test_numbers_that_can_be_no_strata_are_refused(given):
 def test_too_few_episodes_are_refused():
     with pytest.raises(RequestError, match="least 1 for each"):
         allocate([0.5, 0.5], [0.5, 0.5], 1)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        ([0.5, math.nan], [0.5, 0.5], 9),
+        ([0.5, 0.5], [0.5, 1.5], 9),
+        ([0.5, 0.5], [0.5], 9),
+        ([0.5, 0.5], [0.5, 0.5], 2.5),
+    ],
+)
+def test_strata_that_get_no_episodes(given):
+    with pytest.raises(RequestError):
+        allocate(*given)
 
 
 def test_strata_are_as_many_as_pay():

@@ -1,13 +1,14 @@
 """Episodes that start from scenes, in a small environment of our own; the other files have panda-gym and Fetch."""
 
 import math
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
 import pytest
 
 import scenegen
-from scenegen.errors import RequestError, SpecError
+from scenegen.errors import RequestError, ScenegenError, SpecError
 from scenegen.gym import SceneResets, keep_clear, phi_space
 from scenegen.learn.curriculum.strategies import strategy
 from scenegen.worlds.starts import RangeStarts
@@ -156,6 +157,45 @@ def test_it_is_a_world_of_a_suite():
     assert (seen.reshape(3, 7) == start.poses).all() and info["phi"] == start.phi
     assert env.step(0)[4]["success"] is False and env.step(1)[4]["success"] is True
     assert not heard
+
+
+def test_one_episode_at_another_range():
+    env, other = started(), started()
+    asked = {"task": (-0.3, -0.2)}
+    seen, info = env.reset(seed=1, options={"phi": asked})
+    assert -0.3 <= info["phi"]["task"] <= -0.2
+    assert (other.reset(seed=1, options={"phi": asked})[0] == seen).all()
+    assert -0.1 <= env.reset(seed=1)[1]["phi"]["task"] <= 0.0
+    assert (env.reset(seed=2)[0] == started().reset(seed=2)[0]).all()  # others are as they were
+
+
+def test_options_that_are_none():
+    start = RangeStarts(SPEC, lambda: WANTED, 0, 60.0).take()
+    for code, options in [
+        ("wrong-value", {"start": 7}),
+        ("wrong-value", {"start": 0}),
+        ("wrong-value", {"start": SimpleNamespace(poses=start.poses[:2], phi={})}),
+        ("wrong-value", {"start": SimpleNamespace(poses=start.poses, phi={}, objects=("a", "b", "c"))}),
+        ("wrong-value", 7),
+        ("wrong-value", [("phi", (0, 1))]),
+        ("conflicting-arguments", {"start": start, "phi": (-0.1, 0)}),
+        ("unknown-label", {"phi": {"tusk": (-0.1, 0)}}),
+        ("range-not-a-pair", {"phi": {"task": -0.1}}),
+        ("beyond-bounds", {"phi": {"task": (5.0, None)}}),
+    ]:
+        env = started()
+        with pytest.raises(RequestError) as caught:
+            env.reset(options=options)
+        assert caught.value.diagnostics[0].code == code and not env.unwrapped.poses, options
+
+
+@pytest.mark.parametrize("said", [math.nan, 0.3, "False", np.array([True, False])])
+def test_a_success_that_is_none(said):
+    env = started()
+    env.reset()
+    env.unwrapped.step = lambda action: (None, 0.0, True, False, {"is_success": said})
+    with pytest.raises(ScenegenError, match="does not judge"):
+        env.step(0)
 
 
 def test_things_keep_clear_of_a_hand_at_rest():

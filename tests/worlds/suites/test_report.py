@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.requests import GIVEN_TWICE
 from scenegen.worlds.suites.outcomes import EpisodeOutcome, OutcomesHeader, SuiteOutcomes, dump_outcomes
 from scenegen.worlds.suites.report import compared, report_suite
 from scenegen.worlds.suites.suite import Suite
@@ -49,3 +51,60 @@ def test_what_both_were_run_on(small):
 
     found = compared(outcomes(one, range(8)), outcomes(other, range(2, 9)))
     assert (found.first, found.second, found.n) == ((one & ~other)[2:8].sum(), (other & ~one)[2:8].sum(), 6)
+
+
+HOW = {"steps": 20, "timeout": 600.0, "versions": {"scenegen": "0.1.0"}}
+
+
+@pytest.mark.parametrize(
+    "changes, names",
+    [
+        ({"steps": 100}, ["x.py:act (steps 20)", "x.py:act (steps 100)"]),
+        ({"versions": {"scenegen": "0.2.0"}}, ["x.py:act (scenegen 0.1.0)", "x.py:act (scenegen 0.2.0)"]),
+        ({"world": "v:make"}, ["x.py:act (world w:make)", "x.py:act (world v:make)"]),
+        ({"timeout": 9.0}, ["x.py:act (timeout 600.0)", "x.py:act (timeout 9.0)"]),
+        ({"steps": None}, ["x.py:act (steps 20)", "x.py:act (steps not recorded)"]),
+        ({"policy": "b/x.py:act"}, ["x.py:act (policy a/x.py:act)", "x.py:act (policy b/x.py:act)"]),
+        ({}, ["x.py:act (one.jsonl)", "x.py:act (two.jsonl)"]),
+        ({"policy": "http://host:8000/"}, ["x.py:act", "host:8000"]),
+        ({"policy": "C:\\me\\p.py:act"}, ["x.py:act", "p.py:act"]),
+    ],
+)
+def test_columns_are_told_apart(small, tmp_path, changes, names):
+    """Where runs differ in more than their policies, it is said beside the test, too."""
+    suite = Suite.load(small)
+    one = written(suite, tmp_path / "one.jsonl", "a/x.py:act", [True] * 6, **HOW)
+    how = {**HOW, **changes}
+    world, policy = how.pop("world", "w:make"), how.pop("policy", "a/x.py:act")
+    other = written(suite, tmp_path / "two.jsonl", policy, [False] * 6, **how)
+    other.write_text(other.read_text().replace("w:make", world))
+    text = report_suite(small, [one, other], tmp_path / "report.md").read_text()
+    assert text.count(" | ".join(names)) == 2 and f"| {names[0]} - {names[1]} |" in text
+    unlike = [*changes][:1] if {*changes} & {"steps", "timeout", "world", "versions"} else []
+    assert ("| yes, but the runs differ: " in text) == bool(unlike) and ("| yes |" in text) != bool(unlike)
+
+
+def test_three_of_one_policy(small, tmp_path):
+    """Two alike in all but their folders, and one of another number of steps."""
+    (tmp_path / "a").mkdir()
+    suite = Suite.load(small)
+    places = [(tmp_path / "a" / "o.jsonl", 20), (tmp_path / "o.jsonl", 20), (tmp_path / "p.jsonl", 100)]
+    files = [written(suite, path, "x.py:act", [True] * 6, steps=steps) for path, steps in places]
+    head = report_suite(small, files, tmp_path / "report.md").read_text()
+    assert f"x.py:act (steps 20, {files[0]}) | x.py:act (steps 20, {files[1]}) | x.py:act (steps 100) |" in head
+    with pytest.raises(RequestError) as caught:
+        report_suite(small, [files[0], files[0]], tmp_path / "report.md")
+    assert caught.value.diagnostics[0].kind is GIVEN_TWICE
+
+
+def test_a_file_without_episodes(small, files, tmp_path):
+    empty = tmp_path / "none.jsonl"
+    empty.write_text(files[0].read_text().splitlines()[0].replace("good", "none") + "\n")
+    text = report_suite(small, [empty, *files], tmp_path / "report.md").read_text()
+    assert "| base distribution | - |" in text and "| every episode | - |" in text and "none.py:act - " not in text
+
+
+def test_reversed_outcomes_are_held_against_the_reversed_tasks(small, files, tmp_path):
+    files[3].write_text(files[3].read_text().replace('"band": "level1"', '"band": "level2"', 1))
+    with pytest.raises(DataError, match="names another task or band"):
+        report_suite(small, files, tmp_path / "report.md")

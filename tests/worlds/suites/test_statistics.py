@@ -43,3 +43,28 @@ def test_episodes_that_a_difference_needs():
     assert math.isclose(
         PairedDifference(0, 0, 1000).needed(0.05), PairedDifference(0, 49, 1000).needed(0.05), abs_tol=9
     )
+
+
+@pytest.mark.parametrize(
+    "share, low, high",
+    [(1.0, 0.95, 1.0), (0.99, 0.95, 1.0), (0.975, 0.95, 1.0), (0.0, 0.0, 0.05), (0.01, 0.0, 0.05), (0.6, 0.575, 0.625)],
+)
+def test_a_difference_near_the_ends_needs_what_it_needs_there(share, low, high):
+    """The pair that is that far apart; the number is by the textbook, from scipy's quantiles."""
+    z, power, middle = stats.norm.ppf(0.975), stats.norm.ppf(0.8), (low + high) / 2
+    root = z * math.sqrt(2 * middle * (1 - middle)) + power * math.sqrt(low * (1 - low) + high * (1 - high))
+    assert needed_unpaired(share, 0.05) == math.ceil((root / 0.05) ** 2)
+    assert needed_unpaired(1.0, 0.05) == 152
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.int32, np.uint8, np.uint64])
+def test_numbers_of_numpy(kind):
+    mine, theirs = PairedDifference(40, 90, 200), PairedDifference(*map(kind, (40, 90, 200)))
+    for one in (lambda x: x.p, lambda x: x.difference, lambda x: x.interval, lambda x: x.needed(0.05)):
+        assert one(theirs) == one(mine)
+    assert PairedDifference(kind(100), kind(100), kind(200)).p == 1.0
+
+
+def test_no_start_in_common_tells_nothing():
+    none = PairedDifference(0, 0, 0)
+    assert (none.difference, none.p, none.interval) == (0.0, 1.0, (-1.0, 1.0))

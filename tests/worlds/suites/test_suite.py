@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scenegen.errors import DataError
 from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.worlds import NOT_A_SUITE
 from scenegen.worlds.suites.new import new_suite
-from scenegen.worlds.suites.suite import BLANK, MANIFEST, Suite, check_suite, read_manifest
+from scenegen.worlds.suites.suite import BLANK, MANIFEST, Suite, check_suite, overlapping, read_manifest
 
 
 def test_episode_i_has_start_i(small):
@@ -97,6 +98,59 @@ def test_a_forged_suite_does_not_pass_the_check(small, tmp_path):
     with pytest.raises(DataError) as caught:
         check_suite(moved)
     assert caught.value.diagnostics[0].kind == PHI_DIFFERS
+
+
+def changed(small, folder, change):
+    """A copy of the suite whose suite.json was changed, and has the digest of what it then is."""
+    copied(small, folder, "nothing", lambda data: data)
+    data = json.loads((folder / MANIFEST).read_bytes())
+    change(data)
+    (folder / MANIFEST).write_text(json.dumps(data))
+    return forged(folder)
+
+
+def widened(data):
+    data["tasks"][0]["bands"][1]["phi"][1] += 0.001
+
+
+def turned(data):
+    data["reversed"][0]["bands"][0]["phi"].reverse()
+
+
+def certain(data):
+    data["tasks"][0]["bands"][0]["probability"] = 1.0
+
+
+@pytest.mark.parametrize(
+    "change, reason",
+    [
+        (widened, "the bands level2 and level1 of beside overlap"),
+        (turned, "a band of beside ends below its beginning"),
+        (certain, "the bands of beside are more probable than all starts"),
+    ],
+)
+def test_bands_that_would_count_starts_twice_are_refused(small, tmp_path, change, reason):
+    with pytest.raises(DataError) as caught:
+        Suite.load(changed(small, tmp_path / "changed", change))
+    assert caught.value.diagnostics[0].facts["reason"] == reason
+
+
+def test_ranges_overlap_where_they_have_more_than_an_end_in_common():
+    assert overlapping([("a", -1.0, 0.0), ("b", -3.0, -2.0), ("c", -2.0, -1.0)]) is None
+    assert overlapping([("a", -1.0, 0.0), ("b", -9.0, -8.0), ("c", -2.0, -0.9)]) == ("c", "a")
+    assert overlapping([("all", -math.inf, math.inf), ("near", -0.05, 0.0)]) == ("all", "near")
+
+
+def test_reversed_starts_are_where_the_task_ends(small, tmp_path):
+    """Those of this suite's reversed task are the task's own starts."""
+
+    def change(data):
+        data["reversed"] = data["tasks"]
+
+    folder = changed(small, tmp_path / "changed", change)
+    Suite.load(folder, reverse=True)
+    with pytest.raises(DataError, match="not where the task the other way ends"):
+        check_suite(folder)
 
 
 @pytest.mark.long

@@ -43,6 +43,22 @@ def unjudged(task):
     return Unjudged(task)
 
 
+class Judging(Toy):
+    """A world whose judgement, of steps and of resets, is what a test puts there."""
+
+    said = True, False
+
+    def reset(self, **given):
+        return super().reset(**given)[0], {"success": self.said[1]}
+
+    def step(self, action):
+        return *super().step(action)[:4], {"success": self.said[0]}
+
+
+def judging(task):
+    return Judging(task)
+
+
 def broken(task):
     raise OSError("no display")
 

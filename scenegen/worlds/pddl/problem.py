@@ -24,7 +24,10 @@ from scenegen.scenes.files import read_bytes
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 200  # what reads the tree may recurse
 
-_TOKEN = re.compile(r"[ \t\n\f]+|;[^\n]*|[()]|[^\s();\x00-\x1f\x7f]+")
+# A word ends where a variable begins (`nextto?x?y`), and a hyphen that joins nothing is one of its own (`a -block`).
+_LETTER = r"[^\s();?\x00-\x1f\x7f-]"
+_WORD = rf"\??(?:{_LETTER}+|-(?={_LETTER})|\?(?!\w))++"
+_TOKEN = re.compile(rf"[ \t\n\f]+|;[^\n]*|[()]|-?(?=[\d.]){_WORD}|-|{_WORD}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +92,7 @@ def _tokens(source: Source) -> Iterator[tuple[str, int, int]]:
     place, text = 0, source.text
     while place < len(text):
         found = _TOKEN.match(text, place)
-        if found is None or "\ufffd" in found[0]:
+        if found is None or ("\ufffd" in found[0] and found[0][0] != ";"):
             if found is not None:
                 place += found[0].index("\ufffd")
             here = Span(source, place, place + 1)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -175,6 +176,84 @@ def test_files_of_poses_alone(spec, tmp_path):
         (tmp_path / "bad.csv").write_text(text)
         with pytest.raises(DataError, match=said):
             scenegen.read_scenes(tmp_path / "bad.csv", spec=spec)
+
+
+ROW = dict(zip(COLUMNS, POSES[0].ravel().tolist(), strict=True))
+
+
+def table_of(between=",", more=("", ""), head="", quote=""):
+    """A .csv file of one scene: `more` stands behind its heading and its row."""
+    lines = (between.join(f"{quote}{one}{quote}" for one in line) for line in (ROW, map(str, ROW.values())))
+    return head + "".join(f"{line}{between}{cell}\n" for line, cell in zip(lines, more, strict=True))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        table_of(";", ("at (x,y)", "q")),
+        table_of("\t", ("a,b,c,d,e,f,g,h,i,j,k;l", "q")),
+        table_of(",", ("a;b;c;d;e;f;g;h;i;j;k", "q")),
+        table_of(";", ('"a,b.x,c.y"', '"1,2"')),
+        table_of(",", ("picture", "A" * 140_000)),
+        table_of(", ", ('"say ""hi"", twice"', '"a\nb"'), quote='"'),
+        table_of(head="sep=,\n"),
+        table_of(";", head='\ufeff"SEP=;"\r\n'),
+        table_of("\t", head="sep=\t\n"),
+        table_of(head="# made by a tracker, 2024\n#\n\n"),
+        table_of(more=("#", "# 1")),
+        "#," + table_of().replace("\n", "\n1,", 1),
+        table_of(more=("note", "a\u2028b\x85c\x0bd")).replace("\n", "\r"),
+    ],
+)
+def test_csv_files_hold_anything_beside_the_poses(text, spec, tmp_path):
+    (tmp_path / "a.csv").write_bytes(text.encode())
+    np.testing.assert_array_equal(scenegen.read_scenes(tmp_path / "a.csv", spec=spec).poses, POSES[:1])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (table_of(head="sep=|\n"), "separated by `|`"),
+        (table_of(more=("n", '"a "b" c"')), "line 2, counted from its heading: ',' expected"),
+        (table_of(more=("n", '"abc')), "line 2, counted from its heading: unexpected end"),
+        (table_of(";").replace("0.2", "0,2"), "numbers have a decimal point: 0.2"),
+        ("sep=;\n", "it has no rows"),
+        ("# " + table_of(), "did you mean `# mug.x`"),
+    ],
+)
+def test_csv_files_that_are_none_say_where(text, said, spec, tmp_path):
+    (tmp_path / "a.csv").write_bytes(text.encode())
+    with pytest.raises(DataError) as caught:
+        scenegen.read_scenes(tmp_path / "a.csv", spec=spec)
+    assert said in str(caught.value) and len(caught.value.diagnostics) == 1
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_of_json_end_where_json_says(end, spec, tmp_path):
+    row = json.dumps({**ROW, "note": "a\u2028b\u2029c\x85d"}, ensure_ascii=False)
+    (tmp_path / "a.jsonl").write_bytes(f"\ufeff{row}{end}{row}{end}{end}".encode())
+    assert len(scenegen.read_scenes(tmp_path / "a.jsonl", spec=spec)) == 2
+
+
+def test_parquet_files_have_numbers_of_every_kind(spec, tmp_path):
+    pa = pytest.importorskip("pyarrow")
+    pq = pytest.importorskip("pyarrow.parquet")
+    exact = [Decimal(str(value)) for value in ROW.values()]
+    beside = {"a": pa.array([True]), "b": pa.array([2**63], pa.uint64()), "c": pa.array([1], pa.timestamp("ns"))}
+    for kind, values in (
+        (pa.decimal128(9, 3), exact),
+        (pa.decimal256(50, 7), exact),
+        (pa.string_view(), map(str, exact)),
+        (pa.large_string(), map(str, exact)),
+        (pa.dictionary(pa.int8(), pa.string()), map(str, exact)),
+    ):
+        columns = {name: pa.array([value]).cast(kind) for name, value in zip(ROW, values, strict=True)}
+        pq.write_table(pa.table(columns | beside), tmp_path / "a.parquet")
+        np.testing.assert_array_equal(scenegen.read_scenes(tmp_path / "a.parquet", spec=spec).poses, POSES[:1])
+    for odd, said in ((pa.nulls(1), "no number stands in column `mug.x` of scene 1"), (beside["a"], "is `bool`")):
+        pq.write_table(pa.table({**columns, "mug.x": odd}), tmp_path / "a.parquet")
+        with pytest.raises(DataError, match=said):
+            scenegen.read_scenes(tmp_path / "a.parquet", spec=spec)
 
 
 def test_mirrored_copies(spec):

@@ -2,9 +2,35 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
+
+PLAIN = {float, int, np.float64}  # numbers that hide no mask
+
+
+def as_numbers(values: Any) -> Array:
+    """The numbers of an array, a tensor on any device, a column of a data frame or lists of these, copied; NaN where
+    they are masked or missing. Raises TypeError and ValueError for anything else, complex numbers and flags too."""
+    found = np.asarray(unmasked(values))
+    if found.dtype.kind not in "fiuOU":
+        raise TypeError(f"{found.dtype} are not real numbers")
+    return np.array(found, dtype=np.float64)
+
+
+def unmasked(values: Any) -> Any:
+    """The same numbers, those of tensors and of masked arrays, also within lists, as arrays: NaN where they are masked.
+    What is none of these stays as it is."""
+    if hasattr(values, "detach"):  # a tensor
+        values = values.detach().cpu()
+        values = values.double().numpy() if values.is_floating_point() else values.numpy()
+    if isinstance(values, np.ma.MaskedArray):
+        return values.data if values.dtype.kind in "cb" else values.astype(np.float64).filled(np.nan)
+    if isinstance(values, list | tuple) and not PLAIN.issuperset(map(type, values)):
+        return [unmasked(one) for one in values]
+    return values

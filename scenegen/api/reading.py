@@ -12,7 +12,7 @@ import numpy as np
 
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet, evaluate, scene_set
-from scenegen.arrays import Array
+from scenegen.arrays import Array, as_numbers
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.declarations import NUMBERS_DISAGREE
 from scenegen.errors.files import (
@@ -28,7 +28,7 @@ from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, OUT_OF_RANGE, UNKN
 from scenegen.geometry.workspace import upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import NAMES, X, Y, as_rows
+from scenegen.pose import NAMES, X, as_rows
 from scenegen.scenes.blocks import SceneFileReading, counts_in
 from scenegen.scenes.data import ObjectData, Pose, RequestData, SceneFile
 from scenegen.scenes.files import read_bytes
@@ -36,7 +36,7 @@ from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.header import not_scenes, parse
 from scenegen.scenes.formats.scenes_json import MOST_BYTES, REMEDY
 from scenegen.scenes.formats.settled import is_settled, read_settled
-from scenegen.scenes.formats.tables import Table, doubts, is_plain, read_table
+from scenegen.scenes.formats.tables import Table, doubts_of, is_plain, read_table
 from scenegen.scenes.locations import as_location, is_set
 from scenegen.validation import as_int, as_path
 
@@ -174,11 +174,6 @@ def part_of_scenes(spec: CheckedSpec, path: Path, names: Sequence[str]) -> Array
             for place, axis in enumerate(NAMES):
                 values = given.axis(name, axis)
                 poses[:, index, place] = math.nan if values is None else values
-        halves = np.isnan(poses[..., X]) != np.isnan(poses[..., Y])
-        if halves.any():
-            scene, thing = np.argwhere(halves)[0].tolist()
-            facts = {"column": f"{spec.objects[thing]}.{NAMES[X]}", "scene": scene + 1}
-            raise DataError(COLUMN_NOT_A_NUMBER(path=path, own=True, **facts))
     else:
         found = read_scenes(path)
         found.refuse_rest(path)
@@ -231,10 +226,7 @@ def _scenes(spec: CheckedSpec, given: _GivenScenes) -> SceneSet:
             counts_in(header, rows)
         except ValueError as error:
             raise DataError(NUMBERS_DISAGREE(file=given.name, scene=str(error))) from None
-    columns = (
-        (f"{name}.{axis}", poses[:, k, a]) for k, name in enumerate(spec.objects) for a, axis in enumerate(NAMES)
-    )
-    notes = tuple(doubts(given.name, columns, spec.workspace))
+    notes = tuple(doubts_of(given.name, spec.objects, poses, spec.workspace))
     if given.unused:
         notes = (*notes, TABLE_UNUSED(file=given.name, columns=list(given.unused)))
     bare = SceneSet(poses, {}, header, on=on)
@@ -393,10 +385,8 @@ def _tuple(pose: Any) -> Any:
 
 def _array(values: Any) -> Array:
     """Of numpy, torch, pandas, polars and lists. NaN where no numbers stand."""
-    if hasattr(values, "detach"):  # a tensor, on any device
-        values = values.detach().cpu().numpy()
     try:
-        return np.array(values, dtype=np.float64)
+        return as_numbers(values)
     except (TypeError, ValueError):
         return np.full((1,) * 4, math.nan)
 

@@ -97,6 +97,7 @@ def read_table(path: Path, what: str, wrong: Kind) -> Table:
 
 
 def _csv(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[[str], Any], int]:
+    csv.field_size_limit(MAX_BYTES)  # what is not needed may be a picture
     whole = io.StringIO(text, newline=None)
     headings = (line for line in whole if line.strip() and not (line[0] == "#" and not _places(line)[0]))
     heading = next(headings, "")
@@ -107,14 +108,11 @@ def _csv(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[
     if between not in SEPARATORS or (between not in heading and odd):
         reason = f"its columns are separated by `{between if said else odd and odd[1]}`; it takes `,`, `;` and tabs"
         raise DataError(wrong(file=path, reason=reason))
-    usual = csv.field_size_limit(MAX_BYTES)  # what is not needed may be a picture
     reader = csv.reader(chain([heading], whole), strict=True, delimiter=between, skipinitialspace=True)
     try:
         lines = [line for line in reader if line]
     except csv.Error as error:
         raise DataError(wrong(file=path, reason=f"line {reader.line_num}, counted from its heading: {error}")) from None
-    finally:
-        csv.field_size_limit(usual)
     names = [name.strip() for name in lines.pop(0)] if lines else []
     while names and not names[-1]:  # a comma at the end of every line
         names.pop()
@@ -132,11 +130,12 @@ def _csv(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[
 def _places(heading: str) -> tuple[int, int, str]:
     """How many columns a heading has that are poses, how many it has, and what separates them: that by which there are
     most."""
-    found = []
-    for between in reversed(SEPARATORS):
+
+    def cut(between: str) -> tuple[int, int, str]:
         names = next(csv.reader([heading], delimiter=between, skipinitialspace=True), [])
-        found.append((sum(name.strip().rpartition(".")[2] in NAMES for name in names), len(names), between))
-    return max(found, key=lambda one: one[:2])
+        return sum(name.strip().rpartition(".")[2] in NAMES for name in names), len(names), between
+
+    return max(map(cut, SEPARATORS), key=lambda one: one[:2])
 
 
 def _json_lines(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[[str], Any], int]:
@@ -175,7 +174,7 @@ def is_plain(path: Path) -> bool:
 
 def doubts(file: str, columns: Iterable[tuple[str, Array]], table: Workspace, first: int = 1) -> list[Diagnostic]:
     """Warnings for columns of poses, such as mug.theta, that by their numbers are not in radians, or not on the table:
-    at most one of each. `first` is the row of their first number."""
+    at most one of each. `first` is the row of their first number, 0 where there is no other."""
     found: dict[bool, Diagnostic] = {}
     for name, values in columns:
         axis = name.rpartition(".")[2]
@@ -192,10 +191,17 @@ def doubts(file: str, columns: Iterable[tuple[str, Array]], table: Workspace, fi
         slack = 1e-9 * (high - low)
         odd = np.flatnonzero((values < low - slack) | (values > high + slack))
         if turns not in found and len(odd):
-            row, value = first + int(odd[0]), float(values[odd[0]])
+            row, value = first + int(odd[0]) if first else None, float(values[odd[0]])
             facts = {"row": row, "value": value, "doubt": doubt, "remedy": remedy}
             found[turns] = DOUBTFUL_POSE(file=file, name=name, **facts)
     return list(found.values())
+
+
+def doubts_of(file: str, objects: Sequence[str], poses: Array, table: Workspace, first: int = 1) -> list[Diagnostic]:
+    """The same for poses (n, N, 2) or (n, N, 3) of these objects."""
+    axes = NAMES[: poses.shape[-1]]
+    columns = ((f"{one}.{axis}", poses[:, k, a]) for k, one in enumerate(objects) for a, axis in enumerate(axes))
+    return doubts(file, columns, table, first)
 
 
 def _number(cell: Any) -> float:

@@ -393,7 +393,8 @@ def _array(values: Any) -> Array:
 
 def _refused(spec: CheckedSpec, poses: Any) -> RequestError:
     shape = tuple(getattr(poses, "shape", ()))
-    value = f"of the shape {shape}" if shape else repr(poses)[:80]
+    kind = f", {poses.dtype}" if hasattr(poses, "dtype") else ""
+    value = f"of the shape {shape}{kind}" if shape else repr(poses)[:80]
     return RequestError(WRONG_VALUE(argument="poses", value=value, wanted=WANTED % len(spec.objects)))
 
 

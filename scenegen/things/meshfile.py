@@ -212,17 +212,7 @@ MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a te
 MOST_MATERIALS = 10_000
 WITHOUT = ("", "None", "(null)")  # names of exporters for no material
 # Options of a texture: how many numbers or words follow at most. Those with a place in `MOVES` shift or stretch it.
-OPTIONS = {
-    "-blendu": 1,
-    "-blendv": 1,
-    "-boost": 1,
-    "-bm": 1,
-    "-clamp": 1,
-    "-imfchan": 1,
-    "-texres": 1,
-    "-o": 3,
-    "-s": 3,
-}
+OPTIONS = {f"-{one}": 1 for one in "blendu blendv boost bm clamp imfchan texres".split()} | {"-o": 3, "-s": 3}
 MOVES = ("-o", "-s")
 
 

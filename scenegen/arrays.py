@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -11,8 +13,6 @@ Array = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 
-PLAIN = {float, int, np.float64}  # numbers that hide no mask
-
 
 def as_numbers(values: Any) -> Array:
     """The numbers of an array, a tensor on any device, a column of a data frame or lists of these, copied; NaN where
@@ -20,7 +20,7 @@ def as_numbers(values: Any) -> Array:
     found = np.asarray(unmasked(values))
     if found.dtype.kind not in "fiuOU":
         raise TypeError(f"{found.dtype} are not real numbers")
-    return np.array(found, dtype=np.float64)
+    return found.astype(np.float64, copy=not isinstance(values, list | tuple))
 
 
 def unmasked(values: Any) -> Any:
@@ -31,6 +31,17 @@ def unmasked(values: Any) -> Any:
         values = values.double().numpy() if values.is_floating_point() else values.numpy()
     if isinstance(values, np.ma.MaskedArray):
         return values.data if values.dtype.kind in "cb" else values.astype(np.float64).filled(np.nan)
-    if isinstance(values, list | tuple) and not PLAIN.issuperset(map(type, values)):
+    if isinstance(values, list | tuple) and _have_arrays(values):
         return [unmasked(one) for one in values]
     return values
+
+
+def _have_arrays(lists: Sequence[Any]) -> bool:
+    """Whether lists, and lists in these, hold more than numbers. Numbers are judged by the first: they may be many."""
+    while {list, tuple}.issuperset(map(type, lists)):
+        inner = chain.from_iterable(lists)
+        first = next(inner, 0.0)
+        if isinstance(first, float | int):
+            return False
+        lists = [first, *inner]
+    return not isinstance(lists[0], float | int)

@@ -148,7 +148,7 @@ HIDDEN[0, 0] = np.ma.masked
         list(HIDDEN),
         [list(scene) for scene in HIDDEN],
         {"mug": HIDDEN[:, 0], "plate": POSES[:, 1], "can": POSES[:, 2]},
-        {"mug": [(0.2, np.ma.masked, 0)] * 2, "plate": POSES[:, 1], "can": POSES[:, 2]},
+        {"mug": [(np.ma.masked, 0.5, 0)] * 2, "plate": POSES[:, 1], "can": POSES[:, 2]},
         {name: HIDDEN.reshape(2, 9)[:, k] for k, name in enumerate(COLUMNS)},
     ],
 )

@@ -27,7 +27,7 @@ from scenegen.errors.diagnostic import Kind
 from scenegen.errors.files import DOUBTFUL_POSE, NOT_A_TRAJECTORY, TABLE_CELL, TABLE_COLUMN, TABLE_ROW, TRAJECTORY_TIMES
 from scenegen.geometry.workspace import Workspace
 from scenegen.needs import need
-from scenegen.pose import NAMES, THETA, TWO_PI, X
+from scenegen.pose import NAMES, PLACE, THETA, TWO_PI
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.registry import is_motions, read_motions
 
@@ -172,20 +172,25 @@ def is_plain(path: Path) -> bool:
     return ending == ".csv"
 
 
+@functools.cache
+def _ends(table: Workspace) -> Array:
+    """(3, 2): between which ends x, y and theta are expected: places on the table, headings within a turn."""
+    every = [(table.x, table.y), *(one[1:] for one in table.own)]
+    places = [(min(one[axis][0] for one in every), max(one[axis][1] for one in every)) for axis in PLACE]
+    return np.array([*places, (-TWO_PI, TWO_PI)])
+
+
 def doubts(file: str, columns: Iterable[tuple[str, Array]], table: Workspace, first: int = 1) -> list[Diagnostic]:
     """Warnings for columns of poses, such as mug.theta, that by their numbers are not in radians, or not on the table:
     at most one of each. `first` is the row of their first number, 0 where there is no other."""
     found: dict[bool, Diagnostic] = {}
+    ends = _ends(table)
     for name, values in columns:
-        axis = name.rpartition(".")[2]
-        turns = axis == NAMES[THETA]
+        axis = NAMES.index(name.rpartition(".")[2])
+        turns, (low, high) = axis == THETA, ends[axis]
         if turns:
-            low, high = -TWO_PI, TWO_PI
             doubt, remedy = "more than a turn", "headings are in radians: numpy.radians(90) is 1.5708"
         else:
-            every = [(table.x, table.y), *(one[1:] for one in table.own)]
-            ends = [one[axis != NAMES[X]] for one in every]
-            low, high = min(one[0] for one in ends), max(one[1] for one in ends)
             doubt = f"outside of the workspace, which ends at {low:g} and {high:g}"
             remedy = "places are in metres, in the frame of the spec's workspace"
         slack = 1e-9 * (high - low)
@@ -200,6 +205,9 @@ def doubts(file: str, columns: Iterable[tuple[str, Array]], table: Workspace, fi
 def doubts_of(file: str, objects: Sequence[str], poses: Array, table: Workspace, first: int = 1) -> list[Diagnostic]:
     """The same for poses (n, N, 2) or (n, N, 3) of these objects."""
     axes = NAMES[: poses.shape[-1]]
+    low, high = _ends(table)[: len(axes)].T
+    if not ((poses < low) | (poses > high)).any():
+        return []
     columns = ((f"{one}.{axis}", poses[:, k, a]) for k, one in enumerate(objects) for a, axis in enumerate(axes))
     return doubts(file, columns, table, first)
 

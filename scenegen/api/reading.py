@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -46,13 +46,13 @@ WANTED = 'poses by name, {"mug": (x, y, theta), ...}, columns mug.x, mug.y, mug.
 
 @dataclass(frozen=True, slots=True)
 class _GivenScenes:
-    """`count` scenes in a place called `name`: `axis` gives a coordinate of an object, (count,), `on` on what it
-    stands, by name or number; None for what is not said. `unused` is what no object needs."""
+    """`count` scenes in a place called `name`: `columns` are coordinates by mug.x, (count,), `on` on what things stand
+    by mug.on, by name or number; what is not said is missing. `unused` is what no object needs."""
 
     name: str
     count: int
-    axis: Callable[[str, str], Array | None]
-    on: Callable[[str], Sequence[Any] | None]
+    columns: Mapping[str, Array]
+    on: Mapping[str, Sequence[Any]]
     unused: tuple[str, ...] = ()
 
 
@@ -172,8 +172,7 @@ def part_of_scenes(spec: CheckedSpec, path: Path, names: Sequence[str]) -> Array
         poses = np.full((given.count, len(spec.objects), len(NAMES)), math.nan)
         for index, name in enumerate(spec.objects):
             for place, axis in enumerate(NAMES):
-                values = given.axis(name, axis)
-                poses[:, index, place] = math.nan if values is None else values
+                poses[:, index, place] = given.columns.get(f"{name}.{axis}", math.nan)
     else:
         found = read_scenes(path)
         found.refuse_rest(path)
@@ -202,7 +201,7 @@ def _scenes(spec: CheckedSpec, given: _GivenScenes) -> SceneSet:
     poses = np.empty((given.count, len(spec.objects), len(NAMES)))
     missing: list[str] = []
     for index, name in enumerate(spec.objects):
-        each = [given.axis(name, axis) for axis in NAMES]
+        each = [given.columns.get(f"{name}.{axis}") for axis in NAMES]
         for place, (axis, values) in enumerate(zip(NAMES, each, strict=True)):
             if values is None and name in spare and all(one is None for one in each):
                 values = np.full(given.count, math.nan)
@@ -217,7 +216,7 @@ def _scenes(spec: CheckedSpec, given: _GivenScenes) -> SceneSet:
                 raise DataError(COLUMN_NOT_A_NUMBER(path=given.name, own=True, **facts))
             poses[:, index, place] = values
     if missing:
-        facts = {"missing": missing if len(missing) > 1 else None, "known": [*_known(spec, given), *given.unused]}
+        facts = {"missing": missing if len(missing) > 1 else None, "known": [*given.columns, *given.unused]}
         raise DataError(TABLE_COLUMN(file=given.name, name=missing[0], **facts))
     on = _surfaces(header, given)
     if header.counts:
@@ -233,18 +232,13 @@ def _scenes(spec: CheckedSpec, given: _GivenScenes) -> SceneSet:
     return SceneSet(poses, evaluate(spec, bare), header, notes, on=on, trusted=True)
 
 
-def _known(spec: CheckedSpec, given: _GivenScenes) -> list[str]:
-    """What is said of the spec's objects."""
-    return [f"{name}.{axis}" for name in spec.objects for axis in NAMES if given.axis(name, axis) is not None]
-
-
 def _surfaces(header: SceneFile, given: _GivenScenes) -> Array | None:
     """(n, M): on which of its surfaces each chooser stands, counted from 1. Raises DataError."""
     if not header.choosers:
         return None
     found = np.empty((given.count, len(header.choosers)))
     for column, one in enumerate(header.choosers):
-        said = given.on(one.name)
+        said = given.on.get(f"{one.name}.{ON}")
         if said is None:
             raise DataError(NO_SURFACE_GIVEN(name=one.name))
         found[:, column] = [_surface(one, cell, number) for number, cell in enumerate(said, 1)]
@@ -280,7 +274,7 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
             if len(sizes) != 1 or any(one.ndim != 1 for one in columns.values()):
                 raise _refused(spec, poses)
             more = {str(name): list(values) for name, values in poses.items() if str(name).endswith(f".{ON}")}
-            return _GivenScenes("`poses`", sizes.pop(), _axes(columns), _on(more) if on is None else _numbers(spec, on))
+            return _GivenScenes("`poses`", sizes.pop(), columns, more if on is None else _numbers(spec, on))
         _refuse_unknown(spec, poses)
         each = {name: _array(_tuple(value)) for name, value in poses.items()}
         each = {name: one[None] if one.ndim == 1 else one for name, one in each.items()}
@@ -289,7 +283,7 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
             raise _refused(spec, poses)
         columns = {f"{name}.{axis}": one[:, k] for name, one in each.items() for k, axis in enumerate(NAMES)}
         said = {f"{name}.{ON}": [value.on] for name, value in poses.items() if hasattr(value, ON)}
-        return _GivenScenes("`poses`", sizes.pop(), _axes(columns), _on(said) if on is None else _numbers(spec, on))
+        return _GivenScenes("`poses`", sizes.pop(), columns, said if on is None else _numbers(spec, on))
     if isinstance(poses, Sequence) and not isinstance(poses, str) and poses and isinstance(poses[0], Mapping):
         return _listed(spec, list(poses), "`poses`")
     array = _array(poses)
@@ -300,7 +294,7 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
     columns = {
         f"{name}.{axis}": array[:, index, k] for index, name in enumerate(spec.objects) for k, axis in enumerate(NAMES)
     }
-    return _GivenScenes("`poses`", len(array), _axes(columns), _numbers(spec, on))
+    return _GivenScenes("`poses`", len(array), columns, _numbers(spec, on))
 
 
 def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = False) -> _GivenScenes:
@@ -335,22 +329,16 @@ def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = F
             held = columns[f"{spec.objects[index]}.{axis}"]
             held[np.isnan(held)] = value
     known = {column: values for column, values in columns.items() if not np.isnan(values).all()}
-    return _GivenScenes(name, len(scenes), _axes(known), _on(on))
+    return _GivenScenes(name, len(scenes), known, on)
 
 
 def _tabled(spec: CheckedSpec, table: Table) -> _GivenScenes:
     """A table with the columns mug.x, mug.y, mug.theta of each object."""
-
-    def axis(name: str, axis: str) -> Array | None:
-        column = f"{name}.{axis}"
-        return table.column(column, holes=True) if column in table.names else None
-
-    def on(name: str) -> Sequence[Any] | None:
-        column = f"{name}.{ON}"
-        return list(table.cells(column)) if column in table.names else None
-
+    places = [f"{name}.{axis}" for name in spec.objects for axis in NAMES]
+    columns = {name: table.column(name, holes=True) for name in places if name in table.names}
+    on = {name: list(table.cells(name)) for name in _choosers(spec) if name in table.names}
     unused = [name for name in table.names if name and not _is_place(spec, name) and not name.endswith(f".{ON}")]
-    return _GivenScenes(table.file, len(table), axis, on, tuple(unused))
+    return _GivenScenes(table.file, len(table), columns, on, tuple(unused))
 
 
 def _is_place(spec: CheckedSpec, column: str) -> bool:
@@ -358,25 +346,22 @@ def _is_place(spec: CheckedSpec, column: str) -> bool:
     return name in spec.objects and axis in NAMES
 
 
-def _axes(columns: Mapping[str, Array]) -> Callable[[str, str], Array | None]:
-    return lambda name, axis: columns.get(f"{name}.{axis}")
+def _choosers(spec: CheckedSpec) -> list[str]:
+    """The columns that say on what things stand that may be on several surfaces."""
+    return [f"{spec.objects[index]}.{ON}" for index, choice in spec.choices.items() if len(choice.options) > 1]
 
 
-def _on(columns: Mapping[str, list[Any]]) -> Callable[[str], Sequence[Any] | None]:
-    return lambda name: columns.get(f"{name}.{ON}")
-
-
-def _numbers(spec: CheckedSpec, on: Any) -> Callable[[str], Sequence[Any] | None]:
+def _numbers(spec: CheckedSpec, on: Any) -> dict[str, Sequence[Any]]:
     """Columns of an array (n, M), as `SceneSet.on` has them."""
-    names = [spec.objects[index] for index, choice in spec.choices.items() if len(choice.options) > 1]
+    names = _choosers(spec)
     if on is None:
-        return lambda name: None
+        return {}
     array = _array(on)
     if array.ndim == 1:
         array = array[None]
     if array.ndim != 2 or array.shape[1] != len(names):
         raise RequestError(WRONG_VALUE(argument="on", value=repr(on)[:80], wanted=f"an array (n, {len(names)})"))
-    return lambda name: array[:, names.index(name)].tolist()
+    return dict(zip(names, array.T.tolist(), strict=True))
 
 
 def _tuple(pose: Any) -> Any:

@@ -30,7 +30,7 @@ def unmasked(values: Any) -> Any:
         values = values.detach().cpu()
         values = values.double().numpy() if values.is_floating_point() else values.numpy()
     if isinstance(values, np.ma.MaskedArray):
-        return values.data if values.dtype.kind in "cb" else values.astype(np.float64).filled(np.nan)
+        return values.data if values.dtype.kind in "cb" else np.ma.filled(values.astype(np.float64), np.nan)
     if isinstance(values, list | tuple) and _have_arrays(values):
         return [unmasked(one) for one in values]
     return values

@@ -266,7 +266,10 @@ def _surface(chooser: ObjectData, said: Any, number: int) -> float:
 def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
     """What an argument says. Raises RequestError for what says no poses."""
     if hasattr(poses, "columns") and not isinstance(poses, Mapping):  # a data frame, of pandas or polars
-        poses = {str(name): poses[name] for name in poses.columns}
+        try:
+            poses = {str(name): poses[name] for name in poses.columns}
+        except TypeError:  # of pyarrow, or lazy
+            raise _refused(spec, poses) from None
     if isinstance(poses, Mapping):
         if any("." in str(name) for name in poses):
             columns = {str(name): _array(values) for name, values in poses.items() if _is_place(spec, str(name))}

@@ -166,6 +166,9 @@ def test_masks_that_hide_nothing_and_numbers_that_are_none(spec):
     np.testing.assert_array_equal(spec.scenes(half / 8).poses, (half / 8).double().numpy())
     with pytest.raises(DataError, match=r"no number stands in column `mug.x` of scene 1"):
         spec.scenes(frame.astype("Float64").mask(frame == 0.2))
+    arrow = pytest.importorskip("pyarrow").Table.from_pandas(frame)
+    with pytest.raises(RequestError, match=r"`poses` is of the shape \(2, 9\)"):
+        spec.scenes(arrow)
     for odd in (POSES + 0j, torch.tensor(POSES + 1j), POSES > 0.5):
         with pytest.raises(RequestError, match=r"`poses` is of the shape \(2, 3, 3\), (complex|bool|torch)"):
             spec.scenes(odd)

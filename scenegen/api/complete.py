@@ -17,8 +17,9 @@ import numpy.typing as npt
 from scenegen.api.request import check_request
 from scenegen.api.scenes import SceneSet, scenes_of
 from scenegen.api.spec import LearnedModel, Spec
-from scenegen.arrays import Array
-from scenegen.errors import Diagnostic, RequestError
+from scenegen.arrays import Array, as_numbers
+from scenegen.errors import DataError, Diagnostic, RequestError
+from scenegen.errors.files import COLUMN_NOT_A_NUMBER
 from scenegen.errors.requests import (
     ALL_HELD,
     CANNOT_BE_HELD,
@@ -33,6 +34,7 @@ from scenegen.sampling.plan import verify
 from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.arrange import check_held
+from scenegen.scenes.formats.tables import doubts_of
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
@@ -58,38 +60,49 @@ def given_poses(spec: CheckedSpec, fix: Any) -> Array:
     wrong = RequestError(WRONG_VALUE(argument="fix", value=repr(fix)[:80], wanted=wanted))
     if isinstance(fix, SceneSet):
         fix = {name: fix.poses[:, k] for k, name in enumerate(fix.objects) if name in spec.objects}
-    if not isinstance(fix, Mapping):
-        array = np.asarray(_plain(fix))
-        if array.shape[1:] != (len(spec.objects), len(NAMES)) or array.dtype.kind not in "fiu":
+    try:
+        given = {name: as_numbers(pose) for name, pose in fix.items()} if isinstance(fix, Mapping) else as_numbers(fix)
+    except (TypeError, ValueError):
+        raise wrong from None
+    if not isinstance(given, dict):
+        if given.shape[1:] != (len(spec.objects), len(NAMES)):
             raise wrong
-        return np.array(array, dtype=np.float64)
-    each = {name: np.asarray(_plain(pose)) for name, pose in fix.items()}
-    sizes = {len(one) for one in each.values() if one.ndim == 2}
-    fits = (one.shape[-1:] in ((2,), (3,)) and one.dtype.kind in "fiu" for one in each.values())
-    if len(sizes) != 1 or not all(fits):
+        return given
+    sizes = {len(one) for one in given.values() if one.ndim == 2}
+    if len(sizes) != 1 or any(one.ndim > 2 or one.shape[-1:] not in ((2,), (3,)) for one in given.values()):
         raise wrong
     found = np.full((sizes.pop(), len(spec.objects), len(NAMES)), np.nan)
-    for name, one in each.items():
+    for name, one in given.items():
         if name not in spec.objects:
             raise RequestError(UNKNOWN_OBJECT(name=name, known=spec.objects))
         found[:, spec.objects.index(name), : one.shape[-1]] = one
     return found
 
 
-def _plain(values: Any) -> Any:
-    return values.detach().cpu().numpy() if hasattr(values, "detach") else values
+def _check_parts(spec: CheckedSpec, given: Array, source: str) -> None:
+    """Raises DataError for a place of which only half is given, a heading without a place, and what is not finite."""
+    missing = np.isnan(given)
+    wrong = np.isinf(given)
+    wrong[..., PLACE] |= missing[..., PLACE] & ~missing.all(axis=-1, keepdims=True)
+    if wrong.any():
+        scene, thing, axis = np.argwhere(wrong)[0].tolist()
+        facts = {"column": f"{spec.objects[thing]}.{NAMES[axis]}", "scene": scene + 1}
+        raise DataError(COLUMN_NOT_A_NUMBER(path=source, own=True, **facts))
 
 
-def complete(spec: Spec | LearnedModel, request: SampleRequest, fix: Any, draw: Draw, n: int | None = None) -> SceneSet:
-    """A scene for each that is given by `fix`, in their order: see `given_poses`. `draw` draws those that are rare, and
-    `n` is how many there are, if the caller says it. Within the range the scenes are spread as the request says, as far
-    as what is given allows. Raises RequestError for a request that does not go with given scenes, and where one cannot
-    be completed in time, unless `keep_partial`."""
+def complete(
+    spec: Spec | LearnedModel, request: SampleRequest, fix: Any, draw: Draw, n: int | None = None, source: str = "`fix`"
+) -> SceneSet:
+    """A scene for each that is given by `fix`, in their order: see `given_poses`. `draw` draws those that are rare, `n`
+    is how many there are, if the caller says it, and `source` where they are from. Within the range the scenes are
+    spread as the request says, as far as what is given allows. Raises RequestError for a request that does not go with
+    given scenes, and where one cannot be completed in time, unless `keep_partial`; DataError for half a pose."""
     began = time.monotonic()
     if not isinstance(spec, Spec):
         raise RequestError(OUT_OF_PLACE(argument="fix", rule="of many scenes is for specs", remedy="give a spec"))
     checked = spec.checked
     given = given_poses(checked, fix)
+    _check_parts(checked, given, source)
     if not len(given):
         raise RequestError(NO_SCENES())
     for name, odd in (
@@ -105,7 +118,7 @@ def complete(spec: Spec | LearnedModel, request: SampleRequest, fix: Any, draw: 
     problem = make_problem(checked, request, Budget(request.timeout))
     held = _held(problem, given)
     found, hit, draws = _drawn(problem, held, request, began)
-    warnings: list[Diagnostic] = list(problem.warnings)
+    warnings = [*problem.warnings, *doubts_of(source, checked.objects, given, checked.workspace)]
     for number in np.flatnonzero(~hit):
         one = _one(spec, request, given[number], int(number), request.timeout - (time.monotonic() - began), draw)
         if isinstance(one, Diagnostic):

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.spec import Spec, check_spec
-from scenegen.arrays import Array
+from scenegen.arrays import Array, as_numbers
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import HELD_ELSEWHERE, TABLE_UNUSED, TRAJECTORY_START
 from scenegen.errors.requests import MOTION_HAS_ENDED, NOT_OVER_TIME, UNKNOWN_OBJECT, WRONG_VALUE
@@ -18,7 +18,7 @@ from scenegen.lang.formula.timed import Timed, TimedValues, score
 from scenegen.pose import SIZE, as_rows
 from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
 from scenegen.scenes.arrange import held, held_elsewhere
-from scenegen.scenes.formats.tables import motion, read_tables
+from scenegen.scenes.formats.tables import doubts_of, motion, read_tables
 from scenegen.validation import as_path
 
 
@@ -28,7 +28,8 @@ class Outlook:
 
     `low` and `high` are, by label, the least and the largest phi of the whole motion that is still possible: numbers,
     or (B,) for B motions. They are equal once nothing to come matters. `required` are the same two for the least margin
-    of what the spec requires, None where it requires nothing.
+    of what the spec requires, None where it requires nothing. `warnings` are about poses of the moment that by their
+    numbers are in other units.
     """
 
     moment: int
@@ -36,6 +37,7 @@ class Outlook:
     low: Mapping[str, float | Array]
     high: Mapping[str, float | Array]
     required: tuple[float | Array, float | Array] | None
+    warnings: tuple[Diagnostic, ...] = ()
 
     def settled(self, label: str) -> bool | npt.NDArray[np.bool_]:
         """Whether it is certain that the label is satisfied, or certain that it is not. Raises KeyError."""
@@ -85,7 +87,9 @@ class Monitor:
         moment, required = int(self._watch.seen[0]) - 1, self._watch.required
         low, high = ({name: self._out(value[end]) for name, value in self._watch.phi.items()} for end in (LOW, HIGH))
         both = None if self._timed.requirement is None else (self._out(required[LOW]), self._out(required[HIGH]))
-        return Outlook(moment, moment * horizon.dt, low, high, both)
+        spec, rows = self._spec.declared, array.reshape(-1, *array.shape[-2:])
+        doubts = doubts_of("`poses`", spec.objects, rows, spec.workspace, int(bool(self._batch)))
+        return Outlook(moment, moment * horizon.dt, low, high, both, tuple(doubts))
 
     def read(self, poses: Mapping[str, tuple[float, ...]] | npt.ArrayLike) -> Array:
         """What `add` takes as an array, checked, without adding it. Raises RequestError for poses of another form."""
@@ -134,7 +138,7 @@ class Monitor:
 
 def _numbers(poses: object) -> Array:
     try:
-        return np.asarray(poses, dtype=np.float64)
+        return as_numbers(poses)
     except (TypeError, ValueError):
         raise RequestError(
             WRONG_VALUE(argument="poses", value="not an array of numbers", wanted="x, y, theta of each object")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -12,7 +12,7 @@ import numpy as np
 
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet, evaluate, scene_set
-from scenegen.arrays import Array
+from scenegen.arrays import Array, as_numbers
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.declarations import NUMBERS_DISAGREE
 from scenegen.errors.files import (
@@ -28,7 +28,7 @@ from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, OUT_OF_RANGE, UNKN
 from scenegen.geometry.workspace import upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import NAMES, X, Y, as_rows
+from scenegen.pose import NAMES, X, as_rows
 from scenegen.scenes.blocks import SceneFileReading, counts_in
 from scenegen.scenes.data import ObjectData, Pose, RequestData, SceneFile
 from scenegen.scenes.files import read_bytes
@@ -36,7 +36,7 @@ from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.header import not_scenes, parse
 from scenegen.scenes.formats.scenes_json import MOST_BYTES, REMEDY
 from scenegen.scenes.formats.settled import is_settled, read_settled
-from scenegen.scenes.formats.tables import Table, doubts, is_plain, read_table
+from scenegen.scenes.formats.tables import Table, doubts_of, is_plain, read_table
 from scenegen.scenes.locations import as_location, is_set
 from scenegen.validation import as_int, as_path
 
@@ -46,13 +46,13 @@ WANTED = 'poses by name, {"mug": (x, y, theta), ...}, columns mug.x, mug.y, mug.
 
 @dataclass(frozen=True, slots=True)
 class _GivenScenes:
-    """`count` scenes in a place called `name`: `axis` gives a coordinate of an object, (count,), `on` on what it
-    stands, by name or number; None for what is not said. `unused` is what no object needs."""
+    """`count` scenes in a place called `name`: `columns` are coordinates by mug.x, (count,), `on` on what things stand
+    by mug.on, by name or number; what is not said is missing. `unused` is what no object needs."""
 
     name: str
     count: int
-    axis: Callable[[str, str], Array | None]
-    on: Callable[[str], Sequence[Any] | None]
+    columns: Mapping[str, Array]
+    on: Mapping[str, Sequence[Any]]
     unused: tuple[str, ...] = ()
 
 
@@ -172,13 +172,7 @@ def part_of_scenes(spec: CheckedSpec, path: Path, names: Sequence[str]) -> Array
         poses = np.full((given.count, len(spec.objects), len(NAMES)), math.nan)
         for index, name in enumerate(spec.objects):
             for place, axis in enumerate(NAMES):
-                values = given.axis(name, axis)
-                poses[:, index, place] = math.nan if values is None else values
-        halves = np.isnan(poses[..., X]) != np.isnan(poses[..., Y])
-        if halves.any():
-            scene, thing = np.argwhere(halves)[0].tolist()
-            facts = {"column": f"{spec.objects[thing]}.{NAMES[X]}", "scene": scene + 1}
-            raise DataError(COLUMN_NOT_A_NUMBER(path=path, own=True, **facts))
+                poses[:, index, place] = given.columns.get(f"{name}.{axis}", math.nan)
     else:
         found = read_scenes(path)
         found.refuse_rest(path)
@@ -207,7 +201,7 @@ def _scenes(spec: CheckedSpec, given: _GivenScenes) -> SceneSet:
     poses = np.empty((given.count, len(spec.objects), len(NAMES)))
     missing: list[str] = []
     for index, name in enumerate(spec.objects):
-        each = [given.axis(name, axis) for axis in NAMES]
+        each = [given.columns.get(f"{name}.{axis}") for axis in NAMES]
         for place, (axis, values) in enumerate(zip(NAMES, each, strict=True)):
             if values is None and name in spare and all(one is None for one in each):
                 values = np.full(given.count, math.nan)
@@ -222,7 +216,7 @@ def _scenes(spec: CheckedSpec, given: _GivenScenes) -> SceneSet:
                 raise DataError(COLUMN_NOT_A_NUMBER(path=given.name, own=True, **facts))
             poses[:, index, place] = values
     if missing:
-        facts = {"missing": missing if len(missing) > 1 else None, "known": [*_known(spec, given), *given.unused]}
+        facts = {"missing": missing if len(missing) > 1 else None, "known": [*given.columns, *given.unused]}
         raise DataError(TABLE_COLUMN(file=given.name, name=missing[0], **facts))
     on = _surfaces(header, given)
     if header.counts:
@@ -231,19 +225,11 @@ def _scenes(spec: CheckedSpec, given: _GivenScenes) -> SceneSet:
             counts_in(header, rows)
         except ValueError as error:
             raise DataError(NUMBERS_DISAGREE(file=given.name, scene=str(error))) from None
-    columns = (
-        (f"{name}.{axis}", poses[:, k, a]) for k, name in enumerate(spec.objects) for a, axis in enumerate(NAMES)
-    )
-    notes = tuple(doubts(given.name, columns, spec.workspace))
+    notes = tuple(doubts_of(given.name, spec.objects, poses, spec.workspace))
     if given.unused:
         notes = (*notes, TABLE_UNUSED(file=given.name, columns=list(given.unused)))
     bare = SceneSet(poses, {}, header, on=on)
     return SceneSet(poses, evaluate(spec, bare), header, notes, on=on, trusted=True)
-
-
-def _known(spec: CheckedSpec, given: _GivenScenes) -> list[str]:
-    """What is said of the spec's objects."""
-    return [f"{name}.{axis}" for name in spec.objects for axis in NAMES if given.axis(name, axis) is not None]
 
 
 def _surfaces(header: SceneFile, given: _GivenScenes) -> Array | None:
@@ -252,7 +238,7 @@ def _surfaces(header: SceneFile, given: _GivenScenes) -> Array | None:
         return None
     found = np.empty((given.count, len(header.choosers)))
     for column, one in enumerate(header.choosers):
-        said = given.on(one.name)
+        said = given.on.get(f"{one.name}.{ON}")
         if said is None:
             raise DataError(NO_SURFACE_GIVEN(name=one.name))
         found[:, column] = [_surface(one, cell, number) for number, cell in enumerate(said, 1)]
@@ -280,7 +266,10 @@ def _surface(chooser: ObjectData, said: Any, number: int) -> float:
 def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
     """What an argument says. Raises RequestError for what says no poses."""
     if hasattr(poses, "columns") and not isinstance(poses, Mapping):  # a data frame, of pandas or polars
-        poses = {str(name): poses[name] for name in poses.columns}
+        try:
+            poses = {str(name): poses[name] for name in poses.columns}
+        except TypeError:  # of pyarrow, or lazy
+            raise _refused(spec, poses) from None
     if isinstance(poses, Mapping):
         if any("." in str(name) for name in poses):
             columns = {str(name): _array(values) for name, values in poses.items() if _is_place(spec, str(name))}
@@ -288,7 +277,7 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
             if len(sizes) != 1 or any(one.ndim != 1 for one in columns.values()):
                 raise _refused(spec, poses)
             more = {str(name): list(values) for name, values in poses.items() if str(name).endswith(f".{ON}")}
-            return _GivenScenes("`poses`", sizes.pop(), _axes(columns), _on(more) if on is None else _numbers(spec, on))
+            return _GivenScenes("`poses`", sizes.pop(), columns, more if on is None else _numbers(spec, on))
         _refuse_unknown(spec, poses)
         each = {name: _array(_tuple(value)) for name, value in poses.items()}
         each = {name: one[None] if one.ndim == 1 else one for name, one in each.items()}
@@ -297,7 +286,7 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
             raise _refused(spec, poses)
         columns = {f"{name}.{axis}": one[:, k] for name, one in each.items() for k, axis in enumerate(NAMES)}
         said = {f"{name}.{ON}": [value.on] for name, value in poses.items() if hasattr(value, ON)}
-        return _GivenScenes("`poses`", sizes.pop(), _axes(columns), _on(said) if on is None else _numbers(spec, on))
+        return _GivenScenes("`poses`", sizes.pop(), columns, said if on is None else _numbers(spec, on))
     if isinstance(poses, Sequence) and not isinstance(poses, str) and poses and isinstance(poses[0], Mapping):
         return _listed(spec, list(poses), "`poses`")
     array = _array(poses)
@@ -308,7 +297,7 @@ def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
     columns = {
         f"{name}.{axis}": array[:, index, k] for index, name in enumerate(spec.objects) for k, axis in enumerate(NAMES)
     }
-    return _GivenScenes("`poses`", len(array), _axes(columns), _numbers(spec, on))
+    return _GivenScenes("`poses`", len(array), columns, _numbers(spec, on))
 
 
 def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = False) -> _GivenScenes:
@@ -343,22 +332,16 @@ def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = F
             held = columns[f"{spec.objects[index]}.{axis}"]
             held[np.isnan(held)] = value
     known = {column: values for column, values in columns.items() if not np.isnan(values).all()}
-    return _GivenScenes(name, len(scenes), _axes(known), _on(on))
+    return _GivenScenes(name, len(scenes), known, on)
 
 
 def _tabled(spec: CheckedSpec, table: Table) -> _GivenScenes:
     """A table with the columns mug.x, mug.y, mug.theta of each object."""
-
-    def axis(name: str, axis: str) -> Array | None:
-        column = f"{name}.{axis}"
-        return table.column(column, holes=True) if column in table.names else None
-
-    def on(name: str) -> Sequence[Any] | None:
-        column = f"{name}.{ON}"
-        return list(table.cells(column)) if column in table.names else None
-
+    places = [f"{name}.{axis}" for name in spec.objects for axis in NAMES]
+    columns = {name: table.column(name, holes=True) for name in places if name in table.names}
+    on = {name: list(table.cells(name)) for name in _choosers(spec) if name in table.names}
     unused = [name for name in table.names if name and not _is_place(spec, name) and not name.endswith(f".{ON}")]
-    return _GivenScenes(table.file, len(table), axis, on, tuple(unused))
+    return _GivenScenes(table.file, len(table), columns, on, tuple(unused))
 
 
 def _is_place(spec: CheckedSpec, column: str) -> bool:
@@ -366,25 +349,22 @@ def _is_place(spec: CheckedSpec, column: str) -> bool:
     return name in spec.objects and axis in NAMES
 
 
-def _axes(columns: Mapping[str, Array]) -> Callable[[str, str], Array | None]:
-    return lambda name, axis: columns.get(f"{name}.{axis}")
+def _choosers(spec: CheckedSpec) -> list[str]:
+    """The columns that say on what things stand that may be on several surfaces."""
+    return [f"{spec.objects[index]}.{ON}" for index, choice in spec.choices.items() if len(choice.options) > 1]
 
 
-def _on(columns: Mapping[str, list[Any]]) -> Callable[[str], Sequence[Any] | None]:
-    return lambda name: columns.get(f"{name}.{ON}")
-
-
-def _numbers(spec: CheckedSpec, on: Any) -> Callable[[str], Sequence[Any] | None]:
+def _numbers(spec: CheckedSpec, on: Any) -> dict[str, Sequence[Any]]:
     """Columns of an array (n, M), as `SceneSet.on` has them."""
-    names = [spec.objects[index] for index, choice in spec.choices.items() if len(choice.options) > 1]
+    names = _choosers(spec)
     if on is None:
-        return lambda name: None
+        return {}
     array = _array(on)
     if array.ndim == 1:
         array = array[None]
     if array.ndim != 2 or array.shape[1] != len(names):
         raise RequestError(WRONG_VALUE(argument="on", value=repr(on)[:80], wanted=f"an array (n, {len(names)})"))
-    return lambda name: array[:, names.index(name)].tolist()
+    return dict(zip(names, array.T.tolist(), strict=True))
 
 
 def _tuple(pose: Any) -> Any:
@@ -393,17 +373,16 @@ def _tuple(pose: Any) -> Any:
 
 def _array(values: Any) -> Array:
     """Of numpy, torch, pandas, polars and lists. NaN where no numbers stand."""
-    if hasattr(values, "detach"):  # a tensor, on any device
-        values = values.detach().cpu().numpy()
     try:
-        return np.array(values, dtype=np.float64)
+        return as_numbers(values)
     except (TypeError, ValueError):
         return np.full((1,) * 4, math.nan)
 
 
 def _refused(spec: CheckedSpec, poses: Any) -> RequestError:
     shape = tuple(getattr(poses, "shape", ()))
-    value = f"of the shape {shape}" if shape else repr(poses)[:80]
+    kind = f", {poses.dtype}" if hasattr(poses, "dtype") else ""
+    value = f"of the shape {shape}{kind}" if shape else repr(poses)[:80]
     return RequestError(WRONG_VALUE(argument="poses", value=value, wanted=WANTED % len(spec.objects)))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.scene_arrays import SceneArrays, header_of, parts_of, stored_rows
-from scenegen.arrays import Array
+from scenegen.arrays import Array, unmasked
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, NOT_INSTALLED, WRONG_VALUE
@@ -106,12 +106,12 @@ class SceneSet(SceneArrays):
     _drawn: list[bytes | None] = field(default_factory=list, init=False, repr=False)  # the sheet, once it is drawn
 
     def __post_init__(self, trusted: bool) -> None:
-        if self.phi and not trusted:
-            _check_phi(self)
         object.__setattr__(self, "phi", {name: _still(values) for name, values in self.phi.items()})
         for name in ("poses", "on", "rest"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _still(getattr(self, name)))
+        if self.phi and not trusted:
+            _check_phi(self)
 
     def __repr__(self) -> str:
         spans = [
@@ -281,7 +281,7 @@ class SceneSet(SceneArrays):
 
 def _still(values: Array) -> Array:
     """The same numbers, not to be written to: phi beside them would be that of others."""
-    view = np.asarray(values).view()
+    view = np.asarray(unmasked(values)).view()
     view.flags.writeable = False
     return view
 

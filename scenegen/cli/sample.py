@@ -281,7 +281,7 @@ def _complete(subject: Spec | Model, request: SampleRequest, options: SampleOpti
             rule, name = "has no place beside --fix-from, whose scenes say where things are", text.partition("=")[0]
             raise RequestError(OUT_OF_PLACE(option=f"--fix {text}", rule=rule, remedy=f"write --fix {name}"))
     given = part_of_scenes(subject.checked, options.fix_from, names)
-    scenes = complete(subject, request, given, draw_scenes, options.typed["n"])
+    scenes = complete(subject, request, given, draw_scenes, options.typed["n"], str(options.fix_from))
     complain(*scenes.warnings)
     _hand_out(scenes, options)
 

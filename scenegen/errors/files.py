@@ -178,7 +178,7 @@ TABLE_CELL = Kind(
 TABLE_UNUSED = Kind("table-unused", "{file} has columns that the spec does not need: {columns:list}", severity="note")
 DOUBTFUL_POSE = Kind(
     "doubtful-pose",
-    "{file}: `{name}` in row {row} is {value:g}: {doubt}",
+    ("{file}: `{name}` in row {row} is {value:g}: {doubt}", "{file}: `{name}` is {value:g}: {doubt}"),
     help="{remedy}",
     severity="warning",
 )

@@ -17,6 +17,7 @@ import numpy as np
 from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
+from scenegen.errors.files import DOUBTFUL_POSE
 from scenegen.errors.requests import (
     BEYOND_BOUNDS,
     CANNOT_BE_HELD,
@@ -193,7 +194,7 @@ class FamilyPlan(Plan):
             ]
         warnings = dict[Diagnostic, None]()
         for numbers, one in zip(self.numbers, accounts, strict=True):
-            warnings |= dict.fromkeys(each.but(counted=written(numbers)) for each in one.warnings)
+            warnings |= dict.fromkeys(_counted(one.warnings, numbers))
         tried = "; ".join(f"{one.tried} with {written(mine)}" for mine, one in zip(self.numbers, accounts, strict=True))
         return Account(info, tried, tuple(warnings))
 
@@ -257,6 +258,11 @@ MakePlan = Callable[[CheckedSpec, SampleRequest], Plan]
 def seed_of(seed: int, numbers: Mapping[str, int]) -> int:
     """The seed of the member with these numbers of things."""
     return int(np.random.SeedSequence([seed, SEEDS, *numbers.values()]).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+def _counted(warnings: Sequence[Diagnostic], numbers: Mapping[str, int]) -> Iterator[Diagnostic]:
+    """Warnings of a member with its numbers; what is said of the request is the same for all members."""
+    return (one if one.kind is DOUBTFUL_POSE else one.but(counted=written(numbers)) for one in warnings)
 
 
 def plan_numbers(
@@ -337,7 +343,7 @@ def _problem(
     for mine, why in left_out:
         warnings[NUMBER_LEFT_OUT(counted=written(mine), why=why)] = None
     for mine, plan in zip(numbers, plans, strict=True):
-        warnings |= dict.fromkeys(one.but(counted=written(mine)) for one in plan.problem.warnings)
+        warnings |= dict.fromkeys(_counted(plan.problem.warnings, mine))
     return replace(
         first, spec=spec, core=gated(spec.core), lowest=lowest, highest=highest, request=replace(request, fix=fixed),
         cells=cells, possible=possible, improbable=improbable, warnings=tuple(warnings),

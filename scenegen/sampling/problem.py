@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.arrays import Array, Index
+from scenegen.arrays import Array, Index, as_numbers
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import (
     ALL_HELD,
@@ -29,6 +29,7 @@ from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_count, row_of, span_of
 from scenegen.sampling.request import FixedPose, Range, SampleRequest, empty_range, within_reach
+from scenegen.scenes.formats.tables import doubts_of
 from scenegen.search import label_bounds
 from scenegen.search.contract import (
     EVERYTHING,
@@ -45,7 +46,6 @@ from scenegen.search.contract import (
 from scenegen.search.effort import Effort, StoppedError, TooMuchError, scoring
 from scenegen.search.surfaces import improbable, worlds
 from scenegen.search.tape import Tape, make_tape
-from scenegen.validation import as_list
 
 # --------------------------------------------------------------------------------------------------------------------
 # Cutting the requested range of phi into cells that get equal shares of the scenes (docs/sampling.md).
@@ -265,6 +265,7 @@ def make_problem(
         if touching:
             phi, bounds = _at_shared_bounds(core, lowest, highest, phi, bounds, effort)
         checked, warnings = within_reach(dataclasses.replace(request, fix=fixed, phi=phi), bounds)
+        warnings = (*warnings, *doubts_of_fixed(spec, request.fix))
         cells = cut(checked, tuple(core.labels), most)
         if core is not spec.core:
             cells.low[-1] = 0.0
@@ -493,19 +494,23 @@ def hold_fixed(
     return lowest, highest, known
 
 
+def doubts_of_fixed(spec: CheckedSpec, fixed: Mapping[str, FixedPose | tuple[float, ...]]) -> Iterator[Diagnostic]:
+    """Warnings for fixed poses that are in other units by their numbers; what was typed has units, or is refused."""
+    for name, given in fixed.items():
+        if not isinstance(given, FixedPose):
+            yield from doubts_of("`fix`", [name], as_numbers(given)[None, None], spec.workspace, first=0)
+
+
 def _as_pose(name: str, given: object) -> FixedPose:
     if isinstance(given, FixedPose):
         return given
-    pose = as_list(given)
-    if isinstance(pose, list) and len(pose) in (len(PLACE), len(FLAT)):
-        try:
-            x, y, *theta = (float(value) for value in pose)
-        except (TypeError, ValueError):
-            pass
-        else:
-            if all(map(math.isfinite, (x, y, *theta))):
-                return FixedPose(x, y, theta[0] if theta else None)
-    raise RequestError(NOT_A_POSE(name=name, value=repr(given)))
+    try:
+        pose = as_numbers(given)
+    except (TypeError, ValueError):
+        pose = np.empty(0)
+    if pose.ndim != 1 or len(pose) not in (len(PLACE), len(FLAT)) or not np.isfinite(pose).all():
+        raise RequestError(NOT_A_POSE(name=name, value=repr(given)))
+    return FixedPose(*pose.tolist())
 
 
 def _heading(theta: float) -> float:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, cast, get_args
 
 from scenegen.errors import Diagnostic, RequestError, Source, Span
-from scenegen.errors.language import MORE_THAN_A_TURN
+from scenegen.errors.language import FOREIGN_SIGN, MORE_THAN_A_TURN
 from scenegen.errors.requests import (
     ARGUMENT_SYNTAX,
     BEYOND_BOUNDS,
@@ -111,6 +111,7 @@ def _parse_range(
 ) -> Range:
     from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
 
+    _refuse_lookalikes(source)
     whole = Span(source, offset, offset + len(text))
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
@@ -135,6 +136,18 @@ def _parse_range(
     if problem is not None:
         raise RequestError(problem)
     return result
+
+
+def _refuse_lookalikes(source: Source) -> None:
+    """Raises RequestError for a character that looks like a minus sign, a colon or a comma, as in specs."""
+    odd = re.search(r"[^\x00-\x7f\s\N{DEGREE SIGN}]", source.text)
+    if odd:
+        from scenegen.lang.syntax.foreign import LOOKALIKES
+
+        what, instead = LOOKALIKES.get(odd[0], (None, None))
+        if what:
+            here = Span(source, odd.start(), odd.end())
+            raise RequestError(FOREIGN_SIGN(here, character=odd[0], what=what, instead=instead))
 
 
 def number(text: str) -> float | None:
@@ -213,6 +226,7 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
     found: dict[str, FixedPose] = {}
     for text in options:
         source = Source("fix", text, argument=True)
+        _refuse_lookalikes(source)
         name, equals, rest = text.partition("=")
         whole = Span(source, 0, len(text))
         parts = rest.split(",")

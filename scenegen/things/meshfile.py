@@ -96,8 +96,6 @@ def mesh_surfaces(
         found = tuple(map(tidy, _painted(data, read, budget)))
     else:
         points, faces = _geometry(name, data)
-        if ending == ".stl" and len(points) % 3:
-            raise MeshError("it is cut short: a triangle in it has fewer than three corners")
         if not len(faces):
             raise MeshError("it has no faces")
         budget.add_vertices(len(points))
@@ -138,7 +136,7 @@ def _geometry(name: str, data: bytes) -> tuple[Floats, Indices]:
         raise MeshError(f"{kind} cannot be read here: {known}")
     points = vertices(name, data)
     if ending_of(name) == ".stl":
-        return points, np.arange(len(points) // 3 * 3).reshape(-1, 3)
+        return points, np.arange(len(points)).reshape(-1, 3)
     faces = _ObjFaces(_plain(data), len(points))
     order = np.argsort(faces.group, kind="stable")
     return points, _fans(faces.corners, faces.sizes, order)
@@ -162,17 +160,46 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 _HEADER = 80  # bytes of a binary STL before the number of triangles
 
 
+_FACET = re.compile(
+    rb"^[ \t]*facet\b[^\n]*\n\s*(?:outer\s+loop\s+)?"
+    + rb"vertex[ \t]+([^\n]*)\n\s*" * 3
+    + rb"(?:end[ \t]*loop\s+)?end[ \t]*facet\b",
+    re.MULTILINE | re.IGNORECASE,
+)
+
+
 def _stl(data: bytes) -> Floats:
+    """The corners (V, 3) of the triangles of an STL file, three of each. Raises MeshError."""
     start = _HEADER + 4
     count = struct.unpack_from("<I", data, _HEADER)[0] if len(data) >= start else -1
     size = start + _TRIANGLE.itemsize * count
-    # A binary file may open with the word `solid` too: its length decides.
-    if len(data) != size and data.removeprefix(MARK).lstrip()[:5].lower() == b"solid":
-        return _numbers(re.findall(rb"^[ \t]*vertex[ \t]+([^\r\n]*)", data, re.MULTILINE | re.IGNORECASE))
+    # A binary file may open with the word `solid`, too: its length decides. Four letters as a count mean 7 GB and more.
     if count < 0 or len(data) < size:
+        if data.removeprefix(MARK).lstrip()[:5].lower() == b"solid" and b"\0" not in data:
+            return _stl_in_words(_text(data))
         raise MeshError("it is cut short" if count >= 0 else "it is no STL file")
     triangles = np.frombuffer(data, dtype=_TRIANGLE, count=count, offset=start)
     return np.asarray(triangles["corners"], dtype=np.float64).reshape(-1, 3)
+
+
+def _stl_in_words(text: bytes) -> Floats:
+    corners: list[bytes] = []
+
+    def read(facet: re.Match[bytes]) -> bytes:
+        corners.extend(facet.groups())
+        return b"\n" * facet[0].count(b"\n")
+
+    opened = False
+    for number, line in enumerate(_FACET.sub(read, text).split(b"\n"), 1):
+        if not line.strip():
+            continue
+        if not re.match(rb"\s*end[ \t]*solid\b" if opened else rb"\s*solid\b", line, re.IGNORECASE):
+            wanted = "a `facet` of three corners, up to its `endfacet`, or `endsolid`" if opened else "`solid`"
+            raise MeshError(f"line {number}: here must be {wanted}; it is damaged or cut short")
+        opened = not opened
+    if opened:
+        raise MeshError("it is cut short: it does not end with `endsolid`")
+    return _numbers(corners)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -185,17 +212,7 @@ MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a te
 MOST_MATERIALS = 10_000
 WITHOUT = ("", "None", "(null)")  # names of exporters for no material
 # Options of a texture: how many numbers or words follow at most. Those with a place in `MOVES` shift or stretch it.
-OPTIONS = {
-    "-blendu": 1,
-    "-blendv": 1,
-    "-boost": 1,
-    "-bm": 1,
-    "-clamp": 1,
-    "-imfchan": 1,
-    "-texres": 1,
-    "-o": 3,
-    "-s": 3,
-}
+OPTIONS = {f"-{one}": 1 for one in "blendu blendv boost bm clamp imfchan texres".split()} | {"-o": 3, "-s": 3}
 MOVES = ("-o", "-s")
 
 
@@ -208,21 +225,27 @@ class _Material:
     offset: tuple[float, float] = (0.0, 0.0)
 
 
+def _text(data: bytes) -> bytes:
+    """A file in words: without a byte order mark, and its lines end with a newline, whatever ended them."""
+    text = data.removeprefix(MARK)
+    return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
+
+
 def _plain(data: bytes) -> bytes:
-    """A file without comments and a byte order mark. What goes on in the next line stands in its first one, and empty
-    lines after it keep the numbers of the others."""
+    """A file without comments, each of which ends with its line. What goes on in the next line stands in its first one,
+    and empty lines after it keep the numbers of the others."""
 
     def whole(found: re.Match[bytes]) -> bytes:
-        return re.sub(rb"\\\r?\n", b" ", found[0]) + b"\n" * found[0].count(b"\n")
+        return found[0].replace(b"\\\n", b" ") + b"\n" * found[0].count(b"\n")
 
-    text = data.removeprefix(MARK)
-    text = re.sub(rb"^(?:[^\n]*\\\r?\n)+[^\n]*", whole, text, flags=re.MULTILINE) if b"\\" in text else text
-    return re.sub(rb"#[^\n]*", b"", text) if b"#" in text else text
+    text = _text(data)
+    text = re.sub(rb"#[^\n]*", b"", text) if b"#" in text else text
+    return re.sub(rb"^(?:[^\n]*\\\n)+[^\n]*", whole, text, flags=re.MULTILINE) if b"\\" in text else text
 
 
 def _rows(text: bytes, word: bytes) -> Iterator[tuple[int, bytes]]:
     """What follows a word that opens a line, with the place of this line in the text."""
-    pattern = rb"^[ \t]*" + word + rb"(?=[ \t\r\n]|\Z)([^\r\n]*)"
+    pattern = rb"^[ \t]*" + word + rb"(?=\s|\Z)([^\n]*)"
     return ((one.start(), one[1]) for one in re.finditer(pattern, text, re.MULTILINE))
 
 
@@ -305,6 +328,8 @@ def _painted(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
     if not len(faces.sizes):
         raise MeshError("it has no faces")
     materials, libraries = _libraries(faces, read, budget)
+    if faces.names == [""] and len(materials) == 1:  # scanners and YCB name the file of their one material alone
+        faces.names = list(materials)
     budget.add_triangles(int((faces.sizes - 2).sum()))
     at = faces.indices(
         [word.split(b"/", 2)[1] if b"/" in word else b"" for word in faces.words],

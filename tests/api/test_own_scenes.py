@@ -2,13 +2,16 @@
 
 import json
 import math
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import scenegen
+from scenegen.api.reading import part_of_scenes
 from scenegen.errors import DataError, RequestError
+from scenegen.sampling.request import parse_fix
 
 SPEC = "object mug, plate, can\nleft: leftOf(mug, plate)\nnear: closeTo(mug, plate, 20 cm)\n"
 POSES = np.array(
@@ -134,6 +137,45 @@ def test_masks_of_other_libraries(spec):
             scenes[odd]
 
 
+HIDDEN = np.ma.masked_array(POSES, mask=np.zeros(POSES.shape, bool))
+HIDDEN[0, 0] = np.ma.masked
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        HIDDEN,
+        list(HIDDEN),
+        [list(scene) for scene in HIDDEN],
+        {"mug": HIDDEN[:, 0], "plate": POSES[:, 1], "can": POSES[:, 2]},
+        {"mug": [(np.ma.masked, 0.5, 0)] * 2, "plate": POSES[:, 1], "can": POSES[:, 2]},
+        {name: HIDDEN.reshape(2, 9)[:, k] for k, name in enumerate(COLUMNS)},
+    ],
+)
+def test_what_is_masked_is_missing(given, spec):
+    with pytest.raises(DataError, match=r"no number stands in column `mug\.[xy]` of scene 1"):
+        spec.scenes(given)
+
+
+def test_masks_that_hide_nothing_and_numbers_that_are_none(spec):
+    torch, pandas = map(pytest.importorskip, ("torch", "pandas"))
+    same(spec.scenes(np.ma.masked_array(POSES)))
+    frame = pandas.DataFrame(POSES.reshape(2, 9), columns=COLUMNS)
+    same(spec.scenes(frame.convert_dtypes()))
+    half = torch.tensor(POSES * 5, dtype=torch.bfloat16)
+    np.testing.assert_array_equal(spec.scenes(half / 8).poses, (half / 8).double().numpy())
+    with pytest.raises(DataError, match=r"no number stands in column `mug.x` of scene 1"):
+        spec.scenes(frame.astype("Float64").mask(frame == 0.2))
+    arrow = pytest.importorskip("pyarrow").Table.from_pandas(frame)
+    with pytest.raises(RequestError, match=r"`poses` is of the shape \(2, 9\)"):
+        spec.scenes(arrow)
+    for odd in (POSES + 0j, torch.tensor(POSES + 1j), POSES > 0.5):
+        with pytest.raises(RequestError, match=r"`poses` is of the shape \(2, 3, 3\), (complex|bool|torch)"):
+            spec.scenes(odd)
+    with pytest.raises(DataError, match="it is nan"):
+        scenegen.SceneSet(HIDDEN, dict(spec.scenes(POSES).phi), spec.scenes(POSES).header)
+
+
 def files(spec, folder: Path):
     pytest.importorskip("pandas")
     polars = pytest.importorskip("polars")
@@ -175,6 +217,84 @@ def test_files_of_poses_alone(spec, tmp_path):
         (tmp_path / "bad.csv").write_text(text)
         with pytest.raises(DataError, match=said):
             scenegen.read_scenes(tmp_path / "bad.csv", spec=spec)
+
+
+ROW = dict(zip(COLUMNS, POSES[0].ravel().tolist(), strict=True))
+
+
+def table_of(between=",", more=("", ""), head="", quote=""):
+    """A .csv file of one scene: `more` stands behind its heading and its row."""
+    lines = (between.join(f"{quote}{one}{quote}" for one in line) for line in (ROW, map(str, ROW.values())))
+    return head + "".join(f"{line}{between}{cell}\n" for line, cell in zip(lines, more, strict=True))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        table_of(";", ("at (x,y)", "q")),
+        table_of("\t", ("a,b,c,d,e,f,g,h,i,j,k;l", "q")),
+        table_of(",", ("a;b;c;d;e;f;g;h;i;j;k", "q")),
+        table_of(";", ('"a,b.x,c.y"', '"1,2"')),
+        table_of(",", ("picture", "A" * 140_000)),
+        table_of(", ", ('"say ""hi"", twice"', '"a\nb"'), quote='"'),
+        table_of(head="sep=,\n"),
+        table_of(";", head='\ufeff"SEP=;"\r\n'),
+        table_of("\t", head="sep=\t\n"),
+        table_of(head="# made by a tracker, 2024\n#\n\n"),
+        table_of(more=("#", "# 1")),
+        "#," + table_of().replace("\n", "\n1,", 1),
+        table_of(more=("note", "a\u2028b\x85c\x0bd")).replace("\n", "\r"),
+    ],
+)
+def test_csv_files_hold_anything_beside_the_poses(text, spec, tmp_path):
+    (tmp_path / "a.csv").write_bytes(text.encode())
+    np.testing.assert_array_equal(scenegen.read_scenes(tmp_path / "a.csv", spec=spec).poses, POSES[:1])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (table_of(head="sep=|\n"), "separated by `|`"),
+        (table_of(more=("n", '"a "b" c"')), "line 2, counted from its heading: ',' expected"),
+        (table_of(more=("n", '"abc')), "line 2, counted from its heading: unexpected end"),
+        (table_of(";").replace("0.2", "0,2"), "numbers have a decimal point: 0.2"),
+        ("sep=;\n", "it has no rows"),
+        ("# " + table_of(), "did you mean `# mug.x`"),
+    ],
+)
+def test_csv_files_that_are_none_say_where(text, said, spec, tmp_path):
+    (tmp_path / "a.csv").write_bytes(text.encode())
+    with pytest.raises(DataError) as caught:
+        scenegen.read_scenes(tmp_path / "a.csv", spec=spec)
+    assert said in str(caught.value) and len(caught.value.diagnostics) == 1
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_of_json_end_where_json_says(end, spec, tmp_path):
+    row = json.dumps({**ROW, "note": "a\u2028b\u2029c\x85d"}, ensure_ascii=False)
+    (tmp_path / "a.jsonl").write_bytes(f"\ufeff{row}{end}{row}{end}{end}".encode())
+    assert len(scenegen.read_scenes(tmp_path / "a.jsonl", spec=spec)) == 2
+
+
+def test_parquet_files_have_numbers_of_every_kind(spec, tmp_path):
+    pa = pytest.importorskip("pyarrow")
+    pq = pytest.importorskip("pyarrow.parquet")
+    exact = [Decimal(str(value)) for value in ROW.values()]
+    beside = {"a": pa.array([True]), "b": pa.array([2**63], pa.uint64()), "c": pa.array([1], pa.timestamp("ns"))}
+    for kind, values in (
+        (pa.decimal128(9, 3), exact),
+        (pa.decimal256(50, 7), exact),
+        (pa.string_view(), map(str, exact)),
+        (pa.large_string(), map(str, exact)),
+        (pa.dictionary(pa.int8(), pa.string()), map(str, exact)),
+    ):
+        columns = {name: pa.array([value]).cast(kind) for name, value in zip(ROW, values, strict=True)}
+        pq.write_table(pa.table(columns | beside), tmp_path / "a.parquet")
+        np.testing.assert_array_equal(scenegen.read_scenes(tmp_path / "a.parquet", spec=spec).poses, POSES[:1])
+    for odd, said in ((pa.nulls(1), "no number stands in column `mug.x` of scene 1"), (beside["a"], "is `bool`")):
+        pq.write_table(pa.table({**columns, "mug.x": odd}), tmp_path / "a.parquet")
+        with pytest.raises(DataError, match=said):
+            scenegen.read_scenes(tmp_path / "a.parquet", spec=spec)
 
 
 def test_mirrored_copies(spec):
@@ -225,6 +345,66 @@ def test_one_of_many_given_is_distributed_as_one_alone():
         both = np.sort(np.concatenate([one, other]))
         apart = np.abs(np.searchsorted(np.sort(one), both, "right") - np.searchsorted(np.sort(other), both, "right"))
         assert apart.max() / 800 < 1.63 * math.sqrt(2 / 800)
+
+
+def test_given_poses_may_be_masked():
+    spec = scenegen.parse(GIVEN)
+    held = np.ma.masked_array([[0.9, 0.9, 1.0], [0.1, 0.1, 1.0]], mask=[[0, 0, 0], [1, 1, 1]])
+    for fix in ({"can": held}, {"can": [held[0], held[1]], "apple": np.full((2, 3), math.nan)}):
+        made = scenegen.sample(spec, (-0.2, -0.1), fix=fix, seed=2).poses[:, 2]
+        assert made[0].tolist() == [0.9, 0.9, 1.0] and made[1].tolist() != [0.1, 0.1, 1.0]
+    made = scenegen.sample(spec, (-0.2, -0.1), fix={"can": np.ma.masked_array([[0.9, 0.9, 1.0]], mask=[[0, 0, 1]])})
+    assert made.poses[0, 2, 2] != 1.0
+    for mask, axis in (((1, 0, 0), "x"), ((0, 1, 0), "y"), ((1, 1, 0), "x")):
+        with pytest.raises(DataError, match=f"no number stands in column `can.{axis}` of scene 2"):
+            half = np.ma.masked_array(held.data, mask=[(0, 0, 0), mask])
+            scenegen.sample(spec, (-0.2, -0.1), fix={"can": half})
+    with pytest.raises(DataError, match=r"no number stands in column `can.theta` of scene 1"):
+        scenegen.sample(spec, (-0.2, -0.1), fix={"can": np.array([[0.9, 0.9, math.inf]])})
+    for odd in (held[1], (0.5, np.ma.masked), (0.5, 0.5, 1j), np.array([0.5, 0.5j])):
+        with pytest.raises(RequestError, match="the pose of `can` is"):
+            scenegen.sample(spec, (-0.2, -0.1), n=1, fix={"can": odd})
+
+
+def test_degrees_are_doubted_wherever_poses_come_in(tmp_path):
+    spec = scenegen.parse("object mug, plate\ntask: leftOf(mug, plate)\n")
+    turned = (0.5, 0.5, 90.0)
+    every = np.array([[[math.nan] * 3, turned]])
+    (tmp_path / "a.csv").write_text("plate.x,plate.y,plate.theta\n.5,.5,90\n")
+    part = part_of_scenes(spec.checked, tmp_path / "a.csv", [])
+    many = scenegen.parse("object block[1..2], plate\ntask: forall b in block: leftOf(b, plate)\n")
+    for source, fix in (
+        (spec, {"plate": turned}), (spec, {"plate": np.array(turned)}), (spec, {"plate": np.array([turned])}),
+        (spec, every), (spec, part), (many, {"plate": turned}),
+    ):  # fmt: skip
+        n = None if getattr(next(iter(fix.values())) if isinstance(fix, dict) else fix, "ndim", 1) > 1 else 3
+        told = scenegen.sample(source, (0.0, None), n, fix=fix).warnings
+        assert [one.code for one in told] == ["doubtful-pose"] and "`plate.theta`" in told[0].title
+    assert not scenegen.sample(spec, (0.0, None), 1, fix={"plate": (0.5, 0.5, 6.2)}).warnings
+    assert not scenegen.sample(spec, (0.0, None), 1, fix=parse_fix(["plate=0.5,0.5,90 rad"])).warnings
+
+
+TIMED = """object mug, plate time 2 steps moves one
+require speed(mug) <= 20 cm/s
+task: eventually leftOf(mug, plate)"""
+
+
+def test_degrees_are_doubted_in_motions():
+    timed, turned = scenegen.parse(TIMED), (0.5, 0.5, 90.0)
+    told = scenegen.sample_motions(timed, (0.0, None), 1, fix={"plate": turned}).warnings
+    assert [one.code for one in told] == ["doubtful-pose"]
+
+    def doubts(*poses):
+        return [one.title for one in scenegen.Monitor(timed).add(np.array(poses)).warnings]
+
+    assert doubts((0.2, 0.5, 0.0), (0.6, 0.5, 6.2)) == []
+    assert doubts((0.2, 0.5, 0.0), turned) == ["`poses`: `plate.theta` is 90: more than a turn"]
+    assert doubts([(0.2, 0.5, 0), (0.2, 0.5, 0)], [(500, 0.5, 0), (0.6, 0.5, 0)])[0].startswith(
+        "`poses`: `mug.x` in row 2"
+    )
+    for odd in (np.ma.masked_array([[0.2, 0.5, 0], [0.6, 0.5, 0]], mask=[[1, 1, 1], [0, 0, 0]]), np.full((2, 3), 0.5j)):
+        with pytest.raises(RequestError, match="`poses` is not"):
+            scenegen.Monitor(timed).add(odd)
 
 
 def test_given_scenes_that_cannot_be():

@@ -349,6 +349,8 @@ def test_the_checker_accepts_or_refuses_with_a_diagnostic(line):
         ("(p & q) | r", "p & q | r"),
         ("p -> (q -> r)", "p -> q -> r"),
         ("(((25 cm)))", "25cm"),
+        ("25\xa0cm", "25cm"),
+        ("25\u202fcm\u2009+\u30005\t\u2009\xa0mm", "25 cm + 5 mm"),
     ],
 )
 def test_spellings_share_a_tree(one, other):

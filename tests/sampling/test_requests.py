@@ -89,6 +89,29 @@ def test_what_python_takes_for_a_number_but_people_do_not(text):
         parse_phi([text], ["task"])
 
 
+@pytest.mark.parametrize(
+    ("read", "text", "place", "said"),
+    [
+        (parse_phi, "task=−0.2:0", 5, "`−` is a typographic minus"),
+        (parse_phi, "0:–1 cm", 2, "`–` is a dash"),
+        (parse_phi, "0：0.1", 1, "`：` is a wide colon"),
+        (parse_fix, "plate=0.5,0.5,−90 deg", 14, "`−` is a typographic minus"),
+        (parse_fix, "plate=0.5，0.5", 9, "`，` is a wide comma"),
+    ],
+)
+def test_what_only_looks_like_a_sign_is_named(read, text, place, said):
+    with pytest.raises(RequestError) as caught:
+        read([text], ["task"])
+    (only,) = caught.value.diagnostics
+    assert (only.title, only.span.start, only.span.end) == (said, place, place + 1) and only.help.startswith("write")
+
+
+@pytest.mark.parametrize("blank", "\xa0\u202f\u2009\u3000\t")
+def test_any_blank_stands_before_a_unit(blank):
+    assert parse_phi([f"5{blank}cm:{blank}20{blank}cm"], ["task"]) == {"task": Range(0.05, 0.2)}
+    assert parse_fix([f"plate=50{blank}cm,0.5,90{blank}deg"])["plate"].theta == math.radians(90)
+
+
 def test_a_single_value_is_refused_with_a_band(exp1):
     with pytest.raises(RequestError, match=r"with probability 0[\s\S]*phi=\{\"task\": \(0\.0875, 0\.1125\)\}"):
         make_problem(exp1, SampleRequest({"task": Range(0.1, 0.1)}, n=1))

@@ -372,8 +372,82 @@ def test_an_stl_is_one_surface():
     data = bytes(80) + struct.pack("<I", 2) + b"".join(bytes(12) + one.tobytes() + bytes(2) for one in corners)
     (only,) = mesh_surfaces("a.STL", data, None)
     assert np.array_equal(only.vertices[only.faces], corners) and only.color is None
-    with pytest.raises(MeshError, match="fewer than three corners"):
-        mesh_surfaces("a.stl", b"solid abc\nvertex 0 0 0\nvertex 0 1 0\n", None)
+
+
+FACET = b"facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 1 2 0\n endloop\nendfacet\n"
+WORDS = b"solid one\n" + FACET + FACET.replace(b"2 0", b"2 3") + b"endsolid one\n"
+
+
+def extent(name, data):
+    """The size of all that a file shows, and how many triangles that are."""
+    surfaces = mesh_surfaces(name, data, None)
+    points = np.concatenate([one.vertices for one in surfaces])
+    return np.ptp(points, axis=0).tolist(), sum(len(one.faces) for one in surfaces)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        WORDS,
+        WORDS.rstrip(),
+        WORDS.upper(),
+        WORDS.replace(b"\n", b"\r"),
+        b"\xef\xbb\xbf" + WORDS.replace(b"\n", b"\r\n"),
+        b"solid none\nendsolid none\n" + WORDS,
+        WORDS.replace(b"endsolid one", b"endsolid\n\nsolid facet vertex\nend solid"),
+        WORDS.replace(b"endloop", b"end loop").replace(b"endfacet", b"end facet"),
+        WORDS.replace(b"normal 0 0 1", b"normal nan nan -nan"),
+    ],
+)
+def test_an_stl_in_words(data):
+    assert extent("a.stl", data) == ([1.0, 2.0, 3.0], 2)
+
+
+def test_an_stl_in_words_that_is_cut_short_is_refused():
+    lines = WORDS.splitlines(keepends=True)
+    for kept in range(1, len(lines)):
+        with pytest.raises(MeshError, match="cut short"):
+            extent("a.stl", b"".join(lines[:kept]))
+    four = FACET.replace(b" endloop", b"  vertex 1 1 1\n endloop")
+    for text in (FACET.replace(b"  vertex 1 0 0\n", b"") + four, FACET + b"vertex 0 0 0\n", b"endsolid\n" + FACET):
+        with pytest.raises(MeshError, match=r"^line \d+: .*facet|^line \d+: .*solid"):
+            extent("a.stl", b"solid one\n" + text + b"endsolid one\n")
+
+
+@pytest.mark.parametrize("behind", [b"", b"\n", b"solid"])
+@pytest.mark.parametrize("opening", [b"made by", b"solid", b"SOLID\n", b"solid part\r\n"])
+def test_an_stl_in_bytes_may_open_with_solid_and_have_bytes_behind(opening, behind):
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [1, 2, 3]]], dtype="<f4")
+    data = opening.ljust(80, b" ") + struct.pack("<I", 1) + bytes(12) + corners.tobytes() + bytes(2)
+    assert extent("a.stl", data + behind) == ([1.0, 2.0, 3.0], 1)
+    with pytest.raises(MeshError, match="it is cut short"):
+        extent("a.stl", data[:-1])
+
+
+NOTE = b"# C:\\models\\\n"
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+def test_a_comment_ends_with_its_line(end):
+    lines = OBJ.splitlines(keepends=True)
+    plain = obj(OBJ)
+    for place in range(len(lines)):
+        if lines[place - 1].endswith(b"\\\n"):
+            continue
+        text = b"".join([*lines[:place], NOTE, *lines[place:]])
+        found = obj(text.replace(b"\n", end), a_mtl=(NOTE + MTL.replace(b"Kd 1", NOTE + b"Kd 1")).replace(b"\n", end))
+        for one, other in zip(found, plain, strict=True):
+            assert np.array_equal(one.vertices[one.faces], other.vertices[other.faces]) and one.color == other.color
+    with pytest.raises(MeshError, match="line 12: a face names vertex 9 of 4"):
+        obj((NOTE + OBJ.replace(b"f 1 2 3", NOTE + b"f 1 2 9")).replace(b"\n", end))
+
+
+def test_a_material_that_is_alone_needs_no_usemtl():
+    text = b"mtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n"
+    (only,) = obj(text, b_mtl=b"newmtl scan\nmap_Kd skin 1.png\n")
+    assert only.texture == png() and only.color == (1.0, 1.0, 1.0) and only.uv.shape == (3, 2)
+    (only,) = obj(text, b_mtl=MTL)  # which of two is not said
+    assert only.color is None and not only.texture
 
 
 MESH = '<mesh filename="package://props/sub/a.obj" scale="1 -2 1"/>'

@@ -144,7 +144,10 @@ def _spec(folder, objects):
 
 
 def test_texts_of_meshes_may_begin_with_a_byte_order_mark():
-    rows = [CORNERS[side[k] - 1] for side in SIDES for k in (0, 1, 2)]
-    text = "solid a\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in rows)
+    facets = (
+        "facet\n" + "".join("vertex {} {} {}\n".format(*CORNERS[side[k] - 1]) for k in (0, 1, 2)) + "endfacet\n"
+        for side in SIDES
+    )
+    text = "solid a\n" + "".join(facets) + "endsolid a\n"
     for name, data in (("a.stl", text.encode()), ("a.obj", obj())):
         assert mesh_outline(name, b"\xef\xbb\xbf" + data, None)[0] == Box(0.1, 0.1)

@@ -268,7 +268,7 @@ UNITS = ("m", "cm", "mm", "rad", "deg", "turn")
 INCHES = {"in": 2.54, "inch": 2.54, "inches": 2.54, "ft": 30.48, "foot": 30.48, "feet": 30.48}  # in cm
 
 _QUOTES = "write names without quotes; file names in straight ones"
-_LOOKALIKES = {  # what they are, and what to write
+LOOKALIKES = {  # what they are, and what to write
     "°": ("not a unit", "write 90 deg"),
     "“": ("a typographic quote", _QUOTES),
     "”": ("a typographic quote", _QUOTES),
@@ -291,8 +291,8 @@ def explain_foreign_syntax(source: Source, start: int, end: int, depth: int, acc
     text, word = source.text, source.text[start:end]
     here = Span(source, start, end)
     line = text[text.rfind("\n", 0, start) + 1 : start]
-    if text[start] in _LOOKALIKES:
-        what, instead = _LOOKALIKES[text[start]]
+    if text[start] in LOOKALIKES:
+        what, instead = LOOKALIKES[text[start]]
         return FOREIGN_SIGN(Span(source, start, start + 1), character=text[start], what=what, instead=instead)
     if text[max(0, start - 2) : start + 1] == "<->":
         return FOREIGN_SIGN(Span(source, start - 2, start + 1), operator="<->", instead="(a -> b) & (b -> a)")

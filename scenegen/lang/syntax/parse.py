@@ -147,7 +147,7 @@ if __name__ == "__main__":
 
 # margins know no strictness: `<` means `<=`, and the tree says so
 _COMPARE = {"≤": "<=", "≥": ">=", "≠": "!=", "<": "<=", ">": ">="}
-_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)[ \t]*([a-z]*(?:/s)?)$")
+_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)\s*([a-z]*(?:/s)?)$")
 
 
 class _DeclarationPart(NamedTuple):

@@ -33,7 +33,7 @@ def _tokens(units: str) -> re.Pattern[str]:
         r"(?P<space>\s+)"
         r"|(?P<comment>#[^\n]*)"
         r'|(?P<text>"[^"\n]*")'
-        rf"|(?P<number>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:[ \t]*{units}(?!\w))?)"
+        rf"|(?P<number>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:[^\S\r\n]*{units}(?!\w))?)"
         r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*)"
         r"|(?P<sign>->|<=|>=|!=|\.\.|.)",
         re.DOTALL,
@@ -41,7 +41,7 @@ def _tokens(units: str) -> re.Pattern[str]:
 
 
 _TOKEN = {False: _tokens(_UNITS), True: _tokens(f"(?:{_UNITS}(?:/s)?|s|ms|min)")}
-_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)[ \t]*([a-z]*(?:/s)?)")
+_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)\s*([a-z]*(?:/s)?)")
 _TIME = re.compile(r"\btime\b")
 
 # every spelling of an operator or a word -> the canonical one

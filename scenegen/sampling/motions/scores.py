@@ -46,7 +46,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, along, row_of, rows_of
 from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_step_bounds
 from scenegen.sampling.motions.problem import MotionProblem, cost, within_a_turn
-from scenegen.sampling.problem import hold_fixed
+from scenegen.sampling.problem import doubts_of_fixed, hold_fixed
 from scenegen.sampling.request import SampleRequest, within_reach
 from scenegen.search.effort import NEVER, Stop, StoppedError, asking
 
@@ -340,6 +340,7 @@ def make_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) 
     except StoppedError:
         raise RequestError(NO_TIME_TO_CHECK()) from None
     checked, warnings = within_reach(dataclasses.replace(request, fix=fixed), bounds)
+    warnings = (*warnings, *doubts_of_fixed(spec, request.fix))
     radius, turn = _steps(timed, lowest, highest)
     for name in unbounded(timed, lowest, highest):
         raise RequestError(NO_BOUND_ON_STEPS(name=name))

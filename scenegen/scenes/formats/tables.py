@@ -15,6 +15,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +27,12 @@ from scenegen.errors.diagnostic import Kind
 from scenegen.errors.files import DOUBTFUL_POSE, NOT_A_TRAJECTORY, TABLE_CELL, TABLE_COLUMN, TABLE_ROW, TRAJECTORY_TIMES
 from scenegen.geometry.workspace import Workspace
 from scenegen.needs import need
-from scenegen.pose import NAMES, THETA, TWO_PI, X
+from scenegen.pose import NAMES, PLACE, THETA, TWO_PI
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.registry import is_motions, read_motions
 
 ENDINGS = (".csv", ".jsonl", ".parquet")
+SEPARATORS = ",;\t"  # of the columns of a .csv file
 MAX_BYTES = 1 << 30
 PEEK = 1 << 16  # bytes within which a file of scenegen says that it is one
 OURS = re.compile(rb'"format"\s*:\s*"scenegen/')
@@ -95,16 +97,22 @@ def read_table(path: Path, what: str, wrong: Kind) -> Table:
 
 
 def _csv(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[[str], Any], int]:
-    heading = next((line for line in text.splitlines() if line.strip()), "")
-    between = next((one for one in ",;\t" if one in heading), ",")
+    csv.field_size_limit(MAX_BYTES)  # what is not needed may be a picture
+    whole = io.StringIO(text, newline=None)
+    headings = (line for line in whole if line.strip() and not (line[0] == "#" and not _places(line)[0]))
+    heading = next(headings, "")
+    said = re.fullmatch(r'"?sep=(.)"?', heading.rstrip("\n"), re.IGNORECASE)  # Excel's
+    heading = next(headings, "") if said else heading
+    between = said[1] if said else _places(heading)[-1]
     odd = re.search(r"\S( |\|| \| )\S", heading)
-    if between not in heading and odd:
-        reason = f"its columns are separated by `{odd[1]}`; it takes `,`, `;` and tabs"
+    if between not in SEPARATORS or (between not in heading and odd):
+        reason = f"its columns are separated by `{between if said else odd and odd[1]}`; it takes `,`, `;` and tabs"
         raise DataError(wrong(file=path, reason=reason))
+    reader = csv.reader(chain([heading], whole), strict=True, delimiter=between, skipinitialspace=True)
     try:
-        lines = [line for line in csv.reader(io.StringIO(text), strict=True, delimiter=between) if line]
+        lines = [line for line in reader if line]
     except csv.Error as error:
-        raise DataError(wrong(file=path, reason=str(error))) from None
+        raise DataError(wrong(file=path, reason=f"line {reader.line_num}, counted from its heading: {error}")) from None
     names = [name.strip() for name in lines.pop(0)] if lines else []
     while names and not names[-1]:  # a comma at the end of every line
         names.pop()
@@ -119,9 +127,20 @@ def _csv(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[
     return tuple(names), cells, len(lines)
 
 
+def _places(heading: str) -> tuple[int, int, str]:
+    """How many columns a heading has that are poses, how many it has, and what separates them: that by which there are
+    most."""
+
+    def cut(between: str) -> tuple[int, int, str]:
+        names = next(csv.reader([heading], delimiter=between, skipinitialspace=True), [])
+        return sum(name.strip().rpartition(".")[2] in NAMES for name in names), len(names), between
+
+    return max(map(cut, SEPARATORS), key=lambda one: one[:2])
+
+
 def _json_lines(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[[str], Any], int]:
     rows: list[dict[str, Any]] = []
-    for number, line in enumerate((line for line in text.splitlines() if line.strip()), 1):
+    for number, line in enumerate((line for line in io.StringIO(text, newline=None) if line.strip()), 1):
         try:
             said: Any = json.loads(line)
         except (ValueError, RecursionError):
@@ -153,29 +172,44 @@ def is_plain(path: Path) -> bool:
     return ending == ".csv"
 
 
+@functools.cache
+def _ends(table: Workspace) -> Array:
+    """(3, 2): between which ends x, y and theta are expected: places on the table, headings within a turn."""
+    every = [(table.x, table.y), *(one[1:] for one in table.own)]
+    places = [(min(one[axis][0] for one in every), max(one[axis][1] for one in every)) for axis in PLACE]
+    return np.array([*places, (-TWO_PI, TWO_PI)])
+
+
 def doubts(file: str, columns: Iterable[tuple[str, Array]], table: Workspace, first: int = 1) -> list[Diagnostic]:
     """Warnings for columns of poses, such as mug.theta, that by their numbers are not in radians, or not on the table:
-    at most one of each. `first` is the row of their first number."""
+    at most one of each. `first` is the row of their first number, 0 where there is no other."""
     found: dict[bool, Diagnostic] = {}
+    ends = _ends(table)
     for name, values in columns:
-        axis = name.rpartition(".")[2]
-        turns = axis == NAMES[THETA]
+        axis = NAMES.index(name.rpartition(".")[2])
+        turns, (low, high) = axis == THETA, ends[axis]
         if turns:
-            low, high = -TWO_PI, TWO_PI
             doubt, remedy = "more than a turn", "headings are in radians: numpy.radians(90) is 1.5708"
         else:
-            every = [(table.x, table.y), *(one[1:] for one in table.own)]
-            ends = [one[axis != NAMES[X]] for one in every]
-            low, high = min(one[0] for one in ends), max(one[1] for one in ends)
             doubt = f"outside of the workspace, which ends at {low:g} and {high:g}"
             remedy = "places are in metres, in the frame of the spec's workspace"
         slack = 1e-9 * (high - low)
         odd = np.flatnonzero((values < low - slack) | (values > high + slack))
         if turns not in found and len(odd):
-            row, value = first + int(odd[0]), float(values[odd[0]])
+            row, value = first + int(odd[0]) if first else None, float(values[odd[0]])
             facts = {"row": row, "value": value, "doubt": doubt, "remedy": remedy}
             found[turns] = DOUBTFUL_POSE(file=file, name=name, **facts)
     return list(found.values())
+
+
+def doubts_of(file: str, objects: Sequence[str], poses: Array, table: Workspace, first: int = 1) -> list[Diagnostic]:
+    """The same for poses (n, N, 2) or (n, N, 3) of these objects."""
+    axes = NAMES[: poses.shape[-1]]
+    low, high = _ends(table)[: len(axes)].T
+    if not ((poses < low) | (poses > high)).any():
+        return []
+    columns = ((f"{one}.{axis}", poses[:, k, a]) for k, one in enumerate(objects) for a, axis in enumerate(axes))
+    return doubts(file, columns, table, first)
 
 
 def _number(cell: Any) -> float:
@@ -207,14 +241,17 @@ def _parquet(path: Path, data: bytes, wrong: Kind) -> Table:
 
     def cells(name: str) -> Any:
         kind = schema.field(name).type
-        text = bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
-        if not (text or is_number(kind)):
+        kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+        text = pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
+        other = pa.types.is_decimal(kind) or pa.types.is_null(kind)
+        if not (text or other or is_number(kind)):
             raise DataError(TABLE_CELL(file=path, row=1, name=name, value=str(kind)))
         read.append(name)
         check_rows(path, parquet, len(read))
         with refused(damaged):
             if not text:
-                return parquet.read(columns=[name], use_threads=False).column(0).to_numpy()
+                column = parquet.read(columns=[name], use_threads=False).column(0)
+                return column.to_pylist() if other else column.to_numpy()
             # a long text that stands in every row is in memory once
             texts = pq.ParquetFile(io.BytesIO(data), read_dictionary=[name], page_checksum_verification=True)
             column = texts.read(columns=[name], use_threads=False).column(0)

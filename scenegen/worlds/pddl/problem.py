@@ -24,7 +24,10 @@ from scenegen.scenes.files import read_bytes
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 200  # what reads the tree may recurse
 
-_TOKEN = re.compile(r"[ \t\n\f]+|;[^\n]*|[()]|[^\s();\x00-\x1f\x7f]+")
+# A word ends where a variable begins (`nextto?x?y`), and a hyphen that joins nothing is one of its own (`a -block`).
+_LETTER = r"[^\s();?\x00-\x1f\x7f\ufffd-]"
+_WORD = rf"\??(?:{_LETTER}+|-(?={_LETTER})|\?(?!\w))++"
+_TOKEN = re.compile(rf"(?P<beside>[ \t\n\f]+|;[^\n]*)|[()]|-?(?=[\d.]){_WORD}|-|{_WORD}|(?P<odd>.)", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,18 +89,12 @@ def expressions(source: Source) -> tuple[Node, ...]:
 
 
 def _tokens(source: Source) -> Iterator[tuple[str, int, int]]:
-    place, text = 0, source.text
-    while place < len(text):
-        found = _TOKEN.match(text, place)
-        if found is None or "\ufffd" in found[0]:
-            if found is not None:
-                place += found[0].index("\ufffd")
-            here = Span(source, place, place + 1)
-            said = f"character U+{ord(text[place]):04X}"
-            raise DataError(PDDL_TEXT(here, file=source.name, character=said))
-        if found[0][0] not in " \t\n\f;":
-            yield found[0], place, found.end()
-        place = found.end()
+    for found in _TOKEN.finditer(source.text):
+        if found["odd"]:
+            said = f"character U+{ord(found[0]):04X}"
+            raise DataError(PDDL_TEXT(Span(source, *found.span()), file=source.name, character=said))
+        if not found["beside"]:
+            yield found[0], *found.span()
 
 
 Numbers = tuple[float, ...]

@@ -236,11 +236,11 @@ class Setting:
         mapped = {key.lower(): shape for key, shape in self.table.objects.items()}
         for name, thing in self.problem.things.items():
             kind, known = self._kind(thing, mapped)
-            self.ids[name] = self._identifier(re.sub(r"\.n\.\d+", "", name))
+            self.ids[name] = self._identifier(re.sub(r"\.n\.\d+", "", name, flags=re.IGNORECASE))
             if name in targets or (not targets and known in ("floor", "ground", "lawn", "driveway")):
                 self.grounds.append(name)
                 fallback = GROUNDS["kitchen_table"] if targets else ROOM
-                self.space = GROUNDS.get(known) or GROUNDS.get(name) or fallback if targets else ROOM
+                self.space = GROUNDS.get(known) or GROUNDS.get(name.lower()) or fallback if targets else ROOM
             elif (shape := _mapped(mapped, name, kind, known)) is not None:
                 self.shapes[name] = shape
                 shape_from(shape)
@@ -319,9 +319,9 @@ class Setting:
         if region is not None and region.target in self.shapes:  # the inside of a basket, say
             return Referent(self.ids[region.target], (self.ids[region.target],), "thing", region.target)
         for owner in sorted(self.ids, key=len, reverse=True):
-            if not name.startswith(f"{owner}_"):
+            if not name.lower().startswith(f"{owner.lower()}_"):
                 continue
-            rest = name[len(owner) + 1 :]
+            rest = name[len(owner) + 1 :].lower()
             if owner in self.furniture and rest in self.furniture[owner].sites:
                 site = self._site(owner, rest)
                 return Referent(site, (site,), "region")
@@ -381,7 +381,7 @@ class Setting:
 
 def category(kind: str) -> str:
     """`bowl` of `bowl.n.01` and `bowl_1`, in lower case."""
-    return re.sub(r"_?\d+$", "", re.sub(r"\.n\.\d+.*$", "", kind)).lower().replace("-", "_")
+    return re.sub(r"_?\d+$", "", re.sub(r"\.n\.\d+.*$", "", kind.lower())).replace("-", "_")
 
 
 def _mapped(table: Mapping[str, str], *names: str) -> str | None:

@@ -185,6 +185,11 @@ NEXT = "0 m <= gap({0}) & gap({0}) <= 15 cm"
         ("a b c - Block", "(and (on a b) (forall (?x - block) (clear ?x)))", "reachableFromAbove(c)"),
         ("A B - block", "(on a b)", "restsOn(A, B)"),
         ("A B C - block", "(forall (?X - BLOCK) (or (= ?x c) (on ?x C)))", "restsOn(A, C) & restsOn(B, C)"),
+        # words that end where the next one begins
+        ("a b - block", "(exists(?x?y - block)(and(not(= ?x b))(on?x?y)))", "restsOn(a, b)"),
+        ("a b -block c-1 -(either mug cup)", "(on?a c-1)", "restsOn(a, c_1)"),
+        ("a b- block c- mug", "(exists (?x- mug) (on ?x a))", "restsOn(c, a)"),
+        ("a b - block", "(and (on a b) (nextto? a b) (<= -0.5 -.5))", "restsOn(a, b)"),
         # B1: nothing is in a relation with itself
         ("a b c - cup", "(forall (?x - cup) (or (nextto ?x a) (nextto ?x b)))", "gap(c, a)"),
         (
@@ -207,6 +212,34 @@ NEXT = "0 m <= gap({0}) & gap({0}) <= 15 cm"
 def test_names_mean_what_they_do_elsewhere(tmp_path: Path, objects: str, goal: str, wanted: str) -> None:
     made = goal_of(tmp_path, objects, goal, "(at 5 (on-table nothing))")
     assert wanted in written(made)
+
+
+TASKS = sorted((Path(__file__).parent / "tasks").glob("*.bddl"))
+
+
+@pytest.mark.parametrize("case", ["bowl_drawer_stack", "caddy", "microwave", "spatial", "house", "own"])
+def test_capitals_mean_what_small_letters_mean(tmp_path: Path, case: str) -> None:
+    """Types, things, regions, the sites of furniture and key words."""
+    own = """(define (problem p) (:objects a - apple.n.01 b -object Study_Table - desk)
+      (:regions (r (:target study_table) (:ranges ((0 0 .1 .1))))) (:goal (and (on a study_table_r) (nextto a b))))"""
+    house = HOUSE.replace("FORMULA", "(forall (?c - cup.n.01) (or (= ?c cup.n.01_1) (ontop ?c table.n.02_1)))")
+    text = {"house": house, "own": own, **{one.stem: one.read_text() for one in TASKS}}[case]
+    plain = imported(tmp_path, text)
+    for other in (text.upper(), text.title(), text.swapcase()):
+        made = imported(tmp_path, other)
+        assert made.text.lower() == plain.text.lower()
+        assert [one.lower() for one in made.lost] == [one.lower() for one in plain.lost]
+
+
+def test_comments_may_be_in_any_encoding(tmp_path: Path) -> None:
+    text = BLOCKS_ON.replace("(:goal", "; caf\xe9 ?\n(:goal") + "; \xe9t\xe9"
+    (tmp_path / "p.pddl").write_bytes(text.encode("latin-1"))
+    assert "restsOn" in import_problem(tmp_path / "p.pddl").text
+    (tmp_path / "p.pddl").write_bytes(text.replace("(:objects", "(:objects caf\xe9").encode("latin-1"))
+    with pytest.raises(ScenegenError, match="holds a character that no PDDL file has") as caught:
+        import_problem(tmp_path / "p.pddl")
+    (only,) = caught.value.diagnostics
+    assert only.span is not None and only.span.source.text[: only.span.start].endswith("(:objects caf")
 
 
 def test_types_are_those_of_the_domain(tmp_path: Path) -> None:

@@ -22,10 +22,12 @@ import typer
 
 from scenegen.cli.options import QUIET, VERBOSE, as_typed, option_called
 from scenegen.cli.output import Verbosity, complain, flag, give_up, prepare, print_message, reader_left, voice
+from scenegen.cli.places import refuse_overwriting
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE
 from scenegen.errors.program import COMMAND_LINE, INTERNAL_ERROR, INTERRUPTED, OUT_OF_MEMORY
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS
+from scenegen.inputs import inputs
 from scenegen.processes.process import cannot_start, exit_status, is_limit
 
 # click's exceptions: newer versions of typer contain their own copy of click
@@ -95,15 +97,16 @@ def _global_options(
     del debug, version  # --debug is read where errors are handled, --version was handled before
 
 
-def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command with -q and -v, and with interrupts that typer does not swallow."""
+def _speaking(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command with -q and -v, outputs that are checked, and interrupts that typer does not swallow."""
 
     @functools.wraps(command)
     def run_command(*args: Any, quiet: bool, verbose: bool, **options: Any) -> Any:
         if quiet and verbose:
             raise RequestError(CONFLICTING_ARGUMENTS(one="quiet", other="verbose"))
-        before = voice.set(Verbosity(quiet, verbose))
+        before, known = voice.set(Verbosity(quiet, verbose)), inputs.set(None)
         try:
+            refuse_overwriting(name, options)
             return command(*args, **options)
         except KeyboardInterrupt as error:
             raise _Interrupted(*error.args) from error
@@ -111,6 +114,7 @@ def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
             raise _OutputClosed from error
         finally:
             voice.reset(before)
+            inputs.reset(known)
 
     signature = inspect.signature(command, eval_str=True)
     more = [
@@ -136,7 +140,7 @@ def build(words: list[str] | None = None) -> typer.Typer:
     for name, path in wanted.items():
         module, _, function = path.partition(":")
         command = getattr(importlib.import_module(module), function)
-        app.command(name, help=_paragraphs(inspect.getdoc(command) or ""))(_speaking(command))
+        app.command(name, help=_paragraphs(inspect.getdoc(command) or ""))(_speaking(name, command))
     return app
 
 

@@ -256,7 +256,7 @@ def _check_places(options: SampleOptions, motions: bool = False) -> None:
 
     if options.path is not None:
         format_of(options.path, MOTIONS if motions else SCENES)
-        check_writable(options.path, options.source)
+        check_writable(options.path)
     elif options.out is None:
         check_output()
     if options.render is not None and options.fix_from is None:

@@ -72,7 +72,7 @@ safe: farFrom(mug, plate, NEAR)
 
 
 def new(
-    name: Path = argument("The file; .spec is added where it is missing.", "NAME"),
+    out: Path = argument("The file; .spec is added where it is missing.", "NAME"),
 ) -> None:
     """Write a commented spec to start from. A file that is there already is left as it is.
 
@@ -86,7 +86,7 @@ def new(
 
     from scenegen.scenes.files import write_whole
 
-    path = name if name.suffix.lower() == ".spec" else name.with_name(f"{name.name}.spec")
+    path = out if out.suffix.lower() == ".spec" else out.with_name(f"{out.name}.spec")
     if path.exists() or path.is_symlink():
         remedy = "choose another name; nothing is overwritten"
         raise OutputError(CANNOT_WRITE(path=path, reason="it is there already", remedy=remedy))
@@ -118,10 +118,11 @@ def import_(
     import shlex
 
     from scenegen.scenes.files import check_writable, write_whole
+    from scenegen.scenes.formats.registry import check_ending
     from scenegen.worlds.planning import import_problem
 
-    inputs = [one for one in (problem, domain, table) if one is not None]
-    check_writable(out, *inputs)
+    check_writable(out)
+    check_ending(out, ".spec")
     made = import_problem(problem, domain, table)
     write_whole(out, made.text.encode())
     complain(*made.warnings)

@@ -39,7 +39,7 @@ from scenegen.errors.files import (
 )
 from scenegen.scenes.blocks import BLOCK, MOST, Block, SceneFileReading, joined
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.files import UNFINISHED, HashingWriter, Sink, inside
+from scenegen.scenes.files import UNFINISHED, HashingWriter, Sink, inside, refuse_place
 from scenegen.scenes.formats.header import load_header
 from scenegen.scenes.formats.registry import MOTIONS, format_of
 from scenegen.scenes.motions import AnyFile, MotionFile
@@ -395,6 +395,8 @@ def _contradicts(store: Store, reason: str) -> DataError:
 def refuse_taken(store: Store, *, resume: bool) -> Manifest | None:
     """The manifest of a set that is there, None if there is none. Before any work: raises RequestError for a set that
     would be written over, OutputError for a folder with other files, DataError for a manifest that cannot be read."""
+    if store.local:
+        refuse_place(Path(store.root).parent, ())
     there = store.sizes()
     if MANIFEST not in there:
         odd = sorted(name for name in there if not name.startswith("."))

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.files import NOT_SCENES, UNKNOWN_ENDING
+from scenegen.errors.files import NOT_SCENES, UNKNOWN_ENDING, WRONG_ENDING
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.scenes.files import whole_file
 
@@ -91,6 +91,13 @@ def format_of(path: Path, kind: str = SCENES) -> Any:
         purpose, command = f"for {path.suffix} files", f'pip install "scenegen[{EXTRAS[library]}]"'
         raise RequestError(NOT_INSTALLED(package=library, purpose=purpose, command=command)) from error
     return getattr(found, name) if name else found
+
+
+def check_ending(path: Path, *endings: str) -> None:
+    """Refuse a place to write to that has another ending than these. Raises RequestError."""
+    if path.suffix.lower() not in endings:
+        better = path.parent / f"{path.stem}{endings[0]}"
+        raise RequestError(WRONG_ENDING(path=path, ending=endings[0], better=better))
 
 
 def write_scenes(path: Path, header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:

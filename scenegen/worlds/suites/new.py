@@ -25,7 +25,8 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, load, parse
 from scenegen.arrays import Array
-from scenegen.errors import RequestError
+from scenegen.errors import OutputError, RequestError
+from scenegen.errors.files import CANNOT_WRITE
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.sampling.engine.engines import JobResult, each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
@@ -96,6 +97,10 @@ def new_suite(
     plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands)]
     if not log10p:
         plans = [replace(one, bands=count) if one.back else one for one in plans]
+    for name in (MANIFEST, *(plan.file for plan in plans)):
+        if (out / name).exists():
+            remedy = "name another folder: a suite is never changed"
+            raise OutputError(CANNOT_WRITE(path=out / name, reason="it is there already", remedy=remedy))
     job = _MakeTask(log10p, n, seed, timeout)
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])

@@ -161,8 +161,6 @@ class _OutputClosed(Exception):  # noqa: N818 - no error
 def run(words: list[str]) -> int:
     """Run the program; returns the exit status."""
     prepare()
-    if COMPLETE in os.environ:  # a shell that completes a command line: typer answers it
-        build()([], prog_name="scenegen", standalone_mode=False)
     debug = "--debug" in words
     # --debug may be anywhere: users who see an error add it at the end of the line
     words = ["--debug", *(word for word in words if word != "--debug")] if debug else words
@@ -172,6 +170,8 @@ def run(words: list[str]) -> int:
             build(words)([*words, "--help"], prog_name="scenegen", standalone_mode=False)
         return 2
     try:
+        if COMPLETE in os.environ:  # a shell that completes a command line: typer answers it, and exits
+            build()([], prog_name="scenegen", standalone_mode=False)
         result: Any = build(words)(words, prog_name="scenegen", standalone_mode=False)
         sys.stdout.flush()
     except ScenegenError as error:
@@ -186,11 +186,12 @@ def run(words: list[str]) -> int:
         with contextlib.suppress(OSError):  # the terminal is gone
             print_message(said.text("title", flag) if isinstance(said, Diagnostic) else str(said))
         return exit_status(error)
-    except (_OutputClosed, BrokenPipeError):
+    except (_OutputClosed, BrokenPipeError, SystemExit) as error:
         # `scenegen check x.spec | head -1`: the reader of the data needs no more. This is not a failure (nor is it for
         # ripgrep); with `set -o pipefail`, 1 (or 141, the status after SIGPIPE) would make it one. If the reader of the
-        # *messages* has gone, the run ended before its work was done, and fails.
-        status = 0 if reader_left() else 1
+        # *messages* has gone, the run ended before its work was done, and fails. rich, which prints help, exits itself.
+        helped = isinstance(error, SystemExit) and not {"--help", "-h"}.isdisjoint(words)
+        status = 0 if helped or reader_left() else getattr(error, "code", 1)
         give_up(sys.stdout)
         give_up(sys.stderr)
         return status

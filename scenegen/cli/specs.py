@@ -9,8 +9,8 @@ import typer
 
 from scenegen.cli.options import argument, option, spec_names
 from scenegen.cli.output import complain, print_error, print_message, write_data
-from scenegen.errors import OutputError, RequestError
-from scenegen.errors.files import CANNOT_WRITE, SPEC_NOT_FOUND
+from scenegen.errors import RequestError
+from scenegen.errors.files import SPEC_NOT_FOUND
 
 
 def specs(
@@ -84,12 +84,10 @@ def new(
     """
     import shlex
 
-    from scenegen.scenes.files import write_whole
+    from scenegen.scenes.files import refuse_existing, write_whole
 
     path = out if out.suffix.lower() == ".spec" else out.with_name(f"{out.name}.spec")
-    if path.exists() or path.is_symlink():
-        remedy = "choose another name; nothing is overwritten"
-        raise OutputError(CANNOT_WRITE(path=path, reason="it is there already", remedy=remedy))
+    refuse_existing(path)
     write_whole(path, STARTER.encode())
     print_error(f"wrote {path}; try: scenegen check {shlex.quote(str(path))}")
 

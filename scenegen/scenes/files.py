@@ -42,6 +42,7 @@ _WRITE_HELP = {
 ACCESS_LIST = "system.posix_acl_access"  # the attribute that Linux keeps it in
 UNFINISHED = ".part"  # how the names of temporary files end, which begin with a dot
 FROZEN = {"suite.json": b'"scenegen/suite"', "manifest.json": b'"scenegen/set"'}  # what a suite and a set begin with
+STDIN = ("-", "/dev/stdin", "/dev/fd/0", "/proc/self/fd/0")
 HEAD = 1 << 12  # bytes within which these say so
 STEP = 1 << 24  # bytes of a large file after which the disk begins to work
 _WRITE = 2  # SYNC_FILE_RANGE_WRITE
@@ -86,6 +87,14 @@ def refuse_place(path: Path, inputs: Iterable[Path], *, a_set: bool = False) -> 
 def _overwrites(path: Path) -> OutputError:
     reason = "it would overwrite what it is made from"
     return OutputError(CANNOT_WRITE(path=path, reason=reason, remedy="name another output file"))
+
+
+def refuse_existing(*paths: Path) -> None:
+    """Raises OutputError for a file that is there already."""
+    for path in paths:
+        if path.exists() or path.is_symlink():
+            remedy = "choose another name; nothing is overwritten"
+            raise OutputError(CANNOT_WRITE(path=path, reason="it is there already", remedy=remedy))
 
 
 def frozen_folder(path: Path) -> Path | None:
@@ -298,19 +307,20 @@ def read_bytes(path: Path, what: str, *, limit: int | None = None, remedy: str =
 
 def is_stream(path: Path) -> bool:
     """Whether a path means standard input, or a pipe that is open already, as `<(...)` of a shell makes it."""
-    return str(path) in ("-", "/dev/stdin") or re.fullmatch(r"/(dev|proc/self)/fd/\d+", str(path)) is not None
+    return str(path) in STDIN or re.fullmatch(r"/(dev|proc/self)/fd/\d+", str(path)) is not None
 
 
 def read_stream(path: Path, what: str, *, limit: int) -> bytes:
     """All bytes of such a stream. Raises DataError."""
     try:
-        if str(path) == "-":
+        if str(path) in STDIN:
             data = sys.stdin.buffer.read(limit + 1)
         else:
             with path.open("rb") as file:
                 data = file.read(limit + 1)
     except (OSError, ValueError) as error:
-        reason = str(getattr(error, "strerror", None) or error).lower()
+        closed = isinstance(error, ValueError) or error.errno == errno.EBADF
+        reason = "standard input is closed" if closed else str(error.strerror or error).lower()
         raise DataError(CANNOT_READ(path=path, reason=reason, remedy=f"{what} was expected there")) from error
     if len(data) > limit:
         raise DataError(TOO_LARGE_TO_READ(path=path, size=len(data), limit=limit, remedy=""))

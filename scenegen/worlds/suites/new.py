@@ -25,13 +25,12 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, load, parse
 from scenegen.arrays import Array
-from scenegen.errors import OutputError, RequestError
-from scenegen.errors.files import CANNOT_WRITE
+from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.sampling.engine.engines import JobResult, each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.scenes.data import RequestData
-from scenegen.scenes.files import read_bytes, whole_files
+from scenegen.scenes.files import read_bytes, refuse_existing, whole_files
 from scenegen.scenes.formats.scenes_json import write
 from scenegen.validation import as_int, as_path
 from scenegen.worlds.suites.statistics import Z
@@ -97,10 +96,7 @@ def new_suite(
     plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands)]
     if not log10p:
         plans = [replace(one, bands=count) if one.back else one for one in plans]
-    for name in (MANIFEST, *(plan.file for plan in plans)):
-        if (out / name).exists():
-            remedy = "name another folder: a suite is never changed"
-            raise OutputError(CANNOT_WRITE(path=out / name, reason="it is there already", remedy=remedy))
+    refuse_existing(out / MANIFEST, *(out / plan.file for plan in plans))
     job = _MakeTask(log10p, n, seed, timeout)
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])

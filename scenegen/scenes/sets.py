@@ -430,11 +430,8 @@ def begin(store: Store, manifest: Manifest, *, resume: bool) -> Manifest:
         if there.get(shard.file) != shard.bytes:
             reason = "it is missing" if shard.file not in there else "its size is not that of the manifest"
             raise DataError(DAMAGED_SHARD(file=shard.file, location=store.location, reason=reason))
-    header = any_header(store, found)
-    if store.local and isinstance(header, SceneFile):  # elsewhere each costs a request or two
-        for shard in found.shards:
-            if shard.file.endswith(PARQUET):
-                check_shard(store, header, found.labels, shard)
+        if store.local and shard.file.endswith(PARQUET):  # elsewhere all of the set would be fetched
+            check_bytes(store, shard)
     store.delete(*filter(_is_unfinished, there))
     return found
 
@@ -581,14 +578,6 @@ def read_shard_group(store: Store, header: SceneFile, labels: Sequence[str], sha
     path = Path(store.path(shard.file))
     check = functools.partial(_check, store, header, labels, shard)
     return next(parquet.read_groups(path, [index], _opened(store, shard), check))
-
-
-def check_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> None:
-    """Raises DataError as `read_shard` does; no scene is read."""
-    from scenegen.scenes.formats import parquet
-
-    check = functools.partial(_check, store, header, labels, shard)
-    next(parquet.read_groups(Path(store.root, shard.file), [], _opened(store, shard), check), None)
 
 
 def check_bytes(store: Store, shard: Shard) -> None:

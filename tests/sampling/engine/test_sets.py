@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import itertools
+import shutil
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -206,6 +207,21 @@ def test_damage_is_found(plain, tmp_path):
     (tmp_path / MANIFEST).write_text("{}")
     with pytest.raises(DataError, match="is not a set of scenes"):
         run(tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("place", [0.02, 0.5, 0.98])
+def test_a_bit_of_a_complete_shard_is_never_believed(place, plain, tmp_path):
+    """Of a set that is not yet complete, and of one that is: the manifest has the checksum."""
+    asked = iter([False, False, False, True])
+    run(tmp_path / "part", spent=lambda: next(asked))
+    shutil.copytree(plain, tmp_path / "whole")
+    for folder in (tmp_path / "part", tmp_path / "whole"):
+        shard = folder / "part-000000.parquet"
+        data = bytearray(shard.read_bytes())
+        data[int(place * len(data))] ^= 1
+        shard.write_bytes(data)
+        with pytest.raises(DataError, match=r"part-000000\.parquet in .* is damaged: its checksum is not that"):
+            run(folder, resume=True)
 
 
 @pytest.mark.parametrize("what", ["waiting", "state"])

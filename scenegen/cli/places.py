@@ -31,10 +31,10 @@ def refuse_overwriting(command: str, given: Mapping[str, Any]) -> None:
 
 
 def _files(value: Any) -> Iterator[Path]:
-    """The files that a value names: paths, and texts such as `policy.py:act`."""
+    """The files that a value names: paths, texts such as `policy.py:act`, and specs without their ending."""
     for text in value if isinstance(value, list) else [value]:
         if isinstance(text, str | Path):
-            for path in (str(text), str(text).rpartition(":")[0]):
+            for path in (f"{text}", f"{text}.spec", f"{text}".rpartition(":")[0]):
                 with contextlib.suppress(OSError, ValueError):  # what reads it says what is wrong with it
                     if Path(path).is_file():
                         yield Path(path)

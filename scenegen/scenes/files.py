@@ -71,7 +71,7 @@ def check_writable(path: Path, *inputs: Path) -> None:
 
 def refuse_place(path: Path, inputs: Iterable[Path], *, a_set: bool = False) -> None:
     """Refuse an output, a file or a folder, that is one of the inputs (links and hard links are followed), that means
-    standard input, or that lies in a frozen folder. A set that begins `anew` is refused by what writes it. Raises
+    standard input, or that lies in a frozen folder. Where it is `a_set`, what writes it looks at the folder. Raises
     OutputError."""
     if str(path) == "-":
         remedy = "name a file; data goes to standard output where no file is named"

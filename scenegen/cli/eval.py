@@ -178,10 +178,6 @@ def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
     return 0
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen eval` of a spec over time: phi of trajectories, and what decides it, when.
-
-
 def evaluate_trajectories(
     spec: Spec, path: Path, resample: bool, motion: int | None, figure: Path | None, *, json: bool
 ) -> int:

@@ -113,10 +113,6 @@ def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) 
     return found.mirrored() if mirrored else found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen export --to pddl`.
-
-
 @dataclass(frozen=True, slots=True)
 class OriginalProblem:
     """The problem that a spec was imported from, its domain, and a map."""

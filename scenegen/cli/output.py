@@ -32,11 +32,6 @@ if TYPE_CHECKING:
     from scenegen.api.outline import Line
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Setup of standard streams and signals: no stream is missing, every character can be written, and SIGTERM and SIGHUP
-# end a command as cleanly as Ctrl-C.
-
-
 def prepare() -> None:
     """Call once, before anything is printed."""
     for name in ("stdin", "stdout", "stderr"):
@@ -243,10 +238,6 @@ def progress_bar() -> Progress:
 
     screen = console()
     return Progress(console=screen, transient=True, disable=not screen.is_interactive)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Outlines of formulas on the terminal, for `check` and `eval --explain`.
 
 
 WIDEST = 60  # columns that a formula and its margin may each take before the next column moves

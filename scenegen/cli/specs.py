@@ -40,10 +40,6 @@ def specs(
         typer.echo(f"{one:<{wide}}  {first.removeprefix('#').strip() if first.startswith('#') else ''}".rstrip())
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen new`: a commented spec to start from.
-
-
 STARTER = """\
 # One line about the task: what should the table look like?
 workspace [0, 1] x [0, 1]  # metres: x to the right, y away from you
@@ -90,10 +86,6 @@ def new(
     refuse_existing(path)
     write_whole(path, STARTER.encode())
     print_error(f"wrote {path}; try: scenegen check {shlex.quote(str(path))}")
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen import`: PDDL and BDDL problems as specs.
 
 
 def import_(

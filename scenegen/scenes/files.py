@@ -354,10 +354,6 @@ def missing_help(path: Path, what: str) -> str:
     return f"check the path; {what} was expected there"
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Several files that appear together or not at all, and the names of scenes' files.
-
-
 MANY = 100  # for more files, flushing all buffers of the machine is faster than flushing them one by one
 
 
@@ -438,10 +434,6 @@ def others(folder: Path, total: int, ending: str) -> int:
     return sum(
         match[1] != scene_name(int(match[2]), total) or not 1 <= int(match[2]) <= total for match in found if match
     )
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The bytes of a file that is packed in parts, and their hash.
 
 
 class Sink(Protocol):

@@ -49,10 +49,6 @@ if TYPE_CHECKING:
     from scenegen.scenes.formats import parquet  # loaded where it is used: a file in progress needs no pyarrow
     from scenegen.scenes.formats.motions import MotionArrays
 
-# --------------------------------------------------------------------------------------------------------------------
-# Requests as manifests of sets have them: of a set, of each shard of a data set, and how rare phi is.
-
-
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0)]

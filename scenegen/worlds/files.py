@@ -144,10 +144,6 @@ def _crate(text: bytes) -> bytes:
     return crate(text)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# All formats: which one is meant, and what it takes.
-
-
 PLANNERS, PROBLEMS = "pddl", "scenegen.worlds.planning"  # the format, and the module of it
 NAMES = {ending.removeprefix("."): ending for ending in FORMATS}  # formats of scene files
 

@@ -134,8 +134,6 @@ class Server(LanguageServer):
         if source is not FeatureRequestError:  # a request has its answer
             LOG.warning("%s", error)
 
-    # ---- documents
-
     def _changed(self, params: types.DidOpenTextDocumentParams | types.DidChangeTextDocumentParams) -> None:
         self._revise(params.text_document.uri)
         self._revise_importers(params.text_document.uri)
@@ -192,8 +190,6 @@ class Server(LanguageServer):
         told = {"uri": uri, "diagnostics": found, "version": version}
         self.text_document_publish_diagnostics(self._converter.structure(told, types.PublishDiagnosticsParams))
 
-    # ---- requests
-
     def _names(self, method: str, feature: str) -> Callable[[Any], Any]:
         def ask(params: Any) -> Any:
             one = self._open.get(params.text_document.uri)
@@ -245,8 +241,6 @@ class Server(LanguageServer):
         """JSON in the types of the protocol."""
         response: Any = types.METHOD_TO_TYPES[method][1]
         return self._converter.structure({"id": 0, "jsonrpc": "2.0", "result": found}, response).result
-
-    # ---- the conversation
 
     async def converse(self, stream: BinaryIO, out: BinaryIO) -> None:
         """Answer a client until it goes away. Raises SystemExit when it says goodbye."""

@@ -126,7 +126,6 @@ def train(
 
     spec, path = specs[0], Path(out)
     check_writable(path)
-    check_ending(path, ".safetensors")
     need("torch", "to train a model")
     from scenegen.api.spec import load
     from scenegen.learn.evaluation.card import check_card, write_card
@@ -140,6 +139,7 @@ def train(
         check_card(path)
     if checked.counts:
         raise RequestError(FOLDER_OF_MODELS(file=str(spec), path=path, folder=path.with_suffix("")))
+    check_ending(path, ".safetensors")
     wanted = parse_phi(phi or [], checked.labels)
     detail(f"parsed and checked {spec}; training {config}")
     clock = Clock()

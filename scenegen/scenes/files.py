@@ -98,14 +98,12 @@ def refuse_existing(*paths: Path) -> None:
 
 
 def frozen_folder(path: Path) -> Path | None:
-    """The suite or set of scenes that a path is or lies in. Raises OSError."""
+    """The suite or set of scenes that a path is or lies in."""
     place = Path(os.path.realpath(path))
     for folder in (place, *place.parents):
         for name, mark in FROZEN.items():
-            if not (folder / name).is_file():
-                continue
-            with contextlib.suppress(OSError), (folder / name).open("rb") as file:
-                if mark in file.read(HEAD):
+            with contextlib.suppress(OSError):  # nobody may look there
+                if (folder / name).is_file() and mark in (folder / name).read_bytes()[:HEAD]:
                     return folder
     return None
 

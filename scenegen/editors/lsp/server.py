@@ -63,6 +63,8 @@ class Protocol(LanguageServerProtocol):
     """That of pygls, with an answer to every request: also to one that is malformed, too early or too late."""
 
     def structure_message(self, data: dict[str, Any]) -> Any:
+        if "jsonrpc" in data and "method" in data:
+            data.setdefault("params", None)  # may be left out
         try:
             return super().structure_message(data)
         except JsonRpcException as error:

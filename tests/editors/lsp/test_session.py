@@ -310,7 +310,7 @@ def test_every_request_has_an_answer_also_too_early_too_late_and_malformed(clien
     editor = client()
     place = {"textDocument": {"uri": "file:///x/a.spec"}, "position": {"line": 0, "character": 1}}
     editor.notify("textDocument/didOpen", {"x": 1})  # dropped
-    for method in ("textDocument/hover", "shutdown", "workspace/symbol"):
+    for method in ("textDocument/hover", "shutdown", "no/such"):
         assert editor.answer(method, place if "hover" in method else None)["error"]["code"] == -32002, method
     body = (
         b'{"jsonrpc":"2.0","id":"i","method":"initialize","params":{"processId":null,"rootUri":null,"capabilities":{}}}'
@@ -322,6 +322,8 @@ def test_every_request_has_an_answer_also_too_early_too_late_and_malformed(clien
     for line, character in ((-1, 0), (0, -1), (1 << 40, 0)):
         wrong = place | {"position": {"line": line, "character": character}}
         assert editor.answer("textDocument/hover", wrong)["error"]["code"] == -32602
+    editor.send({"id": "n", "method": "no/such"})  # without params
+    assert editor.unasked() == {"id": "n", "jsonrpc": "2.0"} | {"error": editor.answer("no/such", {})["error"]}
     editor.raw(b"Content-Length: many\r\n\r\n")
     assert editor.answer("textDocument/hover", place) == {"id": editor._number, "jsonrpc": "2.0", "result": None}
     assert editor.ask("shutdown") is None

@@ -122,7 +122,6 @@ def train(
     refuse_engine(engine, address)
     from scenegen.errors.learning import FOLDER_OF_MODELS
     from scenegen.scenes.files import check_writable
-    from scenegen.scenes.formats.registry import check_ending
 
     spec, path = specs[0], Path(out)
     check_writable(path)
@@ -139,7 +138,6 @@ def train(
         check_card(path)
     if checked.counts:
         raise RequestError(FOLDER_OF_MODELS(file=str(spec), path=path, folder=path.with_suffix("")))
-    check_ending(path, ".safetensors")
     wanted = parse_phi(phi or [], checked.labels)
     detail(f"parsed and checked {spec}; training {config}")
     clock = Clock()

@@ -298,7 +298,6 @@ def test_a_suite_is_not_made_over_another_nor_over_other_files(refused, scenegen
     [
         (["fit", "f", "--suite", "m", "--out", "x.spec"], "x.fit"),
         (["import", "f", "--out", "x.json"], "x.spec"),
-        (["train", "good.spec", "--out", "x"], "x.safetensors"),
         (["suite", "run", "tabletop", "--world", "w:w", "--policy", "p:p", "--out", "x.json"], "x.jsonl"),
         (["range", "good.spec", "--png", "x.json"], "x.png"),
         (["view", "good.spec", "--export", "x.py"], "x.html"),

@@ -256,7 +256,7 @@ def test_a_run_does_not_go_on_from_a_shard_that_is_another(tmp_path):
     said = json.loads((tmp_path / MANIFEST).read_text())
     said["shards"][0]["bytes"] = (tmp_path / "part-000000.parquet").stat().st_size
     (tmp_path / MANIFEST).write_text(json.dumps(said))
-    with pytest.raises(DataError, match=r"part-000000\.parquet in .* is damaged: its r"):
+    with pytest.raises(DataError, match=r"part-000000\.parquet in .* is damaged: its checksum"):
         run(tmp_path, resume=True)
 
 

@@ -161,13 +161,16 @@ class _OutputClosed(Exception):  # noqa: N818 - no error
 def run(words: list[str]) -> int:
     """Run the program; returns the exit status."""
     prepare()
+    if COMPLETE in os.environ:  # a shell that completes a command line: typer answers it, and exits
+        with contextlib.suppress(BrokenPipeError):
+            build()([], prog_name="scenegen", standalone_mode=False)
+        give_up(sys.stdout)
+        return 0
     debug = "--debug" in words
     # --debug may be anywhere: users who see an error add it at the end of the line
     words = ["--debug", *(word for word in words if word != "--debug")] if debug else words
     words = _behind_command(words)
     try:
-        if COMPLETE in os.environ:  # a shell that completes a command line: typer answers it, and exits
-            build()([], prog_name="scenegen", standalone_mode=False)
         if not words or (len(words) == 1 and words[0] in COMMANDS and words[0] not in ALONE):
             with contextlib.redirect_stdout(sys.stderr):  # help that was not requested is not data
                 build(words)([*words, "--help"], prog_name="scenegen", standalone_mode=False)

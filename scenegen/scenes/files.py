@@ -317,8 +317,9 @@ def read_stream(path: Path, what: str, *, limit: int) -> bytes:
             with path.open("rb") as file:
                 data = file.read(limit + 1)
     except (OSError, ValueError) as error:
-        closed = isinstance(error, ValueError) or error.errno == errno.EBADF
-        reason = "standard input is closed" if closed else str(error.strerror or error).lower()
+        reason = str(getattr(error, "strerror", None) or error).lower()
+        if getattr(error, "errno", errno.EBADF) == errno.EBADF:  # a ValueError has none
+            reason = "standard input is closed"
         raise DataError(CANNOT_READ(path=path, reason=reason, remedy=f"{what} was expected there")) from error
     if len(data) > limit:
         raise DataError(TOO_LARGE_TO_READ(path=path, size=len(data), limit=limit, remedy=""))

@@ -157,6 +157,7 @@ dataset: $(STAMP) ## scenes of all shipped specs at every difficulty: DATASET_SC
 	$(BIN)/scenegen dataset -n $(DATASET_SCENES) --out $(patsubst %/,%,$(DATASET_OUT))/ --license mit --resume $(DATASET_MORE)
 
 suite: $(STAMP)   ## the shipped suite again, from its specs: the same bytes
+	rm -f suites/tabletop/*.json
 	$(BIN)/scenegen suite new suites/tabletop/*.spec --out suites/tabletop
 	git diff --stat --exit-code suites
 

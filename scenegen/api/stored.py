@@ -9,7 +9,8 @@ from typing import Any
 from scenegen.api.batches import RowGroup, SceneBatches
 from scenegen.api.scenes import SceneSet, scene_set
 from scenegen.arrays import Array
-from scenegen.errors import RequestError
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.files import NOT_A_SET
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.geometry.workspace import turned
 from scenegen.needs import need
@@ -20,6 +21,8 @@ from scenegen.scenes.locations import as_location, inside
 from scenegen.scenes.sets import Manifest, Shard
 from scenegen.scenes.stores import Store, open_store
 from scenegen.validation import as_int
+
+JOIN = "(cat a.jsonl; tail -n +2 b.jsonl) > both.jsonl"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,9 +129,18 @@ def open_set(location: str | Path) -> StoredSet:
     with it when it is opened. Raises DataError."""
     from scenegen.scenes.sets import read_manifest, set_header
 
-    store = open_store(as_location(location))
+    store = _there(location)
     manifest = read_manifest(store)
     return StoredSet(store.location, manifest, set_header(store, manifest), store)
+
+
+def _there(location: str | Path) -> Store:
+    """The store of a place to read from. Raises DataError for a file."""
+    store = open_store(as_location(location))
+    if store.local and Path(store.root).is_file():
+        remedy = "`scenegen sample` writes sets into DIR/; to join .jsonl files of one spec: " + JOIN
+        raise DataError(NOT_A_SET(location=store.location, reason="it is a file", remedy=remedy))
+    return store
 
 
 def sets_in(location: str | Path) -> list[str]:
@@ -137,6 +149,6 @@ def sets_in(location: str | Path) -> list[str]:
     from scenegen.scenes.sets import MANIFEST
 
     place = as_location(location)
-    files = open_store(place).sizes()
+    files = _there(place).sizes()
     below = sorted(name.removesuffix(f"/{MANIFEST}") for name in files if name.endswith(f"/{MANIFEST}"))
     return [place] if MANIFEST in files or not below else [inside(place, name) for name in below]

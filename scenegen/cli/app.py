@@ -22,10 +22,12 @@ import typer
 
 from scenegen.cli.options import QUIET, VERBOSE, as_typed, option_called
 from scenegen.cli.output import Verbosity, complain, flag, give_up, prepare, print_message, reader_left, voice
+from scenegen.cli.places import refuse_overwriting
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE
 from scenegen.errors.program import COMMAND_LINE, INTERNAL_ERROR, INTERRUPTED, OUT_OF_MEMORY
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS
+from scenegen.inputs import inputs
 from scenegen.processes.process import cannot_start, exit_status, is_limit
 
 # click's exceptions: newer versions of typer contain their own copy of click
@@ -95,15 +97,16 @@ def _global_options(
     del debug, version  # --debug is read where errors are handled, --version was handled before
 
 
-def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command with -q and -v, and with interrupts that typer does not swallow."""
+def _speaking(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command with -q and -v, outputs that are checked, and interrupts that typer does not swallow."""
 
     @functools.wraps(command)
     def run_command(*args: Any, quiet: bool, verbose: bool, **options: Any) -> Any:
         if quiet and verbose:
             raise RequestError(CONFLICTING_ARGUMENTS(one="quiet", other="verbose"))
-        before = voice.set(Verbosity(quiet, verbose))
+        before, known = voice.set(Verbosity(quiet, verbose)), inputs.set(None)
         try:
+            refuse_overwriting(name, options)
             return command(*args, **options)
         except KeyboardInterrupt as error:
             raise _Interrupted(*error.args) from error
@@ -111,6 +114,7 @@ def _speaking(command: Callable[..., Any]) -> Callable[..., Any]:
             raise _OutputClosed from error
         finally:
             voice.reset(before)
+            inputs.reset(known)
 
     signature = inspect.signature(command, eval_str=True)
     more = [
@@ -136,7 +140,7 @@ def build(words: list[str] | None = None) -> typer.Typer:
     for name, path in wanted.items():
         module, _, function = path.partition(":")
         command = getattr(importlib.import_module(module), function)
-        app.command(name, help=_paragraphs(inspect.getdoc(command) or ""))(_speaking(command))
+        app.command(name, help=_paragraphs(inspect.getdoc(command) or ""))(_speaking(name, command))
     return app
 
 
@@ -157,17 +161,20 @@ class _OutputClosed(Exception):  # noqa: N818 - no error
 def run(words: list[str]) -> int:
     """Run the program; returns the exit status."""
     prepare()
-    if COMPLETE in os.environ:  # a shell that completes a command line: typer answers it
-        build()([], prog_name="scenegen", standalone_mode=False)
+    if COMPLETE in os.environ:  # a shell that completes a command line: typer answers it, and exits
+        with contextlib.suppress(BrokenPipeError):
+            build()([], prog_name="scenegen", standalone_mode=False)
+        give_up(sys.stdout)
+        return 0
     debug = "--debug" in words
     # --debug may be anywhere: users who see an error add it at the end of the line
     words = ["--debug", *(word for word in words if word != "--debug")] if debug else words
     words = _behind_command(words)
-    if not words or (len(words) == 1 and words[0] in COMMANDS and words[0] not in ALONE):
-        with contextlib.redirect_stdout(sys.stderr):  # help that was not requested is not data
-            build(words)([*words, "--help"], prog_name="scenegen", standalone_mode=False)
-        return 2
     try:
+        if not words or (len(words) == 1 and words[0] in COMMANDS and words[0] not in ALONE):
+            with contextlib.redirect_stdout(sys.stderr):  # help that was not requested is not data
+                build(words)([*words, "--help"], prog_name="scenegen", standalone_mode=False)
+            return 2
         result: Any = build(words)(words, prog_name="scenegen", standalone_mode=False)
         sys.stdout.flush()
     except ScenegenError as error:
@@ -182,11 +189,12 @@ def run(words: list[str]) -> int:
         with contextlib.suppress(OSError):  # the terminal is gone
             print_message(said.text("title", flag) if isinstance(said, Diagnostic) else str(said))
         return exit_status(error)
-    except (_OutputClosed, BrokenPipeError):
+    except (_OutputClosed, BrokenPipeError, SystemExit) as error:
         # `scenegen check x.spec | head -1`: the reader of the data needs no more. This is not a failure (nor is it for
         # ripgrep); with `set -o pipefail`, 1 (or 141, the status after SIGPIPE) would make it one. If the reader of the
-        # *messages* has gone, the run ended before its work was done, and fails.
-        status = 0 if reader_left() else 1
+        # *messages* has gone, the run ended before its work was done, and fails. rich, which prints help, exits itself.
+        helped = isinstance(error, SystemExit) and not {"--help", "-h"}.isdisjoint(words)
+        status = 0 if helped or reader_left() else getattr(error, "code", 1)
         give_up(sys.stdout)
         give_up(sys.stderr)
         return status

@@ -176,10 +176,6 @@ def _as_json(problem: Diagnostic) -> dict[str, Any]:
     return {"title": found["message"], **found}
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What `scenegen check` prints of a spec: its objects, and the formulas of its labels on a page, or all of them.
-
-
 LINES = 40  # of a page, at most
 WIDTH = 110  # columns of a page that goes to no terminal
 NAMES = 3  # lines of names

@@ -286,10 +286,6 @@ def _as_json(stored: StoredSet, report: SetReport) -> dict[str, Any]:
     }
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen dataset`: a data set of many specs, at every difficulty.
-
-
 def dataset(
     out: str = option("The folder or URL of the data set.", "DIR/|URL", default=...),
     specs: list[Path] | None = argument(

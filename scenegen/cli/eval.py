@@ -12,7 +12,6 @@ import typer
 from scenegen.cli.options import JSON, ROOT, SPEC_FILE, argument, option
 from scenegen.cli.output import complain, note, print_error, print_json, print_rows, tree
 from scenegen.errors import RequestError
-from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.program import PHI_NOT_COMPARED
 from scenegen.errors.requests import NO_SUCH_NUMBER, OUT_OF_PLACE
 from scenegen.lang.formula.core import REQUIRE
@@ -179,18 +178,17 @@ def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
     return 0
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen eval` of a spec over time: phi of trajectories, and what decides it, when.
-
-
 def evaluate_trajectories(
     spec: Spec, path: Path, resample: bool, motion: int | None, figure: Path | None, *, json: bool
 ) -> int:
     """Print phi of every motion and label, with the atom and the moment that decide it; the status of the program."""
     from scenegen.api.monitor import read_trajectories, score_trajectory
+    from scenegen.scenes.files import check_writable
+    from scenegen.scenes.formats.registry import check_ending
 
     if figure is not None:
-        _check_figure(figure, path)
+        check_ending(figure, ".png")
+        check_writable(figure)
     motions, notes = read_trajectories(spec, path, resample=resample)
     if motion is not None:
         if motion not in motions:
@@ -244,14 +242,6 @@ def _over_time(scored: TimedValues) -> dict[str, list[float | None]]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _check_figure(figure: Path, path: Path) -> None:
-    from scenegen.scenes.files import check_writable
-
-    if figure.suffix.lower() != ".png":
-        raise RequestError(WRONG_ENDING(path=figure, ending=".png", remedy="name a file such as phi.png"))
-    check_writable(figure, path)
 
 
 def _draw(figure: Path, scored: TimedValues, spec: Spec) -> None:

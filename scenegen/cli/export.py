@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -92,7 +92,7 @@ def export(
     if found is None:
         count, files = convert(scenes, out, to, meshes)
     else:
-        check_export(out, chosen(to, out), scenes)
+        check_export(out, chosen(to, out))
         count, files = len(found), found.export(out, to, meshes=meshes, looks=looks, seed=seed)
     where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
     print_error(f"{count} scene{'s' * (count != 1)} in {where}")
@@ -111,10 +111,6 @@ def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) 
     found = read_scenes(path, spec=None if spec is None else load(spec))
     note(*found.warnings)
     return found.mirrored() if mirrored else found
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen export --to pddl`.
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,8 +137,7 @@ def export_problems(
     from scenegen.worlds import planning
     from scenegen.worlds.files import PLANNERS, check_export
 
-    inputs = [one for one in (scenes, *astuple(original)) if one is not None]
-    check_export(out, PLANNERS, *inputs)
+    check_export(out, PLANNERS)
     names = None if facts is None else [one.strip() for one in facts.split(",") if one.strip()]
     if original.domain is not None and original.problem is None:
         raise RequestError(OUT_OF_PLACE(option="--domain", rule="is that of a problem", remedy="add --problem"))

@@ -39,9 +39,11 @@ def fit(
     show in so few episodes: on the average, and at most in 95 % of cases. Intervals are of 95 %.
     """
     from scenegen.scenes.files import check_writable
+    from scenegen.scenes.formats.registry import check_ending
     from scenegen.worlds.fit.fit import fit_outcomes
 
-    check_writable(out, *outcomes)
+    check_writable(out)
+    check_ending(out, ".fit")
     found = fit_outcomes(outcomes, suite, monotone=monotone)
     detail(f"fitted {len(found.tasks)} tasks of {found.run.suite}")
     found.save(out)

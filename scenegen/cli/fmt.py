@@ -51,13 +51,10 @@ def fmt(
 
 def _read(path: Path) -> bytes:
     from scenegen.lang.syntax.parse import MAX_CHARACTERS
-    from scenegen.scenes.files import read_bytes
+    from scenegen.scenes.files import read_bytes, read_stream
 
-    if path == STANDARD_INPUT:
-        import sys
-
-        return sys.stdin.buffer.read()
-    return read_bytes(path, "a spec", limit=4 * MAX_CHARACTERS)  # no character of UTF-8 takes more than four bytes
+    read = read_stream if path == STANDARD_INPUT else read_bytes
+    return read(path, "a spec", limit=4 * MAX_CHARACTERS)  # no character of UTF-8 takes more than four bytes
 
 
 def _formatted(name: str, data: bytes) -> bytes:

@@ -46,7 +46,7 @@ def grammar(
     from scenegen.scenes.files import check_writable, write_whole
 
     if out is not None:
-        check_writable(out, *([spec] if spec is not None else []))
+        check_writable(out)
     data = grammar_of(_about(spec, objects, root), to, shape=shape, only=only).encode()
     if out is None:
         write_data(data)

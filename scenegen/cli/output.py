@@ -32,20 +32,16 @@ if TYPE_CHECKING:
     from scenegen.api.outline import Line
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Setup of standard streams and signals: no stream is missing, every character can be written, and SIGTERM and SIGHUP
-# end a command as cleanly as Ctrl-C.
-
-
 def prepare() -> None:
     """Call once, before anything is printed."""
-    for name in ("stdout", "stderr"):
+    for name in ("stdin", "stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # closed by the parent process: the next file that is opened must not take its place
-            # Messages may be lost, data may not: a file opened for reading makes writing fail.
+            # Messages may be lost, data may not: a file opened the other way makes reading and writing it fail.
             mode = os.O_RDONLY if name == "stdout" else os.O_WRONLY
-            setattr(sys, name, io.TextIOWrapper(io.FileIO(os.open(os.devnull, mode), "wb"), encoding="utf-8"))
-        elif isinstance(stream, io.TextIOWrapper):
+            file = io.FileIO(os.open(os.devnull, mode), "rb" if name == "stdin" else "wb")
+            setattr(sys, name, io.TextIOWrapper(file, encoding="utf-8"))
+        elif isinstance(stream, io.TextIOWrapper) and name != "stdin":
             stream.reconfigure(errors="backslashreplace")
     if threading.current_thread() is threading.main_thread():
         begun: list[int] = []
@@ -242,10 +238,6 @@ def progress_bar() -> Progress:
 
     screen = console()
     return Progress(console=screen, transient=True, disable=not screen.is_interactive)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Outlines of formulas on the terminal, for `check` and `eval --explain`.
 
 
 WIDEST = 60  # columns that a formula and its margin may each take before the next column moves

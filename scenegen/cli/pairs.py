@@ -50,13 +50,13 @@ def pairs(
     from scenegen.scenes.files import check_writable
     from scenegen.scenes.formats.registry import MOTIONS, format_of
 
-    if out is not None:
-        format_of(out, MOTIONS)
-        check_writable(out, spec)
-    else:
-        check_output()
     checked = load(spec, root).with_counts(parse_counts(count))
     detail(f"parsed and checked {spec}")
+    if out is not None:
+        format_of(out, MOTIONS)
+        check_writable(out)
+    else:
+        check_output()
     labels = checked.labels
     ends = [None if not given else parse_phi(given, labels, name) for given, name in ((goal, "goal"), (start, "start"))]
     found = draw(checked, ends[0], ends[1], n, moved=moved, seed=seed, workers=workers, timeout=left(timeout))

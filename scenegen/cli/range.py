@@ -12,8 +12,6 @@ import typer
 
 from scenegen.cli.options import COUNT, JSON, ROOT, SPEC_FILE, named, option, parse_counts, seconds
 from scenegen.cli.output import complain, detail, left, print_error, print_json, use_color
-from scenegen.errors import RequestError
-from scenegen.errors.files import WRONG_ENDING
 
 if TYPE_CHECKING:
     from scenegen.api.rarity import Band, LabelRarity, RarityLevel, SpecRarity
@@ -52,12 +50,13 @@ def range_(
     from scenegen.api.rarity import rarity
     from scenegen.api.spec import load
     from scenegen.scenes.files import check_writable, write_whole
+    from scenegen.scenes.formats.registry import check_ending
 
-    if png is not None:
-        _check_png(png)
-        check_writable(png, spec)
     checked = load(spec, root).with_counts(parse_counts(count))
     detail(f"parsed and checked {spec}")
+    if png is not None:
+        check_ending(png, ".png")
+        check_writable(png)
     found = rarity(checked, label, seed=seed, timeout=None if timeout is None else left(timeout))
     detail(f"measured {len(found.labels)} labels in {found.evaluations:,} evaluations")
     if json:
@@ -75,11 +74,6 @@ def range_(
         ]
         write_whole(png, plot(panels, spec.name))
         print_error(f"curves in {png}")
-
-
-def _check_png(path: Path) -> None:
-    if path.suffix.lower() != ".png":
-        raise RequestError(WRONG_ENDING(path=path, ending=".png", remedy="name a file such as rarity.png"))
 
 
 def _print(spec: Path, found: SpecRarity, what: str, counts: list[str], stands: bool) -> None:

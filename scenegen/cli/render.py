@@ -256,10 +256,6 @@ def _only(name: str, rule: str) -> Exception:
     return RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy="see `scenegen render --help`"))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Motion files: figures of each motion, or one motion as a .gif or .mp4 file.
-
-
 ENDINGS = (".gif", ".mp4", ".avi", ".m4v", ".mkv", ".mov", ".webm", ".webp")  # the first two are written
 KINDS = ("gif", "mp4", "strip", "phi")  # figures of motions
 SHARED = ("gif", "mp4")  # of scenes, too: those of a sweep

@@ -256,7 +256,7 @@ def _check_places(options: SampleOptions, motions: bool = False) -> None:
 
     if options.path is not None:
         format_of(options.path, MOTIONS if motions else SCENES)
-        check_writable(options.path, options.source)
+        check_writable(options.path)
     elif options.out is None:
         check_output()
     if options.render is not None and options.fix_from is None:
@@ -336,10 +336,6 @@ def looks_like_model(path: Path) -> bool:
     return len(start) == 9 and start[8:] == b"{" and b"\0" in start[:8]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen sample` of a spec over time: motions.
-
-
 def _sample_motions(spec: Spec, request: SampleRequest, options: SampleOptions) -> None:
     """Raises what the API raises, RequestError for an option that only scenes have, and OutputError for places that
     cannot be written to."""
@@ -389,10 +385,6 @@ def motion_summary(info: Mapping[str, Any], count: int, phi: Mapping[str, PhiSum
         drawn += f"; worth about {max(1, round(share * count)):,} independent ones"
     what = "motion" if count == 1 else "motions"
     return f"{count:,} {what}{'' if place is None else f' in {place}'}: phi of {ranges} ({drawn})"
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What `scenegen sample` shows: a bar while it works, and a table of what was found.
 
 
 class ProgressBar:

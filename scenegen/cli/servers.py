@@ -81,10 +81,6 @@ def view(
     return serve(opened, host, port, told)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen lsp`.
-
-
 def lsp(
     stdio: bool = option("Talk over standard input and output; there is no other way.", default=True),
     root: Path | None = option("Specs may import what lies below this folder, not below their own alone."),

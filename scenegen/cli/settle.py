@@ -106,9 +106,9 @@ class _SettleJob:
 
 def _result(source: Path) -> str:
     """The name of the results of one file among several."""
-    from scenegen.scenes.formats.registry import FORMATS
+    from scenegen.scenes.formats.registry import FORMATS, ending_of
 
-    return source.name if source.suffix.lower() in FORMATS else f"{source.stem}.json"
+    return source.name if ending_of(source) in FORMATS else f"{source.stem}.json"
 
 
 def _quantity(name: str, text: str, wanted: str) -> float:

@@ -9,8 +9,8 @@ import typer
 
 from scenegen.cli.options import argument, option, spec_names
 from scenegen.cli.output import complain, print_error, print_message, write_data
-from scenegen.errors import OutputError, RequestError
-from scenegen.errors.files import CANNOT_WRITE, SPEC_NOT_FOUND
+from scenegen.errors import RequestError
+from scenegen.errors.files import SPEC_NOT_FOUND
 
 
 def specs(
@@ -38,10 +38,6 @@ def specs(
     for one, path in shipped.items():
         first = path.read_text(encoding="utf-8").partition("\n")[0]
         typer.echo(f"{one:<{wide}}  {first.removeprefix('#').strip() if first.startswith('#') else ''}".rstrip())
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen new`: a commented spec to start from.
 
 
 STARTER = """\
@@ -72,7 +68,7 @@ safe: farFrom(mug, plate, NEAR)
 
 
 def new(
-    name: Path = argument("The file; .spec is added where it is missing.", "NAME"),
+    out: Path = argument("The file; .spec is added where it is missing.", "NAME"),
 ) -> None:
     """Write a commented spec to start from. A file that is there already is left as it is.
 
@@ -84,18 +80,12 @@ def new(
     """
     import shlex
 
-    from scenegen.scenes.files import write_whole
+    from scenegen.scenes.files import refuse_existing, write_whole
 
-    path = name if name.suffix.lower() == ".spec" else name.with_name(f"{name.name}.spec")
-    if path.exists() or path.is_symlink():
-        remedy = "choose another name; nothing is overwritten"
-        raise OutputError(CANNOT_WRITE(path=path, reason="it is there already", remedy=remedy))
+    path = out if out.suffix.lower() == ".spec" else out.with_name(f"{out.name}.spec")
+    refuse_existing(path)
     write_whole(path, STARTER.encode())
     print_error(f"wrote {path}; try: scenegen check {shlex.quote(str(path))}")
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen import`: PDDL and BDDL problems as specs.
 
 
 def import_(
@@ -118,10 +108,11 @@ def import_(
     import shlex
 
     from scenegen.scenes.files import check_writable, write_whole
+    from scenegen.scenes.formats.registry import check_ending
     from scenegen.worlds.planning import import_problem
 
-    inputs = [one for one in (problem, domain, table) if one is not None]
-    check_writable(out, *inputs)
+    check_writable(out)
+    check_ending(out, ".spec")
     made = import_problem(problem, domain, table)
     write_whole(out, made.text.encode())
     complain(*made.warnings)

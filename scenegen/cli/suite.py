@@ -136,12 +136,14 @@ def _run(
     reverse: bool = False,
     **given: Any,
 ) -> None:
+    from scenegen.scenes.formats.registry import check_ending
     from scenegen.worlds.suites.run import run_suite
     from scenegen.worlds.suites.suite import Suite
 
     first, _, end = (episodes or ":").partition(":")
     if not all(one.isdecimal() or not one for one in (first, end)) or (episodes is not None and ":" not in episodes):
         raise RequestError(ARGUMENT_SYNTAX(what="a part of a suite", form="FIRST:END", example="0:500"))
+    check_ending(out, ".jsonl")
     loaded = Suite.load(places[0], reverse=reverse)
     some = loaded.part(int(first or 0), int(end) if end else None, bands)
     successes = done = 0

@@ -124,7 +124,7 @@ def train(
     from scenegen.scenes.files import check_writable
 
     spec, path = specs[0], Path(out)
-    check_writable(path, spec)
+    check_writable(path)
     need("torch", "to train a model")
     from scenegen.api.spec import load
     from scenegen.learn.evaluation.card import check_card, write_card
@@ -133,9 +133,9 @@ def train(
     from scenegen.learn.training.progress import TrainingProgress
     from scenegen.sampling.request import parse_phi
 
-    if card:
-        check_card(path, spec)
     checked = load(spec, root).with_counts(counts)
+    if card:
+        check_card(path)
     if checked.counts:
         raise RequestError(FOLDER_OF_MODELS(file=str(spec), path=path, folder=path.with_suffix("")))
     wanted = parse_phi(phi or [], checked.labels)

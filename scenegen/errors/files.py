@@ -83,7 +83,7 @@ UNKNOWN_ENDING = Kind(
 WRONG_ENDING = Kind(
     "wrong-ending",
     "{path} does not end in {ending}[[, which {format} files do]]",
-    help=("name it {better}[[, or leave {leave:argument} out]]", "{remedy}"),
+    help="name it {better}[[, or leave {leave:argument} out]]",
 )
 ENDING_OF_ANOTHER = Kind("ending-of-another", "{path} has the ending of {other}, not of {format}", help="{places}")
 NO_FORMAT = Kind(

@@ -16,12 +16,13 @@ import stat
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import IO, Any, Protocol
 
 from scenegen.errors import DataError, OutputError, ScenegenError
 from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, TOO_LARGE_TO_READ
+from scenegen.inputs import is_input
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _WRITE_HELP = {
@@ -40,6 +41,9 @@ _WRITE_HELP = {
 
 ACCESS_LIST = "system.posix_acl_access"  # the attribute that Linux keeps it in
 UNFINISHED = ".part"  # how the names of temporary files end, which begin with a dot
+FROZEN = {"suite.json": b'"scenegen/suite"', "manifest.json": b'"scenegen/set"'}  # what a suite and a set begin with
+STDIN = ("-", "/dev/stdin", "/dev/fd/0", "/proc/self/fd/0")
+HEAD = 1 << 12  # bytes within which these say so
 STEP = 1 << 24  # bytes of a large file after which the disk begins to work
 _WRITE = 2  # SYNC_FILE_RANGE_WRITE
 
@@ -58,15 +62,50 @@ def check_writable(path: Path, *inputs: Path) -> None:
     file, and one that is also an input. Raises OutputError."""
     with reported(path):
         _refuse_special(path)
-        for given in inputs:
-            if _same(path, given):
-                remedy = "name another output file"
-                raise OutputError(
-                    CANNOT_WRITE(path=path, reason="it would overwrite what it is made from", remedy=remedy)
-                )
+        if any(_same(path, given) for given in inputs):
+            raise _overwrites(path)
         # Opening a temporary file there is the only test that is reliable for root, in containers and on network disks.
         with tempfile.TemporaryFile(dir=target(path).parent):
             pass
+
+
+def refuse_place(path: Path, inputs: Iterable[Path], *, a_set: bool = False) -> None:
+    """Refuse an output, a file or a folder, that is one of the inputs (links and hard links are followed), that means
+    standard input, or that lies in a frozen folder. Where it is `a_set`, what writes it looks at the folder. Raises
+    OutputError."""
+    if str(path) == "-":
+        remedy = "name a file; data goes to standard output where no file is named"
+        raise OutputError(CANNOT_WRITE(path=path, reason="it stands for standard input", remedy=remedy))
+    with reported(path):
+        if any(_same(path, given) for given in inputs):
+            raise _overwrites(path)
+        if not a_set and (found := frozen_folder(path)) is not None:
+            reason = f"{found} is a suite or a set of scenes, in which nothing else may lie"
+            raise OutputError(CANNOT_WRITE(path=path, reason=reason, remedy="name a place outside of it"))
+
+
+def _overwrites(path: Path) -> OutputError:
+    reason = "it would overwrite what it is made from"
+    return OutputError(CANNOT_WRITE(path=path, reason=reason, remedy="name another output file"))
+
+
+def refuse_existing(*paths: Path) -> None:
+    """Raises OutputError for a file that is there already."""
+    for path in paths:
+        if path.exists() or path.is_symlink():
+            remedy = "choose another name; nothing is overwritten"
+            raise OutputError(CANNOT_WRITE(path=path, reason="it is there already", remedy=remedy))
+
+
+def frozen_folder(path: Path) -> Path | None:
+    """The suite or set of scenes that a path is or lies in."""
+    place = Path(os.path.realpath(path))
+    for folder in (place, *place.parents):
+        for name, mark in FROZEN.items():
+            with contextlib.suppress(OSError):  # nobody may look there
+                if (folder / name).is_file() and mark in (folder / name).read_bytes()[:HEAD]:
+                    return folder
+    return None
 
 
 def _same(path: Path, given: Path) -> bool:
@@ -96,12 +135,15 @@ def _exists(path: Path) -> bool:
 
 
 def _refuse_special(path: Path) -> None:
-    """Refuse to replace folders, devices, pipes and sockets by a file."""
-    _exists(path)
+    """Refuse to replace folders, devices, pipes and sockets by a file, and inputs."""
+    if not _exists(path):
+        return
     if path.is_dir():
         raise output_error(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
-    if path.exists() and not path.is_file():
+    if not path.is_file():
         raise OutputError(CANNOT_WRITE(path=path, reason="it is not a regular file", remedy="name a file"))
+    if is_input(path):
+        raise _overwrites(path)
 
 
 def check_folder(path: Path, file: Path | None = None) -> None:
@@ -263,19 +305,21 @@ def read_bytes(path: Path, what: str, *, limit: int | None = None, remedy: str =
 
 def is_stream(path: Path) -> bool:
     """Whether a path means standard input, or a pipe that is open already, as `<(...)` of a shell makes it."""
-    return str(path) in ("-", "/dev/stdin") or re.fullmatch(r"/(dev|proc/self)/fd/\d+", str(path)) is not None
+    return str(path) in STDIN or re.fullmatch(r"/(dev|proc/self)/fd/\d+", str(path)) is not None
 
 
 def read_stream(path: Path, what: str, *, limit: int) -> bytes:
     """All bytes of such a stream. Raises DataError."""
     try:
-        if str(path) == "-":
+        if str(path) in STDIN:
             data = sys.stdin.buffer.read(limit + 1)
         else:
             with path.open("rb") as file:
                 data = file.read(limit + 1)
     except (OSError, ValueError) as error:
         reason = str(getattr(error, "strerror", None) or error).lower()
+        if getattr(error, "errno", errno.EBADF) == errno.EBADF:  # a ValueError has none
+            reason = "standard input is closed"
         raise DataError(CANNOT_READ(path=path, reason=reason, remedy=f"{what} was expected there")) from error
     if len(data) > limit:
         raise DataError(TOO_LARGE_TO_READ(path=path, size=len(data), limit=limit, remedy=""))
@@ -307,10 +351,6 @@ def missing_help(path: Path, what: str) -> str:
         if close and close[0] != path.name:
             return f"did you mean `{path.parent / close[0]}`?"
     return f"check the path; {what} was expected there"
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Several files that appear together or not at all, and the names of scenes' files.
 
 
 MANY = 100  # for more files, flushing all buffers of the machine is faster than flushing them one by one
@@ -345,8 +385,7 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
                 if not (folder / name).parent.exists():
                     (folder / name).parent.mkdir()
                     below.add((folder / name).parent)
-                if (folder / name).is_dir():
-                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+                _refuse_special(folder / name)
         for name in names:
             with reported(folder / name):
                 _move(waiting / name, folder / name)
@@ -394,10 +433,6 @@ def others(folder: Path, total: int, ending: str) -> int:
     return sum(
         match[1] != scene_name(int(match[2]), total) or not 1 <= int(match[2]) <= total for match in found if match
     )
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The bytes of a file that is packed in parts, and their hash.
 
 
 class Sink(Protocol):

@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.inputs import note_input
 from scenegen.scenes.data import ShapeData, footprint_of
 from scenegen.things.indexed import AssetEntry, IndexFileError, fitted, read_index
 from scenegen.things.library import INDEX
@@ -113,6 +114,7 @@ def _read(folder: Path, path: Path) -> bytes:
             raise MeshError(f"{path.name} is outside the folder {folder}")
         if not stat.S_ISREG(wanted.stat().st_mode):
             raise MeshError(f"{path.name} is not a file")
+        note_input(wanted)
         with wanted.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
     except (OSError, RuntimeError, ValueError) as error:

@@ -39,7 +39,7 @@ from scenegen.errors.files import (
 )
 from scenegen.scenes.blocks import BLOCK, MOST, Block, SceneFileReading, joined
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.files import UNFINISHED, HashingWriter, Sink, inside
+from scenegen.scenes.files import UNFINISHED, HashingWriter, Sink, inside, refuse_place
 from scenegen.scenes.formats.header import load_header
 from scenegen.scenes.formats.registry import MOTIONS, format_of
 from scenegen.scenes.motions import AnyFile, MotionFile
@@ -48,10 +48,6 @@ from scenegen.scenes.stores import Store
 if TYPE_CHECKING:
     from scenegen.scenes.formats import parquet  # loaded where it is used: a file in progress needs no pyarrow
     from scenegen.scenes.formats.motions import MotionArrays
-
-# --------------------------------------------------------------------------------------------------------------------
-# Requests as manifests of sets have them: of a set, of each shard of a data set, and how rare phi is.
-
 
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 Count = Annotated[int, Field(ge=1)]
@@ -395,6 +391,8 @@ def _contradicts(store: Store, reason: str) -> DataError:
 def refuse_taken(store: Store, *, resume: bool) -> Manifest | None:
     """The manifest of a set that is there, None if there is none. Before any work: raises RequestError for a set that
     would be written over, OutputError for a folder with other files, DataError for a manifest that cannot be read."""
+    if store.local:
+        refuse_place(Path(store.root).parent, ())
     there = store.sizes()
     if MANIFEST not in there:
         odd = sorted(name for name in there if not name.startswith("."))
@@ -428,11 +426,8 @@ def begin(store: Store, manifest: Manifest, *, resume: bool) -> Manifest:
         if there.get(shard.file) != shard.bytes:
             reason = "it is missing" if shard.file not in there else "its size is not that of the manifest"
             raise DataError(DAMAGED_SHARD(file=shard.file, location=store.location, reason=reason))
-    header = any_header(store, found)
-    if store.local and isinstance(header, SceneFile):  # elsewhere each costs a request or two
-        for shard in found.shards:
-            if shard.file.endswith(PARQUET):
-                check_shard(store, header, found.labels, shard)
+        if store.local and shard.file.endswith(PARQUET):  # elsewhere all of the set would be fetched
+            check_bytes(store, shard)
     store.delete(*filter(_is_unfinished, there))
     return found
 
@@ -579,14 +574,6 @@ def read_shard_group(store: Store, header: SceneFile, labels: Sequence[str], sha
     path = Path(store.path(shard.file))
     check = functools.partial(_check, store, header, labels, shard)
     return next(parquet.read_groups(path, [index], _opened(store, shard), check))
-
-
-def check_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard) -> None:
-    """Raises DataError as `read_shard` does; no scene is read."""
-    from scenegen.scenes.formats import parquet
-
-    check = functools.partial(_check, store, header, labels, shard)
-    next(parquet.read_groups(Path(store.root, shard.file), [], _opened(store, shard), check), None)
 
 
 def check_bytes(store: Store, shard: Shard) -> None:

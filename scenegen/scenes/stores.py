@@ -25,10 +25,6 @@ from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.scenes.files import FULL, FlushingWriter, Parts, Sink, below, inside, sync_folder, whole_file
 from scenegen.scenes.locations import is_url
 
-# --------------------------------------------------------------------------------------------------------------------
-# Work on a store that may fail for a while: tried again with growing waits, told once, and failures in few words.
-
-
 T = TypeVar("T")
 
 PATIENCE = 60.0  # seconds for which a store that fails is asked again

@@ -29,7 +29,7 @@ from scenegen.scenes.blocks import Block, joined
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import check_folder, check_writable, reported, scene_name, whole_files
 from scenegen.scenes.formats import registry as table
-from scenegen.scenes.formats.registry import ENDINGS, FORMATS
+from scenegen.scenes.formats.registry import ENDINGS, FORMATS, ending_of
 from scenegen.show.looks.look import LOOKS
 from scenegen.things.outline import Floats
 from scenegen.worlds.export.world import FOLDER as TEXTURES
@@ -55,7 +55,7 @@ def is_file(out: Path, to: str) -> bool:
 
     Raises RequestError for the ending of another format.
     """
-    ending = out.suffix.lower()
+    ending = ending_of(out)
     if ending in FORMATS or ENDINGS.get(ending, to) != to:
         other = ENDINGS.get(ending, "scene files")
         raise RequestError(ENDING_OF_ANOTHER(path=out, other=other, format=to, places=_places(to)))
@@ -144,10 +144,6 @@ def _crate(text: bytes) -> bytes:
     return crate(text)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# All formats: which one is meant, and what it takes.
-
-
 PLANNERS, PROBLEMS = "pddl", "scenegen.worlds.planning"  # the format, and the module of it
 NAMES = {ending.removeprefix("."): ending for ending in FORMATS}  # formats of scene files
 
@@ -164,7 +160,7 @@ def chosen(to: str | None, out: Path) -> str:
     """The format that is asked for, by its name or else by the ending of `out`. Raises RequestError."""
     known = (*EXPORTS, PLANNERS, *NAMES)
     if to is None:
-        ending = out.suffix.lower()
+        ending = ending_of(out)
         if ending in ENDINGS:
             return ENDINGS[ending]
         if ending in FORMATS:
@@ -182,7 +178,7 @@ def check_export(out: Path, to: str, *inputs: Path) -> None:
     if to in EXPORTS or to == PLANNERS:
         check_out(out, to, *inputs)
         return
-    if out.suffix.lower() != NAMES[to]:
+    if ending_of(out) != NAMES[to]:
         better = out.with_suffix(NAMES[to])
         raise RequestError(WRONG_ENDING(path=out, ending=NAMES[to], format=to, better=better, leave="to"))
     table.format_of(out)

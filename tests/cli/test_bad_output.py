@@ -4,6 +4,7 @@ system lets no more processes, threads or files begin: one plain error.
 
 import errno
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,9 +13,11 @@ from pathlib import Path
 import pytest
 
 from scenegen.cli import app
+from scenegen.cli.places import WRITTEN
 from scenegen.scenes import files
 from scenegen.show.render import scenes as pictures
 from scenegen.worlds import files as simulators
+from tests.cli.conftest import _built
 
 COMMANDS = {
     "sample": ["sample", "good.spec", "-n", "4", "--out"],
@@ -185,3 +188,122 @@ def test_few_processes_or_files(limit, here, assert_one_diagnostic):
     lines = [line for line in done.stderr.splitlines() if not line.startswith(("<jemalloc>", "rejection: "))]
     assert done.returncode == 1 and "error[cannot-start-process]" in lines[0]
     assert_one_diagnostic("\n".join(lines))
+
+
+# ---- One rule for all commands: what is written is none of what is read, and lies in no suite and no set.
+
+NAMES_PLACES = re.compile("FILE|DIR|URL|SPEC|SCENES|MODEL|SET|PLACE|LOOKS|TASK|TOML|PROBLEM|DOMAIN|OUTCOMES|FIT")
+READ = {  # of all commands; what a command writes is in `WRITTEN`
+    *("spec", "specs", "scenes", "sources", "fix_from", "under", "model", "what", "looks", "meshes", "root", "data"),
+    *("problem", "domain", "table", "name", "outcomes", "suite", "places", "world", "policy", "sets"),
+}
+
+
+def parameters():
+    """Every command and each of its parameters that names a file or a folder."""
+    for name, command in _built().commands.items():
+        for one in command.params:
+            metavar = one.metavar or ""
+            if one.type.name == "path" or (one.type.name == "str" and NAMES_PLACES.search(metavar)):
+                yield name, one
+
+
+def words(command, /, **given):
+    """A command with these values, and with others for what it must be given."""
+    options, arguments = [], []
+    for one in _built().commands[command].params:
+        usual = {"action": "run", "out": "new/"}.get(one.name, "f")
+        value = given.get(one.name, usual if one.required else None)
+        if value is not None and one.opts[0].startswith("-"):
+            options += [one.opts[0], value]
+        elif value is not None:
+            arguments.append(value)
+    return [command, *options, "--", *arguments]
+
+
+PAIRS = sorted(
+    (name, out.name, read.name)
+    for name, out in parameters()
+    for other, read in parameters()
+    if name == other and out.name in WRITTEN and not out.multiple and read.name not in WRITTEN
+)
+
+
+def test_every_parameter_that_names_a_file_is_an_input_or_an_output():
+    unknown = {(name, one.name) for name, one in parameters() if one.name not in READ | {*WRITTEN}}
+    assert not unknown, "a new parameter that names files goes into READ here, or into WRITTEN of cli/places.py"
+    assert len(PAIRS) > 50 and not READ & {*WRITTEN}
+    with_outputs = {name for name, one in parameters() if one.name in WRITTEN}
+    others = {"check", "fmt", "info", "lsp"}  # read files, and write none but the one that `fmt` rewrites
+    assert with_outputs | others == {name for name, _ in parameters()}
+
+
+@pytest.mark.parametrize("name, out, read", PAIRS)
+def test_no_output_is_an_input(name, out, read, refused, here):
+    (here / "f").write_text("of the user")
+    given = "f:act" if read in ("world", "policy") else "f"
+    os.link(here / "f", here / "hard")
+    (here / "link").symlink_to("f")
+    (here / "below").mkdir()
+    for same in ("f", "below/../f", "link", "hard"):
+        assert "it would overwrite what it is made from" in refused(*words(name, **{read: given, out: same})), same
+
+
+@pytest.mark.parametrize("name, out", sorted({pair[:2] for pair in PAIRS} | {("assets", "out"), ("new", "out")}))
+def test_no_output_lies_in_a_suite_or_a_set(name, out, refused, here):
+    (here / "f").write_text("of the user")
+    for folder, file, kind in (("m", "suite.json", "suite"), ("set", "manifest.json", "set")):
+        (here / folder / "below").mkdir(parents=True)
+        (here / folder / file).write_text(f'{{\n "format": "scenegen/{kind}",\n "version": 1}}')
+        (here / f"link_{folder}").symlink_to(folder)
+        for place in (f"{folder}/x", f"{folder}/below/x", f"{folder}/{file}", f"link_{folder}/x"):
+            said = refused(*words(name, **{out: place}))
+            assert f"{here / folder} is a suite or a set of scenes" in said, place
+    assert "it stands for standard input" in refused(*words(name, **{out: "-"}))
+
+
+def test_a_manifest_of_another_program_freezes_nothing(scenegen, here):
+    (here / "manifest.json").write_text('{"name": "an extension of a browser"}')
+    assert scenegen("sample", "good.spec", "-n", "2", "--out", "s.json").status == 0
+
+
+def test_what_a_spec_is_made_of_is_an_input_too(refused, scenegen, here):
+    """Imports and meshes are found out while a spec is read, textures of looks while pictures are made."""
+    (here / "lib.spec").write_text("def near(a, b) = closeTo(a, b, 20 cm)\n")
+    (here / "main.spec").write_text('import "lib.spec"\nobject mug, plate\ntask: near(mug, plate)\n')
+    (here / "box.png").symlink_to("lib.spec")
+    for command in (["range", "main.spec", "--png", "box.png"], ["grammar", "main.spec", "--out", "lib.spec"]):
+        assert "it would overwrite what it is made from" in refused(*command)
+    (here / "meshes").mkdir()
+    corners = [f"v {x} {y} {z}" for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)]
+    faces = ["f 1 2 4 3", "f 5 7 8 6", "f 1 5 6 2", "f 3 4 8 7", "f 1 3 7 5", "f 2 6 8 4"]
+    (here / "meshes" / "mesh_1.obj").write_text("\n".join([*corners, *faces]))  # as `export` calls what it makes of it
+    (here / "own.spec").write_text('object box = mesh("meshes/mesh_1.obj")\nright: x(box) >= 50 cm\n')
+    assert scenegen("sample", "own.spec", "-n", "1", "--out", "s.json").status == 0
+    said = refused("export", "s.json", "--to", "mjcf", "--meshes", ".", "--out", ".")
+    assert "meshes/mesh_1.obj: it would overwrite what it is made from" in said
+
+
+def test_a_suite_is_not_made_over_another_nor_over_other_files(refused, scenegen, here):
+    assert scenegen("suite", "new", "good.spec", "--bands", "1", "-n", "1", "--out", "m").status == 0
+    said = refused("suite", "new", "forks.spec", "--bands", "1", "-n", "1", "--out", "m")
+    assert f"{here / 'm'} is a suite or a set of scenes" in said
+    (here / "mine").mkdir()
+    (here / "mine" / "good.json").write_text("of the user")
+    assert "mine/good.json: it is there already" in refused("suite", "new", "good.spec", "--out", "mine")
+
+
+@pytest.mark.parametrize(
+    "words, better",
+    [
+        (["fit", "f", "--suite", "m", "--out", "x.spec"], "x.fit"),
+        (["import", "f", "--out", "x.json"], "x.spec"),
+        (["suite", "run", "tabletop", "--world", "w:w", "--policy", "p:p", "--out", "x.json"], "x.jsonl"),
+        (["range", "good.spec", "--png", "x.json"], "x.png"),
+        (["view", "good.spec", "--export", "x.py"], "x.html"),
+    ],
+)
+def test_an_ending_says_what_a_file_is(words, better, refused, here):
+    (here / "f").write_text("")
+    said = refused(*words)
+    assert "error[wrong-ending]" in said and f"name it {better}\n" in said

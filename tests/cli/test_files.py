@@ -86,6 +86,39 @@ def test_options_of_another_action(words, code, folder, scenegen):
     assert done.status == 1 and f"error[{code}]" in done.err and words[0] in done.err
 
 
+def test_files_of_scenes_are_no_sets_and_are_joined_as_lines(scenegen, here, assert_one_diagnostic):
+    for name, seed in (("a", 1), ("b", 2)):
+        assert scenegen("sample", "good.spec", "-n", "2", "--seed", seed, "--out", f"{name}.jsonl").status == 0
+    for words in (
+        ["merge", "a.jsonl", "b.jsonl", "--out", "both/"],
+        ["split", "a.jsonl", "--share", "x=1"],
+        ["a.jsonl"],
+    ):
+        done = scenegen("data", *words, *(["--out", "p/"] if "split" in words else []))
+        assert done.status == 1 and "a.jsonl is not a set of scenes: it is a file" in done.err
+        assert_one_diagnostic(done.err)
+    assert "(cat a.jsonl; tail -n +2 b.jsonl) > both.jsonl" in done.err
+    lines = (here / "a.jsonl").read_text() + (here / "b.jsonl").read_text().partition("\n")[2]
+    (here / "both.jsonl").write_text(lines)
+    assert len(scenegen("eval", "good.spec", "both.jsonl").out.splitlines()) == 5
+
+
+def test_other_endings_of_the_same_formats(scenegen, here):
+    assert scenegen("sample", "good.spec", "-n", "3", "--out", "s.ndjson").status == 0
+    assert scenegen("sample", "good.spec", "-n", "3", "--out", "s.jsonl").status == 0
+    assert (here / "s.ndjson").read_bytes() == (here / "s.jsonl").read_bytes()
+    assert scenegen("eval", "good.spec", "s.ndjson").out == scenegen("eval", "good.spec", "s.jsonl").out
+    assert scenegen("export", "s.ndjson", "--out", "again.ndjson").status == 0
+    assert (here / "again.ndjson").read_bytes() == (here / "s.jsonl").read_bytes()
+    assert scenegen("pairs", "good.spec", "-n", "2", "--out", "m.ndjson").status == 0
+    columns = "mug.x mug.y mug.theta plate.x plate.y plate.theta".split()
+    (here / "p.tsv").write_text("\t".join(columns) + "\n" + "0.2\t0.5\t0\t0.75\t0.5\t0\n")
+    (here / "p.csv").write_text(",".join(columns) + "\n" + "0.2,0.5,0,0.75,0.5,0\n")
+    said = scenegen("eval", "good.spec", "p.tsv")
+    assert said.status == 0 and said.out == scenegen("eval", "good.spec", "p.csv").out
+    assert "unknown-ending" in scenegen("pairs", "good.spec", "-n", "2", "--out", "m.tsv").err  # commas are no tabs
+
+
 def test_folder_of_sets(folder, scenegen, tmp_path):
     for name in ("one", "two"):
         shutil.copytree(folder, tmp_path / "all" / name)

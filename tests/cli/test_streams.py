@@ -122,6 +122,21 @@ def test_whoever_reads_the_data_may_leave_early(here):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("words", ["--help", "sample -h", "--version", "specs"])
+def test_help_may_be_left_early_too(words, here):
+    """rich, which prints help, ended the program with 1."""
+    said, statuses = shell(f"$S {words} | true")
+    assert statuses == [0, 0] and "Traceback" not in said, said
+    assert shell("$S check missing.spec 2>&1 --help | true")[1] == [0, 0]
+
+
+@pytest.mark.long
+def test_a_completion_that_nobody_reads_is_no_traceback(here):
+    said, statuses = shell("_SCENEGEN_COMPLETE=complete_bash COMP_WORDS='scenegen s' COMP_CWORD=1 $S | true")
+    assert statuses == [0, 0] and "Traceback" not in said, said
+
+
+@pytest.mark.long
 def test_a_wrong_spec_is_one_whoever_reads_the_messages(here):
     said, statuses = shell("$S check missing.spec 2>&1 | true")
     assert statuses == [1, 0] and "Traceback" not in said
@@ -188,6 +203,18 @@ def test_standard_input_is_a_spec(words, scenegen, here, piped):
     piped(TEXT)
     outcome = scenegen(*(f"o{word}" if word in ("s.json", "s/") and "--out" in words else word for word in words))
     assert outcome.status == 0, outcome.err
+
+
+@pytest.mark.parametrize("name", ["-", "/dev/stdin", "/dev/fd/0"])
+@pytest.mark.parametrize("words", [*COMMANDS, ("fmt", "-"), ("train", "-", "--out", "m.safetensors")], ids=" ".join)
+def test_a_closed_standard_input_is_said(words, name, scenegen, here, monkeypatch, assert_one_diagnostic):
+    if words[0] == "fmt" and name != "-":
+        pytest.skip("is standard input as `-` alone: others are files to rewrite")
+    monkeypatch.setattr(sys, "stdin", None)  # what Python makes of a stream that is closed
+    outcome = scenegen(*(name if word == "-" else word for word in words))
+    assert outcome.status == 1 and f"cannot read {name}: standard input is closed" in outcome.err
+    if words[0] != "dataset":  # says which of its specs has failed, too
+        assert_one_diagnostic(outcome.err)
 
 
 def test_a_pipe_of_a_shell_is_a_spec(scenegen, here):

@@ -20,6 +20,7 @@ from lsprotocol.converters import get_converter
 from pygls.exceptions import FeatureRequestError, JsonRpcContentModified, JsonRpcException
 from pygls.io_ import StdoutWriter, run_async
 from pygls.lsp.server import LanguageServer
+from pygls.protocol import LanguageServerProtocol
 from pygls.uris import to_fs_path
 
 from scenegen.editors.lsp.analysis import AnalysisEnded, AnalysisProcesses
@@ -28,6 +29,7 @@ from scenegen.editors.lsp.document import Document
 from scenegen.processes.process import exit_status
 
 PAUSE, LONGEST_PAUSE = 0.05, 1.0  # seconds without a further change after which a text is checked
+WATCH = 2.0  # seconds between two looks at the client's process
 LARGEST = 1 << 26  # bytes of a line of a message's head
 LOG = logging.getLogger("scenegen.editors.lsp")
 
@@ -42,6 +44,42 @@ _OF_NAMES: list[tuple[str, str, Any]] = [
     (types.TEXT_DOCUMENT_PREPARE_RENAME, "prepareRename", None),
     (types.TEXT_DOCUMENT_RENAME, "rename", types.RenameOptions(prepare_provider=True)),
 ]
+
+
+class MessageReader(asyncio.StreamReader):
+    """What a client sends; pygls knows one spelling of the head of a message."""
+
+    async def readline(self) -> bytes:
+        line = await super().readline()
+        name, _, value = line.partition(b":")
+        if name.strip().lower() != b"content-length":
+            return line
+        if not value.strip().isdigit():
+            LOG.warning("a message is left out: its head says %r", line.strip())
+        return b"Content-Length: %s\r\n" % value.strip()
+
+
+class Protocol(LanguageServerProtocol):
+    """That of pygls, with an answer to every request: also to one that is malformed, too early or too late."""
+
+    def structure_message(self, data: dict[str, Any]) -> Any:
+        if "jsonrpc" in data and "method" in data:
+            data.setdefault("params", None)  # may be left out
+        try:
+            return super().structure_message(data)
+        except JsonRpcException as error:
+            if "id" in data and "method" in data:
+                self._send_response(data["id"], error=error.to_response_error())
+            raise
+
+    def handle_message(self, message: Any) -> None:
+        method, begun = getattr(message, "method", None), self._workspace is not None
+        if method in (None, types.EXIT) or (begun != (method == types.INITIALIZE) and not self._shutdown):
+            super().handle_message(message)
+        elif hasattr(message, "id"):
+            code = types.ErrorCodes.InvalidRequest if begun else types.ErrorCodes.ServerNotInitialized
+            said = f"{method} has no place {'here any more' if begun else 'before initialize'}"
+            self._send_response(message.id, error=types.ResponseError(code, said))
 
 
 class RequestFailed(JsonRpcException):
@@ -75,13 +113,15 @@ class Server(LanguageServer):
     def __init__(self, root: Path | None = None) -> None:
         from scenegen.resources import __version__
 
-        super().__init__("scenegen", __version__, text_document_sync_kind=types.TextDocumentSyncKind.Full)
+        full = types.TextDocumentSyncKind.Full
+        super().__init__("scenegen", __version__, text_document_sync_kind=full, protocol_cls=Protocol)
         self._root = root
         self._open: dict[str, OpenText] = {}
         self._took: dict[str, float] = {}  # seconds of the last check of a document
         self._analyses = AnalysisProcesses()
         self._converter = get_converter()
         for method, handler in (
+            (types.INITIALIZE, self._met),
             (types.TEXT_DOCUMENT_DID_OPEN, self._changed),
             (types.TEXT_DOCUMENT_DID_CHANGE, self._changed),
             (types.TEXT_DOCUMENT_DID_SAVE, self._saved),
@@ -95,8 +135,6 @@ class Server(LanguageServer):
     def report_server_error(self, error: Exception, source: Any) -> None:
         if source is not FeatureRequestError:  # a request has its answer
             LOG.warning("%s", error)
-
-    # ---- documents
 
     def _changed(self, params: types.DidOpenTextDocumentParams | types.DidChangeTextDocumentParams) -> None:
         self._revise(params.text_document.uri)
@@ -154,8 +192,6 @@ class Server(LanguageServer):
         told = {"uri": uri, "diagnostics": found, "version": version}
         self.text_document_publish_diagnostics(self._converter.structure(told, types.PublishDiagnosticsParams))
 
-    # ---- requests
-
     def _names(self, method: str, feature: str) -> Callable[[Any], Any]:
         def ask(params: Any) -> Any:
             one = self._open.get(params.text_document.uri)
@@ -208,16 +244,15 @@ class Server(LanguageServer):
         response: Any = types.METHOD_TO_TYPES[method][1]
         return self._converter.structure({"id": 0, "jsonrpc": "2.0", "result": found}, response).result
 
-    # ---- the conversation
-
     async def converse(self, stream: BinaryIO, out: BinaryIO) -> None:
         """Answer a client until it goes away. Raises SystemExit when it says goodbye."""
-        loop, reader = asyncio.get_running_loop(), asyncio.StreamReader(LARGEST)
+        loop, self._reader = asyncio.get_running_loop(), (reader := MessageReader(LARGEST))
 
         def read() -> None:  # in a thread that nobody waits for: pygls's own would outlive Ctrl-C
-            with contextlib.suppress(RuntimeError, OSError, ValueError):  # the loop has ended before the stream
-                while data := stream.read1(1 << 16):  # type: ignore[attr-defined]
-                    loop.call_soon_threadsafe(reader.feed_data, data)
+            with contextlib.suppress(RuntimeError):  # the loop has ended before the stream
+                with contextlib.suppress(OSError, ValueError):  # the stream is closed
+                    while data := stream.read1(1 << 16):  # type: ignore[attr-defined]
+                        loop.call_soon_threadsafe(reader.feed_data, data)
                 loop.call_soon_threadsafe(reader.feed_eof)
 
         threading.Thread(target=read, daemon=True).start()
@@ -229,10 +264,33 @@ class Server(LanguageServer):
         finally:
             self._analyses.close()
 
+    def _met(self, params: types.InitializeParams) -> None:
+        """The client says which process it is: the conversation ends with that, even where another one holds the stream
+        open. One in another container is not seen."""
+        if (pid := params.process_id) and not has_ended(pid):
+            self._watching = asyncio.ensure_future(self._watch(pid))
+
+    async def _watch(self, pid: int) -> None:
+        while not has_ended(pid):
+            await asyncio.sleep(WATCH)
+        self._reader.feed_eof()
+
 
 def _place(params: Any) -> tuple[int, int]:
     position = getattr(params, "position", None)
     return (0, 0) if position is None else (position.line, position.character)
+
+
+def has_ended(pid: int) -> bool:
+    """Whether there is no such process (any more); False where the system cannot say."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
+    try:
+        if os.name == "posix":
+            os.kill(pid, 0)
+    except OSError as error:
+        return isinstance(error, ProcessLookupError)
+    return False
 
 
 def path_of(uri: str) -> Path | None:

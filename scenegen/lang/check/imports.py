@@ -23,6 +23,7 @@ from scenegen.errors.declarations import (
     SPEC_WITHOUT_FILE,
 )
 from scenegen.errors.language import SPEC_TOO_LONG, TIME_IN_IMPORT
+from scenegen.inputs import note_input
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import MAX_CHARACTERS, parse, read_source
 from scenegen.lang.syntax.tokens import has_time
@@ -74,6 +75,7 @@ class Project:
             info = wanted.stat()
             if not stat.S_ISREG(info.st_mode):
                 raise SpecError(CANNOT_READ_IMPORT(here, path=path, what=what))
+            note_input(wanted)
             with wanted.open("rb") as file:
                 data = file.read(MAX_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
         except OSError as error:

@@ -25,6 +25,7 @@ from scenegen.scenes.blocks import COUNT, Block, member_of, numbers_in
 from scenegen.scenes.data import RAISED, VERSION, RequestData, SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.header import parse
+from scenegen.scenes.formats.registry import ending_of
 from scenegen.scenes.motions import MOTIONS_FORMAT, MotionData, MotionFile
 
 FACTS = ("moved", "way")  # of sampled motions: how many objects ever move, and the metres that all go together
@@ -206,7 +207,7 @@ def _cell(value: float, whole: bool) -> str:
 def read_text(path: Path) -> MotionArrays:
     """The motions of a .json or .jsonl file. Raises DataError."""
     data = read_bytes(path, "a motions file", limit=MOST_BYTES, remedy="write the motions to several files")
-    if path.suffix.lower() == ".jsonl":
+    if ending_of(path) == ".jsonl":
         first, *lines = data.split(b"\n")
         raw, _ = parse(first, f"line 1 of {path}")
         if isinstance(raw, dict):

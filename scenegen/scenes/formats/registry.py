@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.files import NOT_SCENES, UNKNOWN_ENDING
+from scenegen.errors.files import NOT_SCENES, UNKNOWN_ENDING, WRONG_ENDING
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.scenes.files import whole_file
 
@@ -37,6 +37,8 @@ MOTION_FORMATS: dict[str, str] = {
     ".csv": "scenegen.scenes.formats.motions:CSV",
 }
 
+TABS = ".tsv"  # is read, and not written
+SAME = {".ndjson": ".jsonl", TABS: ".csv"}  # other endings of the same formats
 SCENES, MOTIONS = "scenegen/scenes", "scenegen/motions"  # what the headers of files call their formats
 
 # Endings of simulators' and planners' files (see `export`): for these, the error of `sample` suggests `export`.
@@ -64,12 +66,18 @@ INSTEAD = {  # what is no format here, by name or ending, and what does it
 EXTRAS = {"pyarrow": "parquet"}  # libraries that only an extra of scenegen installs
 
 
+def ending_of(path: Path) -> str:
+    """The ending of a file, by which its format is known."""
+    ending = path.suffix.lower()
+    return SAME.get(ending, ending)
+
+
 def format_of(path: Path, kind: str = SCENES) -> Any:
     """What writes and reads files with a path's ending, of scenes or of motions. Raises RequestError for an ending that
     no format has, and if the library that the format needs is not installed."""
-    ending = path.suffix.lower()
+    ending = ending_of(path)
     known = FORMATS if kind == SCENES else MOTION_FORMATS
-    if ending not in known:
+    if ending not in known or path.suffix.lower() == TABS:
         if kind == MOTIONS:
             raise RequestError(UNKNOWN_ENDING(path=path, name=path.suffix, what="motion", known=known))
         export = path.with_suffix(".json") if ending in ENDINGS else None
@@ -91,6 +99,13 @@ def format_of(path: Path, kind: str = SCENES) -> Any:
         purpose, command = f"for {path.suffix} files", f'pip install "scenegen[{EXTRAS[library]}]"'
         raise RequestError(NOT_INSTALLED(package=library, purpose=purpose, command=command)) from error
     return getattr(found, name) if name else found
+
+
+def check_ending(path: Path, *endings: str) -> None:
+    """Refuse a place to write to that has another ending than these. Raises RequestError."""
+    if path.suffix.lower() not in endings:
+        better = path.parent / f"{path.stem}{endings[0]}"
+        raise RequestError(WRONG_ENDING(path=path, ending=endings[0], better=better))
 
 
 def write_scenes(path: Path, header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
@@ -122,8 +137,10 @@ def read_scenes(path: Path) -> SceneFileReading:
         found = read_motions(path)
         block = moments(found)
         return SceneFileReading(scenes_header(found.header), (), iter([block]), block.count, str(path))
-    if path.suffix.lower() == ".csv":
-        raise DataError(NOT_SCENES(file=path, reason="a .csv file has no place for spec and shapes", poses=True))
+    if ending_of(path) == ".csv":
+        raise DataError(
+            NOT_SCENES(file=path, reason=f"a {path.suffix} file has no place for spec and shapes", poses=True)
+        )
     reading: SceneFileReading = format_of(path).read(path)
     return reading
 
@@ -139,7 +156,7 @@ PEEK = 256  # bytes at the start of a file within which it names its format
 
 def is_motions(path: Path) -> bool:
     """Whether a .json, .jsonl or .parquet file is one of motions; False where it cannot be read."""
-    ending, named = path.suffix.lower(), f'"{MOTIONS}"'.encode()
+    ending, named = ending_of(path), f'"{MOTIONS}"'.encode()
     try:
         if ending in (".json", ".jsonl") and path.is_file():
             with path.open("rb") as file:

@@ -28,7 +28,7 @@ from scenegen.scenes.blocks import PHI
 from scenegen.scenes.data import SETTLED_FORMAT, SettledHeader
 from scenegen.scenes.files import opened, read_bytes, whole_file
 from scenegen.scenes.formats.header import first_problem, parse
-from scenegen.scenes.formats.registry import PEEK, format_of
+from scenegen.scenes.formats.registry import PEEK, ending_of, format_of
 from scenegen.scenes.formats.scenes_json import MOST_BYTES
 
 KEY = b"scenegen"  # of the header in the metadata of a Parquet file
@@ -87,7 +87,7 @@ def write_settled(path: Path, header: SettledHeader, blocks: Iterable[SettledBlo
     writers: dict[str, Callable[[IO[bytes], SettledHeader, Iterable[SettledBlock]], None]]
     writers = {".json": write_json, ".jsonl": write_lines, ".parquet": write_parquet}
     with whole_file(path) as sink:
-        writers[path.suffix.lower()](sink, header, blocks)
+        writers[ending_of(path)](sink, header, blocks)
 
 
 def write_json(sink: IO[bytes], header: SettledHeader, blocks: Iterable[SettledBlock]) -> None:
@@ -112,7 +112,7 @@ def is_settled(path: Path) -> bool:
     """Whether a .json, .jsonl or .parquet file is one of settled scenes; False where it cannot be read."""
     wanted = f'"{SETTLED_FORMAT}"'.encode()
     with contextlib.suppress(OSError, ModuleNotFoundError):
-        match path.suffix.lower():
+        match ending_of(path):
             case ".json" | ".jsonl" if path.is_file():
                 with path.open("rb") as file:
                     return wanted in file.read(PEEK)
@@ -124,11 +124,11 @@ def is_settled(path: Path) -> bool:
 def read_settled(path: Path) -> tuple[SettledHeader, Array, Array]:
     """The header of a file of settled scenes, the poses (n, N, 7) and the surfaces (n, M), NaN of what is not there.
     Raises DataError, also for a scene whose simulation diverged."""
-    if path.suffix.lower() == ".parquet":
+    if ending_of(path) == ".parquet":
         header, poses, on = read_poses(path)
     else:
         data = read_bytes(path, "a file of settled scenes", limit=MOST_BYTES, remedy="write .parquet")
-        first, *lines = data.split(b"\n") if path.suffix.lower() == ".jsonl" else [data]
+        first, *lines = data.split(b"\n") if ending_of(path) == ".jsonl" else [data]
         raw, _ = parse(first, str(path))
         scenes = [parse(line, f"line {k} of {path}")[0] for k, line in enumerate(lines, 2) if line.strip()] or (
             raw.pop("scenes", []) if isinstance(raw, dict) else []

@@ -29,7 +29,7 @@ from scenegen.geometry.workspace import Workspace
 from scenegen.needs import need
 from scenegen.pose import NAMES, PLACE, THETA, TWO_PI
 from scenegen.scenes.files import read_bytes
-from scenegen.scenes.formats.registry import is_motions, read_motions
+from scenegen.scenes.formats.registry import ending_of, is_motions, read_motions
 
 ENDINGS = (".csv", ".jsonl", ".parquet")
 SEPARATORS = ",;\t"  # of the columns of a .csv file
@@ -82,7 +82,7 @@ class Table:
 def read_table(path: Path, what: str, wrong: Kind) -> Table:
     """The table in a file with one of `ENDINGS`; `what` is the file's role. Raises DataError, and RequestError where a
     library is missing."""
-    ending = path.suffix.lower()
+    ending = ending_of(path)
     data = read_bytes(path, what, limit=MAX_BYTES)
     if ending == ".parquet":
         return _parquet(path, data, wrong)
@@ -154,7 +154,7 @@ def _json_lines(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Ca
 
 def is_plain(path: Path) -> bool:
     """Whether a file can hold no more than poses: without a header that says of what; False where it cannot be read."""
-    ending = path.suffix.lower()
+    ending = ending_of(path)
     try:
         if ending == ".parquet":
             import pyarrow as pa
@@ -278,7 +278,7 @@ def read_tables(path: Path) -> list[Table]:
     """The motions of a file, each with its columns. Raises DataError, and RequestError where a library is missing."""
     if is_motions(path):
         return _of_motions(path)
-    if path.suffix.lower() not in ENDINGS:
+    if ending_of(path) not in ENDINGS:
         raise DataError(NOT_A_TRAJECTORY(file=path, reason=f"its ending is not one of {', '.join(ENDINGS)}"))
     table = read_table(path, "a trajectory", NOT_A_TRAJECTORY)
     if MOTION not in table.names:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, Val
 
 from scenegen.errors import DataError, Source, Span
 from scenegen.errors.files import BAD_LOOKS
+from scenegen.inputs import note_input
 from scenegen.scenes.files import below, read_bytes
 from scenegen.show.looks.look import Draw, LookDistribution, Random, field_of
 from scenegen.show.looks.textures import BUILT_IN, ENDINGS, MOST_BYTES, MOST_TOGETHER, PLAIN, WOOD, checked, found_files
@@ -145,7 +146,9 @@ class _Folder:
     def read(self, name: str) -> str:
         if name not in self.files:
             try:
-                data = below(self.path, name).read_bytes()
+                path = below(self.path, name)
+                note_input(path)
+                data = path.read_bytes()
             except (OSError, ValueError) as error:
                 reason = getattr(error, "strerror", None) or str(error)
                 raise ValueError(f"cannot read {name}: {reason}") from None

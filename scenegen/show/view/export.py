@@ -15,12 +15,12 @@ from scenegen.api.sample import sample
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import RequestError
-from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.program import PAGE_LIMIT
 from scenegen.lang.checker import check_file
 from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import check_writable, write_whole
+from scenegen.scenes.formats.registry import check_ending
 from scenegen.scenes.motions import MotionFile
 from scenegen.show.view.jobs import motions
 from scenegen.show.view.jobs.check import rarity_data
@@ -41,8 +41,7 @@ def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str 
     Of a scene file, its own scenes are shown. Where the spec draws numbers of things, all have the same: in a file the
     most that its scenes have. `command` is what made the page. Raises RequestError, OutputError.
     """
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise RequestError(WRONG_ENDING(path=out, ending=".html", better="page.html"))
+    check_ending(out, ".html", ".htm")
     check_writable(out)
     root = opened.folder.root
     path = root / (opened.path or f"{opened.name}.spec")

@@ -12,6 +12,7 @@ import asyncio
 import contextlib
 import hmac
 import json
+import re
 import secrets
 import shutil
 import signal
@@ -91,7 +92,8 @@ HEADERS = (
 
 @dataclass(slots=True)
 class Gate:
-    """The application behind its checks. `hosts` are the values of the Host header that mean this server."""
+    """The application behind its checks. `hosts` are the names in the Host header that mean this server, with any
+    port: another one may be forwarded here, and a page from elsewhere has another name even if DNS leads it here."""
 
     app: App
     token: str
@@ -133,12 +135,10 @@ class Gate:
             return [value for key, value in headers if key == name]
 
         host = all_of(b"host")
-        if len(host) != 1 or host[0].lower() not in self.hosts:
+        if len(host) != 1 or _name_of(host[0]) not in self.hosts:
             return 403, "this server answers only under the address of its link"
-        for origin in all_of(b"origin"):
-            scheme, _, name = origin.lower().partition("://")
-            if scheme != "http" or name not in self.hosts or name != host[0].lower():
-                return 403, "pages of other origins may not use this server"
+        if any(origin.lower() != f"http://{host[0].lower()}" for origin in all_of(b"origin")):
+            return 403, "pages of other origins may not use this server"
         if any(site not in ("same-origin", "none") for site in all_of(b"sec-fetch-site")) and scope["path"] != "/":
             return 403, "pages of other origins may not use this server"
         if scope["path"].startswith("/static/"):
@@ -148,6 +148,11 @@ class Gate:
         if len(given) != 1 or not hmac.compare_digest(given[0].encode("latin-1", "replace"), self.token.encode()):
             return 401, "the token is wrong or missing: use the link that `scenegen view` printed"
         return None
+
+
+def _name_of(host: str) -> str:
+    """The name in a Host header, without its port and the dot that ends a name that is complete."""
+    return re.sub(r"\.?(:\d*)?$", "", host.lower())
 
 
 async def refuse(scope: Scope, send: Send, status: int, reason: str) -> None:
@@ -371,7 +376,7 @@ ROUTES = [
 
 
 def make_app(opened: OpenProject, token: str, hosts: frozenset[str]) -> Gate:
-    """The application for what was opened. `hosts` are the addresses, with port, under which it may be called."""
+    """The application for what was opened. `hosts` are the names under which it may be called."""
     shared = Shared(opened)
 
     @contextlib.asynccontextmanager
@@ -445,13 +450,12 @@ def bind(host: str, port: int | None) -> socket.socket:
     return listener
 
 
-def hosts_of(listener: socket.socket, host: str) -> frozenset[str]:
-    """The addresses under which a page may call the server."""
-    port = listener.getsockname()[1]
+def hosts_of(host: str) -> frozenset[str]:
+    """The names under which a page may call the server."""
     names = {*LOOPBACK, host} if host in LOOPBACK else {*LOOPBACK, host, socket.gethostname().lower()}
     if host in ("0.0.0.0", "::"):
         names |= {str(entry[4][0]) for entry in socket.getaddrinfo(socket.gethostname(), None)}
-    return frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names)
+    return frozenset(f"[{name}]" if ":" in name else name.lower() for name in names)
 
 
 def config_of(app: Gate) -> uvicorn.Config:
@@ -481,7 +485,7 @@ def serve(
     listener = bind(host, port)
     shown = "localhost" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
     link = f"http://{shown}:{listener.getsockname()[1]}/?token={token}"
-    app = make_app(opened, token, hosts_of(listener, host))
+    app = make_app(opened, token, hosts_of(host))
     server = _Server(config_of(app), app.shared.workers.start, lambda: told(link))
     try:
         server.run(sockets=[listener])

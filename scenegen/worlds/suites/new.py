@@ -31,7 +31,7 @@ from scenegen.lang.checker import check_file
 from scenegen.sampling.engine.engines import JobResult, each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.scenes.data import RequestData
-from scenegen.scenes.files import whole_files
+from scenegen.scenes.files import refuse_existing, whole_files
 from scenegen.scenes.formats.scenes_json import write
 from scenegen.validation import as_int, as_path
 from scenegen.worlds.suites.statistics import Z
@@ -105,6 +105,7 @@ def new_suite(
         raise RequestError(OUT_OF_PLACE(option=twice, rule=rule, remedy="rename its spec"))
     if not log10p:
         plans = [replace(one, bands=count) if one.back else one for one in plans]
+    refuse_existing(*(out / file for file in files))
     job = _MakeTask(log10p, n, seed, timeout)
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])

@@ -2,7 +2,10 @@
 file of 2,001 lines (801 in `make test`): seconds of this process, so that a busy machine changes nothing.
 """
 
+import asyncio
 import json
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -279,3 +282,71 @@ def test_a_long_file():
         limit = 0.1 if feature in ("completion", "hover", "definition") else 0.3  # measured: 1 to 60 ms
         assert min(spent) < limit, f"{feature} in line {line}"
         assert len(told) > 20, f"{feature} in line {line}"
+
+
+@pytest.mark.parametrize(
+    ("head", "read"),
+    [
+        (b"content-length: 7\r\n", b"Content-Length: 7\r\n"),
+        (b"CONTENT-LENGTH:7\r\n", b"Content-Length: 7\r\n"),
+        (b"Content-Length :  7 \r\n", b"Content-Length: 7\r\n"),
+        (b"content-type: a:b\r\n", b"content-type: a:b\r\n"),
+        (b"\r\n", b"\r\n"),
+    ],
+)
+def test_heads_of_messages_are_those_of_http(head, read):
+    from scenegen.editors.lsp.server import MessageReader
+
+    async def line():
+        reader = MessageReader()
+        reader.feed_data(head)
+        return await reader.readline()
+
+    assert asyncio.run(line()) == read
+
+
+@pytest.mark.long
+def test_every_request_has_an_answer_also_too_early_too_late_and_malformed(client):
+    editor = client()
+    place = {"textDocument": {"uri": "file:///x/a.spec"}, "position": {"line": 0, "character": 1}}
+    editor.notify("textDocument/didOpen", {"x": 1})  # dropped
+    for method in ("textDocument/hover", "shutdown", "no/such"):
+        assert editor.answer(method, place if "hover" in method else None)["error"]["code"] == -32002, method
+    body = (
+        b'{"jsonrpc":"2.0","id":"i","method":"initialize","params":{"processId":null,"rootUri":null,"capabilities":{}}}'
+    )
+    editor.raw(b"content-length:%d\r\n\r\n" % len(body) + body)
+    assert editor.unasked()["id"] == "i"
+    begin = {"processId": None, "rootUri": None, "capabilities": {}}
+    assert editor.answer("initialize", begin)["error"]["code"] == -32600  # may be sent once
+    for line, character in ((-1, 0), (0, -1), (1 << 40, 0)):
+        wrong = place | {"position": {"line": line, "character": character}}
+        assert editor.answer("textDocument/hover", wrong)["error"]["code"] == -32602
+    editor.send({"id": "n", "method": "no/such"})  # without params
+    assert editor.unasked() == {"id": "n", "jsonrpc": "2.0"} | {"error": editor.answer("no/such", {})["error"]}
+    editor.raw(b"Content-Length: many\r\n\r\n")
+    assert editor.answer("textDocument/hover", place) == {"id": editor._number, "jsonrpc": "2.0", "result": None}
+    assert editor.ask("shutdown") is None
+    for method in ("textDocument/hover", "shutdown", "initialize"):
+        params = {"textDocument/hover": place, "initialize": begin}.get(method)
+        assert editor.answer(method, params)["error"]["code"] == -32600, method
+    editor.notify("exit")
+    assert editor.process.wait(30) == 0
+    assert "a message is left out: its head says b'Content-Length: many'" in editor.errors
+
+
+@pytest.mark.long
+def test_the_server_ends_with_its_client_and_with_a_closed_stream(client):
+    """The stream may be held open by another process."""
+    others = [subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) for _ in range(2)]
+    others[1].kill()
+    others[1].wait()
+    editors = [client() for _ in others]
+    for editor, other in zip(editors, others, strict=True):
+        editor.ask("initialize", {"processId": other.pid, "rootUri": None, "capabilities": {}})
+    others[0].kill()  # nobody waits for it: a zombie has ended, too
+    assert editors[0].process.wait(30) == 0
+    assert editors[1].ask("shutdown") is None  # one that never was is that of another container
+    others[0].wait()
+    closed = subprocess.run(["bash", "-c", f"{sys.executable} -m scenegen lsp <&-"], timeout=60, capture_output=True)
+    assert closed.returncode == 0 and not closed.stderr

@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import itertools
+import shutil
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -208,6 +209,21 @@ def test_damage_is_found(plain, tmp_path):
         run(tmp_path, resume=True)
 
 
+@pytest.mark.parametrize("place", [0.02, 0.5, 0.98])
+def test_a_bit_of_a_complete_shard_is_never_believed(place, plain, tmp_path):
+    """Of a set that is not yet complete, and of one that is: the manifest has the checksum."""
+    asked = iter([False, False, False, True])
+    run(tmp_path / "part", spent=lambda: next(asked))
+    shutil.copytree(plain, tmp_path / "whole")
+    for folder in (tmp_path / "part", tmp_path / "whole"):
+        shard = folder / "part-000000.parquet"
+        data = bytearray(shard.read_bytes())
+        data[int(place * len(data))] ^= 1
+        shard.write_bytes(data)
+        with pytest.raises(DataError, match=r"part-000000\.parquet in .* is damaged: its checksum is not that"):
+            run(folder, resume=True)
+
+
 @pytest.mark.parametrize("what", ["waiting", "state"])
 def test_a_bit_of_an_unfinished_run_is_never_believed(what, tmp_path):
     asked = iter([False, False, False, True])
@@ -240,7 +256,7 @@ def test_a_run_does_not_go_on_from_a_shard_that_is_another(tmp_path):
     said = json.loads((tmp_path / MANIFEST).read_text())
     said["shards"][0]["bytes"] = (tmp_path / "part-000000.parquet").stat().st_size
     (tmp_path / MANIFEST).write_text(json.dumps(said))
-    with pytest.raises(DataError, match=r"part-000000\.parquet in .* is damaged: its r"):
+    with pytest.raises(DataError, match=r"part-000000\.parquet in .* is damaged: its checksum"):
         run(tmp_path, resume=True)
 
 

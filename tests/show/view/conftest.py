@@ -89,7 +89,7 @@ class Page:
 def start(folder: Path) -> Running:
     listener = serve.bind("127.0.0.1", None)
     opened = OpenProject(Folder(folder.resolve()), TEXT, "two")
-    app = make_app(opened, TOKEN, serve.hosts_of(listener, "127.0.0.1"))
+    app = make_app(opened, TOKEN, serve.hosts_of("127.0.0.1"))
     config = serve.config_of(app)
     server = uvicorn.Server(config)
     threading.Thread(target=lambda: asyncio.run(server.serve(sockets=[listener])), daemon=True).start()

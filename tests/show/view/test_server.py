@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 from scenegen.show.view import session as lanes
 from scenegen.show.view.limits import MAX_REQUESTS, MAX_SESSIONS, MAX_TEXT
 from scenegen.show.view.project import Folder, OpenProject
-from scenegen.show.view.serve import Gate, Shared
+from scenegen.show.view.serve import Gate, Shared, hosts_of
 from scenegen.show.view.session import PageSession
 
 pytest.importorskip("uvicorn")
@@ -232,7 +232,7 @@ async def nothing(scope, receive, send):
 
 
 def gate(tmp_path):
-    return Gate(nothing, "right", frozenset({HOST, "localhost:8000"}), Shared(OpenProject(Folder(tmp_path), "", "x")))
+    return Gate(nothing, "right", hosts_of("127.0.0.1"), Shared(OpenProject(Folder(tmp_path), "", "x")))
 
 
 def knock(gate, path="/api/files", query="token=right", kind="http", **headers):
@@ -255,6 +255,13 @@ def test_the_link_lets_in(tmp_path):
     assert knock(gate(tmp_path), origin=f"http://{HOST}", sec_fetch_site="same-origin")[0] == 200
 
 
+@pytest.mark.parametrize("host", ["127.0.0.1", "LocalHost", "localhost.:8000", "[::1]", "[::1]:8000", "localhost:9999"])
+def test_the_port_of_a_forwarded_link_does_not_count(tmp_path, host):
+    """Browsers leave out port 80, `ssh -L 9999:127.0.0.1:8000` has another one. The page is still its own origin."""
+    assert knock(gate(tmp_path), host=host, origin=f"http://{host.lower()}", sec_fetch_site="same-origin")[0] == 200
+    assert knock(gate(tmp_path), host=host, origin="http://localhost:1234")[0] == 403
+
+
 @pytest.mark.parametrize("kind", ["http", "websocket"])
 @pytest.mark.parametrize(
     ("status", "changes"),
@@ -266,7 +273,10 @@ def test_the_link_lets_in(tmp_path):
         (401, {"query": "token=r%C3%AFght"}),
         (401, {"query": "", "authorization": "Bearer wrong"}),
         (403, {"host": "evil.example:8000"}),
-        (403, {"host": "127.0.0.1"}),
+        (403, {"host": "localhost.evil.example:8000"}),
+        (403, {"host": "127.0.0.1@evil.example"}),
+        (403, {"host": "127.0.0.1:80:80"}),
+        (403, {"host": "::1"}),
         (403, {"host": ""}),
         (403, {"origin": "http://evil.example"}),
         (403, {"origin": "https://127.0.0.1:8000"}),

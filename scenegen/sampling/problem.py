@@ -137,12 +137,17 @@ class Budget:
     started: float = field(default_factory=time.monotonic)
 
     def __reduce__(self) -> tuple[type[Budget], tuple[float]]:
-        return Budget, (self.ends - time.monotonic(),)
+        return Budget, (self.left,)
 
     @property
     def ends(self) -> float:
         """When time is up, by this process's monotonic clock."""
         return self.started + self.seconds
+
+    @property
+    def left(self) -> float:
+        """The seconds until then; negative when time is up."""
+        return self.ends - time.monotonic()
 
     @property
     def spent(self) -> bool:

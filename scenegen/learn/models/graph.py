@@ -39,6 +39,7 @@ from scenegen.learn.models.frames import MATTERS, Frames
 from scenegen.learn.robustness.compile import TORCH
 from scenegen.learn.robustness.deciding import general, sized
 from scenegen.pose import SIZE, THETA, row_of
+from scenegen.search.effort import NEVER, Stop
 
 KINDS = tuple(sorted(PRIMITIVES))
 NUMBERS = 6  # of an atom that its features show
@@ -257,13 +258,14 @@ class FormulaGraph:
 TENSORS = tuple(each.name for each in fields(FormulaGraph) if each.type == "Tensor")
 
 
-def graph_of(frames: Frames) -> FormulaGraph:
-    """The graph of a spec, in the frames for what it requires."""
+def graph_of(frames: Frames, stop: Stop = NEVER) -> FormulaGraph:
+    """The graph of a spec, in the frames for what it requires. Raises what `stop` raises."""
     core = frames.core
     low, high = frames.within({})
     form_of: dict[int, tuple[MarginForm, list[int], list[float]]] = {}
     for root in core.labels.values():
         for node in atoms_below(core, root):
+            stop.check()
             form_of.setdefault(node, _form(core, cast(Atom, core.nodes[node])))
     atoms = [node for node, (_, objects, _) in form_of.items() if objects]  # not constants
     place = {node: number for number, node in enumerate(atoms)}
@@ -271,6 +273,7 @@ def graph_of(frames: Frames) -> FormulaGraph:
     carried: list[tuple[int, int]] = []
     alike: dict[MarginForm, list[_Alike]] = {}
     for number, node in enumerate(atoms):
+        stop.check()
         form, objects, numbers = form_of[node]
         mine = torch.arange(len(ties), len(ties) + len(objects))
         ties += [(number, one, min(slot, SLOTS - 2)) for slot, one in enumerate(objects)]
@@ -289,6 +292,7 @@ def graph_of(frames: Frames) -> FormulaGraph:
     for label, (name, root) in enumerate(core.labels.items()):
         roots += [(place[node], label) for node in atoms_below(core, root) if node in place]
         for kind, node in ((ROOT, root), *_junctions(core, root)):
+            stop.check()
             found = [place[each] for each in atoms_below(core, node) if each in place]
             below += [(each, len(junctions)) for each in found]
             kinds = [float(kind == one) for one in (ROOT, MIN, MAX)]

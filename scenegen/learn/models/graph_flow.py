@@ -37,6 +37,7 @@ from scenegen.learn.models.graph import (
 )
 from scenegen.learn.robustness.deciding import deciding
 from scenegen.pose import SIZE
+from scenegen.search.effort import NEVER, Stop, asking
 
 SCALES = (0.005, 0.02, 0.1, 0.5)  # metres or radians: at which margins are seen
 VIEW = 4  # coordinates of an object: x, y, cosine and sine of its heading
@@ -298,10 +299,13 @@ class Networks(nn.Module):
         return surprise / known[[label for labels in graph.in_order() for label in labels]].sum().clamp_min(1.0)
 
     @torch.no_grad()
-    def draw_branches(self, graph: FormulaGraph, wanted: Tensor, generator: torch.Generator) -> Tensor:
+    def draw_branches(
+        self, graph: FormulaGraph, wanted: Tensor, generator: torch.Generator, stop: Stop = NEVER
+    ) -> Tensor:
         """A deciding atom for each label that is wanted, (L, B) places among the atoms, -1 elsewhere."""
         found = torch.full(wanted.shape, -1, device=wanted.device)
         for labels in graph.in_order():
+            stop.check()
             logits = self.branch(graph, wanted, marked(graph, wanted, found))
             for label in labels:
                 mine = graph.members[label]
@@ -313,7 +317,13 @@ class Networks(nn.Module):
 
     @torch.no_grad()
     def make(
-        self, graph: FormulaGraph, wanted: Tensor, deciders: Tensor, steps: int, generator: torch.Generator
+        self,
+        graph: FormulaGraph,
+        wanted: Tensor,
+        deciders: Tensor,
+        steps: int,
+        generator: torch.Generator,
+        stop: Stop = NEVER,
     ) -> Tensor:
         """Scenes (3N, B) in so many steps, each with the velocity of its middle (the midpoint rule)."""
         count = wanted.shape[1]
@@ -322,6 +332,7 @@ class Networks(nn.Module):
         point = graph.view(start)
 
         def goal(point: Tensor, time: float) -> Tensor:
+            stop.check()
             times = point.new_full((graph.objects, count, 1), time)
             found: Tensor = self.goal(graph, point, times, wanted, active, *graph.margins(graph.storage(point)))
             return found
@@ -377,6 +388,7 @@ def shipped() -> tuple[WeightsCard, dict[str, Tensor]]:
 # The model: both networks and the formula of one spec.
 
 PIECE, FEWEST = 4096, 128  # atoms of all scenes that are made at a time, which stay in cache; and scenes, at least
+LIVE = 1 << 17  # ties of these scenes at most: 34 MB for each layer of the network
 FINEST = 0.01  # step of the ends of phi, metres or radians, that frames are made for
 
 
@@ -394,9 +406,9 @@ class GraphFlow(SceneModel):
         self.steps = hyper.steps
         self.networks = Networks(hyper)
 
-    def bind(self, spec: CheckedSpec) -> None:
-        self.frames = frames_of(spec)
-        self.graph = graph_of(self.frames)
+    def bind(self, spec: CheckedSpec, stop: Stop = NEVER) -> None:
+        self.frames = frames_of(spec, asking(stop))
+        self.graph = graph_of(self.frames, stop)
         self.codec = Codec(spec.workspace, len(spec.objects))
 
     def initialise(self, generator: torch.Generator) -> None:
@@ -447,19 +459,19 @@ class GraphFlow(SceneModel):
 
     @torch.no_grad()
     def sample_in(
-        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None, stop: Stop = NEVER
     ) -> tuple[Tensor, Tensor]:
         """As `sample`. A branch (n, L) is the deciding atom of each label, a place among the graph's atoms."""
         graph = self._framed(phi)
         wanted = self._all(phi.expand(n, -1).T.contiguous())
-        size = max(FEWEST, PIECE // graph.atoms)
+        size = max(1, min(max(FEWEST, PIECE // graph.atoms), LIVE // max(1, len(graph.ties))))
         made, branches = [], []
         for start in range(0, n, size):
             some = wanted[:, start : start + size]
             if branch is None:
-                deciders = self.networks.draw_branches(graph, some, generator)
+                deciders = self.networks.draw_branches(graph, some, generator, stop)
             else:
                 deciders = branch[start : start + size].T
-            made.append(self.networks.make(graph, some, deciders, self.steps, generator))
+            made.append(self.networks.make(graph, some, deciders, self.steps, generator, stop))
             branches.append(deciders.T)
         return self.codec.encode(torch.cat(made, 1)), torch.cat(branches)

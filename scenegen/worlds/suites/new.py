@@ -26,13 +26,14 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, load, parse
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.errors.requests import CUT_SHORT, NO_TIME_TO_CHECK, OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.sampling.engine.engines import JobResult, each
+from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.files import read_bytes, whole_files
 from scenegen.scenes.formats.scenes_json import write
-from scenegen.validation import as_int, as_path
+from scenegen.validation import as_int, as_path, as_seconds
 from scenegen.worlds.suites.statistics import Z
 from scenegen.worlds.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData
 
@@ -82,8 +83,8 @@ def new_suite(
     `bands` is their number, equally probable, or ranges by name: of phi, or with `log10p` of log10 of the share of
     starts that is at least as hard. `success` and `start` are the labels, by default `goal` (or the only one) and
     `start`. The first line of a spec's opening comment is the instruction; with a label of starts and a comment
-    `# reverse: ...` there is a reversed task, too. The bytes follow from the specs and these arguments, not from
-    `workers`. Raises RequestError, SpecError, DataError and OutputError.
+    `# reverse: ...` there is a reversed task, too. `timeout` seconds are for all of them. The bytes follow from the
+    specs and these arguments, not from `workers`. Raises RequestError, SpecError, DataError and OutputError.
     """
     out = as_path("out", out)
     count = bands if isinstance(bands, int) else len(bands)
@@ -96,7 +97,7 @@ def new_suite(
     plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands)]
     if not log10p:
         plans = [replace(one, bands=count) if one.back else one for one in plans]
-    job = _MakeTask(log10p, n, seed, timeout)
+    job = _MakeTask(log10p, n, seed, Budget(as_seconds("timeout", timeout)))
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
@@ -144,7 +145,7 @@ class _MakeTask:
     log10p: bool
     n: int
     seed: int
-    timeout: float
+    budget: Budget
 
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
         spec = Spec(replace(parse(plan.source, plan.name).checked, title=plan.instruction))
@@ -154,7 +155,10 @@ class _MakeTask:
             raise RequestError(WRONG_VALUE(argument="success", value=f"`{plan.success}`", wanted=wanted))
         ranges = _ranges(plan.bands, self.log10p, curve, bounds)
         if any(curve.between(low, high)[0] < FEW / COUNTED for _, low, high in ranges):
-            curve = _Curve.rare(rarity(spec, plan.success, seed=self.seed).labels[0])
+            found = rarity(spec, plan.success, seed=self.seed, timeout=self.timeout)
+            if any(one.kind is CUT_SHORT for one in found.warnings):  # bands do not depend on the clock
+                raise RequestError(NO_TIME_TO_CHECK())
+            curve = _Curve.rare(found.labels[0])
             ranges = _ranges(plan.bands, self.log10p, curve, bounds)
         bands: list[BandData] = []
         parts: list[SceneSet] = []
@@ -184,6 +188,11 @@ class _MakeTask:
             sha256=hashlib.sha256(data).hexdigest(), bands=bands,
         )  # fmt: skip
         return task, data
+
+    @property
+    def timeout(self) -> float:
+        """The seconds that are left."""
+        return max(self.budget.left, 1e-3)
 
     def _bytes(self, spec: Spec, parts: Sequence[SceneSet], bands: Sequence[BandData]) -> bytes:
         phi = {label: np.concatenate([part.phi[label] for part in parts]) for label in spec.labels}

@@ -52,9 +52,7 @@ def suite(
     resume: bool = option("run: go on with a file."),
     steps: int | None = option("run: of an episode at most; default: 1000.", "N"),
     pictures: int | None = option("report: of so many starts; default: 8.", "N"),
-    timeout: float | None = option(
-        "new: seconds in all. run: of an episode. Default: 600.", "SECONDS", parser=seconds
-    ),
+    timeout: float | None = option("new: seconds in all. run: of an episode. Default: 600.", "SECONDS", parser=seconds),
     workers: int | None = WORKERS,
 ) -> None:
     """Compare policies on suites: graded starts of several tasks, frozen, the same ones for everybody.

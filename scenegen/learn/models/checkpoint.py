@@ -399,7 +399,7 @@ class TrainedModel:
         return rows
 
     def mixed(
-        self, rows: Tensor, ends: tuple[Tensor, Tensor], box: tuple[Array, Array], seed: int, stop: Stop
+        self, rows: Tensor, ends: tuple[Tensor, Tensor], box: tuple[Array, Array], seed: int, stop: Stop = NEVER
     ) -> Tensor:
         """See scenegen.sampling.proposer."""
         labels = len(self.card.labels)
@@ -412,7 +412,7 @@ class TrainedModel:
         new = walk.within(old, (low, high), random, moves if walk.moving else 0, fit=True, stop=stop)
         return torch.where(new == old, rows, new.to(rows.dtype))
 
-    def __call__(self, phi: Tensor, generator: torch.Generator, stop: Stop) -> Tensor:
+    def __call__(self, phi: Tensor, generator: torch.Generator, stop: Stop = NEVER) -> Tensor:
         """See scenegen.sampling.proposer."""
         return self.propose(self.asked(phi[: len(self.card.labels)], self.only), generator, stop)
 

@@ -273,9 +273,7 @@ class Correction:
             rows[:, some] = self._walk(rows[:, some], near[0], random, ~off[some], near[1], stop)
         return rows
 
-    def _begun_elsewhere(
-        self, rows: Tensor, off: Tensor, wanted: Tensor, random: torch.Generator, stop: Stop
-    ) -> None:
+    def _begun_elsewhere(self, rows: Tensor, off: Tensor, wanted: Tensor, random: torch.Generator, stop: Stop) -> None:
         """Scenes (3N, n) that never arrived begin where one did, of some the one for the nearest phi; the random moves
         part them again. Changes `rows`, and `off` (n,) that says which have not arrived."""
         missing, there = off.nonzero()[:, 0], (~off).nonzero()[:, 0]

@@ -176,7 +176,7 @@ def train(
             listeners = [each for each in (on_epoch, log) if each is not None]
             if not _run(session, out, listeners, on_step or _silent, gathering.until):
                 if not session.epoch:
-                    raise RequestError(NO_TIME_TO_TRAIN(seconds=timeout, out=out))
+                    raise RequestError(NO_TIME_TO_TRAIN(seconds=round(timeout, 2), out=out))
                 say(TRAINING_INTERRUPTED(late=True, done=session.epoch, epochs=config.epochs, path=out))
             elif session.epoch < config.epochs:
                 say(_stopped_early(session))

@@ -20,6 +20,7 @@ from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.learning import NOT_MEASURED, POOR_MODEL
 from scenegen.errors.requests import NO_TIME_TO_CHECK
+from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn import guided
 from scenegen.learn.evaluation.card import CpuBudget, returned
@@ -29,7 +30,8 @@ from scenegen.learn.model import ANY, Model, beyond, unmet
 from scenegen.learn.models.card import LabelData, LossData, ModelCard, depends_on, layout_of, spec_data
 from scenegen.learn.models.checkpoint import TrainedModel, as_trained
 from scenegen.learn.models.codec import ways_of
-from scenegen.learn.models.graph_flow import WEIGHTS, shipped
+from scenegen.learn.models.graph import refuse_unknown
+from scenegen.learn.models.graph_flow import WEIGHTS, GraphHyper, shipped
 from scenegen.learn.training.balanced import reach
 from scenegen.processes.pool import one_thread
 from scenegen.resources import __version__
@@ -109,11 +111,12 @@ class AnyModel(Model):
         return known[request.spread]
 
 
-def _patience(limit: Budget) -> CpuBudget:
+def _patience(limit: Budget | None) -> CpuBudget:
+    limit = limit or Budget(math.inf)
     return CpuBudget(limit.seconds, limit.started, allowed=PATIENCE)
 
 
-def exact_scenes(checked: CheckedSpec, request: SampleRequest, limit: Budget) -> tuple[Array, Array]:
+def exact_scenes(checked: CheckedSpec, request: SampleRequest, limit: Budget | None = None) -> tuple[Array, Array]:
     """Exact scenes (3N, n) for a request, and their phi (L, n), in random order: as many as there are in time."""
     budget = _patience(limit)
     try:
@@ -164,6 +167,7 @@ def bound(checked: CheckedSpec, budget: Budget) -> TrainedModel:
     """The weights that come with the package, as a model of this spec. Raises RequestError where phi of a label cannot
     vary, and StoppedError where time is up."""
     card, weights = shipped()
+    refuse_unknown(gated(checked.core), GraphHyper.model_validate(card.hyper).primitives)
     ends = {label: _reach(checked, label, budget) for label in checked.labels}
     space = checked.workspace
     found = ModelCard(

@@ -20,6 +20,8 @@ from typing import cast
 import torch
 from torch import Tensor
 
+from scenegen.errors import RequestError
+from scenegen.errors.learning import UNKNOWN_TO_MODEL
 from scenegen.geometry import PRIMITIVES, Namespace
 from scenegen.geometry.namespace import Turning
 from scenegen.geometry.primitives import ANGLE
@@ -41,12 +43,13 @@ from scenegen.learn.robustness.deciding import general, sized
 from scenegen.pose import SIZE, THETA, row_of
 from scenegen.search.effort import NEVER, Stop
 
-KINDS = tuple(sorted(PRIMITIVES))
+# Primitives in the order of a network's inputs: those of weights whose file does not name its own.
+KINDS = "abs add bearing cos dist div gap max mean min mul neg pick reach room sin sub sum wrap"
 NUMBERS = 6  # of an atom that its features show
 SLOTS = 7  # places of an object among those of its atom; further ones share one, what carries them has the last
 ROOT, MIN, MAX = range(3)  # kinds of junctions, the first of their features
 
-ATOM_FEATURES = len(KINDS) + 1 + 1 + NUMBERS + 1  # primitives; objects; numbers; whether it is an angle
+ATOM_FEATURES = 1 + 1 + NUMBERS + 1  # beside primitives: objects; numbers; whether it is an angle
 JUNCTION_FEATURES = 3 + 1 + 1  # kind; atoms below; whether it is of what is required
 
 
@@ -258,9 +261,21 @@ class FormulaGraph:
 TENSORS = tuple(each.name for each in fields(FormulaGraph) if each.type == "Tensor")
 
 
-def graph_of(frames: Frames, stop: Stop = NEVER) -> FormulaGraph:
-    """The graph of a spec, in the frames for what it requires. Raises what `stop` raises."""
+def refuse_unknown(core: Core, kinds: str) -> None:
+    """Raises RequestError for a formula with primitives that are not among `kinds`."""
+    strange = {node.primitive for node in core.nodes if isinstance(node, Apply)}.difference(kinds.split())
+    for atom in core.nodes if strange else ():
+        if isinstance(atom, Atom):
+            found = [one.primitive for one in _form(core, atom)[0].nodes if isinstance(one, Apply)]
+            for name in strange.intersection(found):
+                raise RequestError(UNKNOWN_TO_MODEL(atom.spans[0] if atom.spans else None, name=name))
+
+
+def graph_of(frames: Frames, kinds: str = KINDS, stop: Stop = NEVER) -> FormulaGraph:
+    """The graph of a spec, in the frames for what it requires, for networks that know the primitives of `kinds`. Raises
+    RequestError for others, and what `stop` raises."""
     core = frames.core
+    refuse_unknown(core, kinds)
     low, high = frames.within({})
     form_of: dict[int, tuple[MarginForm, list[int], list[float]]] = {}
     for root in core.labels.values():
@@ -295,13 +310,13 @@ def graph_of(frames: Frames, stop: Stop = NEVER) -> FormulaGraph:
             stop.check()
             found = [place[each] for each in atoms_below(core, node) if each in place]
             below += [(each, len(junctions)) for each in found]
-            kinds = [float(kind == one) for one in (ROOT, MIN, MAX)]
-            junctions.append([*kinds, len(found) ** 0.5 / 4.0, float(name == REQUIRE)])
+            which = [float(kind == one) for one in (ROOT, MIN, MAX)]
+            junctions.append([*which, len(found) ** 0.5 / 4.0, float(name == REQUIRE)])
             label_of.append(label)
     count = len(frames.carrier)
     return FormulaGraph(
         object_features=frames.features(low, high),
-        atom_features=torch.stack([_atom_features(core, node, *form_of[node]) for node in atoms]),
+        atom_features=torch.stack([_atom_features(core, node, kinds.split(), *form_of[node]) for node in atoms]),
         junction_features=torch.tensor(junctions),
         ties=torch.tensor(ties, dtype=torch.int64).view(-1, 3),
         below=torch.tensor(below, dtype=torch.int64).view(-1, 2),
@@ -335,11 +350,13 @@ def _junctions(core: Core, root: int) -> list[tuple[int, int]]:
     return [(kind, node) for node, kind in found.items()]
 
 
-def _atom_features(core: Core, node: int, form: MarginForm, objects: list[int], numbers: list[float]) -> Tensor:
-    bag = [0.0] * len(KINDS)
+def _atom_features(
+    core: Core, node: int, kinds: list[str], form: MarginForm, objects: list[int], numbers: list[float]
+) -> Tensor:
+    bag = [0.0] * len(kinds)
     for each in form.nodes:
         if isinstance(each, Apply):
-            bag[KINDS.index(each.primitive)] += 1.0
+            bag[kinds.index(each.primitive)] += 1.0
     shown = [max(-3.0, min(3.0, number)) for number in numbers[:NUMBERS]]
     angle = float(cast(Atom, core.nodes[node]).unit == ANGLE)
     rest = [len(objects) / 3.0, len(numbers) / 4.0, *shown, *[0.0] * (NUMBERS - len(shown)), angle]

@@ -31,6 +31,7 @@ from scenegen.learn.models.frames import OBJECT_FEATURES, Frames, frames_of
 from scenegen.learn.models.graph import (
     ATOM_FEATURES,
     JUNCTION_FEATURES,
+    KINDS,
     SLOTS,
     FormulaGraph,
     graph_of,
@@ -125,11 +126,11 @@ class Rounds(nn.Module):
 class GoalNetwork(nn.Module):
     """Which scene a point heads for."""
 
-    def __init__(self, width: int, rounds: int) -> None:
+    def __init__(self, width: int, rounds: int, atom_features: int) -> None:
         super().__init__()
         self.object_kind, self.object_now = nn.Linear(OBJECT_FEATURES, width), nn.Linear(VIEW + TIMES, width)
         self.object_first = mlp(width, width)
-        self.atom_kind, self.atom_now = mlp(ATOM_FEATURES, width, width), nn.Linear(2 * len(SCALES) + 2, width)
+        self.atom_kind, self.atom_now = mlp(atom_features, width, width), nn.Linear(2 * len(SCALES) + 2, width)
         self.junction_kind, self.junction_now = nn.Linear(JUNCTION_FEATURES, width), nn.Linear(len(SCALES) + 1, width)
         self.slot, self.tie_now = slots(width), nn.Linear(2 * SIZE, width)
         self.rounds = Rounds(width, rounds, rounds)
@@ -188,10 +189,10 @@ class GoalNetwork(nn.Module):
 class BranchNetwork(nn.Module):
     """How likely each atom is to decide a label, given what is wanted and which atoms decide the labels before it."""
 
-    def __init__(self, width: int, rounds: int) -> None:
+    def __init__(self, width: int, rounds: int, atom_features: int) -> None:
         super().__init__()
         self.object_kind, self.slot = mlp(OBJECT_FEATURES, width, width), slots(width)
-        self.atom_kind, self.atom_now = mlp(ATOM_FEATURES, width, width), nn.Linear(len(SCALES) + 2, width)
+        self.atom_kind, self.atom_now = mlp(atom_features, width, width), nn.Linear(len(SCALES) + 2, width)
         self.junction_kind, self.junction_now = nn.Linear(JUNCTION_FEATURES, width), nn.Linear(len(SCALES) + 1, width)
         self.rounds = Rounds(width, rounds, rounds - 1)
         self.out = nn.Linear(width, 1)
@@ -220,12 +221,14 @@ class BranchNetwork(nn.Module):
 
 class GraphHyper(Hyper):
     """`width` of the messages about where a scene lies, in so many `rounds`; `chooser` that of those about branches;
-    `steps` that a scene takes when it is made (training does not depend on it): each is two evaluations."""
+    `steps` that a scene takes when it is made (training does not depend on it): each is two evaluations. `primitives`
+    are the names of those that the weights know, in the order of their inputs."""
 
     width: int = Field(default=64, ge=1, le=1024)
     rounds: int = Field(default=3, ge=1, le=16)
     chooser: int = Field(default=48, ge=1, le=1024)
     steps: int = Field(default=2, ge=1, le=1000)
+    primitives: str = Field(default=KINDS, pattern=r"^\w+( \w+)*$")
 
 
 CHOOSING = 2  # rounds about branches
@@ -238,8 +241,9 @@ class Networks(nn.Module):
         """Without weights: call `initialise`, or load a state with `assign=True`."""
         super().__init__()
         with torch.device("meta"):
-            self.goal = GoalNetwork(hyper.width, hyper.rounds)
-            self.branch = BranchNetwork(hyper.chooser, CHOOSING)
+            known = len(hyper.primitives.split())
+            self.goal = GoalNetwork(hyper.width, hyper.rounds, known + ATOM_FEATURES)
+            self.branch = BranchNetwork(hyper.chooser, CHOOSING, known + ATOM_FEATURES)
 
     def initialise(self, generator: torch.Generator) -> None:
         """Fresh weights; at first a point heads for itself."""
@@ -368,7 +372,7 @@ class WeightsCard(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    hyper: dict[str, int]
+    hyper: dict[str, int | str]
     seed: int
     steps: int = Field(ge=0)
     specs: int = Field(ge=0)
@@ -403,12 +407,12 @@ class GraphFlow(SceneModel):
 
     def __init__(self, layout: Layout, hyper: GraphHyper) -> None:
         super().__init__(layout, hyper)
-        self.steps = hyper.steps
+        self.steps, self.primitives = hyper.steps, hyper.primitives
         self.networks = Networks(hyper)
 
     def bind(self, spec: CheckedSpec, stop: Stop = NEVER) -> None:
         self.frames = frames_of(spec, asking(stop))
-        self.graph = graph_of(self.frames, stop)
+        self.graph = graph_of(self.frames, self.primitives, stop)
         self.codec = Codec(spec.workspace, len(spec.objects))
 
     def initialise(self, generator: torch.Generator) -> None:

@@ -23,6 +23,7 @@ from scenegen.lang.formula.core import REQUIRE, Atom, Core, atoms_below, gated, 
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec, combinations, written
 from scenegen.search import node_bounds, spec_bounds
+from scenegen.search.effort import Effort, StoppedError
 
 ENDS = (0.0, math.inf)  # satisfied
 SCENES, LIVE = 256, 1 << 22  # scenes of the first look, and numbers that it may hold at a time
@@ -56,19 +57,20 @@ def infeasible(spec: CheckedSpec) -> list[Diagnostic]:
     return [doubt.problem for doubt in doubts(spec) if doubt.problem is not None]
 
 
-def doubts(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
+def doubts(spec: CheckedSpec, effort: Effort | None = None) -> list[UnsatisfiedLabel]:
     """The labels that no scene was found to satisfy, and the requirement, where none was found to meet it.
 
     Scenes are looked for first: most labels are done with that. What is left is searched for clashes, for about half a
-    second in all. Of a spec over time only bounds are looked at.
+    second in all. Of a spec over time only bounds are looked at. Raises what `effort` raises.
     """
+    effort = effort or Effort()
     if spec.timed is not None:
         return _over_time(spec)
     if spec.members:
         return _of_members(spec)
     core, box, bounds = gated(spec.core), spec.box(), spec_bounds(spec)
     required = (REQUIRE,) if REQUIRE in core.labels else ()
-    waiting = _not_at_once(core, box)
+    waiting = _not_at_once(core, box, effort)
     if not waiting:
         return []
     from scenegen.search.clash import clash, explain
@@ -83,13 +85,13 @@ def doubts(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
     work = min(WORK, TOTAL // max(1, len(waiting)))
     for name in waiting:
         one = part_of(core, (name, *required))
-        reach = find(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=work)
+        reach = find(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=work, effort=effort)
         if reach.verdict != "yes":
             highest = bounds[name][1]
             missing.append((name, highest if highest < 0.0 else None, one, reach))
     if required and len(missing) == len(spec.labels):  # some label's scene would have met the requirement, too
         one = part_of(core, required)
-        reach = find(one, *box, {one.labels[REQUIRE]: ENDS}, work=work)
+        reach = find(one, *box, {one.labels[REQUIRE]: ENDS}, work=work, effort=effort)
         if reach.verdict != "yes":
             if (crowded := _too_full(spec, REQUIRE)) is not None:
                 return [crowded]  # without it nothing else matters
@@ -100,7 +102,7 @@ def doubts(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
         if not reach.short or weight(one.nodes) <= 2 * work:
             # a search that was cut short proves little: its best scene is no reason to warn
             wanted = dict.fromkeys(one.labels.values(), ENDS)
-            result = clash(one, *box, wanted, search=not reach.short and reach, work=work)
+            result = clash(one, *box, wanted, search=not reach.short and reach, work=work, effort=effort)
         if result is None or not result.proved:
             crowded = _too_full(spec, name)
             if crowded is not None or result is None:
@@ -231,7 +233,6 @@ def _of_members(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
 
 def _over_time(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
     from scenegen.sampling.motions.bounds import phi_bounds
-    from scenegen.search.effort import Effort
 
     assert spec.timed is not None
     most = {name: high for name, (_, high) in phi_bounds(spec.timed, *spec.box(), Effort()).items()}
@@ -242,24 +243,30 @@ def _over_time(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
     ]
 
 
-def _not_at_once(core: Core, box: tuple[Array, Array]) -> list[str]:
+def _not_at_once(core: Core, box: tuple[Array, Array], effort: Effort) -> list[str]:
     """The labels that none of a few random scenes satisfies together with the requirement."""
     lowest, highest = (end[:, None] for end in box)
     scenes = max(8, min(SCENES, LIVE // len(core.nodes)))
     rows = lowest + (highest - lowest) * np.random.default_rng(0).random((len(lowest), scenes))
-    met = {name: np.broadcast_to(value, scenes) >= 0.0 for name, value in phi(core, list(rows), NUMPY).items()}
+    values = phi(core, list(rows), NUMPY, effort.check)
+    met = {name: np.broadcast_to(value, scenes) >= 0.0 for name, value in values.items()}
     valid = met.pop(REQUIRE, np.ones(scenes, dtype=bool))
     return [name for name, satisfied in met.items() if not (satisfied & valid).any()]
 
 
-def refuse_infeasible(spec: CheckedSpec) -> None:
+def refuse_infeasible(spec: CheckedSpec, effort: Effort) -> None:
     """Refuse what cannot be learnt, with the reason that `check` gives: a label that no scene satisfies, a requirement
-    that none meets, where bounds prove it, and a label that does not vary. Raises RequestError."""
+    that none meets, where bounds prove it before `effort` is stopped, and a label that does not vary. Raises
+    RequestError."""
     from scenegen.errors.learning import NOTHING_TO_LEARN
 
-    constant = [name for name, (low, high) in spec_bounds(spec).items() if not low < high]
+    constant = {name: low for name, (low, high) in spec_bounds(spec).items() if not low < high}
     if constant:
-        raise RequestError(*(NOTHING_TO_LEARN(label=name, value=spec_bounds(spec)[name][0]) for name in constant))
-    proved = [one.problem for one in doubts(spec) if one.proved and one.problem is not None]
+        raise RequestError(*(NOTHING_TO_LEARN(label=name, value=low) for name, low in constant.items()))
+    try:
+        found = doubts(spec, effort)
+    except StoppedError:
+        return
+    proved = [one.problem for one in found if one.proved and one.problem is not None]
     if proved:
         raise RequestError(*(replace(one, severity="error") for one in proved))

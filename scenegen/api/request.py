@@ -66,6 +66,7 @@ def any_model(source: Spec | LearnedModel, budget: Budget | None = None) -> Lear
     if isinstance(source, LearnedModel):
         return source
     check_spec(source)
+    _ = source.checked  # what is refused is refused before torch is loaded
     need("torch", "to draw from a model")
     # by its name, as the table has it: nothing here knows a model
     made: LearnedModel = importlib.import_module(METHODS["any"].make.partition(":")[0]).AnyModel(source, budget)

@@ -367,9 +367,11 @@ def evaluate(
     return fold(core.nodes, Numbers(namespace, rows), before=check)
 
 
-def phi(core: Core, rows: Sequence[Any], namespace: Namespace = MATH) -> dict[str, Any]:
-    """The satisfaction value of each label (Definition 2 of the paper)."""
-    values = evaluate(core, rows, namespace, needed=core.labels.values())
+def phi(
+    core: Core, rows: Sequence[Any], namespace: Namespace = MATH, check: Callable[[], None] | None = None
+) -> dict[str, Any]:
+    """The satisfaction value of each label (Definition 2 of the paper). `check` is as for `evaluate`."""
+    values = evaluate(core, rows, namespace, check, core.labels.values())
     return {name: values[index] for name, index in core.labels.items()}
 
 

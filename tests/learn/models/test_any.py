@@ -15,7 +15,6 @@ from scenegen.learn import any as any_model
 from scenegen.learn.any import compared, exact_scenes, left_out
 from scenegen.learn.models.codec import ways_of
 from scenegen.learn.models.graph_flow import shipped
-from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import Range, SampleRequest
 
 TEXT = """object plate, mug, bowl
@@ -87,7 +86,7 @@ def test_it_has_to_be_told_of_which_spec():
 
 def test_a_part_that_is_left_out_is_named(spec):
     request = SampleRequest({"goal": Range(-0.05, 0.05)}, 400, seed=1, spread="base")
-    exact, _ = exact_scenes(spec.checked, request, Budget())
+    exact, _ = exact_scenes(spec.checked, request)
     assert left_out(spec.checked, exact, exact) == "" and compared(spec.checked, exact, exact, "goal") == []
     decides = ways_of(spec.checked, torch.from_numpy(exact))[0].numpy()
     texts = [getattr(spec.checked.core.nodes[node], "text", "") for node in decides]

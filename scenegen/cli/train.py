@@ -147,7 +147,7 @@ def train(
         train_on = partial(run, checked, model, recipe=recipe, out=path, resume=resume, log_dir=log_dir, phi=wanted)
         tell: dict[str, Any] = {"on_step": clock.told(progress.step), "on_gather": progress.gather}
         tell["on_note"] = lambda note: progress.note(render(note, spell=flag))
-        done = train_on(on_epoch=progress, timeout=_seconds(budget), **tell, **options)
+        done = train_on(on_epoch=progress, timeout=timeout and budget.left, **tell, **options)
     detail("trained")
     clock.trained()
     if card and not budget.spent:
@@ -163,12 +163,6 @@ def train(
     return 0
 
 
-def _seconds(budget: Budget) -> float | None:
-    """The time limit of a training that begins now."""
-    return None if math.isinf(budget.seconds) else max(budget.left, 1e-3)
-
-
-# --------------------------------------------------------------------------------------------------------------------
 # `scenegen train` of several specs: each training is a job of its own.
 
 
@@ -243,7 +237,8 @@ class Training:
         log_dir = (
             None if self.log_dir is None else self.log_dir / (f"{source.stem}/{out.stem}" if numbers else out.stem)
         )
-        done = run(log_dir=log_dir, timeout=_seconds(self.budget), **self.options)
+        left = self.budget.left
+        done = run(log_dir=log_dir, timeout=None if math.isinf(left) else left, **self.options)
         if self.card and not self.budget.spent:
             write_card(done, out, self.budget.left)
         took = f"{time.monotonic() - began:.0f} s"

@@ -151,7 +151,7 @@ NO_TIME_TO_TRAIN = Kind(
 )
 UNKNOWN_TO_MODEL = Kind(
     "unknown-to-model",
-    "the function `{name}` is not one that the weights of this model know",
+    "the weights of this model do not know {names:quoted}, of which the formula is made",
     help="draw exact scenes, or train a model of the spec",
 )
 TOO_MANY_TO_TRAIN = Kind(

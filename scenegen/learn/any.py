@@ -61,7 +61,8 @@ class AnyModel(Model):
 
     def __init__(self, spec: Spec, budget: Budget | None = None) -> None:
         refuse_choices(spec, "the model of any spec")
-        self._budget = Budget(math.inf) if budget is None else budget
+        limit = budget or Budget(math.inf)
+        self._budget = CpuBudget(limit.seconds, limit.started)
         try:
             super().__init__(bound(spec.checked, self._budget))
         except StoppedError:
@@ -92,7 +93,7 @@ class AnyModel(Model):
         selected = request.raw or request.settle or request.success is not None
         if rows is None or rows.shape[1] < SCENES or selected:
             try:
-                rows = returned(self, asked, replace(_patience(self._budget), firm=False))[0]
+                rows = returned(self, asked, replace(self._budget.some(PATIENCE), firm=False))[0]
             except (RequestError, StoppedError):
                 rows = exact[:, :0]
         where = " ".join(f"{label}={one}" for label, one in request.phi.items()) or "any phi"
@@ -111,14 +112,9 @@ class AnyModel(Model):
         return known[request.spread]
 
 
-def _patience(limit: Budget | None) -> CpuBudget:
-    limit = limit or Budget(math.inf)
-    return CpuBudget(limit.seconds, limit.started, allowed=PATIENCE)
-
-
-def exact_scenes(checked: CheckedSpec, request: SampleRequest, limit: Budget | None = None) -> tuple[Array, Array]:
+def exact_scenes(checked: CheckedSpec, request: SampleRequest, limit: CpuBudget | None = None) -> tuple[Array, Array]:
     """Exact scenes (3N, n) for a request, and their phi (L, n), in random order: as many as there are in time."""
-    budget = _patience(limit)
+    budget = (limit or CpuBudget(math.inf)).some(PATIENCE)
     try:
         found = draw(make_problem(checked, request, budget), budget)
     except (RequestError, StoppedError):
@@ -163,7 +159,7 @@ def left_out(spec: CheckedSpec, exact: Array, made: Array) -> str:
     return "; ".join(found[:FAULTS_SHOWN])
 
 
-def bound(checked: CheckedSpec, budget: Budget) -> TrainedModel:
+def bound(checked: CheckedSpec, budget: CpuBudget) -> TrainedModel:
     """The weights that come with the package, as a model of this spec. Raises RequestError where phi of a label cannot
     vary, and StoppedError where time is up."""
     card, weights = shipped()
@@ -190,7 +186,7 @@ def bound(checked: CheckedSpec, budget: Budget) -> TrainedModel:
     return as_trained(found, {**tensors, "label_lowest": low, "label_highest": high}, WEIGHTS, stop=budget)
 
 
-def _reach(checked: CheckedSpec, label: str, budget: Budget) -> tuple[float, float]:
+def _reach(checked: CheckedSpec, label: str, budget: CpuBudget) -> tuple[float, float]:
     """The lowest and the highest phi of a label among exact scenes. Raises RequestError where it cannot vary, and
     StoppedError where time is up."""
     budget.check()

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from scenegen.learn.robustness import Robustness
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Target values of phi.
 
 
@@ -122,7 +121,6 @@ def _sorted(cells: Cells, phi: Array) -> Targets:
     return Targets(cells, phi, order, borders)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Plans that draw from a proposer.
 
 

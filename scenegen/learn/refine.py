@@ -18,7 +18,6 @@ from scenegen.learn.robustness import Robustness
 from scenegen.pose import LENGTHS, THETA, TWO_PI, along, object_count
 from scenegen.search.effort import NEVER, Stop
 
-# --------------------------------------------------------------------------------------------------------------------
 # The base distribution: every free object's centre uniform over the workspace, its heading over the circle.
 
 

@@ -137,7 +137,7 @@ class Budget:
     started: float = field(default_factory=time.monotonic)
 
     def __reduce__(self) -> tuple[type[Budget], tuple[float]]:
-        return Budget, (self.left,)
+        return Budget, (self.ends - time.monotonic(),)
 
     @property
     def ends(self) -> float:
@@ -146,8 +146,8 @@ class Budget:
 
     @property
     def left(self) -> float:
-        """The seconds until then; negative when time is up."""
-        return self.ends - time.monotonic()
+        """The seconds until then; a millisecond at least, which is a time limit, too."""
+        return max(self.ends - time.monotonic(), 1e-3)
 
     @property
     def spent(self) -> bool:

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from scenegen.learn.models.checkpoint import TrainedModel
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # How good a model is, beside the truth: what its card says.
 #
 # The truth comes from the exact samplers, fresh each time, never from training scenes. For a value of a label some

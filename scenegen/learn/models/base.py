@@ -22,7 +22,6 @@ from scenegen.learn.robustness import Robustness
 from scenegen.pose import row_count
 from scenegen.search.effort import NEVER, Stop
 
-# --------------------------------------------------------------------------------------------------------------------
 # Multi-layer perceptrons.
 
 
@@ -63,7 +62,6 @@ def one_hot(index: Tensor, count: int) -> Tensor:
     return zeros.scatter_(1, index[:, None], 1.0)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What training asks of the compiled spec: phi of a network's own scenes, with gradients.
 
 

@@ -40,7 +40,6 @@ from scenegen.scenes.files import read_bytes, write_whole
 from scenegen.search.effort import NEVER, Stop
 from scenegen.validation import as_int
 
-# --------------------------------------------------------------------------------------------------------------------
 # Tensors and text in one safetensors file, read with distrust.
 #
 # The text (a JSON card) travels in safetensors' own metadata, in an envelope with the format's name, its version and
@@ -250,7 +249,6 @@ def check_spec(card: ModelCard, spec: CheckedSpec, path: Path) -> None:
     raise DataError(MODEL_OF_ANOTHER_SPEC(path=path, found=card.spec.name, wanted=spec.name, **hashes))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Trained models.
 
 
@@ -389,10 +387,7 @@ class TrainedModel:
             raise DataError(ARRAY_NOT_FINITE(what=f"phi for a {self.name} that has to be told every label"))
         phi = phi.to(torch.float32)
         correction = self.correction
-        if correction is None:
-            rows = self._made(phi, generator, None, stop)[0]
-        else:
-            rows = correction(self._made, phi, generator, stop)
+        rows = correction(self._made, phi, generator, stop) if correction else self._made(phi, generator, None, stop)[0]
         if not bool(torch.isfinite(rows.sum())):
             remedy = "the model file is damaged; train it again"
             raise DataError(ARRAY_NOT_FINITE(what="the model's output", remedy=remedy))

@@ -17,7 +17,6 @@ from scenegen.learn.models.codec import EVERY, Examples
 from scenegen.pose import TWO_PI, row_count
 from scenegen.search.effort import NEVER, Stop
 
-# --------------------------------------------------------------------------------------------------------------------
 # Which branch to draw from: P(branch | phi), learnt by cross-entropy and nothing else.
 
 
@@ -76,7 +75,6 @@ class Selector(nn.Module):
         )
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What the networks see of scenes and labels, and the way back.
 #
 # A scene becomes the C coordinates that phi depends on (scenegen.learn.models.card): positions stretched so that the

@@ -28,7 +28,6 @@ from scenegen.learn.robustness.deciding import Slopes
 from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owner, row_of
 from scenegen.search.effort import NEVER, Stop
 
-# --------------------------------------------------------------------------------------------------------------------
 # Random moves that leave phi where it is: they bring scenes nearer to the truth, whatever the network made of them.
 #
 # A move shifts one coordinate of a scene or some of its objects together, turns an object about another or mirrors it

@@ -53,7 +53,6 @@ ATOM_FEATURES = 1 + 1 + NUMBERS + 1  # beside primitives: objects; numbers; whet
 JUNCTION_FEATURES = 3 + 1 + 1  # kind; atoms below; whether it is of what is required
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Atoms that are alike.
 
 
@@ -112,7 +111,6 @@ def _together(parts: Sequence[_Alike], device: torch.device | None = None) -> _A
     return _Alike(*(torch.cat(column).to(device) if device else torch.cat(column) for column in columns))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The graph.
 
 
@@ -264,11 +262,8 @@ TENSORS = tuple(each.name for each in fields(FormulaGraph) if each.type == "Tens
 def refuse_unknown(core: Core, kinds: str) -> None:
     """Raises RequestError for a formula with primitives that are not among `kinds`."""
     strange = {node.primitive for node in core.nodes if isinstance(node, Apply)}.difference(kinds.split())
-    for atom in core.nodes if strange else ():
-        if isinstance(atom, Atom):
-            found = [one.primitive for one in _form(core, atom)[0].nodes if isinstance(one, Apply)]
-            for name in strange.intersection(found):
-                raise RequestError(UNKNOWN_TO_MODEL(atom.spans[0] if atom.spans else None, name=name))
+    if strange:
+        raise RequestError(UNKNOWN_TO_MODEL(names=sorted(strange)))
 
 
 def graph_of(frames: Frames, kinds: str = KINDS, stop: Stop = NEVER) -> FormulaGraph:

@@ -215,7 +215,6 @@ class BranchNetwork(nn.Module):
         return logits
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Both networks: what they learn from, of one spec or of many, and how they make scenes.
 
 
@@ -303,13 +302,10 @@ class Networks(nn.Module):
         return surprise / known[[label for labels in graph.in_order() for label in labels]].sum().clamp_min(1.0)
 
     @torch.no_grad()
-    def draw_branches(
-        self, graph: FormulaGraph, wanted: Tensor, generator: torch.Generator, stop: Stop = NEVER
-    ) -> Tensor:
+    def draw_branches(self, graph: FormulaGraph, wanted: Tensor, generator: torch.Generator) -> Tensor:
         """A deciding atom for each label that is wanted, (L, B) places among the atoms, -1 elsewhere."""
         found = torch.full(wanted.shape, -1, device=wanted.device)
         for labels in graph.in_order():
-            stop.check()
             logits = self.branch(graph, wanted, marked(graph, wanted, found))
             for label in labels:
                 mine = graph.members[label]
@@ -358,7 +354,6 @@ def marked(graph: FormulaGraph, wanted: Tensor, deciders: Tensor) -> Tensor:
     return active.scatter_reduce(0, deciders.clamp_min(0), known, "amax")
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The weights that come with the package.
 
 
@@ -388,7 +383,6 @@ def shipped() -> tuple[WeightsCard, dict[str, Tensor]]:
     return read_card(WeightsCard, text, WEIGHTS, what), tensors
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The model: both networks and the formula of one spec.
 
 PIECE, FEWEST = 4096, 128  # atoms of all scenes that are made at a time, which stay in cache; and scenes, at least
@@ -471,9 +465,10 @@ class GraphFlow(SceneModel):
         size = max(1, min(max(FEWEST, PIECE // graph.atoms), LIVE // max(1, len(graph.ties))))
         made, branches = [], []
         for start in range(0, n, size):
+            stop.check()
             some = wanted[:, start : start + size]
             if branch is None:
-                deciders = self.networks.draw_branches(graph, some, generator, stop)
+                deciders = self.networks.draw_branches(graph, some, generator)
             else:
                 deciders = branch[start : start + size].T
             made.append(self.networks.make(graph, some, deciders, self.steps, generator, stop))

@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # TensorBoard event files: `--log-dir DIR`, then `tensorboard --logdir DIR`.
 #
 # Written with TensorBoard's own writer (`pip install "scenegen[tensorboard]"`, which brings the viewer as well).
@@ -95,7 +94,6 @@ def event_log(folder: Path) -> Iterator[Callable[[EpochReport], None]]:
                 path.rmdir()
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What a training run that was stopped says.
 
 

@@ -134,7 +134,6 @@ def _tasks(name: str, path: Path, success: str | None, start: str | None, bands:
     return plans
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # One task: how probable phi is among its starts, its bands, and its starts.
 
 
@@ -149,13 +148,13 @@ class _MakeTask:
 
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
         spec = Spec(replace(parse(plan.source, plan.name).checked, title=plan.instruction))
-        curve, bounds = _Curve.drawn(spec, plan.success, self.seed, self.timeout), spec.bounds()[plan.success]
+        curve, bounds = _Curve.drawn(spec, plan.success, self.seed, self.budget.left), spec.bounds()[plan.success]
         if not curve.ends[0] < curve.ends[1]:
             wanted = "a label whose phi differs between starts"
             raise RequestError(WRONG_VALUE(argument="success", value=f"`{plan.success}`", wanted=wanted))
         ranges = _ranges(plan.bands, self.log10p, curve, bounds)
         if any(curve.between(low, high)[0] < FEW / COUNTED for _, low, high in ranges):
-            found = rarity(spec, plan.success, seed=self.seed, timeout=self.timeout)
+            found = rarity(spec, plan.success, seed=self.seed, timeout=self.budget.left)
             if any(one.kind is CUT_SHORT for one in found.warnings):  # bands do not depend on the clock
                 raise RequestError(NO_TIME_TO_CHECK())
             curve = _Curve.rare(found.labels[0])
@@ -170,7 +169,7 @@ class _MakeTask:
             rng = np.random.default_rng([self.seed, STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
             request = SampleRequest(
                 {plan.success: Range(low, high)}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
-                timeout=self.timeout, workers=1,
+                timeout=self.budget.left, workers=1,
             )  # fmt: skip
             part = draw_scenes(spec, request)[rng.permutation(self.n)]
             rare = np.log10(curve.share(part.phi[plan.success]).clip(min=curve.least))
@@ -188,11 +187,6 @@ class _MakeTask:
             sha256=hashlib.sha256(data).hexdigest(), bands=bands,
         )  # fmt: skip
         return task, data
-
-    @property
-    def timeout(self) -> float:
-        """The seconds that are left."""
-        return max(self.budget.left, 1e-3)
 
     def _bytes(self, spec: Spec, parts: Sequence[SceneSet], bands: Sequence[BandData]) -> bytes:
         phi = {label: np.concatenate([part.phi[label] for part in parts]) for label in spec.labels}

@@ -210,6 +210,8 @@ class Training:
     phi: tuple[str, ...] = ()
 
     def __call__(self, task: Task) -> JobMessages:
+        if self.budget.spent:
+            raise RequestError(NO_TIME_TO_CHECK())
         from scenegen.api.spec import load
         from scenegen.learn.evaluation.card import card_paths, check_card, write_card
         from scenegen.learn.faults import faults
@@ -219,8 +221,6 @@ class Training:
         from scenegen.scenes.files import check_writable
 
         source, out, numbers = task
-        if self.budget.spent:
-            raise RequestError(NO_TIME_TO_CHECK())
         began = time.monotonic()
         spec = load(source, self.root).with_counts({**self.counts, **numbers})
         check_writable(out, source)

@@ -46,6 +46,17 @@ Ends = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
+class _Until:
+    """Says stop once the time limit is over."""
+
+    budget: Budget
+
+    def check(self) -> None:
+        if self.budget.spent:
+            raise StoppedError
+
+
+@dataclass(frozen=True, slots=True)
 class RarityLevel:
     """A value of phi, and how rare it is to be at it or above, and at it or below; None where too few scenes tell."""
 
@@ -165,7 +176,7 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) ->
     assert timed is not None
     lowest, highest = spec.declared.box()
     refuse_choices(spec, "a motion")
-    found = measure(spec.declared, labels, seed, stop=budget)
+    found = measure(spec.declared, labels, seed, stop=_Until(budget))
     if isinstance(found, RequirementUnmet):
         misses = -found.best if math.isfinite(found.best) else None
         raise RequestError(REQUIREMENT_NOT_FOUND(motion="motion", evaluations=found.evaluations, misses=misses))
@@ -191,7 +202,7 @@ def _measure(
             return measure_vast(checked, labels, seed, deadline=budget.ends)
         except RequestError as error:
             raise _clash(spec, budget) or error from None
-    found = measure(checked.core, lowest, highest, labels, seed, work=work, stop=budget)
+    found = measure(checked.core, lowest, highest, labels, seed, work=work, stop=_Until(budget))
     excess = checked.workspace.log_excess(lowest, highest, len(checked.objects))
     if isinstance(found, RequirementUnmet):
         try:

@@ -113,7 +113,7 @@ def refine(
 def _jacobian(phi: Tensor, rows: Tensor, stop: Stop) -> Tensor:
     """(L, 3N, B): the gradient of each label; scenes do not influence each other, so one backward pass per label is
     enough."""
-    sweeps = []
+    sweeps: list[Tensor] = []
     for label in range(phi.shape[0]):
         stop.check()
         sweeps += torch.autograd.grad(phi[label].sum(), rows, retain_graph=label + 1 < phi.shape[0])

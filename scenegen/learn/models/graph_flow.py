@@ -412,7 +412,7 @@ class GraphFlow(SceneModel):
     def initialise(self, generator: torch.Generator) -> None:
         """The weights that come with the package; fresh ones where the settings are not theirs."""
         card, weights = shipped()
-        if self.hyper.model_copy(update={"steps": 1}) == GraphHyper(**{**card.hyper, "steps": 1}):
+        if self.hyper.model_copy(update={"steps": 1}) == GraphHyper.model_validate({**card.hyper, "steps": 1}):
             self.networks.load_state_dict({name: one.clone() for name, one in weights.items()}, assign=True)
         else:
             self.networks.initialise(generator)

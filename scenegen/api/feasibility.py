@@ -93,7 +93,7 @@ def doubts(spec: CheckedSpec, effort: Effort | None = None) -> list[UnsatisfiedL
         one = part_of(core, required)
         reach = find(one, *box, {one.labels[REQUIRE]: ENDS}, work=work, effort=effort)
         if reach.verdict != "yes":
-            if (crowded := _too_full(spec, REQUIRE)) is not None:
+            if (crowded := _too_full(spec, REQUIRE, effort)) is not None:
                 return [crowded]  # without it nothing else matters
             missing.insert(0, (REQUIRE, None, one, reach))
     found: list[UnsatisfiedLabel] = []
@@ -104,7 +104,7 @@ def doubts(spec: CheckedSpec, effort: Effort | None = None) -> list[UnsatisfiedL
             wanted = dict.fromkeys(one.labels.values(), ENDS)
             result = clash(one, *box, wanted, search=not reach.short and reach, work=work, effort=effort)
         if result is None or not result.proved:
-            crowded = _too_full(spec, name)
+            crowded = _too_full(spec, name, effort)
             if crowded is not None or result is None:
                 found.append(crowded or UnsatisfiedLabel(name, False, None))
                 continue
@@ -184,9 +184,9 @@ def _unit(atom: Atom, here: Span, spec: CheckedSpec) -> dict[str, str]:
     return {"number": bare[1], "unit": "metres", "small": small, "large": "m"} if small else {}
 
 
-def _too_full(spec: CheckedSpec, label: str) -> UnsatisfiedLabel | None:
+def _too_full(spec: CheckedSpec, label: str, effort: Effort) -> UnsatisfiedLabel | None:
     """The proof, from areas alone, that the table cannot hold what must keep apart; None where there is none, or where
-    it would take long to find."""
+    it would take long to find. Raises what `effort` raises."""
     if len(spec.core.nodes) > SMALL:
         return None
     from scenegen.sampling.growth.failure import too_full
@@ -197,7 +197,7 @@ def _too_full(spec: CheckedSpec, label: str) -> UnsatisfiedLabel | None:
     try:
         with np.errstate(all="ignore"):
             problem = make_problem(spec, SampleRequest({} if label == REQUIRE else {label: Range(0.0)}))
-            proof = too_full(make_graph(problem), spec)
+            proof = too_full(make_graph(problem, effort=effort), spec)
     except RequestError:
         return None  # there is no such scene for another reason, which the search for clashes names
     if not proof:

@@ -386,7 +386,7 @@ def shipped() -> tuple[WeightsCard, dict[str, Tensor]]:
 # The model: both networks and the formula of one spec.
 
 PIECE, FEWEST = 4096, 128  # atoms of all scenes that are made at a time, which stay in cache; and scenes, at least
-LIVE = 1 << 17  # ties of these scenes at most: 34 MB for each layer of the network
+LIVE = 1 << 16  # ties of these scenes at most: 17 MB for each layer of the network, a third of a second to evaluate it
 FINEST = 0.01  # step of the ends of phi, metres or radians, that frames are made for
 
 

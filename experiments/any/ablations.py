@@ -11,7 +11,7 @@ import argparse
 import json
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from torch import Generator, Tensor
 
 from experiments.any.report import FEWER, SHORT, named, rows
 from experiments.any.specs import training_text
-from experiments.any.stream import Stream
+from experiments.any.stream import KNOWN, Stream
 from experiments.any.train import begin, save, train
 from scenegen.api.spec import Spec
 from scenegen.learn.any import AnyModel
@@ -31,7 +31,8 @@ from scenegen.learn.models.graph_flow import GraphHyper, Networks
 from scenegen.processes.pool import one_thread
 
 SPECS = 20
-HALF = GraphHyper(width=45, chooser=34)
+WHOLE = GraphHyper(primitives=KNOWN)
+HALF = GraphHyper(width=45, chooser=34, primitives=KNOWN)
 
 
 def bag(graph: FormulaGraph) -> FormulaGraph:
@@ -55,7 +56,7 @@ def whole(graph: FormulaGraph) -> FormulaGraph:
 class Variety:
     """Networks of these sizes; what they see of a graph; whether they are told which atoms decide."""
 
-    hyper: GraphHyper = field(default_factory=GraphHyper)
+    hyper: GraphHyper = WHOLE
     seen: Callable[[FormulaGraph], FormulaGraph] = whole
     branches: bool = True
 

@@ -13,6 +13,7 @@ from torch import Tensor
 from experiments.unseen.patience import CpuBudget
 from scenegen.api.spec import parse
 from scenegen.errors import ScenegenError
+from scenegen.geometry import PRIMITIVES
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.frames import frames_of
 from scenegen.learn.models.graph import FormulaGraph, graph_of, union
@@ -24,6 +25,7 @@ from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import StoppedError
 
+KNOWN = " ".join(sorted(PRIMITIVES))  # what new weights know
 SCENES = 192  # of each range of each label: all of phi, what `middle` says of it, and as they occur
 FEWEST = 16  # of these, or the range is left out
 PATIENCE = 1.0  # CPU seconds for a range; what takes longer is left out
@@ -53,7 +55,7 @@ def lesson(text: str, seed: int = 0) -> Lesson | None:
     except ScenegenError:
         return None
     frames = frames_of(spec)
-    graph = graph_of(frames)
+    graph = graph_of(frames, KNOWN)
     if not 0 < graph.atoms <= MOST_ATOMS:
         return None
     parts: list[tuple[Tensor, int]] = []

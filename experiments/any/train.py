@@ -20,7 +20,7 @@ import torch
 from torch import Tensor, nn
 
 from experiments.any.specs import training_text
-from experiments.any.stream import Stream
+from experiments.any.stream import KNOWN, Stream
 from scenegen.learn.models.graph_flow import GraphHyper, Networks
 from scenegen.processes.pool import one_thread
 
@@ -127,7 +127,12 @@ def main() -> None:
     told = words.parse_args()
     saved = torch.load(told.out, map_location="cpu", weights_only=True) if told.out.exists() else None
     with one_thread():
-        run = begin(GraphHyper(width=told.width, rounds=told.rounds), told.seed, torch.device(told.device), saved)
+        run = begin(
+            GraphHyper(width=told.width, rounds=told.rounds, primitives=KNOWN),
+            told.seed,
+            torch.device(told.device),
+            saved,
+        )
         written = run.seconds
         for losses in train(run, 3600.0 * told.hours):
             shown = ", ".join(f"{name} {value:.4f}" for name, value in losses.items())

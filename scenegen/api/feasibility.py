@@ -258,7 +258,6 @@ def _of_members(spec: CheckedSpec, effort: Effort) -> list[UnsatisfiedLabel]:
 
 def _over_time(spec: CheckedSpec) -> list[UnsatisfiedLabel]:
     from scenegen.sampling.motions.bounds import phi_bounds
-    from scenegen.search.effort import Effort
 
     assert spec.timed is not None
     most = {name: high for name, (_, high) in phi_bounds(spec.timed, *spec.box(), Effort()).items()}
@@ -280,14 +279,15 @@ def _not_at_once(core: Core, box: tuple[Array, Array], effort: Effort) -> list[s
     return [name for name, satisfied in met.items() if not (satisfied & valid).any()]
 
 
-def refuse_infeasible(spec: CheckedSpec) -> None:
+def refuse_infeasible(spec: CheckedSpec, effort: Effort) -> None:
     """Refuse what cannot be learnt, with the reason that `check` gives: a label that no scene satisfies, a requirement
-    that none meets, where bounds prove it, and a label that does not vary. Raises RequestError."""
+    that none meets, where bounds prove it before `effort` is stopped, and a label that does not vary. Raises
+    RequestError."""
     from scenegen.errors.learning import NOTHING_TO_LEARN
 
-    constant = [name for name, (low, high) in spec_bounds(spec).items() if not low < high]
+    constant = {name: low for name, (low, high) in spec_bounds(spec).items() if not low < high}
     if constant:
-        raise RequestError(*(NOTHING_TO_LEARN(label=name, value=spec_bounds(spec)[name][0]) for name in constant))
-    proved = [one.problem for one in doubts(spec) if one.proved and one.problem is not None]
+        raise RequestError(*(NOTHING_TO_LEARN(label=name, value=low) for name, low in constant.items()))
+    proved = [one.problem for one in doubts(spec, effort) if one.proved and one.problem is not None]
     if proved:
         raise RequestError(*(replace(one, severity="error") for one in proved))

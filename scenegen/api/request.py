@@ -60,14 +60,16 @@ def _range(label: str, ends: object) -> Range:
     return Range(None if low is None else float(low), None if high is None else float(high))
 
 
-def any_model(source: Spec | LearnedModel) -> LearnedModel:
-    """The model of any spec, for this one; a model is itself. Raises RequestError for a spec that it does not take."""
+def any_model(source: Spec | LearnedModel, budget: Budget | None = None) -> LearnedModel:
+    """The model of any spec, for this one; a model is itself. Raises RequestError for a spec that it does not take, and
+    where the time of `budget` is over before it is there."""
     if isinstance(source, LearnedModel):
         return source
     check_spec(source)
+    _ = source.checked  # what is refused is refused before torch is loaded
     need("torch", "to draw from a model")
     # by its name, as the table has it: nothing here knows a model
-    made: LearnedModel = importlib.import_module(METHODS["any"].make.partition(":")[0]).AnyModel(source)
+    made: LearnedModel = importlib.import_module(METHODS["any"].make.partition(":")[0]).AnyModel(source, budget)
     return made
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from scenegen.sampling.engine.run import SampledScenes
     from scenegen.sampling.motions.schedule import Watch
     from scenegen.sampling.plan import Plan
+    from scenegen.sampling.problem import Budget
     from scenegen.scenes.motions import AnyFile
 
 
@@ -97,11 +98,14 @@ def draw_scenes(
     on_note: Note | None = None,
 ) -> SceneSet:
     """The scenes of a request, in memory. Raises what `sample` raises."""
+    from scenegen.sampling.problem import Budget
+
     _ = spec_of(source).drawn
-    source = any_model(source) if request.method == "any" else source
+    budget = Budget(request.timeout)
+    source = any_model(source, budget) if request.method == "any" else source
     request = check_request(source, request)
     _check_size(source, request.n)
-    plan, drawn, warnings = run_in_memory(source, request, progress=progress, on_note=on_note)
+    plan, drawn, warnings = run_in_memory(source, request, budget, progress=progress, on_note=on_note)
     if isinstance(source, LearnedModel) and request.method == "model":
         warnings = (*warnings, *source.advice(request, drawn.rows))
     return scenes_of(plan.problem, drawn.info, drawn.rows, drawn.phi, warnings)
@@ -110,6 +114,7 @@ def draw_scenes(
 def run_in_memory(
     source: Spec | LearnedModel,
     request: SampleRequest,
+    budget: Budget | None = None,
     *,
     progress: Progress | None = None,
     on_note: Note | None = None,
@@ -120,7 +125,7 @@ def run_in_memory(
     from scenegen.sampling.engine.run import in_memory
     from scenegen.sampling.problem import Budget
 
-    budget = Budget(request.timeout)
+    budget = budget or Budget(request.timeout)
     plan = plan_of(source, request, budget, on_note, watch=watch)
     drawn = in_memory(plan, budget, progress)
     if drawn.shortfall is None:

@@ -103,15 +103,16 @@ def _write_set(
     on_note: Note | None,
 ) -> Written:
     """The bytes depend on the request and `shard_size` alone, neither on the engine nor on the number of workers."""
+    from scenegen.sampling.problem import Budget
     from scenegen.scenes.stores import open_store
 
+    budget = Budget(request.timeout)
     store, spec = open_store(as_location(path), on_note), spec_of(source)
-    source = any_model(source) if request.method == "any" else source
+    source = any_model(source, budget) if request.method == "any" else source
     request = check_request(source, request)
     from scenegen.api.set_card import write_card
     from scenegen.sampling.engine.engines import check_engine, open_engine
     from scenegen.sampling.engine.writer import write_set
-    from scenegen.sampling.problem import Budget
     from scenegen.scenes import sets
     from scenegen.scenes.lease import held, refuse_held
 
@@ -121,7 +122,6 @@ def _write_set(
     check_engine(request.engine, request.address)
     refuse_held(store)
     sets.refuse_taken(store, resume=request.resume)
-    budget = Budget(request.timeout)
     with closing(plan_of(source, request, budget, on_note)) as plan:
         with held(store) as hold, open_engine(request.engine, request.workers, plan, request.address) as engine:
 
@@ -157,15 +157,17 @@ def _write_file(
     check_writable(path)
     if path.suffix.lower() == ".json" and spec.over_time is None:
         _check_json(as_int("n", request.n), spec)
-    source = any_model(source) if request.method == "any" else source
+    from scenegen.sampling.problem import Budget
+
+    budget = Budget(request.timeout)
+    source = any_model(source, budget) if request.method == "any" else source
     request = check_request(source, request)
     from scenegen.sampling.engine.engines import open_engine
     from scenegen.sampling.engine.writer import folder_of, write_file
-    from scenegen.sampling.problem import Budget
     from scenegen.scenes.sets import RAW
 
     size = max(1, FILE_SHARD // (8 * _numbers(spec) * BLOCK)) * BLOCK
-    budget, seen = Budget(request.timeout), _PhiStatistics()
+    seen = _PhiStatistics()
     with closing(plan_of(source, request, budget, on_note)) as plan:
         with open_engine("local", None, plan) as engine:
             tally = write_file(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import names_of
 from scenegen.cli.options import WORKERS, argument, choices, find_spec, option, seconds
-from scenegen.cli.output import print_error, print_message, progress_bar
+from scenegen.cli.output import left, print_error, print_message, progress_bar
 from scenegen.errors import RequestError
 from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
 
@@ -52,9 +52,7 @@ def suite(
     resume: bool = option("run: go on with a file."),
     steps: int | None = option("run: of an episode at most; default: 1000.", "N"),
     pictures: int | None = option("report: of so many starts; default: 8.", "N"),
-    timeout: float | None = option(
-        "new: seconds of a band. run: of an episode. Default: 600.", "SECONDS", parser=seconds
-    ),
+    timeout: float | None = option("new: seconds in all. run: of an episode. Default: 600.", "SECONDS", parser=seconds),
     workers: int | None = WORKERS,
 ) -> None:
     """Compare policies on suites: graded starts of several tasks, frozen, the same ones for everybody.
@@ -95,6 +93,7 @@ def _new(specs: list[str], out: Path, bands: list[str] | None = None, **given: A
 
     paths = [find_spec(Path(one)) for one in specs]
     names = names_of([Path("stdin") if is_stream(path) else path for path in paths])
+    given |= {"timeout": left(given.get("timeout", 600.0))}
     with progress_bar() as bar:
         task = bar.add_task("tasks", total=None)
 

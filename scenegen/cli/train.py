@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import JobMessages, folder_for, names_of, refuse_engine, shared_work
 from scenegen.cli.options import ADDRESS, COUNT, ENGINE, ROOT, SPEC_FILES, asking, option, parse_counts, seconds
-from scenegen.cli.output import complain, console, detail, flag, print_error
+from scenegen.cli.output import complain, console, detail, flag, left, print_error
 from scenegen.errors import DataError, RequestError, ScenegenError, render
+from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.learn.training.config import TrainConfig, make_config, parse_settings
 from scenegen.scenes.locations import names_set
 from scenegen.validation import as_seconds
@@ -21,6 +22,7 @@ from scenegen.validation import as_seconds
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
     from scenegen.errors import Diagnostic
+    from scenegen.sampling.problem import Budget
 
 
 class Clock:
@@ -101,14 +103,14 @@ def train(
     many things there are gets a model for each number, in DIR/NAME/, which `sample` takes as a model.
     """
     from scenegen.needs import need
+    from scenegen.sampling.problem import Budget
 
     options = {**typed, "hyper": parse_settings(typed["hyper"] or [])}
     model, recipe, phi = (options.pop(name) for name in ("model", "recipe", "phi"))
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
     counts = parse_counts(count)
-    seconds = math.inf if timeout is None else as_seconds("timeout", timeout)
-    until = time.monotonic() + seconds
+    budget = Budget(math.inf if timeout is None else left(as_seconds("timeout", timeout)))
     if len(specs) > 1 or names_set(out):
         from scenegen.scenes.files import ensure_folder
 
@@ -117,7 +119,7 @@ def train(
         need("torch", "to train a model")
         ensure_folder(folder)
         jobs = [job for name, spec in named for job in trainings(name, spec, folder, root, counts)]
-        job = Training(model, recipe, options, card, resume, seconds, log_dir, root, counts, tuple(phi or ()))
+        job = Training(model, recipe, options, card, resume, budget, log_dir, root, counts, tuple(phi or ()))
         return shared_work(job, jobs, engine, workers, address, "training")
     refuse_engine(engine, address)
     from scenegen.errors.learning import FOLDER_OF_MODELS
@@ -142,18 +144,15 @@ def train(
     detail(f"parsed and checked {spec}; training {config}")
     clock = Clock()
     with TrainingProgress(config.epochs, model, console()) as progress:
-        train_on = partial(
-            run, checked, model, recipe=recipe, out=path, resume=resume, log_dir=log_dir, timeout=timeout, phi=wanted
-        )
+        train_on = partial(run, checked, model, recipe=recipe, out=path, resume=resume, log_dir=log_dir, phi=wanted)
         tell: dict[str, Any] = {"on_step": clock.told(progress.step), "on_gather": progress.gather}
         tell["on_note"] = lambda note: progress.note(render(note, spell=flag))
-        done = train_on(on_epoch=progress, **tell, **options)
+        done = train_on(on_epoch=progress, timeout=timeout and budget.left, **tell, **options)
     detail("trained")
     clock.trained()
-    left = until - time.monotonic()
-    if card and left > 0.0:
+    if card and not budget.spent:
         try:
-            for written in write_card(done, path, left):
+            for written in write_card(done, path, budget.left):
                 print_error(f"wrote {written}")
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted: {out} is complete, its card is not made") from error
@@ -164,7 +163,6 @@ def train(
     return 0
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # `scenegen train` of several specs: each training is a job of its own.
 
 
@@ -196,7 +194,7 @@ def trainings(
 @dataclass(frozen=True, slots=True)
 class Training:
     """The job of one model among several: spec file, model file, numbers of things. `options` are those of
-    `api.train.train`; `seconds` is the time limit of each, infinite for none. With `resume` a model that is complete is
+    `api.train.train`; `budget` is the time limit of all, infinite for none. With `resume` a model that is complete is
     left alone, a training that was broken off goes on, and one that had not begun begins. Raises what `api.train.train`
     raises."""
 
@@ -205,13 +203,15 @@ class Training:
     options: dict[str, Any]
     card: bool
     resume: bool
-    seconds: float
+    budget: Budget
     log_dir: Path | None
     root: Path | None
     counts: dict[str, str]
     phi: tuple[str, ...] = ()
 
     def __call__(self, task: Task) -> JobMessages:
+        if self.budget.spent:
+            raise RequestError(NO_TIME_TO_CHECK())
         from scenegen.api.spec import load
         from scenegen.learn.evaluation.card import card_paths, check_card, write_card
         from scenegen.learn.faults import faults
@@ -237,11 +237,10 @@ class Training:
         log_dir = (
             None if self.log_dir is None else self.log_dir / (f"{source.stem}/{out.stem}" if numbers else out.stem)
         )
-        limit = None if math.isinf(self.seconds) else self.seconds
-        done = run(log_dir=log_dir, timeout=limit, **self.options)
-        left = self.seconds - (time.monotonic() - began)
-        if self.card and left > 0.0:
-            write_card(done, out, left)
+        left = self.budget.left
+        done = run(log_dir=log_dir, timeout=None if math.isinf(left) else left, **self.options)
+        if self.card and not self.budget.spent:
+            write_card(done, out, self.budget.left)
         took = f"{time.monotonic() - began:.0f} s"
         size = out.stat().st_size / 1e6
         return JobMessages(

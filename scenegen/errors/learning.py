@@ -149,6 +149,11 @@ NO_TIME_TO_TRAIN = Kind(
     ),
     formerly=("no-time-to-gather", "no-time-for-an-epoch"),
 )
+UNKNOWN_TO_MODEL = Kind(
+    "unknown-to-model",
+    "the weights of this model do not know {names:quoted}, of which the formula is made",
+    help="draw exact scenes, or train a model of the spec",
+)
 TOO_MANY_TO_TRAIN = Kind(
     "too-many-to-train",
     "{path} holds more scenes than fit into memory",

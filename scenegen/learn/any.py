@@ -19,6 +19,8 @@ from scenegen.api.spec import Spec, refuse_choices
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.learning import NOT_MEASURED, POOR_MODEL
+from scenegen.errors.requests import NO_TIME_TO_CHECK
+from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn import guided
 from scenegen.learn.evaluation.card import CpuBudget, returned
@@ -28,7 +30,8 @@ from scenegen.learn.model import ANY, Model, beyond, unmet
 from scenegen.learn.models.card import LabelData, LossData, ModelCard, depends_on, layout_of, spec_data
 from scenegen.learn.models.checkpoint import TrainedModel, as_trained
 from scenegen.learn.models.codec import ways_of
-from scenegen.learn.models.graph_flow import WEIGHTS, shipped
+from scenegen.learn.models.graph import refuse_unknown
+from scenegen.learn.models.graph_flow import WEIGHTS, GraphHyper, shipped
 from scenegen.learn.training.balanced import reach
 from scenegen.processes.pool import one_thread
 from scenegen.resources import __version__
@@ -53,11 +56,17 @@ COMMON, LEFT_OUT = 0.05, 0.2  # share of a branch among exact scenes; of that sh
 
 class AnyModel(Model):
     """The model of any spec, for one. Raises RequestError for a spec over time, one that draws numbers of things, and
-    one in which things stand on one of several surfaces."""
+    one in which things stand on one of several surfaces; also where the time of `budget`, which is that of all that it
+    does, is over before phi is known."""
 
-    def __init__(self, spec: Spec) -> None:
+    def __init__(self, spec: Spec, budget: Budget | None = None) -> None:
         refuse_choices(spec, "the model of any spec")
-        super().__init__(bound(spec.checked))
+        limit = budget or Budget(math.inf)
+        self._budget = CpuBudget(limit.seconds, limit.started)
+        try:
+            super().__init__(bound(spec.checked, self._budget))
+        except StoppedError:
+            raise RequestError(NO_TIME_TO_CHECK()) from None
         self.spec = spec
         self._known: dict[tuple[object, ...], dict[str, tuple[Array, Array]]] = {}
 
@@ -84,7 +93,7 @@ class AnyModel(Model):
         selected = request.raw or request.settle or request.success is not None
         if rows is None or rows.shape[1] < SCENES or selected:
             try:
-                rows = returned(self, asked, CpuBudget(math.inf, allowed=PATIENCE))[0]
+                rows = returned(self, asked, replace(self._budget.some(PATIENCE), firm=False))[0]
             except (RequestError, StoppedError):
                 rows = exact[:, :0]
         where = " ".join(f"{label}={one}" for label, one in request.phi.items()) or "any phi"
@@ -99,13 +108,13 @@ class AnyModel(Model):
         known = self._known.setdefault((*sorted(request.phi.items()), *sorted(request.fix.items())), {})
         if request.spread not in known:
             rare = next((found for found in known.values() if not found[1].shape[1]), None)
-            known[request.spread] = rare or exact_scenes(self.spec.checked, request)
+            known[request.spread] = rare or exact_scenes(self.spec.checked, request, self._budget)
         return known[request.spread]
 
 
-def exact_scenes(checked: CheckedSpec, request: SampleRequest) -> tuple[Array, Array]:
+def exact_scenes(checked: CheckedSpec, request: SampleRequest, limit: CpuBudget | None = None) -> tuple[Array, Array]:
     """Exact scenes (3N, n) for a request, and their phi (L, n), in random order: as many as there are in time."""
-    budget = CpuBudget(math.inf, allowed=PATIENCE)
+    budget = (limit or CpuBudget(math.inf)).some(PATIENCE)
     try:
         found = draw(make_problem(checked, request, budget), budget)
     except (RequestError, StoppedError):
@@ -126,7 +135,7 @@ def compared(spec: CheckedSpec, exact: Array, made: Array, where: str) -> list[D
 
 def make_plan(problem: Problem, budget: Budget) -> Plan:
     """The plan of a problem by the model of its spec. Raises RequestError."""
-    proposer = AnyModel(Spec(problem.spec)).proposer_of(problem.spec, problem.request.phi)
+    proposer = AnyModel(Spec(problem.spec), budget).proposer_of(problem.spec, problem.request.phi)
     return guided.make_plan(problem, budget, proposer)
 
 
@@ -150,11 +159,12 @@ def left_out(spec: CheckedSpec, exact: Array, made: Array) -> str:
     return "; ".join(found[:FAULTS_SHOWN])
 
 
-def bound(checked: CheckedSpec) -> TrainedModel:
+def bound(checked: CheckedSpec, budget: CpuBudget) -> TrainedModel:
     """The weights that come with the package, as a model of this spec. Raises RequestError where phi of a label cannot
-    vary."""
+    vary, and StoppedError where time is up."""
     card, weights = shipped()
-    ends = {label: _reach(checked, label) for label in checked.labels}
+    refuse_unknown(gated(checked.core), GraphHyper.model_validate(card.hyper).primitives)
+    ends = {label: _reach(checked, label, budget) for label in checked.labels}
     space = checked.workspace
     found = ModelCard(
         scenegen=__version__,
@@ -173,13 +183,15 @@ def bound(checked: CheckedSpec) -> TrainedModel:
     )
     low, high = torch.tensor(list(ends.values()), dtype=torch.float32).T
     tensors = {f"networks.{name}": weight for name, weight in weights.items()}
-    return as_trained(found, {**tensors, "label_lowest": low, "label_highest": high}, WEIGHTS)
+    return as_trained(found, {**tensors, "label_lowest": low, "label_highest": high}, WEIGHTS, stop=budget)
 
 
-def _reach(checked: CheckedSpec, label: str) -> tuple[float, float]:
-    """The lowest and the highest phi of a label among exact scenes. Raises RequestError where it cannot vary."""
-    _, phi = exact_scenes(checked, SampleRequest({label: Range(None, None)}, SCENES, SEED, workers=1))
+def _reach(checked: CheckedSpec, label: str, budget: CpuBudget) -> tuple[float, float]:
+    """The lowest and the highest phi of a label among exact scenes. Raises RequestError where it cannot vary, and
+    StoppedError where time is up."""
+    budget.check()
+    _, phi = exact_scenes(checked, SampleRequest({label: Range(None, None)}, SCENES, SEED, workers=1), budget)
     mine = phi[checked.labels.index(label)]
     if len(mine) < SCENES or mine.min() == mine.max():  # not what a machine found in time
-        return reach(checked, SEED)[label]
+        return reach(checked, SEED, budget, budget.ends)[label]
     return float(mine.min()), float(mine.max())

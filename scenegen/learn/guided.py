@@ -24,17 +24,19 @@ from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import GUIDED, LARGEST_PIECE, PILOT, Budget, Cells, Problem
 from scenegen.sampling.proposer import Proposer
 from scenegen.sampling.report import shortfall, too_early
-from scenegen.search.effort import NEVER, Stop
+from scenegen.search.effort import NEVER, Stop, StoppedError
 
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from scenegen.learn.robustness import Robustness
 
-# --------------------------------------------------------------------------------------------------------------------
+
 # Target values of phi.
 
 
 FEWEST = 16  # scenes of a range that tell how phi is distributed there
+LIVE = 1 << 22  # nodes of the formula, of all scenes that are scored together: their values may all be in memory
 INSIDE = 1e-4  # of what is required, where its margin is not known: a tenth of a millimetre
 
 
@@ -74,8 +76,9 @@ class Targets:
         return np.where(closed[:, None], low[:, None] + width * rng.random(guess.shape), guess)
 
 
-def make_targets(problem: Problem, regions: Sequence[Array] = ()) -> Targets:
-    """The targets of a problem. `regions` are what is known of how phi is distributed, see `occurring`."""
+def make_targets(problem: Problem, regions: Sequence[Array] = (), stop: Stop = NEVER) -> Targets:
+    """The targets of a problem. `regions` are what is known of how phi is distributed, see `occurring`. Raises what
+    `stop` raises."""
     cells, labels = problem.cells, len(problem.spec.labels)
     best = occurring(regions, cells.low[:labels], cells.high[:labels])
     if best.shape[1] >= FEWEST:
@@ -85,8 +88,17 @@ def make_targets(problem: Problem, regions: Sequence[Array] = ()) -> Targets:
     lowest, highest = problem.lowest[:, None], problem.highest[:, None]
     count = min(problem.piece_size, max(1024, LARGEST_PIECE // len(problem.core.labels)))
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes are no targets
-        phi = problem.phi(lowest + (highest - lowest) * rng.random((len(lowest), count)))
-    return _sorted(cells, phi)
+        rows = lowest + (highest - lowest) * rng.random((len(lowest), count))
+        parts = []
+        for start in range(0, count, size := _at_a_time(problem, count)):
+            stop.check()
+            parts.append(problem.phi(rows[:, start : start + size]))
+    return _sorted(cells, np.concatenate(parts, axis=1))
+
+
+def _at_a_time(problem: Problem, most: int) -> int:
+    """How many scenes are scored together, at most."""
+    return max(64, min(most, LIVE // len(problem.core.nodes)))
 
 
 def occurring(regions: Sequence[Array], low: Array, high: Array) -> Array:
@@ -109,7 +121,6 @@ def _sorted(cells: Cells, phi: Array) -> Targets:
     return Targets(cells, phi, order, borders)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Plans that draw from a proposer.
 
 
@@ -184,7 +195,10 @@ class ProposerPlan(Plan):
         return Account(info, _tried(candidates, self.proposer))
 
     def misses(self) -> tuple[Array, Array]:
-        rows, phi, _ = self._candidates(0)
+        try:
+            rows, phi, _ = self._candidates(0)
+        except StoppedError:  # time is up: nothing is known of why
+            return Plan.misses(self)
         out = np.flatnonzero(self.cells.find(phi) < 0)
         return rows[:, out], phi[:, out]
 
@@ -232,7 +246,7 @@ class RawOutput(Plan):
         possible = np.array(sorted(self.problem.possible), dtype=np.intp)
         target = self.targets.draw(np.resize(rng.permutation(possible), self.size), rng)
         with one_thread():
-            rows = proposed(self.proposer, target, seed).numpy()
+            rows = proposed(self.proposer, target, seed, self.stop).numpy()
         with np.errstate(all="ignore"):
             phi = self.problem.phi(rows)
         return Piece(rows, phi, np.zeros(self.size, dtype=np.intp), np.empty(0))
@@ -252,7 +266,11 @@ class RawOutput(Plan):
 def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
     """The plan of a problem by a proposer; with `raw`, of its raw output. Raises RequestError if none of its scenes is
     in range, or if time is up before it is known which cells get scenes."""
-    targets = make_targets(problem, proposer.regions)
+    rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
+    try:
+        targets = make_targets(problem, proposer.regions, budget)
+    except StoppedError:
+        raise RequestError(shortfall(problem, 0, _tried(0, proposer), rows, phi)) from None
     if problem.request.raw:
         size = min(problem.request.n, LARGEST, problem.piece_size)
         return RawOutput(problem, proposer, targets, size, budget)
@@ -261,17 +279,19 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
     tries, served = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
     met = np.zeros(count, dtype=bool)
     each, moved, number = max(FIRST, -(-SMALLEST // len(order))), 0, 0
-    rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
     while waiting := [cell for cell in order if not met[cell] and tries[cell] < PATIENCE]:
         for start in range(0, len(waiting), max(1, LARGEST // each)):
-            if budget.spent:
-                tried = _tried(int(tries.sum()), proposer)
-                if met.any():
-                    raise RequestError(too_early(problem, tried, len(waiting)))
-                raise RequestError(shortfall(problem, 0, tried, rows, phi))
             some = np.array(waiting[start : start + max(1, LARGEST // each)], dtype=np.intp)
             cells = np.repeat(some, np.minimum(each, PATIENCE - tries[some]))
-            rows, phi, shifted = refined(problem, targets, proposer, cells, (seed, GUIDED, 0, number))
+            try:
+                if budget.spent:
+                    raise StoppedError
+                rows, phi, shifted = refined(problem, targets, proposer, cells, (seed, GUIDED, 0, number), budget)
+            except StoppedError:
+                tried = _tried(int(tries.sum()), proposer)
+                if met.any():
+                    raise RequestError(too_early(problem, tried, len(waiting))) from None
+                raise RequestError(shortfall(problem, 0, tried, rows, phi)) from None
             found = problem.cells.find(phi)
             tries += np.bincount(cells, minlength=count)
             served += np.bincount(cells[found == cells], minlength=count)
@@ -300,13 +320,13 @@ def _tried(candidates: int, proposer: Proposer) -> str:
     return f"{candidates:,} candidates of the {proposer.name}"
 
 
-def proposed(proposer: Proposer, target: Array, seed: Sequence[int]) -> Tensor:
-    """Scenes (3N, B) float64 for targets (L, B)."""
+def proposed(proposer: Proposer, target: Array, seed: Sequence[int], stop: Stop) -> Tensor:
+    """Scenes (3N, B) float64 for targets (L, B). Raises what `stop` raises."""
     import torch
 
     state = np.random.SeedSequence([*seed, 1]).generate_state(1, np.uint64)
     generator = torch.Generator().manual_seed(int(state[0] >> np.uint64(1)))
-    scenes: Tensor = proposer(torch.from_numpy(target), generator)
+    scenes: Tensor = proposer(torch.from_numpy(target), generator, stop)
     return scenes.to(torch.float64)
 
 
@@ -329,24 +349,24 @@ def refined(
     labels, box = len(problem.spec.labels), (problem.lowest, problem.highest)
     moved = 0
     with one_thread(), np.errstate(all="ignore"):
-        for start in range(0, len(cells), CHUNK):
+        for start in range(0, len(cells), size := _at_a_time(problem, CHUNK)):
             stop.check()
-            part = slice(start, start + CHUNK)
+            part = slice(start, start + size)
             target = targets.draw(cells[part], rng)
             ends = (np.stack(side, axis=1) for side in zip(*[limits[int(cell)] for cell in cells[part]], strict=True))
             low, high = map(torch.from_numpy, ends)
-            made = proposed(proposer, target, (*seed, start))
-            better = refine(robustness, workspace, made, torch.from_numpy(target), low, high, held)
+            made = proposed(proposer, target, (*seed, start), stop)
+            better = refine(robustness, workspace, made, torch.from_numpy(target), low, high, held, stop)
             moved += int((better != made).any(dim=0).sum())
             state = np.random.SeedSequence([*seed, start, 3]).generate_state(1, np.uint64)
             ends_of_labels = low[:labels], high[:labels]
-            better = proposer.mixed(better, ends_of_labels, box, int(state[0] >> np.uint64(1)))
+            better = proposer.mixed(better, ends_of_labels, box, int(state[0] >> np.uint64(1)), stop)
             rows[:, part] = better.numpy()
-            phi[:, part] = np.where(workspace.contains(rows[:, part]), score(problem, better), np.nan)
+            phi[:, part] = np.where(workspace.contains(rows[:, part]), score(problem, robustness, better), np.nan)
     return rows, phi, moved
 
 
-def score(problem: Problem, rows: Tensor) -> Array:
+def score(problem: Problem, robustness: Robustness, rows: Tensor) -> Array:
     """Exact phi of float64 rows, (3N, B) -> (L, B); most are expected to be far out of the range.
 
     torch scores them all. numpy scores those near the range again, because its square root, unlike torch's, is rounded
@@ -354,10 +374,8 @@ def score(problem: Problem, rows: Tensor) -> Array:
     """
     import torch
 
-    from scenegen.learn.robustness import Robustness
-
     with torch.no_grad():
-        phi = np.array(Robustness(problem.core).rows(rows, check=False).numpy())
+        phi = np.array(robustness.rows(rows, check=False).numpy())
     low, high = problem.cells.low[:, None] - SLACK, problem.cells.high[:, None] + SLACK
     near = np.flatnonzero(((phi >= low) & (phi <= high)).all(axis=0))
     if len(near):

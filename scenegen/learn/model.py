@@ -98,7 +98,6 @@ def read_model(path: Path, spec: Spec | None = None) -> Model:
     return Model(load_model(path, None if spec is None else spec.checked))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Models of a spec that draws how many things there are, or which: a folder with an ordinary model for each
 # combination of numbers.
 #
@@ -203,7 +202,6 @@ def family_files(spec: Spec, folder: Path) -> list[tuple[dict[str, int], Spec, P
     return [(numbers, member, model_file(folder, numbers)) for numbers, member in spec.members]
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Notes and warnings about a model's scenes, from the figures measured when it was trained.
 
 

@@ -16,8 +16,8 @@ from scenegen.arrays import Array
 from scenegen.geometry.workspace import Workspace
 from scenegen.learn.robustness import Robustness
 from scenegen.pose import LENGTHS, THETA, TWO_PI, along, object_count
+from scenegen.search.effort import NEVER, Stop
 
-# --------------------------------------------------------------------------------------------------------------------
 # The base distribution: every free object's centre uniform over the workspace, its heading over the circle.
 
 
@@ -78,12 +78,14 @@ def refine(
     low: Tensor,
     high: Tensor,
     held: tuple[Tensor, Tensor] | None = None,
+    stop: Stop = NEVER,
 ) -> Tensor:
     """Scenes (3N, B) float64 moved until phi of every label lies within [low, high], (L, B) each, if possible.
 
     `target` (L, B) is the goal of labels that are out of their range; labels within their range are ignored until they
     leave it. Scenes that arrive stop moving. Positions stay in the workspace, and the rows in `held` (indices and
-    values) keep their values. Scenes that do not arrive are returned as they are: the caller verifies.
+    values) keep their values. Scenes that do not arrive are returned as they are: the caller verifies. Raises what
+    `stop` raises.
     """
     rows = clamp_to(workspace, rows, held)
     scale = torch.tensor(workspace.scales, dtype=rows.dtype).repeat(object_count(len(rows)))[:, None]
@@ -91,6 +93,7 @@ def refine(
         scale[held[0]] = 0.0
     active = torch.arange(rows.shape[1])
     for step in range(SOFT_STEPS + HARD_STEPS):
+        stop.check()
         part = rows[:, active].detach().requires_grad_(True)
         phi = robustness.rows(part, beta=BETA if step < SOFT_STEPS else None, check=False)
         value = phi.detach()
@@ -98,7 +101,7 @@ def refine(
         moving = off.any(dim=0)
         if not bool(moving.any()):
             break
-        jacobian = (_jacobian(phi, part) * scale * off[:, None, :])[:, :, moving]
+        jacobian = (_jacobian(phi, part, stop) * scale * off[:, None, :])[:, :, moving]
         residual = torch.where(off, target[:, active] - value, torch.zeros_like(value))[:, moving]
         active = active[moving]
         damping = SOFT_DAMPING if step < SOFT_STEPS else HARD_DAMPING
@@ -107,13 +110,13 @@ def refine(
     return rows
 
 
-def _jacobian(phi: Tensor, rows: Tensor) -> Tensor:
+def _jacobian(phi: Tensor, rows: Tensor, stop: Stop) -> Tensor:
     """(L, 3N, B): the gradient of each label; scenes do not influence each other, so one backward pass per label is
     enough."""
-    sweeps = [
-        torch.autograd.grad(phi[label].sum(), rows, retain_graph=label + 1 < phi.shape[0])[0]
-        for label in range(phi.shape[0])
-    ]
+    sweeps: list[Tensor] = []
+    for label in range(phi.shape[0]):
+        stop.check()
+        sweeps += torch.autograd.grad(phi[label].sum(), rows, retain_graph=label + 1 < phi.shape[0])
     return torch.stack(sweeps)
 
 

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.learning import FOLDER_OF_MODELS
+from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.lang.spec import written
 from scenegen.learn.model import Model, ModelFamily, family_files
 from scenegen.needs import need
+from scenegen.search.effort import until as ends_at
 from scenegen.validation import as_path, as_seconds
 
 if TYPE_CHECKING:
@@ -73,12 +75,14 @@ def train(
 
     def fit(one: Spec, file: Path, resume: bool, logs: Path | None) -> Model:
         """Train the model of a spec that draws no numbers."""
+        if time.monotonic() >= until:
+            raise RequestError(NO_TIME_TO_CHECK())
         config = make_config(model, recipe, phi=trained_on(one, phi, on_note), **options)
         need("torch", "to train a model")
         from scenegen.learn.training.loop import train as run
 
         if not is_file(config.data):
-            refuse_infeasible(one.checked)
+            refuse_infeasible(one.checked, ends_at(until))
         if card:
             from scenegen.learn.evaluation.card import check_card, write_card
 

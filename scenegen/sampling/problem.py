@@ -145,6 +145,11 @@ class Budget:
         return self.started + self.seconds
 
     @property
+    def left(self) -> float:
+        """The seconds until then; a millisecond at least, which is a time limit, too."""
+        return max(self.ends - time.monotonic(), 1e-3)
+
+    @property
     def spent(self) -> bool:
         return time.monotonic() - self.started >= self.seconds
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from scenegen.arrays import Array
+from scenegen.search.effort import NEVER, Stop
 
 
 class Proposer(Protocol):
@@ -28,11 +29,11 @@ class Proposer(Protocol):
     def regions(self) -> Sequence[Array]:
         """How phi is distributed among all scenes, as far as it knows: each (L, 2 + m), see `make_targets`."""
 
-    def mixed(self, rows: Any, ends: tuple[Any, Any], box: tuple[Array, Array], seed: int) -> Any:
+    def mixed(self, rows: Any, ends: tuple[Any, Any], box: tuple[Array, Array], seed: int, stop: Stop = NEVER) -> Any:
         """Scenes, a tensor (3N, B), after random moves that do not change the uniform distribution over the scenes
         with phi within `ends`, (L, B) each, and poses within `box`, (3N,) each; those that are not there already stay
-        as they are. It may do without, and return them all as they are."""
+        as they are. It may do without, and return them all as they are. Raises what `stop` raises."""
 
-    def __call__(self, phi: Any, generator: Any) -> Any:
+    def __call__(self, phi: Any, generator: Any, stop: Stop = NEVER) -> Any:
         """Target phi, a tensor (L, B) of all labels, the requirement's last, and a torch.Generator -> scenes, a tensor
-        (3N, B), in metres and radians."""
+        (3N, B), in metres and radians. Raises what `stop` raises."""

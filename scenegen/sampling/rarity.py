@@ -128,7 +128,6 @@ def climb(
     weights: Array,
     sign: int,
     work: int,
-    check: Callable[[], None] = NEVER.check,
     row: int = 0,
     stop: Stop = NEVER,
 ) -> tuple[Tail, int]:
@@ -139,7 +138,6 @@ def climb(
     middle, end = float(np.median(phi)), float(phi.max())
     counting, searched, whole = True, 0, False
     while state.evaluations < work and searched < SEARCH:
-        check()
         here = sign * (state.region.low if sign > 0 else state.region.high)[row]
         whole = whole or (counting and bool(end - here <= NEAR * (end - middle)))
         counting = counting and not whole and len(levels) < LEVELS and state.evaluations < COUNTED * work
@@ -212,17 +210,15 @@ def measure(
     highest: Array,
     labels: Sequence[str],
     seed: int = 0,
-    check: Callable[[], None] = NEVER.check,
     work: int = WORK,
     stop: Stop = NEVER,
 ) -> Rarity | RequirementUnmet:
     """P(phi >= t) and P(phi <= t) of each of the labels, for poses uniform over the box lowest..highest (3N,),
-    conditional on the core's requirement. The same arguments give the same numbers. `check` is called between levels:
-    what it raises ends the run. `work` is the effort, in visits of nodes. Where
-    `stop` raises StoppedError, runs end with what they have, and labels that were not begun are left out; it is raised
-    again if there are none."""
+    conditional on the core's requirement. The same arguments give the same numbers. `work` is the effort, in visits of
+    nodes. Where `stop` raises StoppedError, runs end with what they have, and labels that were not begun are left out;
+    it is raised again if there are none. Raises whatever else `stop` raises."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        return _measure(gated(core), lowest, highest, labels, seed, check, work, stop)
+        return _measure(gated(core), lowest, highest, labels, seed, work, stop)
 
 
 def _measure(
@@ -231,7 +227,6 @@ def _measure(
     highest: Array,
     labels: Sequence[str],
     seed: int,
-    check: Callable[[], None],
     effort: int,
     stop: Stop,
 ) -> Rarity | RequirementUnmet:
@@ -241,7 +236,7 @@ def _measure(
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
     count = _chains([part_of(core, (label, *gate)) for label in labels], lowest, highest, effort)
     if gate:
-        base, best = _require(part_of(core, gate), lowest, highest, count, seed, check, effort, stop)
+        base, best = _require(part_of(core, gate), lowest, highest, count, seed, effort, stop)
         spent = base.evaluations
         if not base.weights.any():
             return RequirementUnmet(best, spent)
@@ -261,7 +256,7 @@ def _measure(
                 raise
             break
         work = effort // (2 * len(labels) * cost(one))
-        up, down = (_climb(start.some(start.count), weights, sign, work, check, stop) for sign in (1, -1))
+        up, down = (_climb(start.some(start.count), weights, sign, work, stop) for sign in (1, -1))
         reaches[label] = PhiDistribution(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
@@ -314,7 +309,6 @@ def _require(
     highest: Array,
     count: int,
     seed: int,
-    check: Callable[[], None],
     effort: int,
     stop: Stop,
 ) -> tuple[_Base, float]:
@@ -329,7 +323,6 @@ def _require(
     work = effort // cost(core)
     met = False
     while not met and state.evaluations < work:
-        check()
         level = next_level(margins(state, 1), state.region.low[0], KEPT)
         if level is None:
             break
@@ -359,10 +352,8 @@ def _begin(
     return state, base.weights
 
 
-def _climb(
-    state: Chains, weights: Array, sign: int, work: int, check: Callable[[], None], stop: Stop
-) -> tuple[Tail, int]:
-    return climb(state, Tuner(state).adapt, weights, sign, work, check, stop=stop)
+def _climb(state: Chains, weights: Array, sign: int, work: int, stop: Stop) -> tuple[Tail, int]:
+    return climb(state, Tuner(state).adapt, weights, sign, work, stop=stop)
 
 
 # --------------------------------------------------------------------------------------------------------------------

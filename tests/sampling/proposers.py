@@ -20,10 +20,10 @@ class Uniform:
     info = {}  # noqa: RUF012
     regions = ()
 
-    def mixed(self, rows, ends, box, seed):
+    def mixed(self, rows, ends, box, seed, stop=None):
         return rows
 
-    def __call__(self, phi, generator):
+    def __call__(self, phi, generator, stop=None):
         from scenegen.learn.refine import draw
 
         return draw(*self.box, phi.shape[1], generator)
@@ -40,10 +40,10 @@ class Constant:
     info = {}  # noqa: RUF012
     regions = ()
 
-    def mixed(self, rows, ends, box, seed):
+    def mixed(self, rows, ends, box, seed, stop=None):
         return rows
 
-    def __call__(self, phi, generator):
+    def __call__(self, phi, generator, stop=None):
         import torch
 
         return torch.tensor(self.columns, dtype=torch.float32)[:, None].expand(-1, phi.shape[1]).clone()

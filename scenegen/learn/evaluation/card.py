@@ -19,7 +19,7 @@ from scenegen.learn.evaluation.fidelity import Fidelity, fidelity, ks_distance
 from scenegen.learn.faults import faults
 from scenegen.learn.models.card import QualityData, RangeData
 from scenegen.learn.models.checkpoint import save_model
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import GRACE, Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest, parse_phi
 from scenegen.scenes.files import check_writable, write_whole
 from scenegen.search.effort import StoppedError
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from scenegen.learn.models.checkpoint import TrainedModel
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # How good a model is, beside the truth: what its card says.
 #
 # The truth comes from the exact samplers, fresh each time, never from training scenes. For a value of a label some
@@ -108,23 +107,25 @@ class EvaluationResult:
 
 @dataclass(frozen=True, slots=True)
 class CpuBudget(Budget):
-    """So many seconds of CPU; infinite for no limit."""
+    """So many seconds of CPU, `allowed`, within a time limit; infinite for no limit. Where it is not `firm`, what is
+    under way when they are over may go on, up to the time limit."""
 
     began: float = field(default_factory=time.process_time)
     allowed: float = math.inf
+    firm: bool = True
 
     @property
     def spent(self) -> bool:
-        return time.process_time() - self.began >= self.allowed
+        return time.process_time() - self.began >= self.allowed or time.monotonic() >= self.ends
 
     @property
     def overdrawn(self) -> bool:
-        return self.spent
+        return self.spent if self.firm else time.monotonic() >= self.ends + GRACE
 
     def some(self, seconds: float) -> CpuBudget:
         """A part of what is left."""
         left = self.allowed - (time.process_time() - self.began)
-        return CpuBudget(math.inf, allowed=max(0.0, min(seconds, left)))
+        return CpuBudget(self.seconds, self.started, allowed=max(0.0, min(seconds, left)))
 
 
 def measure(model: Model, seconds: float = ALL) -> EvaluationResult:

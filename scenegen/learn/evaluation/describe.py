@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from scenegen.learn.model import Model
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What a model file is.
 
 

@@ -24,7 +24,6 @@ from scenegen.arrays import Array
 from scenegen.pose import TWO_PI, is_angle
 from scenegen.scenes.coverage import NEIGHBOURS, checked_pair, covered_share, features
 
-# --------------------------------------------------------------------------------------------------------------------
 # The energy distance (Szekely & Rizzo 2004, "Testing for equal distributions in high dimension").
 #
 # Distances are taken after whitening: the pooled covariance of `features` becomes the identity. The distance is then
@@ -95,7 +94,6 @@ def summed_distances(points: Single, labels: Single) -> tuple[Array, Array, floa
     return within, np.array([sums @ column for column in labels.T]), float(sums.sum())
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Kolmogorov-Smirnov and Kuiper distances of single numbers. Angles have no origin, and Kolmogorov-Smirnov would depend
 # on where the circle is cut; Kuiper's statistic (Kuiper 1960) does not.
 

@@ -20,8 +20,8 @@ from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import OTHER, Codec, Examples
 from scenegen.learn.robustness import Robustness
 from scenegen.pose import row_count
+from scenegen.search.effort import NEVER, Stop
 
-# --------------------------------------------------------------------------------------------------------------------
 # Multi-layer perceptrons.
 
 
@@ -62,7 +62,6 @@ def one_hot(index: Tensor, count: int) -> Tensor:
     return zeros.scatter_(1, index[:, None], 1.0)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What training asks of the compiled spec: phi of a network's own scenes, with gradients.
 
 
@@ -154,8 +153,8 @@ class SceneModel(nn.Module, ABC):
         """Coordinates of a scene, 3N."""
         return row_count(self.objects)
 
-    def bind(self, spec: CheckedSpec) -> None:
-        """Take up what the spec fixes besides sizes; by default nothing."""
+    def bind(self, spec: CheckedSpec, stop: Stop = NEVER) -> None:
+        """Take up what the spec fixes besides sizes; by default nothing. Raises what `stop` raises."""
         return
 
     def initialise(self, generator: torch.Generator) -> None:
@@ -187,10 +186,11 @@ class SceneModel(nn.Module, ABC):
         """n scenes x (n, 3N) in [0, 1] for the labels phi, (n, L) or (L,). Evaluates no phi and holds no scenes."""
 
     def sample_in(
-        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None, stop: Stop = NEVER
     ) -> tuple[Tensor, Tensor | None]:
         """As `sample`, in branches (n,) or (n, L) int64, which are drawn where they are not given: the scenes and their
-        branches, None of a model that knows of none."""
+        branches, None of a model that knows of none. Raises what `stop` raises."""
+        stop.check()
         return self.sample(n, phi, generator), None
 
     def drop_training_parts(self) -> None:

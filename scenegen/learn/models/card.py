@@ -12,7 +12,6 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import is_angle, row_count
 from scenegen.scenes.data import SpecRef, WorkspaceData
 
-# --------------------------------------------------------------------------------------------------------------------
 # Which coordinates a network has to learn, and which it need not: read off the core formula.
 
 
@@ -79,7 +78,6 @@ def depends_on(core: Core) -> list[int]:
     return sorted(read_rows(gated(core)))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The card.
 
 

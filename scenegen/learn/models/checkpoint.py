@@ -37,9 +37,9 @@ from scenegen.learn.models.codec import Codec
 from scenegen.learn.models.correction import Correction, McmcMoves
 from scenegen.learn.models.registry import model_class
 from scenegen.scenes.files import read_bytes, write_whole
+from scenegen.search.effort import NEVER, Stop
 from scenegen.validation import as_int
 
-# --------------------------------------------------------------------------------------------------------------------
 # Tensors and text in one safetensors file, read with distrust.
 #
 # The text (a JSON card) travels in safetensors' own metadata, in an envelope with the format's name, its version and
@@ -187,8 +187,10 @@ def load_model(
     return as_trained(card, tensors, path, device)
 
 
-def as_trained(card: ModelCard, tensors: dict[str, Tensor], path: Path, device: str = "cpu") -> TrainedModel:
-    """The model of a file's card and tensors. Raises DataError as `load_model` does."""
+def as_trained(
+    card: ModelCard, tensors: dict[str, Tensor], path: Path, device: str = "cpu", stop: Stop = NEVER
+) -> TrainedModel:
+    """The model of a file's card and tensors. Raises DataError as `load_model` does, and what `stop` raises."""
     try:
         kind = model_class(card.model, card.recipe)
         # Made on the meta device: sizes that the card merely claims cost nothing until the weights have shown them.
@@ -209,7 +211,7 @@ def as_trained(card: ModelCard, tensors: dict[str, Tensor], path: Path, device: 
     # the canonical text has no comments, so the title comes from the card
     spec = replace(check_text(card.spec.source, card.spec.name), title=card.spec.title)
     _refuse_contradictions(card, spec)
-    model.bind(spec)
+    model.bind(spec, stop)
     found = TrainedModel(model, card, spec, regions=tuple(one.double().numpy() for one in regions))
     if not card.corrected:
         return found
@@ -247,7 +249,6 @@ def check_spec(card: ModelCard, spec: CheckedSpec, path: Path) -> None:
     raise DataError(MODEL_OF_ANOTHER_SPEC(path=path, found=card.spec.name, wanted=spec.name, **hashes))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Trained models.
 
 
@@ -355,7 +356,7 @@ class TrainedModel:
         return replace(self, correction=None)
 
     def _made(
-        self, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+        self, phi: Tensor, generator: torch.Generator, branch: Tensor | None, stop: Stop
     ) -> tuple[Tensor, Tensor | None]:
         """Scenes (3N, n), and the branches (n,) that they were made in, where the model has any: those that are given,
         or drawn."""
@@ -363,7 +364,7 @@ class TrainedModel:
         parts = torch.split(alike, BATCH, dim=1)
         given = [None] * len(parts) if branch is None else torch.split(branch, BATCH)
         found = [
-            self.model.sample_in(part.shape[1], part.T, generator, mine)
+            self.model.sample_in(part.shape[1], part.T, generator, mine, stop)
             for part, mine in zip(parts, given, strict=True)
         ]
         scenes = self.codec.decode(torch.cat([each for each, _ in found])).cpu()
@@ -371,13 +372,13 @@ class TrainedModel:
         return scenes, torch.cat(branches) if branches else None
 
     @torch.no_grad()
-    def propose(self, phi: Tensor, generator: torch.Generator) -> Tensor:
+    def propose(self, phi: Tensor, generator: torch.Generator, stop: Stop = NEVER) -> Tensor:
         """One scene per column of `phi` (L, n), labels in order, in metres and radians -> rows (3N, n) float32.
 
         NaN leaves a label free, where the model is `partial`. Centres lie in the workspace, theta in [0, 2 pi), phi
         only roughly where it was wanted, also after the correction. Labels outside `label_ranges` reach the network as
         they are; what it makes of them is extrapolation. `generator` lives on the model's device, and alone decides the
-        outcome.
+        outcome. Raises what `stop` raises.
         """
         if phi.ndim != 2 or phi.shape[0] != len(self.card.labels):
             wanted = f"({len(self.card.labels)}, n), one row a label"
@@ -386,13 +387,15 @@ class TrainedModel:
             raise DataError(ARRAY_NOT_FINITE(what=f"phi for a {self.name} that has to be told every label"))
         phi = phi.to(torch.float32)
         correction = self.correction
-        rows = self._made(phi, generator)[0] if correction is None else correction(self._made, phi, generator)
+        rows = correction(self._made, phi, generator, stop) if correction else self._made(phi, generator, None, stop)[0]
         if not bool(torch.isfinite(rows.sum())):
             remedy = "the model file is damaged; train it again"
             raise DataError(ARRAY_NOT_FINITE(what="the model's output", remedy=remedy))
         return rows
 
-    def mixed(self, rows: Tensor, ends: tuple[Tensor, Tensor], box: tuple[Array, Array], seed: int) -> Tensor:
+    def mixed(
+        self, rows: Tensor, ends: tuple[Tensor, Tensor], box: tuple[Array, Array], seed: int, stop: Stop = NEVER
+    ) -> Tensor:
         """See scenegen.sampling.proposer."""
         labels = len(self.card.labels)
         if self.correction is None or len(ends[0]) != labels:  # labels that were added are not known here
@@ -401,12 +404,12 @@ class TrainedModel:
         old, low, high = (one.to(torch.float32) for one in (rows, *ends))
         moves = max(LEAST_MOVES, min(MOST_MOVES, EACH * len(self.spec.core.nodes)))
         random = torch.Generator().manual_seed(seed)
-        new = walk.within(old, (low, high), random, moves if walk.moving else 0, fit=True)
+        new = walk.within(old, (low, high), random, moves if walk.moving else 0, fit=True, stop=stop)
         return torch.where(new == old, rows, new.to(rows.dtype))
 
-    def __call__(self, phi: Tensor, generator: torch.Generator) -> Tensor:
+    def __call__(self, phi: Tensor, generator: torch.Generator, stop: Stop = NEVER) -> Tensor:
         """See scenegen.sampling.proposer."""
-        return self.propose(self.asked(phi[: len(self.card.labels)], self.only), generator)
+        return self.propose(self.asked(phi[: len(self.card.labels)], self.only), generator, stop)
 
 
 def _same(a: Tensor, b: Tensor) -> Tensor:

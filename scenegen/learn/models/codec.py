@@ -85,7 +85,6 @@ def _wrapped(values: Tensor, period: float) -> Tensor:
     return torch.where(values >= period, torch.zeros_like(values), values)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Labelled scenes as models take them: a training set, or a batch of it.
 
 
@@ -118,7 +117,6 @@ class Examples:
         return Examples(self.x.to(device), self.phi.to(device), self.branch.to(device), balanced)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Branches: which atom decides phi of each label.
 #
 # phi is a tree of min and max over atoms, so on a level set exactly one atom of each label has the wanted value: the

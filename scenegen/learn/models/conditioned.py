@@ -15,8 +15,8 @@ from scenegen.learn.models.base import Hyper, Mlp, SceneModel, SpecLoss
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import EVERY, Examples
 from scenegen.pose import TWO_PI, row_count
+from scenegen.search.effort import NEVER, Stop
 
-# --------------------------------------------------------------------------------------------------------------------
 # Which branch to draw from: P(branch | phi), learnt by cross-entropy and nothing else.
 
 
@@ -75,7 +75,6 @@ class Selector(nn.Module):
         )
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What the networks see of scenes and labels, and the way back.
 #
 # A scene becomes the C coordinates that phi depends on (scenegen.learn.models.card): positions stretched so that the
@@ -251,9 +250,10 @@ class ConditionedModel(SceneModel):
 
     @torch.no_grad()
     def sample_in(
-        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None, stop: Stop = NEVER
     ) -> tuple[Tensor, Tensor]:
         """As `sample`, in branches (n,), which are drawn where they are not given: the scenes and their branches."""
+        stop.check()
         phi = phi.to(self.label_lowest)
         alike = phi.ndim == 1 or phi.stride(0) == 0
         features = self.view.features(phi[None] if phi.ndim == 1 else phi[:1] if alike else phi)

@@ -26,8 +26,8 @@ from scenegen.learn.refine import bounded, newton
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import Slopes
 from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owner, row_of
+from scenegen.search.effort import NEVER, Stop
 
-# --------------------------------------------------------------------------------------------------------------------
 # Random moves that leave phi where it is: they bring scenes nearer to the truth, whatever the network made of them.
 #
 # A move shifts one coordinate of a scene or some of its objects together, turns an object about another or mirrors it
@@ -92,13 +92,14 @@ class McmcMoves:
         generator: torch.Generator,
         right: Tensor | None = None,
         tolerance: Tensor | None = None,
+        stop: Stop = NEVER,
     ) -> Tensor:
         """Moved scenes (3N, B); wanted phi (L, B), NaN where a label is free. Scenes that are not where they ought to
         be stay as they are; `right` (B,) says which are, where that is known; `tolerance` (L, B) instead of the
         usual."""
         off = self._tolerance if tolerance is None else tolerance
         ends = wanted - off, wanted + off
-        return self.within(rows, ends, generator, self.count, right, fit=self._fit)
+        return self.within(rows, ends, generator, self.count, right, fit=self._fit, stop=stop)
 
     def within(
         self,
@@ -109,14 +110,16 @@ class McmcMoves:
         right: Tensor | None = None,
         *,
         fit: bool = False,
+        stop: Stop = NEVER,
     ) -> Tensor:
         """Moved scenes (3N, B) whose phi is to stay within `ends`, (L, B) each, after so many moves; where an end is
         NaN, the label is free. With `fit` the steps of each coordinate become about as long as there is room for: what
-        is held to a millimetre hardly moves by others."""
+        is held to a millimetre hardly moves by others. Raises what `stop` raises."""
         rows = rows.clone()
         right = self._inside(rows, *ends) if right is None else right
         reach = torch.full((len(rows),), START) if fit else None
         for number in range(moves):
+            stop.check()
             move = self._moves[number % len(self._moves)]
             place, new = move(rows, generator, reach)
             inside = ((new >= self._low[place]) & (new <= self._high[place])).all(dim=0)
@@ -212,7 +215,7 @@ WALKING = 16_384  # scenes that are moved at a time: they and the values of the 
 
 TURNS = along(THETA)
 
-Make = Callable[[Tensor, torch.Generator, Tensor | None], tuple[Tensor, Tensor | None]]
+Make = Callable[[Tensor, torch.Generator, Tensor | None, Stop], tuple[Tensor, Tensor | None]]
 """Wanted phi (L, B), NaN where a label is free, and branches (B,) or None -> scenes (3N, B) in metres and radians, and
 the branches that they were made in, where the model has any."""
 
@@ -237,10 +240,10 @@ class Correction:
         self._scale[TURNS] = (self._scale[TURNS] > 0.0).to(low)  # a radian; what is held does not move
         self._walk = McmcMoves(spec, self._most, thorough=thorough)
 
-    def __call__(self, make: Make, wanted: Tensor, generator: torch.Generator) -> Tensor:
-        """Corrected scenes (3N, n) for wanted phi (L, n), NaN where a label is free."""
-        first, branch = make(wanted, generator, None)
-        rows, off = self._corrected(first, wanted)
+    def __call__(self, make: Make, wanted: Tensor, generator: torch.Generator, stop: Stop = NEVER) -> Tensor:
+        """Corrected scenes (3N, n) for wanted phi (L, n), NaN where a label is free. Raises what `stop` raises."""
+        first, branch = make(wanted, generator, None, stop)
+        rows, off = self._corrected(first, wanted, stop)
         made = count = len(off)
         same = branch is not None
         for number in range(ROUNDS):
@@ -251,8 +254,8 @@ class Correction:
             if not len(missing) or made > MOST * count:
                 break
             same = same and number < SAME
-            again, _ = make(wanted[:, places], generator, branch[places] if branch is not None and same else None)
-            fresh, failed = self._corrected(again, wanted[:, places])
+            again, _ = make(wanted[:, places], generator, branch[places] if branch is not None and same else None, stop)
+            fresh, failed = self._corrected(again, wanted[:, places], stop)
             good = (~failed).nonzero()[:, 0].flip(0)  # of several for one place the first
             rows[:, places[good]] = fresh[:, good]
             off[places[good]] = False
@@ -262,14 +265,14 @@ class Correction:
                 same = False
         random = _on_cpu(generator)
         if self._thorough:
-            self._begun_elsewhere(rows, off, wanted, random)
+            self._begun_elsewhere(rows, off, wanted, random, stop)
         for start in range(0, count if self._walk.count else 0, WALKING):
             some = slice(start, start + WALKING)
             near = wanted[:, some], self._tolerance(wanted[:, some])
-            rows[:, some] = self._walk(rows[:, some], near[0], random, ~off[some], near[1])
+            rows[:, some] = self._walk(rows[:, some], near[0], random, ~off[some], near[1], stop)
         return rows
 
-    def _begun_elsewhere(self, rows: Tensor, off: Tensor, wanted: Tensor, random: torch.Generator) -> None:
+    def _begun_elsewhere(self, rows: Tensor, off: Tensor, wanted: Tensor, random: torch.Generator, stop: Stop) -> None:
         """Scenes (3N, n) that never arrived begin where one did, of some the one for the nearest phi; the random moves
         part them again. Changes `rows`, and `off` (n,) that says which have not arrived."""
         missing, there = off.nonzero()[:, 0], (~off).nonzero()[:, 0]
@@ -278,7 +281,7 @@ class Correction:
         some = there[torch.randint(len(there), (len(missing), OFFERED), generator=random)]
         apart = torch.nan_to_num((wanted[:, some] - wanted[:, missing, None]) / self._most[:, None]).square().sum(0)
         nearest = some.gather(1, apart.argmin(1, keepdim=True))[:, 0]
-        fresh, failed = self._corrected(rows[:, nearest], wanted[:, missing])
+        fresh, failed = self._corrected(rows[:, nearest], wanted[:, missing], stop)
         good = ~failed
         rows[:, missing[good]] = fresh[:, good]
         off[missing[good]] = False
@@ -288,29 +291,31 @@ class Correction:
         near = NEAR * TOLERANCE * torch.maximum(self._tops, wanted.abs())
         return torch.where((self._tops > 0.0) & ~torch.isnan(near), torch.minimum(near, self._most), self._most)
 
-    def _corrected(self, rows: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
+    def _corrected(self, rows: Tensor, wanted: Tensor, stop: Stop) -> tuple[Tensor, Tensor]:
         """Scenes (3N, B) moved, and which of them are not where they ought to be, (B,)."""
         rows, off = rows.clone(), torch.ones(rows.shape[1], dtype=torch.bool)
         for start in range(0, rows.shape[1], STEP):
             some = slice(start, start + STEP)
-            rows[:, some], off[some] = self._part(rows[:, some], wanted[:, some])
+            rows[:, some], off[some] = self._part(rows[:, some], wanted[:, some], stop)
         return rows, off
 
-    def _part(self, rows: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
+    def _part(self, rows: Tensor, wanted: Tensor, stop: Stop) -> tuple[Tensor, Tensor]:
         asked = (~torch.isnan(wanted)).any(dim=1).nonzero()[:, 0].tolist()
-        rows, off = self._moved(rows, wanted, asked, self._labels, STEPS)
+        rows, off = self._moved(rows, wanted, asked, self._labels, STEPS, stop)
         if self._required is None:
             return rows, off
         unmet = (~off & (self._required.rows(rows, check=False)[0] < 0.0)).nonzero()[:, 0]
         if len(unmet):
             heads = [*asked, len(wanted)]
             some, off[unmet] = self._moved(
-                rows.index_select(1, unmet), wanted.index_select(1, unmet), heads, self._both, BACK
+                rows.index_select(1, unmet), wanted.index_select(1, unmet), heads, self._both, BACK, stop
             )
             _put(rows, unmet, some)
         return rows, off
 
-    def _moved(self, rows: Tensor, wanted: Tensor, heads: list[int], phi: Slopes, steps: int) -> tuple[Tensor, Tensor]:
+    def _moved(
+        self, rows: Tensor, wanted: Tensor, heads: list[int], phi: Slopes, steps: int, stop: Stop
+    ) -> tuple[Tensor, Tensor]:
         """The scenes (3N, B) after that many Newton steps at most, and which of them are still off, (B,). `heads` are
         the values of `phi` that matter; the one after the labels is the margin of what is required."""
         labels = [head for head in heads if head < len(wanted)]
@@ -319,6 +324,7 @@ class Correction:
         tolerance = self._tolerance(wanted)[labels]
         rows = rows.clone()
         for step in range(steps + 1):
+            stop.check()
             values, atoms = phi(here)
             gap = torch.where(torch.isnan(target), torch.zeros(()), target - values[labels])
             far = gap.abs() > tolerance

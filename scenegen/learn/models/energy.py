@@ -23,7 +23,6 @@ from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.conditioned import ConditionedModel, detached
 
-# --------------------------------------------------------------------------------------------------------------------
 # The one-step generator of the default recipes: noise, wanted phi and branch -> a scene.
 #
 # Each learnt coordinate is its own noise, stretched and shifted by what the network makes of all of them: a position

@@ -35,7 +35,6 @@ from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.conditioned import ConditionedModel, detached
 from scenegen.learn.models.energy import FIRST_GATE, INSIDE, SLOPE, directions, noise
 
-# --------------------------------------------------------------------------------------------------------------------
 # The network of the flow: where the path through a scene at one time will be at another.
 #
 # Paths lead from the base distribution at time 0 to the scenes of the wanted phi and branch at time 1. The network

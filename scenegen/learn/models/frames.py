@@ -81,10 +81,10 @@ class Frames:
         return torch.tensor(np.array(rows), dtype=torch.float32)
 
 
-def frames_of(spec: CheckedSpec) -> Frames:
-    """The frames of a spec without time and choices of surfaces."""
+def frames_of(spec: CheckedSpec, effort: Effort | None = None) -> Frames:
+    """The frames of a spec without time and choices of surfaces. Raises what `effort` raises."""
     core = gated(spec.core)
-    tape = make_tape(core, *spec.box())
+    tape = make_tape(core, *spec.box(), effort)
     apart = {pair: (node, 1.0) for node, pair in tape.differences.items()}
     apart |= {(b, a): (node, -1.0) for (a, b), (node, _) in apart.items()}
     carrier, offsets = [-1] * len(spec.objects), list[tuple[int, int, float]]()

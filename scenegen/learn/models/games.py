@@ -15,7 +15,6 @@ from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.conditioned import ConditionedModel, detached
 from scenegen.learn.models.energy import FIRST_GATE, INSIDE, SLOPE, Generator, directions, noise
 
-# --------------------------------------------------------------------------------------------------------------------
 # The adversarial game of the default GAN and AAE: a critic that knows phi and the branch, and what keeps it fair.
 #
 # Made rows are paired with true rows of the same (phi, branch), and the critic says which of the two is the true one:
@@ -79,7 +78,6 @@ def contest(
 START = 0.05
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The default GAN: a game between a generator and a critic, both told phi and the branch.
 #
 # The generator (scenegen.learn.models.energy) makes a scene for every true one of the batch, of the same labels and
@@ -143,7 +141,6 @@ class GAN(ConditionedModel):
         return detached(critic=critic, phi=off, branch=surprise)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The default adversarial autoencoder: the game is played over codes, where both sides fill the same box.
 #
 # An encoder turns scene, labels, branch and some noise into a code, the decoder (scenegen.learn.models.energy, with

@@ -20,6 +20,8 @@ from typing import cast
 import torch
 from torch import Tensor
 
+from scenegen.errors import RequestError
+from scenegen.errors.learning import UNKNOWN_TO_MODEL
 from scenegen.geometry import PRIMITIVES, Namespace
 from scenegen.geometry.namespace import Turning
 from scenegen.geometry.primitives import ANGLE
@@ -39,17 +41,18 @@ from scenegen.learn.models.frames import MATTERS, Frames
 from scenegen.learn.robustness.compile import TORCH
 from scenegen.learn.robustness.deciding import general, sized
 from scenegen.pose import SIZE, THETA, row_of
+from scenegen.search.effort import NEVER, Stop
 
-KINDS = tuple(sorted(PRIMITIVES))
+# Primitives in the order of a network's inputs: those of weights whose file does not name its own.
+KINDS = "abs add bearing cos dist div gap max mean min mul neg pick reach room sin sub sum wrap"
 NUMBERS = 6  # of an atom that its features show
 SLOTS = 7  # places of an object among those of its atom; further ones share one, what carries them has the last
 ROOT, MIN, MAX = range(3)  # kinds of junctions, the first of their features
 
-ATOM_FEATURES = len(KINDS) + 1 + 1 + NUMBERS + 1  # primitives; objects; numbers; whether it is an angle
+ATOM_FEATURES = 1 + 1 + NUMBERS + 1  # beside primitives: objects; numbers; whether it is an angle
 JUNCTION_FEATURES = 3 + 1 + 1  # kind; atoms below; whether it is of what is required
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Atoms that are alike.
 
 
@@ -108,7 +111,6 @@ def _together(parts: Sequence[_Alike], device: torch.device | None = None) -> _A
     return _Alike(*(torch.cat(column).to(device) if device else torch.cat(column) for column in columns))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The graph.
 
 
@@ -257,13 +259,23 @@ class FormulaGraph:
 TENSORS = tuple(each.name for each in fields(FormulaGraph) if each.type == "Tensor")
 
 
-def graph_of(frames: Frames) -> FormulaGraph:
-    """The graph of a spec, in the frames for what it requires."""
+def refuse_unknown(core: Core, kinds: str) -> None:
+    """Raises RequestError for a formula with primitives that are not among `kinds`."""
+    strange = {node.primitive for node in core.nodes if isinstance(node, Apply)}.difference(kinds.split())
+    if strange:
+        raise RequestError(UNKNOWN_TO_MODEL(names=sorted(strange)))
+
+
+def graph_of(frames: Frames, kinds: str = KINDS, stop: Stop = NEVER) -> FormulaGraph:
+    """The graph of a spec, in the frames for what it requires, for networks that know the primitives of `kinds`. Raises
+    RequestError for others, and what `stop` raises."""
     core = frames.core
+    refuse_unknown(core, kinds)
     low, high = frames.within({})
     form_of: dict[int, tuple[MarginForm, list[int], list[float]]] = {}
     for root in core.labels.values():
         for node in atoms_below(core, root):
+            stop.check()
             form_of.setdefault(node, _form(core, cast(Atom, core.nodes[node])))
     atoms = [node for node, (_, objects, _) in form_of.items() if objects]  # not constants
     place = {node: number for number, node in enumerate(atoms)}
@@ -271,6 +283,7 @@ def graph_of(frames: Frames) -> FormulaGraph:
     carried: list[tuple[int, int]] = []
     alike: dict[MarginForm, list[_Alike]] = {}
     for number, node in enumerate(atoms):
+        stop.check()
         form, objects, numbers = form_of[node]
         mine = torch.arange(len(ties), len(ties) + len(objects))
         ties += [(number, one, min(slot, SLOTS - 2)) for slot, one in enumerate(objects)]
@@ -289,15 +302,16 @@ def graph_of(frames: Frames) -> FormulaGraph:
     for label, (name, root) in enumerate(core.labels.items()):
         roots += [(place[node], label) for node in atoms_below(core, root) if node in place]
         for kind, node in ((ROOT, root), *_junctions(core, root)):
+            stop.check()
             found = [place[each] for each in atoms_below(core, node) if each in place]
             below += [(each, len(junctions)) for each in found]
-            kinds = [float(kind == one) for one in (ROOT, MIN, MAX)]
-            junctions.append([*kinds, len(found) ** 0.5 / 4.0, float(name == REQUIRE)])
+            which = [float(kind == one) for one in (ROOT, MIN, MAX)]
+            junctions.append([*which, len(found) ** 0.5 / 4.0, float(name == REQUIRE)])
             label_of.append(label)
     count = len(frames.carrier)
     return FormulaGraph(
         object_features=frames.features(low, high),
-        atom_features=torch.stack([_atom_features(core, node, *form_of[node]) for node in atoms]),
+        atom_features=torch.stack([_atom_features(core, node, kinds.split(), *form_of[node]) for node in atoms]),
         junction_features=torch.tensor(junctions),
         ties=torch.tensor(ties, dtype=torch.int64).view(-1, 3),
         below=torch.tensor(below, dtype=torch.int64).view(-1, 2),
@@ -331,11 +345,13 @@ def _junctions(core: Core, root: int) -> list[tuple[int, int]]:
     return [(kind, node) for node, kind in found.items()]
 
 
-def _atom_features(core: Core, node: int, form: MarginForm, objects: list[int], numbers: list[float]) -> Tensor:
-    bag = [0.0] * len(KINDS)
+def _atom_features(
+    core: Core, node: int, kinds: list[str], form: MarginForm, objects: list[int], numbers: list[float]
+) -> Tensor:
+    bag = [0.0] * len(kinds)
     for each in form.nodes:
         if isinstance(each, Apply):
-            bag[KINDS.index(each.primitive)] += 1.0
+            bag[kinds.index(each.primitive)] += 1.0
     shown = [max(-3.0, min(3.0, number)) for number in numbers[:NUMBERS]]
     angle = float(cast(Atom, core.nodes[node]).unit == ANGLE)
     rest = [len(objects) / 3.0, len(numbers) / 4.0, *shown, *[0.0] * (NUMBERS - len(shown)), angle]

@@ -31,12 +31,14 @@ from scenegen.learn.models.frames import OBJECT_FEATURES, Frames, frames_of
 from scenegen.learn.models.graph import (
     ATOM_FEATURES,
     JUNCTION_FEATURES,
+    KINDS,
     SLOTS,
     FormulaGraph,
     graph_of,
 )
 from scenegen.learn.robustness.deciding import deciding
 from scenegen.pose import SIZE
+from scenegen.search.effort import NEVER, Stop, asking
 
 SCALES = (0.005, 0.02, 0.1, 0.5)  # metres or radians: at which margins are seen
 VIEW = 4  # coordinates of an object: x, y, cosine and sine of its heading
@@ -124,11 +126,11 @@ class Rounds(nn.Module):
 class GoalNetwork(nn.Module):
     """Which scene a point heads for."""
 
-    def __init__(self, width: int, rounds: int) -> None:
+    def __init__(self, width: int, rounds: int, atom_features: int) -> None:
         super().__init__()
         self.object_kind, self.object_now = nn.Linear(OBJECT_FEATURES, width), nn.Linear(VIEW + TIMES, width)
         self.object_first = mlp(width, width)
-        self.atom_kind, self.atom_now = mlp(ATOM_FEATURES, width, width), nn.Linear(2 * len(SCALES) + 2, width)
+        self.atom_kind, self.atom_now = mlp(atom_features, width, width), nn.Linear(2 * len(SCALES) + 2, width)
         self.junction_kind, self.junction_now = nn.Linear(JUNCTION_FEATURES, width), nn.Linear(len(SCALES) + 1, width)
         self.slot, self.tie_now = slots(width), nn.Linear(2 * SIZE, width)
         self.rounds = Rounds(width, rounds, rounds)
@@ -187,10 +189,10 @@ class GoalNetwork(nn.Module):
 class BranchNetwork(nn.Module):
     """How likely each atom is to decide a label, given what is wanted and which atoms decide the labels before it."""
 
-    def __init__(self, width: int, rounds: int) -> None:
+    def __init__(self, width: int, rounds: int, atom_features: int) -> None:
         super().__init__()
         self.object_kind, self.slot = mlp(OBJECT_FEATURES, width, width), slots(width)
-        self.atom_kind, self.atom_now = mlp(ATOM_FEATURES, width, width), nn.Linear(len(SCALES) + 2, width)
+        self.atom_kind, self.atom_now = mlp(atom_features, width, width), nn.Linear(len(SCALES) + 2, width)
         self.junction_kind, self.junction_now = nn.Linear(JUNCTION_FEATURES, width), nn.Linear(len(SCALES) + 1, width)
         self.rounds = Rounds(width, rounds, rounds - 1)
         self.out = nn.Linear(width, 1)
@@ -213,18 +215,19 @@ class BranchNetwork(nn.Module):
         return logits
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Both networks: what they learn from, of one spec or of many, and how they make scenes.
 
 
 class GraphHyper(Hyper):
     """`width` of the messages about where a scene lies, in so many `rounds`; `chooser` that of those about branches;
-    `steps` that a scene takes when it is made (training does not depend on it): each is two evaluations."""
+    `steps` that a scene takes when it is made (training does not depend on it): each is two evaluations. `primitives`
+    are the names of those that the weights know, in the order of their inputs."""
 
     width: int = Field(default=64, ge=1, le=1024)
     rounds: int = Field(default=3, ge=1, le=16)
     chooser: int = Field(default=48, ge=1, le=1024)
     steps: int = Field(default=2, ge=1, le=1000)
+    primitives: str = Field(default=KINDS, pattern=r"^\w+( \w+)*$")
 
 
 CHOOSING = 2  # rounds about branches
@@ -237,8 +240,9 @@ class Networks(nn.Module):
         """Without weights: call `initialise`, or load a state with `assign=True`."""
         super().__init__()
         with torch.device("meta"):
-            self.goal = GoalNetwork(hyper.width, hyper.rounds)
-            self.branch = BranchNetwork(hyper.chooser, CHOOSING)
+            known = len(hyper.primitives.split())
+            self.goal = GoalNetwork(hyper.width, hyper.rounds, known + ATOM_FEATURES)
+            self.branch = BranchNetwork(hyper.chooser, CHOOSING, known + ATOM_FEATURES)
 
     def initialise(self, generator: torch.Generator) -> None:
         """Fresh weights; at first a point heads for itself."""
@@ -313,7 +317,13 @@ class Networks(nn.Module):
 
     @torch.no_grad()
     def make(
-        self, graph: FormulaGraph, wanted: Tensor, deciders: Tensor, steps: int, generator: torch.Generator
+        self,
+        graph: FormulaGraph,
+        wanted: Tensor,
+        deciders: Tensor,
+        steps: int,
+        generator: torch.Generator,
+        stop: Stop = NEVER,
     ) -> Tensor:
         """Scenes (3N, B) in so many steps, each with the velocity of its middle (the midpoint rule)."""
         count = wanted.shape[1]
@@ -322,6 +332,7 @@ class Networks(nn.Module):
         point = graph.view(start)
 
         def goal(point: Tensor, time: float) -> Tensor:
+            stop.check()
             times = point.new_full((graph.objects, count, 1), time)
             found: Tensor = self.goal(graph, point, times, wanted, active, *graph.margins(graph.storage(point)))
             return found
@@ -343,7 +354,6 @@ def marked(graph: FormulaGraph, wanted: Tensor, deciders: Tensor) -> Tensor:
     return active.scatter_reduce(0, deciders.clamp_min(0), known, "amax")
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The weights that come with the package.
 
 
@@ -357,7 +367,7 @@ class WeightsCard(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    hyper: dict[str, int]
+    hyper: dict[str, int | str]
     seed: int
     steps: int = Field(ge=0)
     specs: int = Field(ge=0)
@@ -373,10 +383,10 @@ def shipped() -> tuple[WeightsCard, dict[str, Tensor]]:
     return read_card(WeightsCard, text, WEIGHTS, what), tensors
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The model: both networks and the formula of one spec.
 
 PIECE, FEWEST = 4096, 128  # atoms of all scenes that are made at a time, which stay in cache; and scenes, at least
+LIVE = 1 << 16  # ties of these scenes at most: 17 MB for each layer of the network, a third of a second to evaluate it
 FINEST = 0.01  # step of the ends of phi, metres or radians, that frames are made for
 
 
@@ -391,18 +401,18 @@ class GraphFlow(SceneModel):
 
     def __init__(self, layout: Layout, hyper: GraphHyper) -> None:
         super().__init__(layout, hyper)
-        self.steps = hyper.steps
+        self.steps, self.primitives = hyper.steps, hyper.primitives
         self.networks = Networks(hyper)
 
-    def bind(self, spec: CheckedSpec) -> None:
-        self.frames = frames_of(spec)
-        self.graph = graph_of(self.frames)
+    def bind(self, spec: CheckedSpec, stop: Stop = NEVER) -> None:
+        self.frames = frames_of(spec, asking(stop))
+        self.graph = graph_of(self.frames, self.primitives, stop)
         self.codec = Codec(spec.workspace, len(spec.objects))
 
     def initialise(self, generator: torch.Generator) -> None:
         """The weights that come with the package; fresh ones where the settings are not theirs."""
         card, weights = shipped()
-        if self.hyper.model_copy(update={"steps": 1}) == GraphHyper(**{**card.hyper, "steps": 1}):
+        if self.hyper.model_copy(update={"steps": 1}) == GraphHyper.model_validate({**card.hyper, "steps": 1}):
             self.networks.load_state_dict({name: one.clone() for name, one in weights.items()}, assign=True)
         else:
             self.networks.initialise(generator)
@@ -447,19 +457,20 @@ class GraphFlow(SceneModel):
 
     @torch.no_grad()
     def sample_in(
-        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None
+        self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None, stop: Stop = NEVER
     ) -> tuple[Tensor, Tensor]:
         """As `sample`. A branch (n, L) is the deciding atom of each label, a place among the graph's atoms."""
         graph = self._framed(phi)
         wanted = self._all(phi.expand(n, -1).T.contiguous())
-        size = max(FEWEST, PIECE // graph.atoms)
+        size = max(1, min(max(FEWEST, PIECE // graph.atoms), LIVE // max(1, len(graph.ties))))
         made, branches = [], []
         for start in range(0, n, size):
+            stop.check()
             some = wanted[:, start : start + size]
             if branch is None:
                 deciders = self.networks.draw_branches(graph, some, generator)
             else:
                 deciders = branch[start : start + size].T
-            made.append(self.networks.make(graph, some, deciders, self.steps, generator))
+            made.append(self.networks.make(graph, some, deciders, self.steps, generator, stop))
             branches.append(deciders.T)
         return self.codec.encode(torch.cat(made, 1)), torch.cat(branches)

@@ -94,7 +94,6 @@ class Pass:
         return grads[0]
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The paper's conditional GAN, as published.
 #
 # Generator: noise (256) and labels, widths 256-128-128-64-64-3N, ReLU, sigmoid. Discriminator: scene and labels,
@@ -190,7 +189,6 @@ class _GanBuffers:
         self.is_real[:rows] = 1.0
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The paper's conditional adversarial autoencoder, as published.
 #
 # Encoder 3N-64-64-128-128-256-latent, not conditioned. Decoder: latent and labels, 256-128-128-64-64-3N, sigmoid.

@@ -11,7 +11,7 @@ satisfied and the nearly satisfied are a good share, however small a part of the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sized
+from collections.abc import Sized
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from itertools import count as numbers_from
@@ -33,7 +33,7 @@ from scenegen.sampling.engine.blocks import Drawing
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import Rarity, measure
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
-from scenegen.search.effort import NEVER, StoppedError
+from scenegen.search.effort import NEVER, Stop, StoppedError
 
 Ends = tuple[float, float]
 Ranges = dict[str, Range]
@@ -75,7 +75,7 @@ def balanced(
     seed = int(torch.randint(2**62, (), generator=generator))
     gathering = gathering or Gathering()
     gathering.begin("measuring the range of phi")
-    whole = reach(spec, seed, gathering.check, gathering.until)
+    whole = reach(spec, seed, gathering, gathering.until)
     labels = list(whole)
     asked = round(ASKED * scenes) if phi else 0
     rest = scenes - asked
@@ -301,12 +301,10 @@ def _joint_share(labels: Sized) -> float:
     return 0.0 if len(labels) == 1 else JOINT_SHARE if len(labels) == 2 else MANY_SHARE
 
 
-def reach(
-    spec: CheckedSpec, seed: int, check: Callable[[], None] = NEVER.check, deadline: float = math.inf
-) -> dict[str, Ends]:
-    """The range of phi of each label that scenes were found to have; `check` is called now and then, and must raise
-    after the `deadline`, by the monotonic clock. Raises RequestError."""
-    found = _measured(spec, seed, check, deadline)
+def reach(spec: CheckedSpec, seed: int, stop: Stop = NEVER, deadline: float = math.inf) -> dict[str, Ends]:
+    """The range of phi of each label that scenes were found to have; `stop` must raise after the `deadline`, by the
+    monotonic clock. Raises RequestError, and what `stop` raises."""
+    found = _measured(spec, seed, stop, deadline)
     ends = {}
     for label, one in found.reaches.items():
         low, high = one.down.end, one.up.end
@@ -320,19 +318,22 @@ def reach(
     return ends
 
 
-def _measured(spec: CheckedSpec, seed: int, check: Callable[[], None], deadline: float) -> Rarity:
+def _measured(spec: CheckedSpec, seed: int, stop: Stop, deadline: float) -> Rarity:
     """By chains, or by growth where these do not change surfaces, or find no scene that meets what is required."""
     if not spec.choices:
         lowest, highest = spec.box()
-        found = measure(spec.core, lowest, highest, spec.labels, seed, check)
+        found = measure(spec.core, lowest, highest, spec.labels, seed, stop=stop)
+        stop.check()  # what a run has found by then depends on the clock
         if isinstance(found, Rarity):
             return found
     from scenegen.sampling.growth.rarity import measure_vast
 
     try:
-        return measure_vast(spec, spec.labels, seed, deadline=deadline)
+        vast = measure_vast(spec, spec.labels, seed, deadline=deadline)
+        stop.check()
+        return vast
     except (StoppedError, RequestError):  # time may be up
-        check()
+        stop.check()
         raise
 
 

@@ -33,7 +33,6 @@ from scenegen.sampling.request import number
 from scenegen.scenes.formats.registry import FORMATS
 from scenegen.validation import Option, as_path
 
-# --------------------------------------------------------------------------------------------------------------------
 # The recipes.
 
 
@@ -65,7 +64,6 @@ that are ever rarer, and only a batch that has begun has an estimate."""
 SECONDS = 110.0
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The table of data sets. A new one is one file and one line here.
 
 
@@ -93,7 +91,6 @@ def dataset_maker(name: str) -> Callable[..., Any]:
     return maker
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What a training run is asked to do.
 
 

@@ -104,7 +104,6 @@ def labelled(spec: CheckedSpec, rows: Tensor) -> Dataset:
     return Dataset(spec.objects, spec.labels, rows, Robustness(spec.core).rows(rows))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Held-out scenes: which of a data set never train.
 
 

@@ -37,7 +37,6 @@ from scenegen.scenes.blocks import Block, SceneFileReading, counts_in, element, 
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.formats.registry import format_of, read_scenes
 
-# --------------------------------------------------------------------------------------------------------------------
 # Scenes of a file as training data: `--data scenes.parquet`, .jsonl or .json.
 #
 # The phi that a file stores is not looked at: every scene is labelled by the spec that is trained on, so a file of
@@ -45,7 +44,6 @@ from scenegen.scenes.formats.registry import format_of, read_scenes
 # in every epoch.
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Scenes of a file that differ in how many things there are, as training data of one number: a model has one.
 
 
@@ -135,7 +133,6 @@ def check_count(path: Path, found: int, scenes: int | None, counted: str | None 
         raise DataError(TOO_FEW_IN_FILE(path=path, found=found, wanted=scenes, counted=counted))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # A Parquet file of scenes that is larger than memory: looked through once, then read window by window in every epoch.
 #
 # The first pass labels and checks every scene, and keeps what training has to know of all of them: the checksum, how
@@ -274,7 +271,6 @@ def _stamp(path: Path) -> tuple[int, int]:
     return found.st_size, found.st_mtime_ns
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Batches.
 
 

@@ -74,7 +74,7 @@ class Gathering:
         self.until = time.monotonic() + seconds if until is None else until
         self.stage = "gathering scenes"
         self.done = self.wanted = 0
-        self._seconds = seconds
+        self._seconds = round(seconds, 2)
         self._tell = tell
         self._note = note
         self._stop = stop

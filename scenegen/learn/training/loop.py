@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # TensorBoard event files: `--log-dir DIR`, then `tensorboard --logdir DIR`.
 #
 # Written with TensorBoard's own writer (`pip install "scenegen[tensorboard]"`, which brings the viewer as well).
@@ -95,7 +94,6 @@ def event_log(folder: Path) -> Iterator[Callable[[EpochReport], None]]:
                 path.rmdir()
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What a training run that was stopped says.
 
 
@@ -176,7 +174,7 @@ def train(
             listeners = [each for each in (on_epoch, log) if each is not None]
             if not _run(session, out, listeners, on_step or _silent, gathering.until):
                 if not session.epoch:
-                    raise RequestError(NO_TIME_TO_TRAIN(seconds=timeout, out=out))
+                    raise RequestError(NO_TIME_TO_TRAIN(seconds=round(timeout, 2), out=out))
                 say(TRAINING_INTERRUPTED(late=True, done=session.epoch, epochs=config.epochs, path=out))
             elif session.epoch < config.epochs:
                 say(_stopped_early(session))

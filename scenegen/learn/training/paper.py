@@ -25,7 +25,6 @@ def uniform(spec: CheckedSpec, scenes: int, generator: torch.Generator, gatherin
     return labelled(spec, base_draw(spec, scenes, generator, gathering.reach))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The paper's second data set: positives boosted by perturbing the scenes that satisfy the spec.
 #
 # Where satisfying scenes are rare, a uniform data set hardly shows any. The paper moves the few there are by small

@@ -22,7 +22,6 @@ from rich.progress import (
 from scenegen.learn.training.config import GATHERING, SECONDS
 from scenegen.learn.training.session import EpochReport
 
-# --------------------------------------------------------------------------------------------------------------------
 # What a run without a terminal says while scenes are gathered: a line now and then, with numbers and what is left.
 
 

@@ -37,7 +37,6 @@ from scenegen.pose import ANGLES, LENGTHS, TWO_PI, along
 from scenegen.scenes.data import WorkspaceData
 from scenegen.scenes.files import write_whole
 
-# --------------------------------------------------------------------------------------------------------------------
 # How good a model is at this moment, on labels that it has never trained on.
 #
 # For every held-out scene the model makes two scenes with that scene's phi. `errors` is how far their phi is from what
@@ -88,7 +87,6 @@ def _apart(a: Tensor, b: Tensor) -> Tensor:
     return (a - b).square().sum(1).sqrt().mean()
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What training reports after each epoch.
 
 
@@ -109,11 +107,9 @@ class EpochReport:
     kept: int = 0
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # One training run: its model, data and place in time, and how it goes to disk and comes back.
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Early stopping: the validations of a run, the best of them, and when patience ends.
 
 

@@ -143,7 +143,6 @@ def _check_same(before: TrainConfig, now: TrainConfig) -> None:
         raise RequestError(*found)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Independent streams of random numbers from one seed.
 
 

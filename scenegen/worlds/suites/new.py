@@ -26,14 +26,22 @@ from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, parse, read_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.requests import OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.errors.requests import (
+    CUT_SHORT,
+    NO_TIME_TO_CHECK,
+    OUT_OF_PLACE,
+    OUT_OF_RANGE,
+    UNKNOWN_LABEL,
+    WRONG_VALUE,
+)
 from scenegen.lang.checker import check_file
 from scenegen.sampling.engine.engines import JobResult, each
+from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.files import refuse_existing, whole_files
 from scenegen.scenes.formats.scenes_json import write
-from scenegen.validation import as_int, as_path
+from scenegen.validation import as_int, as_path, as_seconds
 from scenegen.worlds.suites.statistics import Z
 from scenegen.worlds.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
 
@@ -83,8 +91,8 @@ def new_suite(
     `bands` is their number, equally probable, or ranges by name: of phi, or with `log10p` of log10 of the share of
     starts that is at least as hard. `success` and `start` are the labels, by default `goal` (or the only one) and
     `start`. The first line of a spec's opening comment is the instruction; with a label of starts and a comment
-    `# reverse: ...` there is a reversed task, too. The bytes follow from the specs and these arguments, not from
-    `workers`. Raises RequestError, SpecError, DataError and OutputError.
+    `# reverse: ...` there is a reversed task, too. `timeout` seconds are for all of them. The bytes follow from the
+    specs and these arguments, not from `workers`. Raises RequestError, SpecError, DataError and OutputError.
     """
     out = as_path("out", out)
     ranges: Mapping[str, Range] = bands if isinstance(bands, Mapping) else {}
@@ -106,7 +114,7 @@ def new_suite(
     if not log10p:
         plans = [replace(one, bands=count) if one.back else one for one in plans]
     refuse_existing(*(out / file for file in files))
-    job = _MakeTask(log10p, n, seed, timeout)
+    job = _MakeTask(log10p, n, seed, Budget(as_seconds("timeout", timeout)))
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
@@ -160,17 +168,20 @@ class _MakeTask:
     log10p: bool
     n: int
     seed: int
-    timeout: float
+    budget: Budget
 
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
         spec = Spec(replace(parse(plan.source, plan.name).checked, title=plan.instruction))
-        curve, bounds = _Curve.drawn(spec, plan.success, self.seed, self.timeout), spec.bounds()[plan.success]
+        curve, bounds = _Curve.drawn(spec, plan.success, self.seed, self.budget.left), spec.bounds()[plan.success]
         if not curve.ends[0] < curve.ends[1]:
             wanted = "a label whose phi differs between starts"
             raise RequestError(WRONG_VALUE(argument="success", value=f"`{plan.success}`", wanted=wanted))
         ranges = _ranges(plan.bands, self.log10p, curve, bounds)
         if any(curve.between(low, high)[0] < FEW / COUNTED for _, low, high in ranges):
-            curve = _Curve.rare(rarity(spec, plan.success, seed=self.seed).labels[0])
+            found = rarity(spec, plan.success, seed=self.seed, timeout=self.budget.left)
+            if any(one.kind is CUT_SHORT for one in found.warnings):  # bands do not depend on the clock
+                raise RequestError(NO_TIME_TO_CHECK())
+            curve = _Curve.rare(found.labels[0])
             ranges = _ranges(plan.bands, self.log10p, curve, bounds)
         bands: list[BandData] = []
         parts: list[SceneSet] = []
@@ -182,7 +193,7 @@ class _MakeTask:
             rng = np.random.default_rng([self.seed, STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
             request = SampleRequest(
                 {plan.success: Range(low, high)}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
-                timeout=self.timeout, workers=1,
+                timeout=self.budget.left, workers=1,
             )  # fmt: skip
             part = draw_scenes(spec, request)[rng.permutation(self.n)]
             rare = np.log10(curve.share(part.phi[plan.success]).clip(min=curve.least))

@@ -3,19 +3,31 @@
 import json
 import subprocess
 import sys
+import time
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
 import scenegen
-from scenegen.errors import RequestError
-from scenegen.errors.learning import NOT_MEASURED, POOR_MODEL
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.learning import NOT_MEASURED, POOR_MODEL, UNKNOWN_TO_MODEL
+from scenegen.errors.requests import OUT_OF_TIME
+from scenegen.geometry import PRIMITIVES
 from scenegen.learn import any as any_model
 from scenegen.learn.any import compared, exact_scenes, left_out
+from scenegen.learn.guided import make_plan
+from scenegen.learn.models.card import FORMAT
+from scenegen.learn.models.checkpoint import load_model, pack, unpack
 from scenegen.learn.models.codec import ways_of
+from scenegen.learn.models.frames import frames_of
+from scenegen.learn.models.graph import KINDS, graph_of
 from scenegen.learn.models.graph_flow import shipped
+from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import StoppedError
 
 TEXT = """object plate, mug, bowl
 require noOverlap()
@@ -77,6 +89,122 @@ def test_it_does_not_wait_for_sympy():
 def test_what_it_does_not_take_is_refused(text, why):
     with pytest.raises(RequestError, match=why):
         scenegen.load_model("any", scenegen.parse(text))
+
+
+class _Clock:
+    """Goes on by a second whenever it is looked at."""
+
+    def __init__(self):
+        self.now = time.monotonic()
+
+    def __call__(self):
+        self.now += 1.0
+        return self.now
+
+
+WIDE = "object a[12]\nrequire noOverlap()\ngoal: forall p in a: exists q in a: p != q & closeTo(p, q, 4 cm)\n"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seconds", [5, 100, 1_000, 3_000, 9_000])
+def test_a_limit_of_time_holds_wherever_it_is_met(seconds, monkeypatch):
+    """While phi is measured, while the graph is made, the network is evaluated, scenes are corrected: one answer, and
+    few looks at the clock after it is over."""
+    clock = _Clock()
+    over = clock.now + seconds
+    monkeypatch.setattr(time, "monotonic", clock)
+    with pytest.raises(RequestError) as caught:
+        scenegen.sample(scenegen.parse(WIDE), {"goal": (0.005, 0.006)}, n=10_000, method="any", timeout=seconds)
+    [problem] = caught.value.diagnostics
+    assert problem.kind in OUT_OF_TIME and "timeout" in problem.help
+    assert clock.now - over < 50.0
+
+
+def test_a_proposal_ends_when_it_is_told_to(spec):
+    """After whichever look at the clock; and when it is not, its scenes are the same."""
+    model = scenegen.load_model("any", spec).trained
+    wanted = torch.full((1, 64), -0.05)
+
+    class Calls:
+        def __init__(self, most):
+            self.most, self.made = most, 0
+
+        def check(self):
+            self.made += 1
+            if self.made == self.most:
+                raise StoppedError
+
+    def rows(stop):
+        return model.propose(wanted, torch.Generator().manual_seed(0), stop)
+
+    all_of_it = Calls(0)
+    assert torch.equal(rows(all_of_it), model.propose(wanted, torch.Generator().manual_seed(0)))
+    assert all_of_it.made > 40, "evaluations of the network, Newton steps, random moves"
+    for most in (1, 2, 4, 10, all_of_it.made):
+        stop = Calls(most)
+        with pytest.raises(StoppedError):
+            rows(stop)
+        assert stop.made == most
+
+
+def test_scenes_that_are_not_found_in_time_have_no_reason(spec):
+    """Candidates that would tell which atom fails cannot be drawn any more (this was an internal error)."""
+    checked = spec.checked
+    asked = SampleRequest({"goal": Range(-0.5, None)}, 8, spread="base", workers=1)
+    plan = make_plan(make_problem(checked, asked), Budget(), scenegen.load_model("any", spec).trained)
+    rows, phi = replace(plan, stop=Budget(0.0, started=0.0)).misses()
+    assert rows.shape == (9, 0) and phi.shape == (2, 0)
+
+
+NEW = """
+from dataclasses import replace
+from scenegen.geometry import PRIMITIVES
+if {known}:
+    PRIMITIVES["aGap"] = replace(PRIMITIVES["gap"], name="aGap")
+import scenegen
+print(scenegen.sample(scenegen.parse({text!r}), {{"goal": (-0.1, 0.0)}}, n=4, method="any", raw=True).poses.tolist())
+"""
+
+
+@pytest.mark.long
+def test_a_new_primitive_changes_nothing_where_it_is_not_used():
+    """It is first in the order of names: the inputs of weights that do not know it would all be others."""
+
+    def said(text, known):
+        words = [sys.executable, "-c", NEW.format(text=text, known=known)]
+        return subprocess.run(words, capture_output=True, text=True, check=False)
+
+    text = "object mug, plate\ngoal: gap(mug, plate) >= 3 cm\n"
+    assert said(text, True).stdout == said(text, False).stdout != ""
+    refused = said(text.replace("gap", "aGap"), True)
+    assert "[unknown-to-model]: the weights of this model do not know `aGap`" in refused.stderr
+
+
+def test_a_primitive_that_was_renamed_is_refused_by_name(spec):
+    """As where the weights' file has another name for it."""
+    with pytest.raises(RequestError, match="do not know `gap`") as caught:
+        graph_of(frames_of(spec.checked), KINDS.replace("gap", "clearance"))
+    assert caught.value.diagnostics[0].kind is UNKNOWN_TO_MODEL
+
+
+def test_files_name_the_primitives_that_their_weights_know(spec):
+    trained = scenegen.load_model("any", spec).trained
+    text, tensors = unpack(Path("m"), FORMAT, "a model file", trained.data)
+    card = json.loads(text)
+    assert card["hyper"]["primitives"] == shipped()[0].hyper["primitives"] == KINDS == " ".join(sorted(PRIMITIVES))
+    wanted = torch.full((1, 16), -0.05)
+
+    def read(names):
+        """The scenes of the same file with these names in it."""
+        hyper = {name: value for name, value in card["hyper"].items() if name != "primitives"} | names
+        data = pack(FORMAT, json.dumps({**card, "hyper": hyper}), tensors)
+        return load_model(Path("m"), data=data).propose(wanted, torch.Generator().manual_seed(0))
+
+    assert torch.equal(read({}), read({"primitives": KINDS})), "a file of an earlier version, with the names of then"
+    with pytest.raises(RequestError, match="do not know `gap`"):
+        read({"primitives": KINDS.replace("gap", "clearance")})
+    with pytest.raises(DataError, match=r"goal\.atom_kind"):
+        read({"primitives": f"{KINDS} wider"})
 
 
 def test_it_has_to_be_told_of_which_spec():

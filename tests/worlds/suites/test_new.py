@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from scenegen.api.rarity import SpecRarity
 from scenegen.errors import RequestError
-from scenegen.errors.requests import OUT_OF_PLACE, OUT_OF_RANGE, WRONG_VALUE
+from scenegen.errors.requests import CUT_SHORT, NO_TIME_TO_CHECK, OUT_OF_PLACE, OUT_OF_RANGE, WRONG_VALUE
 from scenegen.sampling.request import Range
+from scenegen.worlds.suites import new as module
 from scenegen.worlds.suites.new import new_suite
 from scenegen.worlds.suites.suite import MANIFEST, check_suite
 
@@ -42,6 +44,18 @@ def test_bands_by_rarity(spec_file, tmp_path):
     assert (rest.name, hardest.name, rest.phi[0], rest.phi[1]) == ("rest", "hardest", hardest.phi[1], 0.0)
     assert (rest.probability, hardest.probability) == (pytest.approx(0.9, abs=1e-3), pytest.approx(0.1, abs=1e-3))
     assert max(hardest.log10p) <= -1.0 <= min(rest.log10p)
+
+
+def test_time_that_is_up_while_a_rare_band_is_measured(spec_file, tmp_path, monkeypatch):
+    """Bands would depend on the clock: nothing is written."""
+    cut = SpecRarity((), None, 0, 1, (CUT_SHORT(),))
+    asked = []
+    monkeypatch.setattr(module, "rarity", lambda spec, label, **given: asked.append(given) or cut)
+    monkeypatch.setattr(module, "FEW", module.COUNTED)  # every band counts as rare
+    with pytest.raises(RequestError) as caught:
+        new_suite([("beside", spec_file)], tmp_path / "slow", bands=2, n=1, workers=1, timeout=50.0)
+    assert caught.value.diagnostics[0].kind is NO_TIME_TO_CHECK and not (tmp_path / "slow").exists()
+    assert 0.0 < asked[0]["timeout"] < 50.0, "what counting has left of it"
 
 
 @pytest.mark.long

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
@@ -205,15 +206,17 @@ def probability(
     half-width of its 95 % interval (Student's t, converted to the logarithm); None if unknown.
 
     `logs` are the sum of the natural logarithms and that of their squares, where no estimate is 0: the interval is then
-    that of nearly lognormal estimates, see `ratio`. `excess` is added to the logarithm of the mean.
+    that of nearly lognormal estimates, see `ratio`. `excess` is added to the logarithm of the mean. Of estimates whose
+    squares are too small for a float, only the logarithms tell how much they scatter.
     """
     if not total > 0.0:
         return {"log10_probability": None, "log10_error": None}
     mean = total / count
     log10 = math.log10(mean) + excess / math.log(10.0)
     out: dict[str, object] = {"log10_probability": round(log10, 5) + 0.0, "log10_error": None}
-    if count > 1:
-        variance = max(0.0, square - count * mean * mean) / (count - 1) / mean**2
+    tiny = mean * mean < sys.float_info.min
+    if count > 1 and not (tiny and logs is None):
+        variance = 0.0 if tiny else max(0.0, square - count * mean * mean) / (count - 1) / mean**2
         if logs is not None:
             scatter = max(0.0, logs[1] - logs[0] ** 2 / count) / (count - 1)
             widest = scatter + 0.5 * scatter**2 * count / (count - 1)  # of a wild scatter: Cox's interval

@@ -311,11 +311,12 @@ def settle(
             surest, sure = cost, now
         slowest = max(slowest, thin)
         assert best is not None
-        spent = (machine.work - begun) / cheapest
+        spent = machine.work - begun
         enough = pieces <= 0.0 or (thin <= 1.0 and done >= SURE)
         helps = cost <= NOISE * cheapest  # the last sweeps have made the whole cheaper
         over = done >= LONGEST or (done >= FAR * best.sweeps and cost > DEARER * cheapest and thin >= STILL)
-        if enough or over or (not helps and spent > (SPENT if thin < HELPED_EARLY * slowest else TRIED_EARLY)):
+        most = (SPENT if thin < HELPED_EARLY * slowest else TRIED_EARLY) * cheapest
+        if enough or over or (not helps and spent > most):
             return ((sure or now) if thin <= 1.0 else best), now
 
 

@@ -221,6 +221,7 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
     each = max(count if count > size.count else LEAST // 2, -(-wanted // pieces))
     whole = made.cost + settled.cost * settled.sweeps  # smaller pieces take fewer evaluations, but as many steps
     piece = whole * each / count
+    share = whole / machine.work if machine.work else 1.0  # no work: no clause is left to evaluate
     return Recipe(
         made.steps,
         made.settings,
@@ -234,7 +235,7 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
         size,
         (made.taken,),
         made.share,
-        (machine.seconds, GROWN * machine.each * piece + STEPPED * machine.steps_done * whole / machine.work),
+        (machine.seconds, GROWN * machine.each * piece + STEPPED * machine.steps_done * share),
     )
 
 

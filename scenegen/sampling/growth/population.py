@@ -454,12 +454,18 @@ def spread_over(machine: Machine, cells: Sequence[int], count: int) -> tuple[Ind
     ], number % ISLANDS
 
 
-def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> Population | PlacementFailed:
-    """Grows it, as large as it has to be; PlacementFailed where there is no room for some object. Raises
-    StoppedError."""
+def make_population(
+    machine: Machine, size: Size, rng: np.random.Generator, *, larger: bool = False
+) -> Population | PlacementFailed:
+    """Grows it, as large as it has to be; PlacementFailed where there is no room for some object. `larger`: the first
+    size is known to leave too few ancestors. Raises StoppedError."""
     possible = tuple(sorted(machine.problem.possible))
     count = size.count if machine.begin is None else max(size.count, _enough(machine.begin[list(possible)], size))
     for attempt in range(size.again + 1):
+        if attempt:
+            count = min(size.most, max(2 * count, LARGER))
+        elif larger:
+            continue
         tally = MoveTally()
         before = machine.work
         hits = HITS if attempt == 0 else MORE_HITS
@@ -470,7 +476,6 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
                 return grown
         elif last or _ancestors(grown.particles) >= FAMILIES:
             break
-        count = min(size.most, max(2 * count, LARGER))
     assert isinstance(grown, Grown)
     cost = machine.work - before
     found = _cells(grown.particles)

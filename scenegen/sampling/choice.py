@@ -2,8 +2,9 @@
 
 Pruned rejection is tried first: its scenes are independent, and most requests take a fraction of a second. If pruning
 takes much work, finds nothing in a part of the range that is not proved empty, or would need many candidates, a plan of
-growth is made, which costs as much as a few hundred scenes; if growth does not do well, a plan of splitting. Before all
-this, a request that consists of independent parts is split into them, and each part gets the method that suits it.
+growth is made, which costs as much as a few hundred scenes; if growth does not do well, one of a larger population, but
+for no longer than a plan of splitting takes, then that plan. Before all this, a request that consists of independent
+parts is split into them, and each part gets the method that suits it.
 
 Work is counted, never timed: its kinds have prices in seconds, which are constants. So the same request and seed always
 get the same method. Growth and splitting are loaded when they are asked for: that takes longer than many requests for

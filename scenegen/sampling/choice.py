@@ -318,9 +318,7 @@ class MethodChoice:
             return grown
         many = self.problem.moving > MANY
         split = self._splitting(grown.seconds / (GLANCE if many else LOOK))
-        if isinstance(split, NoPlan) or len(split.reached) < len(grown.reached):
-            return grown
-        if many and split.schedule.left >= SLOW:
+        if isinstance(split, NoPlan) or len(split.reached) < len(grown.reached) or (many and split.schedule.left >= SLOW):
             return grown
         return grown if (ADVANTAGE if many else GAIN) * split.seconds >= grown.seconds else split
 

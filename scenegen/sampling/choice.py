@@ -318,9 +318,10 @@ class MethodChoice:
             return grown
         many = self.problem.moving > MANY
         split = self._splitting(grown.seconds / (GLANCE if many else LOOK))
-        if isinstance(split, NoPlan) or len(split.reached) < len(grown.reached) or (many and split.schedule.left >= SLOW):
+        if isinstance(split, NoPlan) or len(split.reached) < len(grown.reached):
             return grown
-        return grown if (ADVANTAGE if many else GAIN) * split.seconds >= grown.seconds else split
+        cheaper = (ADVANTAGE if many else GAIN) * split.seconds < grown.seconds
+        return split if cheaper and not (many and split.schedule.left >= SLOW) else grown
 
     def _growth(self, *, patient: bool = True, longest: float = np.inf, larger: bool = False) -> Growth | NoPlan:
         from scenegen.sampling.growth.sampler import plan_growth

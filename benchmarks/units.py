@@ -39,7 +39,7 @@ from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.sampler import CHAINS, generator
 from scenegen.sampling.splitting.tuning import Tuner
-from scenegen.search.effort import per_scene
+from scenegen.search.effort import MOVE, per_scene
 
 HERE = Path(__file__).resolve().parent
 KINDS = {"bound": ["BOUNDED"], "draw": ["SCORED", "CALLED", "DRAWN"], "grow": ["STEPPED", "GROWN"], "move": ["MOVED"]}
@@ -57,7 +57,7 @@ def measures(text: str) -> Iterator[tuple[str, float, list[float]]]:
     with np.errstate(all="ignore"):
         while time.process_time() - begun < LEAST:
             state.run(16, Tuner(state).tuning())
-    yield "move", time.process_time() - begun, [(state.evaluations - before) * each]
+    yield "move", time.process_time() - begun, [(state.evaluations - before) * (each + MOVE)]
     begun = time.process_time()
     grown = plan_growth(problem, Budget(math.inf), patient=False)
     if isinstance(grown, Growth):

@@ -2,8 +2,9 @@
 
 Pruned rejection is tried first: its scenes are independent, and most requests take a fraction of a second. If pruning
 takes much work, finds nothing in a part of the range that is not proved empty, or would need many candidates, a plan of
-growth is made, which costs as much as a few hundred scenes; if growth does not do well, a plan of splitting. Before all
-this, a request that consists of independent parts is split into them, and each part gets the method that suits it.
+growth is made, which costs as much as a few hundred scenes; if growth does not do well, one of a larger population, but
+for no longer than a plan of splitting takes, then that plan. Before all this, a request that consists of independent
+parts is split into them, and each part gets the method that suits it.
 
 Work is counted, never timed: its kinds have prices in seconds, which are constants. So the same request and seed always
 get the same method. Growth and splitting are loaded when they are asked for: that takes longer than many requests for
@@ -26,7 +27,7 @@ from scenegen.sampling.rejection.sampler import SPARE, Rejection, first_look
 from scenegen.sampling.rejection.sampler import make_plan as plan_rejection
 from scenegen.sampling.rejection.trial import LONG_SEARCH, MOST, Trial, make_trial, nothing_found, search
 from scenegen.sampling.report import too_early
-from scenegen.search.effort import BOUNDED, TooMuchError
+from scenegen.search.effort import BOUNDED, TooMuchError, moving
 
 if TYPE_CHECKING:
     from scenegen.sampling.growth.sampler import Growth
@@ -47,6 +48,8 @@ SLOW = 0.1  # correlation that splitting's chains may leave to take its place
 ADVANTAGE = 2.0  # growth and splitting must be this much cheaper, because their scenes are only nearly independent
 LOOKED = 2.0  # share of what a plan at hand takes, its inverse, that another method may take to get a plan
 LONG, GLANCE = 8.0, 8.0  # seconds of growth from which on splitting is looked at, too, and the same share for that
+LOOK, GAIN = 4.0, 1.4  # this share where few rows move, and how much cheaper splitting must be then
+DESCENT, CHAINS = 6e3, 4096  # moves and chains of a plan of splitting, about: growth may take as long to get one
 
 
 def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
@@ -292,28 +295,38 @@ class MethodChoice:
             quick = self._growth(longest=longest)
             if isinstance(quick, Plan) or quick.final or quick.crowded:
                 return quick
-        crowded = isinstance(quick, NoPlan) and quick.crowded
-        split = None if crowded else self._splitting(longest)
-        if isinstance(split, Plan) and split.schedule.left < SLOW:
+        if isinstance(quick, NoPlan) and quick.crowded:
+            return self._growth(longest=longest)
+        grown = quick
+        if isinstance(quick, Plan):  # its scenes have too few ancestors: those of a larger population may have enough
+            descent = moving(self.problem.core.nodes, DESCENT * CHAINS, DESCENT)
+            grown = self._growth(longest=min(longest, descent), larger=True)
+            if isinstance(grown, Plan):
+                return self._or_splitting(grown)
+            if grown.final:
+                return grown
+        split = self._splitting(longest)
+        if isinstance(split, Plan) or split.time_is_up:  # then nobody can tell what it would have come to
             return split
-        if isinstance(split, NoPlan) and split.time_is_up:  # not that it came to nothing: who can tell?
-            return split
-        grown = self._growth(longest=longest) if crowded or isinstance(quick, Plan) else quick
-        return grown if isinstance(grown, Plan) or not isinstance(split, Plan) else split
+        cut = isinstance(quick, Plan) and isinstance(grown, NoPlan) and grown.too_dear
+        return self._growth(longest=longest) if cut else grown
 
     def _or_splitting(self, grown: Growth) -> Growth | Splitting:
-        """Growth; or splitting, where growth takes long and a glance shows that splitting takes far less."""
+        """Growth; or splitting, where growth takes long and a look shows that splitting takes less. Chains of many
+        moving rows take long to get anywhere: of these, only a glance is taken."""
         if grown.seconds < LONG:
             return grown
-        split = self._splitting(grown.seconds / GLANCE)
-        if isinstance(split, NoPlan) or split.schedule.left >= SLOW or len(split.reached) < len(grown.reached):
+        many = self.problem.moving > MANY
+        split = self._splitting(grown.seconds / (GLANCE if many else LOOK))
+        if isinstance(split, NoPlan) or len(split.reached) < len(grown.reached):
             return grown
-        return grown if ADVANTAGE * split.seconds >= grown.seconds else split
+        cheaper = (ADVANTAGE if many else GAIN) * split.seconds < grown.seconds
+        return split if cheaper and not (many and split.schedule.left >= SLOW) else grown
 
-    def _growth(self, *, patient: bool = True, longest: float = np.inf) -> Growth | NoPlan:
+    def _growth(self, *, patient: bool = True, longest: float = np.inf, larger: bool = False) -> Growth | NoPlan:
         from scenegen.sampling.growth.sampler import plan_growth
 
-        return plan_growth(self.problem, self.budget, patient=patient, longest=longest)
+        return plan_growth(self.problem, self.budget, patient=patient, longest=longest, larger=larger)
 
     def _splitting(self, longest: float) -> Splitting | NoPlan:
         from scenegen.sampling.splitting.sampler import plan_splitting

@@ -206,7 +206,8 @@ def probability(
     half-width of its 95 % interval (Student's t, converted to the logarithm); None if unknown.
 
     `logs` are the sum of the natural logarithms and that of their squares, where no estimate is 0: the interval is then
-    that of nearly lognormal estimates, see `ratio`. `excess` is added to the logarithm of the mean.
+    that of nearly lognormal estimates, see `ratio`. `excess` is added to the logarithm of the mean. Of estimates whose
+    squares are too small for a float, only the logarithms tell how much they scatter.
     """
     if not total > 0.0:
         return {"log10_probability": None, "log10_error": None}

@@ -23,6 +23,7 @@ BOUNDED = 8.6e-9  # seconds of a unit of bounds and planning
 SCORED, CALLED, DRAWN = 4.2e-9, 2e-8, 1.2e-8  # of one of scoring candidates, of calls, and of drawing a coordinate
 STEPPED, GROWN = 4e-4, 1.7e-9  # of a step of growth over all its scenes, and of a unit of scoring one of them
 MOVED = 6.3e-9  # of a unit of scoring a scene that a chain moves to
+MOVE, MOVES = 12.0, 1e4  # units of proposing it, and of the calls of a move of all chains, besides those of scoring
 CALL = 1000  # of an interval rule, for each of its arguments, however few boxes there are
 CORNERED = 10  # times as much as a sum: what a footprint with corners takes
 PYTHON = 200  # a few lines of Python for one node, set or tuple
@@ -123,6 +124,12 @@ def per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
         plain += count
         cornered += count * _cornered(node)
     return 0.1 * plain + 1.4 * cornered, plain * CALL / 8
+
+
+def moving(nodes: Iterable[Node], scenes: float, moves: float) -> float:
+    """The seconds of so many moves of chains, in which so many scenes are tried in all."""
+    each, calls = per_scene(nodes)
+    return MOVED * (scenes * (each + MOVE) + moves * MOVES) + CALLED * moves * calls
 
 
 def _cornered(node: Node) -> bool:

@@ -11,15 +11,18 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling import problem as module
-from scenegen.sampling.choice import MethodChoice, try_rejection
+from scenegen.sampling.choice import CHAINS, DESCENT, LOOK, MethodChoice, try_rejection
 from scenegen.sampling.engine.run import draw
+from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import NoPlan, digest
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.trial import make_trial, search
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.sampler import SplittingStalled
+from scenegen.sampling.splitting.levels import Schedule
+from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled
+from scenegen.search.effort import moving
 
 # Waves of independent headings: no box of poses tells where their product is large.
 WAVES = " * ".join(f"sin(20 * theta({name}))" for name in "abcde")
@@ -97,11 +100,62 @@ def test_a_search_that_time_cuts_short_is_no_plan():
 def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
     problem = make_problem(check_text("leftOf(a, b)"), SampleRequest({"task": Range(0.0)}, n=20))
     cut = SplittingStalled("time", (), (), 0, 0)
-    monkeypatch.setattr("scenegen.sampling.splitting.sampler.plan_splitting", lambda *words, **named: cut)
     quick = plan_growth(problem, Budget())
     assert isinstance(quick, Growth)
     quick = replace(quick, recipe=replace(quick.recipe, effect=np.inf))
+    dear = GrowthFailed(None, None, 0.0, dear=True)
+    monkeypatch.setattr("scenegen.sampling.splitting.sampler.plan_splitting", lambda *words, **named: cut)
+    monkeypatch.setattr("scenegen.sampling.growth.sampler.plan_growth", lambda *words, **named: dear)
     assert MethodChoice(problem, Budget())._other(quick) is cut
+
+
+TIGHT = """object a, b, c, d
+task: abs(dist(a, b) - 0.3) <= 0.0001 & abs(dist(b, c) - 0.3) <= 0.0001 & abs(dist(c, d) - 0.3) <= 0.0001
+    & abs(dist(a, d) - 0.3) <= 0.0001 & abs(dist(a, c) - 0.4) <= 0.0001
+"""
+
+
+@pytest.mark.parametrize(
+    ("growth", "splitting", "left", "taken"),
+    [
+        (75.0, 7.0, 0.7, "splitting"),
+        (75.0, 60.0, 0.0, "growth"),  # not worth the plan
+        (7.0, 1.0, 0.0, "growth"),  # not worth a look
+        (None, 70.0, 0.7, "splitting"),  # cut off
+    ],
+)
+def test_growth_of_large_populations_and_splitting_are_compared(growth, splitting, left, taken, monkeypatch):
+    """Where few ancestors are left of a small population: larger ones may take as long as a plan of splitting."""
+    problem = make_problem(check_text(TIGHT), SampleRequest({"task": Range(0.0)}, n=16, workers=1))
+    easy = plan_growth(make_problem(check_text("leftOf(a, b)"), SampleRequest({"task": Range(0.0)}, n=16)), Budget())
+    split = Splitting(problem, Schedule((), 0, frozenset({0}), 1024, left, 0))
+    given = {}
+
+    def grown(*words, patient, longest, larger):
+        if not patient:
+            return replace(easy, recipe=replace(easy.recipe, effect=np.inf))
+        given["growth"] = longest, larger
+        return GrowthFailed(None, None, 0.0, dear=True) if growth is None else easy
+
+    def splits(*words, longest):
+        given["splitting"] = longest
+        return split
+
+    monkeypatch.setattr(Growth, "seconds", growth)
+    monkeypatch.setattr(Splitting, "seconds", splitting)
+    monkeypatch.setattr("scenegen.sampling.growth.sampler.plan_growth", grown)
+    monkeypatch.setattr("scenegen.sampling.splitting.sampler.plan_splitting", splits)
+    assert MethodChoice(problem, Budget())._other() is (split if taken == "splitting" else easy)
+    assert given["growth"] == (moving(problem.core.nodes, DESCENT * CHAINS, DESCENT), True)
+    assert given.get("splitting") == {None: math.inf, 75.0: 75.0 / LOOK, 7.0: None}[growth]
+
+
+@pytest.mark.slow
+def test_distances_held_to_a_tenth_of_a_millimetre_are_splitting():
+    """Growth finds no place for the last object; the scenes are those of splitting alone."""
+    problem = make_problem(check_text(TIGHT), SampleRequest({"task": Range(0.0)}, n=16, workers=1))
+    choice, split = (make_plan(problem, Budget(math.inf), method=method) for method in ("auto", "splitting"))
+    assert choice.method == "splitting" and choice.plan_digest == split.plan_digest
 
 
 @pytest.mark.parametrize("ends", [(0.0, None), (0.0, 0.3)])

@@ -429,6 +429,18 @@ def test_students_quantiles(degrees):
     assert student(degrees) == pytest.approx(stats.t.ppf(0.975, degrees), rel=2e-3)
 
 
+def test_estimates_whose_squares_are_too_small_for_a_float():
+    """Two of 1e-200 and 3e-200: their squares are 0, and only their logarithms tell how far apart they are."""
+    logs = np.log(np.array([1e-200, 3e-200]))
+    found = probability(2, 4e-200, 0.0, (float(logs.sum()), float((logs**2).sum())))
+    same = probability(
+        2, 4e-100, 1e-199, tuple(map(float, (np.log([1e-100, 3e-100]).sum(), (np.log([1e-100, 3e-100]) ** 2).sum())))
+    )
+    assert found["log10_probability"] == pytest.approx(math.log10(2e-200))
+    assert found["log10_error"] == pytest.approx(same["log10_error"], rel=1e-6)
+    assert probability(2, 4e-200, 0.0) == {"log10_probability": found["log10_probability"], "log10_error": None}
+
+
 @pytest.mark.parametrize("count", [4, 8])
 @pytest.mark.parametrize("sigma", [0.3, 1.0, 1.5])
 def test_the_interval_of_few_pieces_holds(count, sigma):

@@ -263,6 +263,7 @@ def place(particles: Particles, tries: int, *, planning: bool = False) -> Insert
     total = np.zeros(count)
     pose = particles.scenes[list(rows)]
     hits = attracted = 0
+    machine.drawn += len(rows) * tries * count
     chunk = max(1, min(tries, NUMBERS // count))
     for begin in range(0, tries, chunk):
         poses = boxes.draw(min(chunk, tries - begin), particles.rng)

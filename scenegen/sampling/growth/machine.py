@@ -18,7 +18,7 @@ from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room, ma
 from scenegen.sampling.growth.touch import Touch, Values, make_values, touches, within
 from scenegen.sampling.problem import Problem
 from scenegen.search.contract import ROUNDS
-from scenegen.search.effort import GROWN, STEPPED, Effort, StoppedError, TooMuchError, per_scene, until
+from scenegen.search.effort import DRAWN, GROWN, STEPPED, Effort, StoppedError, TooMuchError, per_scene, until
 
 # --------------------------------------------------------------------------------------------------------------------
 # The order in which objects are placed: what hangs together follows one another, the large and the tightly held
@@ -258,8 +258,8 @@ class Machine:
     with these brings the few across a full table. `whole` are the objects whose room is not worth contracting: a plan
     finds them out. `standing` are the places of what stands. `begin` (C,) is how many scenes each cell begins with, in
     proportion, where they may leave their cell; None where they stay: see `outlooks`. `each` is the work of scoring a
-    scene, `steps_done` how often all scenes were evaluated. `furthest` is how many objects have been placed at
-    once."""
+    scene, `steps_done` how often all scenes were evaluated, `drawn` the coordinates of poses that were tried.
+    `furthest` is how many objects have been placed at once."""
 
     problem: Problem
     graph: Graph
@@ -279,6 +279,7 @@ class Machine:
     begin: Array | None = None
     work: float = 0.0
     steps_done: int = 0
+    drawn: float = 0.0
     each: float = 0.0
     deadline: float = math.inf
     most: float = math.inf
@@ -288,7 +289,7 @@ class Machine:
     @property
     def seconds(self) -> float:
         """What was done so far, in seconds of CPU by the constants of search.effort."""
-        return GROWN * self.each * self.work + STEPPED * self.steps_done
+        return GROWN * self.each * self.work + STEPPED * self.steps_done + DRAWN * self.drawn
 
     @property
     def cells(self) -> int:

@@ -311,11 +311,12 @@ def settle(
             surest, sure = cost, now
         slowest = max(slowest, thin)
         assert best is not None
-        spent = (machine.work - begun) / cheapest
+        spent = machine.work - begun
         enough = pieces <= 0.0 or (thin <= 1.0 and done >= SURE)
         helps = cost <= NOISE * cheapest  # the last sweeps have made the whole cheaper
         over = done >= LONGEST or (done >= FAR * best.sweeps and cost > DEARER * cheapest and thin >= STILL)
-        if enough or over or (not helps and spent > (SPENT if thin < HELPED_EARLY * slowest else TRIED_EARLY)):
+        most = (SPENT if thin < HELPED_EARLY * slowest else TRIED_EARLY) * cheapest
+        if enough or over or (not helps and spent > most):
             return ((sure or now) if thin <= 1.0 else best), now
 
 
@@ -453,12 +454,18 @@ def spread_over(machine: Machine, cells: Sequence[int], count: int) -> tuple[Ind
     ], number % ISLANDS
 
 
-def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> Population | PlacementFailed:
-    """Grows it, as large as it has to be; PlacementFailed where there is no room for some object. Raises
-    StoppedError."""
+def make_population(
+    machine: Machine, size: Size, rng: np.random.Generator, *, larger: bool = False
+) -> Population | PlacementFailed:
+    """Grows it, as large as it has to be; PlacementFailed where there is no room for some object. `larger`: the first
+    size is known to leave too few ancestors. Raises StoppedError."""
     possible = tuple(sorted(machine.problem.possible))
     count = size.count if machine.begin is None else max(size.count, _enough(machine.begin[list(possible)], size))
     for attempt in range(size.again + 1):
+        if attempt:
+            count = min(size.most, max(2 * count, LARGER))
+        elif larger:
+            continue
         tally = MoveTally()
         before = machine.work
         hits = HITS if attempt == 0 else MORE_HITS
@@ -469,7 +476,6 @@ def make_population(machine: Machine, size: Size, rng: np.random.Generator) -> P
                 return grown
         elif last or _ancestors(grown.particles) >= FAMILIES:
             break
-        count = min(size.most, max(2 * count, LARGER))
     assert isinstance(grown, Grown)
     cost = machine.work - before
     found = _cells(grown.particles)

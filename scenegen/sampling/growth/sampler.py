@@ -38,7 +38,7 @@ from scenegen.sampling.growth.population import (
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import probability
-from scenegen.search.effort import GROWN, STEPPED, StoppedError, TooMuchError
+from scenegen.search.effort import DRAWN, GROWN, STEPPED, StoppedError, TooMuchError
 
 # --------------------------------------------------------------------------------------------------------------------
 # The populations with which a plan of growth begins: the first is grown while the plan is made, the second is piece 1.
@@ -53,7 +53,7 @@ WORTH = 8e4  # moving ones from which on a population costs about twice as much 
 
 
 def first_population(
-    problem: Problem, budget: Budget, size: Size, longest: float = math.inf
+    problem: Problem, budget: Budget, size: Size, longest: float = math.inf, *, larger: bool = False
 ) -> tuple[Machine, Population] | GrowthFailed:
     """The machine and the first population of a problem, in at most `longest` seconds, as the machine counts them."""
     machine = None
@@ -63,7 +63,7 @@ def first_population(
         if proof:
             return GrowthFailed(machine, None, 0.0, proof)
         machine.longest = longest
-        machine, made = _population(machine, size, 0)
+        machine, made = _population(machine, size, 0, larger=larger)
     except StoppedError:
         return GrowthFailed(machine, None, 0.0 if machine is None else machine.work)
     except TooMuchError:
@@ -91,18 +91,20 @@ def generator(seed: int, piece: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH, piece + 1])))
 
 
-def _population(machine: Machine, size: Size, which: int) -> tuple[Machine, Population | PlacementFailed]:
+def _population(
+    machine: Machine, size: Size, which: int, *, larger: bool = False
+) -> tuple[Machine, Population | PlacementFailed]:
     """A population of the plan, and its machine: one that holds scenes in their cells where too many of a loose one's
     have left them."""
     problem = machine.problem
-    made = make_population(machine, size, _of_plan(problem.request.seed, which))
+    made = make_population(machine, size, _of_plan(problem.request.seed, which), larger=larger)
     if isinstance(made, PlacementFailed) or machine.begin is None or made.share >= KEPT:
         return machine, made
     strict = replace(
-        make_machine(problem), work=machine.work, steps_done=machine.steps_done, deadline=machine.deadline,
-        longest=machine.longest,
+        make_machine(problem), work=machine.work, steps_done=machine.steps_done, drawn=machine.drawn,
+        deadline=machine.deadline, longest=machine.longest,
     )  # fmt: skip
-    return strict, make_population(strict, size, _of_plan(problem.request.seed, which))
+    return strict, make_population(strict, size, _of_plan(problem.request.seed, which), larger=larger)
 
 
 def _of_plan(seed: int, which: int) -> np.random.Generator:
@@ -136,7 +138,7 @@ def size_of(problem: Problem, again: int = 0) -> Size:
 
 def with_deadline(machine: Machine, deadline: float) -> Machine:
     """The same with another deadline, and with its counts of work and of placed objects begun again."""
-    return replace(machine, work=0.0, steps_done=0, deadline=deadline, furthest=0)
+    return replace(machine, work=0.0, steps_done=0, drawn=0.0, deadline=deadline, furthest=0)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -192,12 +194,13 @@ class Recipe:
 
 
 def make_recipe(
-    problem: Problem, budget: Budget, *, patient: bool, longest: float = math.inf
+    problem: Problem, budget: Budget, *, patient: bool, longest: float = math.inf, larger: bool = False
 ) -> tuple[Machine, Recipe] | GrowthFailed:
     """The plan for a problem; GrowthFailed where there is no room for its objects, or time is up. Unless `patient`,
-    small populations must do: the design effect is infinite where few ancestors are left of the first one."""
+    small populations must do: the design effect is infinite where few ancestors are left of the first one. `larger`:
+    that is known, so a larger one is grown at once."""
     size = size_of(problem, AGAIN if patient else 0)
-    found = first_population(problem, budget, size, longest)
+    found = first_population(problem, budget, size, longest, larger=larger)
     if isinstance(found, GrowthFailed):
         return found
     machine, made = found
@@ -221,6 +224,8 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
     each = max(count if count > size.count else LEAST // 2, -(-wanted // pieces))
     whole = made.cost + settled.cost * settled.sweeps  # smaller pieces take fewer evaluations, but as many steps
     piece = whole * each / count
+    share = whole / machine.work if machine.work else 1.0  # no work: no clause is left to evaluate
+    around = STEPPED * machine.steps_done * share + DRAWN * machine.drawn * share * each / count
     return Recipe(
         made.steps,
         made.settings,
@@ -234,7 +239,7 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
         size,
         (made.taken,),
         made.share,
-        (machine.seconds, GROWN * machine.each * piece + STEPPED * machine.steps_done * whole / machine.work),
+        (machine.seconds, GROWN * machine.each * piece + around),
     )
 
 
@@ -396,13 +401,13 @@ class Growth(Plan):
 
 
 def plan_growth(
-    problem: Problem, budget: Budget, *, patient: bool = True, longest: float = math.inf
+    problem: Problem, budget: Budget, *, patient: bool = True, longest: float = math.inf, larger: bool = False
 ) -> Growth | GrowthFailed:
     """The plan of a problem; GrowthFailed where there is no room for some object, or time is up. Unless `patient`,
     little is spent on it, and its design effect may be infinite: such a plan is not to be used. It takes at most
-    `longest` seconds, as a machine counts them."""
+    `longest` seconds, as a machine counts them. `larger`: see `make_recipe`."""
     with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, longest=longest)
+        made = make_recipe(problem, budget, patient=patient, longest=longest, larger=larger)
     return made if isinstance(made, GrowthFailed) else Growth(problem, *made, budget)
 
 

@@ -28,7 +28,7 @@ from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, d
 from scenegen.sampling.splitting.levels import Descent, Schedule, Stage, follow
 from scenegen.sampling.splitting.moves import Tuning
 from scenegen.sampling.splitting.tuning import LONGEST, Tuner, even_out
-from scenegen.search.effort import MOVED, NEVER, Stop, StoppedError, per_scene
+from scenegen.search.effort import NEVER, Stop, StoppedError, moving
 
 FACTS = 9  # of a piece, and two for each statistic
 _SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
@@ -40,6 +40,7 @@ SPLIT = 4  # random stream of splitting (plan and pieces), separate from those o
 KEPT = 0.5  # share of the chains that makes a level
 PIECES = 8  # pieces of a request that is large enough
 CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
+ENSEMBLE = CHAINS // 2  # chains of the plan: one process makes it, so more would only keep others waiting
 LEAST_CHAINS = 1024  # of a piece: with fewer ancestors the shares of modes would be noisy
 TAKES = 16  # maximum number of scenes from one chain
 NUMBERS = 1 << 21  # maximum number of coordinates of a piece's chains
@@ -105,7 +106,7 @@ class _SceneDescent(Descent[Chains]):
         self._takes = min(TAKES, -(-n // (PIECES * self._size)))
         if self._takes > 1:  # as many pieces as planned, none for a few last scenes
             self._size = min(self._size, max(least, -(-n // (PIECES * self._takes))))
-        ensemble = min(most, max(CHAINS // 2, least))  # one process makes the plan: more would only keep others waiting
+        ensemble = min(most, max(ENSEMBLE, least))
         tape = ChainTape(chain_state, stop=budget)
         super().__init__(Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1)))
         self._tuner = Tuner(self.chains)
@@ -203,15 +204,18 @@ class Splitting(Plan):
 
     @property
     def evaluations(self) -> float:
+        return float(self.schedule.evaluations + self.schedule.chains * self._moves)
+
+    @property
+    def _moves(self) -> int:
+        """How often all chains of a piece move, in all pieces; to begin counts as a move."""
         plan = self.schedule
         moves = sum(stage.moves for stage in plan.stages) + (_SETTLING + plan.takes - 1) * plan.thinning
-        pieces = max(FEWEST, -(-self.wanted // (plan.chains * plan.takes)))
-        return float(plan.evaluations + pieces * plan.chains * (1 + moves))
+        return max(FEWEST, -(-self.wanted // (plan.chains * plan.takes))) * (1 + moves)
 
     @property
     def seconds(self) -> float:
-        each, _ = per_scene(self.problem.core.nodes)
-        return MOVED * each * (self.evaluations - self.schedule.evaluations)
+        return moving(self.problem.core.nodes, self.schedule.chains * self._moves, self._moves)
 
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError if time is up meanwhile."""
@@ -268,7 +272,7 @@ def plan_splitting(problem: Problem, budget: Budget, *, longest: float = math.in
     """The plan of a problem; SplittingStalled if its range is not reached. There must be something to move: see
     `moves`. The descent may take `longest` seconds, by the constants of search.effort."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
-        most = longest / (MOVED * per_scene(problem.core.nodes)[0])
+        most = longest / moving(problem.core.nodes, ENSEMBLE, 1.0) * ENSEMBLE
         plan = make_schedule(problem, budget, most)
     return plan if isinstance(plan, SplittingStalled) else Splitting(problem, plan, budget)
 

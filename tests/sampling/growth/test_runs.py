@@ -14,6 +14,7 @@ from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.growth import machine as machine_module
 from scenegen.sampling.growth.failure import how_far, too_full
+from scenegen.sampling.growth.population import explore
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import Budget, make_problem
@@ -305,3 +306,25 @@ def test_tables_that_areas_prove_too_full(text, proved):
         answer = said(text, {"task": Range(0.0)})
         assert answer.startswith("error[table-too-full]") and "more time" not in answer
         assert proof.get("surfaces", "the table") in answer
+
+
+def test_a_request_that_nothing_is_left_to_evaluate_of():
+    """Nearly all scenes are violated: growth draws them, and to move them takes no work that could be divided by."""
+    text = "object a[3]\ntask: forall p, q in a: dist(p, q) <= 1e-12\n"
+    found = scenegen.sample(scenegen.parse(text), {"task": (None, 0.0)}, n=50, method="growth", workers=1)
+    assert len(found) == 50 and found.phi["task"].max() < 0.0
+    assert found.header.sampler["candidates"] == 0 and found.header.sampler["log10_probability"] == 0.0
+
+
+def test_the_first_size_is_left_out_where_it_is_known_to_be_too_small(monkeypatch):
+    tried = []
+
+    def explored(machine, cell, island, *rest, **named):
+        tried.append(len(cell))
+        return explore(machine, cell, island, *rest, **named)
+
+    monkeypatch.setattr("scenegen.sampling.growth.population.explore", explored)
+    problem = make_problem(check_text(TEXT), SampleRequest({"task": Range(0.0)}, n=20, seed=3))
+    assert isinstance(plan_growth(problem, Budget()), Growth)
+    assert isinstance(plan_growth(problem, Budget(), larger=True), Growth)
+    assert tried == [128, 256]

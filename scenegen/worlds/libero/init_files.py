@@ -19,6 +19,7 @@ from scenegen.needs import need
 from scenegen.scenes.files import read_bytes, whole_file
 
 WHAT = "a file of init states"
+FIXTURE = "fixture "  # before the names of fixtures
 
 
 def write_states(path: Path, states: Array, fixtures: Mapping[str, Array]) -> Path:
@@ -29,9 +30,9 @@ def write_states(path: Path, states: Array, fixtures: Mapping[str, Array]) -> Pa
 
     with whole_file(path) as file:
         torch.save(states, file)
-    poses = np.array([*fixtures.values()]).reshape(-1, 7)
+    poses = {f"{FIXTURE}{name}": pose for name, pose in fixtures.items()}
     with whole_file(Path(f"{path}.npz")) as file:
-        np.savez_compressed(file, states=states, fixtures=np.array([*fixtures], dtype=str), poses=poses)
+        np.savez_compressed(file, states=states, **poses)
     return path
 
 
@@ -53,7 +54,8 @@ def read_states(path: Path) -> Array:
 
 
 def read_packed(path: Path) -> dict[str, Array]:
-    """The arrays of TASK.pruned_init.npz; the first are `states` (n, D), whatever their name. Raises DataError."""
+    """The arrays of TASK.pruned_init.npz: `states` (n, D), which are the first where none has the name. Raises
+    DataError."""
     file = io.BytesIO(read_bytes(path, WHAT))
     with _no_other(path), np.load(file) as arrays:
         found = dict(arrays)

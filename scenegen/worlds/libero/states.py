@@ -19,7 +19,7 @@ from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
 from scenegen.sampling.request import Range
 from scenegen.validation import as_int, as_path, as_seconds
 from scenegen.worlds.frame import TableFrame, flat, inverse, times
-from scenegen.worlds.libero.init_files import read_packed, write_states
+from scenegen.worlds.libero.init_files import FIXTURE, read_packed, write_states
 from scenegen.worlds.libero.measure import FLAT, ROBOT, STEEP, LiveModel, matrix, silence
 from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
 from scenegen.worlds.starts import RangeStarts, Start, phi_at
@@ -148,16 +148,17 @@ def init_states(
 def set_scene(env: Any, path: str | Path, row: int) -> Any:
     """Put an environment of LIBERO's, which has been reset, into a state of a file `TASK.pruned_init.npz` exactly as it
     was made: the fixtures too, which no state has. Gives the observation, as `set_init_state` does. Raises DataError
-    for a file of something else, and RequestError for one of another task or without fixtures, and for a row that is
-    not there."""
-    found, live = read_packed(as_path("path", path)), LiveModel(env)
-    states, names = found["states"], found.get("fixtures", np.empty(0)).tolist()
-    if states.shape[1:] != env.get_sim_state().shape or {*names} != {*live.fixtures}:
+    for a file of something else, and RequestError for one of another task, one without fixtures, and a row that is not
+    there."""
+    path = Path(f"{str(as_path('path', path)).removesuffix('.npz')}.npz")
+    found, live = read_packed(path), LiveModel(env)
+    states, poses = found.pop("states"), {name.removeprefix(FIXTURE): pose for name, pose in found.items()}
+    if states.shape[1:] != env.get_sim_state().shape or poses.keys() != {*live.fixtures}:
         wanted = "states with fixtures of this task, as `scenegen libero` writes them"
         raise RequestError(WRONG_VALUE(argument="path", value=str(path), wanted=wanted))
     if not 0 <= as_int("row", row) < len(states):
         raise RequestError(OUT_OF_RANGE(argument="row", value=row, wanted=f"0 to {len(states) - 1}"))
-    live.stand(dict(zip(names, found["poses"], strict=True)))
+    live.stand(poses)
     return env.set_init_state(states[row])
 
 
@@ -232,8 +233,8 @@ class _Maker:
         return _Verdict("", True, state, read, moved)
 
     def holds(self, state: Array, ends: Mapping[str, Array], solved: bool, near: bool) -> bool:
-        """Whether a state is solved or not where the fixtures stand at some ends of their regions, too, at once and after
-        20 steps, and the initial facts hold. Nothing moves there if nothing touches a fixture, nor is `near` here."""
+        """Whether a state is judged the same where the fixtures stand at some ends of their regions, at once and after
+        20 steps, and its initial facts hold. Nothing moves there if nothing touches a fixture, nor is `near` here."""
         self.live.stand(ends)
         try:
             self.live.sim.set_state_from_flattened(state)

@@ -99,7 +99,7 @@ class StatesJob:
         return said + (f"; left out: {left}" if left else "")
 
     def request(self) -> dict[str, object]:
-        return {"phi": list(self.phi), "n": self.n, "seed": self.seed, "settle": self.settle}
+        return {"phi": list(self.phi), "n": self.n, "seed": self.seed, "settle": self.settle, "fixtures": "anywhere"}
 
     def make(self, task: LiberoTask) -> dict[str, Any]:
         wanted: Phi | None = parse_phi(self.phi, LABELS) or None

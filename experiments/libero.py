@@ -34,7 +34,7 @@ from scenegen.worlds.libero.measure import LiveModel
 REQUESTS: dict[str, Any] = {"miss": None, "solved": {"goal": (0.0, None)}}
 
 
-def measure(task: LiberoTask, states: int, seed: int, anew: int) -> dict[str, Any]:
+def measure(task: LiberoTask, states: int, seed: int, anew: int, requests: list[str]) -> dict[str, Any]:
     """One task: what was made, and what a fresh environment says of it."""
     from scenegen.libero import init_states, spec_of
 
@@ -43,7 +43,8 @@ def measure(task: LiberoTask, states: int, seed: int, anew: int) -> dict[str, An
     own = spec_of(env)
     line: dict[str, Any] = {"imports": True, "spec_s": round(time.time() - begun, 2)}
     made = {}
-    for name, wanted in REQUESTS.items():
+    for name in requests:
+        wanted = REQUESTS[name]
         begun, used = time.time(), time.process_time()
         try:
             made[name] = found = init_states(env, wanted, states, spec=own, seed=seed)
@@ -169,6 +170,7 @@ def main() -> None:
     reader.add_argument("out", type=Path)
     reader.add_argument("--states", type=int, default=50)
     reader.add_argument("--seed", type=int, default=0)
+    reader.add_argument("--request", choices=list(REQUESTS), nargs="+", default=list(REQUESTS))
     reader.add_argument("--only", default="", help="a regular expression for SUITE/TASK")
     reader.add_argument("--anew", type=int, default=10, help="states of each request to judge after other resets")
     reader.add_argument("--lot", type=int, help="a seed: only tasks drawn by lot that put something on or in a fixture")
@@ -205,7 +207,7 @@ def main() -> None:
 def _task(out: Path, line: dict[str, Any], task: LiberoTask, given: argparse.Namespace) -> None:
     begun = time.time()
     try:
-        line |= measure(task, given.states, given.seed, given.anew)
+        line |= measure(task, given.states, given.seed, given.anew, given.request)
     except Exception as error:
         line |= {"error": f"{type(error).__name__}: {error}"[:400], "trace": traceback.format_exc()[-500:]}
     _write(out, {**line, "total_s": round(time.time() - begun, 1)})

@@ -30,7 +30,7 @@ def write_states(path: Path, states: Array, fixtures: Mapping[str, Array]) -> Pa
 
     with whole_file(path) as file:
         torch.save(states, file)
-    poses = {f"{FIXTURE}{name}": pose for name, pose in fixtures.items()}
+    poses: dict[str, Any] = {f"{FIXTURE}{name}": pose for name, pose in fixtures.items()}
     with whole_file(Path(f"{path}.npz")) as file:
         np.savez_compressed(file, states=states, **poses)
     return path
@@ -45,7 +45,7 @@ def read_states(path: Path) -> Array:
     need("torch", "to read init states")
     import torch
 
-    makers = [np.zeros(0).__reduce__()[0], np.float64(0.0).__reduce__()[0]]
+    makers: list[Any] = [np.zeros(0).__reduce__()[0], np.float64(0.0).__reduce__()[0]]
     names = [(one, f"numpy.{core}.multiarray.{one.__name__}") for one in makers for core in ("core", "_core")]
     kinds = {type(np.dtype(one)) for one in "?bBhHiIlLqQefd"}
     file = io.BytesIO(read_bytes(path, WHAT))

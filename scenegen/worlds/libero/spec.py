@@ -61,12 +61,13 @@ class EnvironmentSpec:
     ends: Mapping[str, Array]
 
 
-def spec_of(env: Any, more: str = "") -> EnvironmentSpec:
+def spec_of(env: Any, more: str = "", *, anywhere: bool = True) -> EnvironmentSpec:
     """The spec of an environment of LIBERO or robosuite, which has been reset.
 
     LIBERO's has the labels `goal` and, where the goal moves something, `start`; `more` are statements to add, such as
-    the labels of a task of robosuite's. Raises RequestError for a goal of LIBERO's that has no form here, SpecError for
-    statements that do not check.
+    the labels of a task of robosuite's. The goal holds wherever LIBERO's resets put the fixtures, unless `anywhere` is
+    false: then it is that of the scene as it is now, for `set_scene`. Raises RequestError for a goal of LIBERO's that
+    has no form here, SpecError for statements that do not check.
     """
     live = LiveModel(env)
     task = hasattr(live.env, "parsed_problem")
@@ -76,7 +77,7 @@ def spec_of(env: Any, more: str = "") -> EnvironmentSpec:
     names = [one.name for part in samplers for one in part.mujoco_objects if one.name in live.movers]
     stand = {name: live.attitude(name) for name in (live.movers if task else names)}
     prisms = {name: prism_of(live.points(name), attitude) for name, (attitude, _) in stand.items()}
-    maker = _Task(live, origin, prisms, {name: heading for name, (_, heading) in stand.items()})
+    maker = _Task(live, origin, prisms, {name: heading for name, (_, heading) in stand.items()}, anywhere)
     text = (maker.text() if task else _plain(live, origin, prisms, samplers)) + (f"\n{more.strip()}\n" if more else "")
     attitudes = {name: attitude for name, (attitude, _) in stand.items()}
     spec = parse(text, "the environment's spec")
@@ -110,7 +111,9 @@ def _plain(live: LiveModel, origin: Origin, prisms: Prisms, samplers: Sequence[A
 class _Task:
     """A task of LIBERO's, as its environment has read it, in the words of the language."""
 
-    def __init__(self, live: LiveModel, origin: Origin, prisms: Prisms, headings: Mapping[str, float]) -> None:
+    def __init__(
+        self, live: LiveModel, origin: Origin, prisms: Prisms, headings: Mapping[str, float], anywhere: bool
+    ) -> None:
         self.live, self.origin, self.prisms, self.headings = live, origin, prisms, headings
         self.problem = getattr(live.env, "parsed_problem", {})
         self.goal, self.facts = (
@@ -125,7 +128,7 @@ class _Task:
         self.regions: list[str] = []  # statements
         self.require: list[str] = []
         self.floors: dict[str, Floor] = {}
-        self.ends = self._ends()
+        self.ends = self._ends() if anywhere else {}
         self.asked = self._asked()
         self.stands: dict[str, tuple[PrismShape, float, float, float]] = {}  # after the reset: x, y, heading
         for name, prism in prisms.items():

@@ -1,10 +1,12 @@
 """States of all 130 tasks of LIBERO, one line of JSON a task; what is there already is left out.
 
     python -m experiments.libero OUT.jsonl --states 50 [--only REGEX]
-    python -m experiments.libero OUT.jsonl --table # what there is, by suite
+    python -m experiments.libero OUT.jsonl --states 10 --lot 53 # ten tasks by lot that put something on or in a fixture
+    python -m experiments.libero OUT.jsonl --table # what there is, by suite; with --lot, how the states hold elsewhere
 
-The first states of each request are then judged in another environment, too, with another seed, whose reset puts
-the fixtures elsewhere in their regions: by LIBERO's `set_init_state`, and after 20 steps of its own.
+The first states of each request are then judged as LIBERO's evaluation does, in an environment of LIBERO's own class
+with its defaults (but for cameras): each after another seed and a reset, which puts the fixtures elsewhere in their
+regions, by `set_init_state`, and after 20 steps without an action.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import io
 import json
 import logging
 import os
+import random
 import re
 import signal
 import time
@@ -26,11 +29,12 @@ from typing import Any
 import numpy as np
 
 from scenegen.worlds.libero.files import SUITES, LiberoTask, make_environment, tasks_of
+from scenegen.worlds.libero.measure import LiveModel
 
 REQUESTS: dict[str, Any] = {"miss": None, "solved": {"goal": (0.0, None)}}
 
 
-def measure(task: LiberoTask, states: int, seed: int, anew: int) -> dict[str, Any]:
+def measure(task: LiberoTask, states: int, seed: int, anew: int, requests: list[str]) -> dict[str, Any]:
     """One task: what was made, and what a fresh environment says of it."""
     from scenegen.libero import init_states, spec_of
 
@@ -39,7 +43,8 @@ def measure(task: LiberoTask, states: int, seed: int, anew: int) -> dict[str, An
     own = spec_of(env)
     line: dict[str, Any] = {"imports": True, "spec_s": round(time.time() - begun, 2)}
     made = {}
-    for name, wanted in REQUESTS.items():
+    for name in requests:
+        wanted = REQUESTS[name]
         begun, used = time.time(), time.process_time()
         try:
             made[name] = found = init_states(env, wanted, states, spec=own, seed=seed)
@@ -55,30 +60,32 @@ def measure(task: LiberoTask, states: int, seed: int, anew: int) -> dict[str, An
             "refused": dict(found.refused),
             "seconds": round(time.time() - begun, 1),
             "cpu_s": round(time.process_time() - used, 1),
-            "phi": [round(float(end), 5) for end in (np.min(found.phi["goal"]), np.max(found.phi["goal"]))],
+            "phi": [round(float(end), 5) for end in np.sort(found.phi["goal"])[[0, -1]]] if len(found.states) else [],
         }
     if not anew:
         return line
     env.close()
     begun = time.time()
-    env = make_environment(task, seed + 1)
     for name, found in made.items():
-        line[name] |= judge(env, found.states[:anew])
+        line[name] |= judge(task, found.states[:anew], seed + 1)
     line["judge_s"] = round(time.time() - begun, 1)
     return line
 
 
-def judge(env: Any, states: Any) -> dict[str, Any]:
+def judge(task: LiberoTask, states: Any, seed: int) -> dict[str, Any]:
     """What LIBERO's evaluation sees: success at once and after 20 steps, the initial facts then, and what moved."""
-    from scenegen.libero import spec_of
+    from libero.libero.envs.env_wrapper import ControlEnv
 
-    live = spec_of(env).live
+    with contextlib.redirect_stdout(io.StringIO()):
+        env = ControlEnv(bddl_file_name=str(task.file), use_camera_obs=False, has_offscreen_renderer=False)
     problem = env.env.parsed_problem
     zones = {name: one["ranges"] for name, one in problem["regions"].items() if one["ranges"]}
     first, last, kept, moved = [], [], [], []
-    for state in states:
+    for number, state in enumerate(states):
         with contextlib.redirect_stdout(io.StringIO()):
-            env.env.timestep, env.env.done = 0, False
+            env.seed(seed + number)
+            env.reset()
+            live = LiveModel(env)
             env.set_init_state(state)
             before = {name: live.data.xpos[body].copy() for name, body in live.things.items()}
             first.append(bool(env.check_success()))
@@ -103,7 +110,39 @@ def judge(env: Any, states: Any) -> dict[str, Any]:
                 else:
                     held.append(bool(env.env._eval_predicate(fact)))
         kept.append(all(held))
+    env.close()
     return {"anew": {"n": len(states), "at_once": sum(first), "after": sum(last), "facts": sum(kept), "moved": moved}}
+
+
+def by_lot(seed: int, count: int) -> list[LiberoTask]:
+    """Tasks that put something on or in a fixture, drawn by lot from those of all suites."""
+    from libero.libero.envs.bddl_utils import robosuite_parse_problem
+
+    found = []
+    for task in (task for suite in SUITES for task in tasks_of(suite)):
+        with contextlib.redirect_stdout(io.StringIO()):
+            problem = robosuite_parse_problem(str(task.file))
+        fixtures = {name for names in problem["fixtures"].values() for name in names}
+        sites = {name for name, one in problem["regions"].items() if not one["ranges"] and one["target"] in fixtures}
+        if any(fact[0].lower() in ("on", "in") and fact[-1] in sites for fact in problem["goal_state"]):
+            found.append(task)
+    print(f"{len(found)} tasks put something on or in a fixture")
+    return random.Random(seed).sample(found, count)
+
+
+def elsewhere(lines: list[dict[str, Any]]) -> None:
+    """Prints how the solved states and the starts of each task hold where fixtures stand elsewhere."""
+    print("| task | states | at once | after 20 steps | starts | miss at once | miss after | facts hold | CPU s |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    rows = []
+    for one in lines:
+        empty = dict.fromkeys(("n", "at_once", "after", "facts"), 0)
+        solved, miss = (one.get(name, {}).get("anew") or empty for name in ("solved", "miss"))
+        rows.append([solved["n"], solved["at_once"], solved["after"], miss["n"]])
+        rows[-1] += [miss["n"] - miss["at_once"], miss["n"] - miss["after"], miss["facts"]]
+        rows[-1].append(round(sum(one.get(name, {}).get("cpu_s", 0) for name in REQUESTS), 1))
+        print(f"| {one['task']} | {' | '.join(map(str, rows[-1]))} |")
+    print(f"| all | {' | '.join(f'{sum(column):g}' for column in zip(*rows, strict=True))} |")
 
 
 def table(lines: list[dict[str, Any]], states: int) -> None:
@@ -131,13 +170,17 @@ def main() -> None:
     reader.add_argument("out", type=Path)
     reader.add_argument("--states", type=int, default=50)
     reader.add_argument("--seed", type=int, default=0)
+    reader.add_argument("--request", choices=list(REQUESTS), nargs="+", default=list(REQUESTS))
     reader.add_argument("--only", default="", help="a regular expression for SUITE/TASK")
-    reader.add_argument("--anew", type=int, default=10, help="states of each request to judge in another environment")
+    reader.add_argument("--anew", type=int, default=10, help="states of each request to judge after other resets")
+    reader.add_argument("--lot", type=int, help="a seed: only tasks drawn by lot that put something on or in a fixture")
+    reader.add_argument("--tasks", type=int, default=10, help="how many of these")
     reader.add_argument("--limit", type=int, default=1800, help="seconds for a task")
     reader.add_argument("--table", action="store_true")
     given = reader.parse_args()
     if given.table:
-        table([json.loads(line) for line in given.out.read_text().splitlines()], given.states)
+        lines = [json.loads(line) for line in given.out.read_text().splitlines()]
+        table(lines, given.states) if given.lot is None else elsewhere(lines)
         return
     import libero.libero.envs.env_wrapper  # noqa: F401 - once, before the processes
 
@@ -146,7 +189,8 @@ def main() -> None:
     done = set()
     if given.out.exists():
         done = {(one["suite"], one["task"]) for one in map(json.loads, given.out.read_text().splitlines())}
-    for task in (task for suite in SUITES for task in tasks_of(suite)):
+    every = [task for suite in SUITES for task in tasks_of(suite)]
+    for task in every if given.lot is None else by_lot(given.lot, given.tasks):
         line: dict[str, Any] = {"suite": task.suite, "task": task.name}
         if tuple(line.values()) in done or not re.search(given.only, "/".join(line.values())):
             continue
@@ -163,7 +207,7 @@ def main() -> None:
 def _task(out: Path, line: dict[str, Any], task: LiberoTask, given: argparse.Namespace) -> None:
     begun = time.time()
     try:
-        line |= measure(task, given.states, given.seed, given.anew)
+        line |= measure(task, given.states, given.seed, given.anew, given.request)
     except Exception as error:
         line |= {"error": f"{type(error).__name__}: {error}"[:400], "trace": traceback.format_exc()[-500:]}
     _write(out, {**line, "total_s": round(time.time() - begun, 1)})

@@ -7,6 +7,6 @@ Nothing here imports LIBERO or robosuite: the environment brings its own simulat
 """
 
 from scenegen.worlds.libero.spec import EnvironmentSpec, spec_of
-from scenegen.worlds.libero.states import SettledStates, init_states
+from scenegen.worlds.libero.states import SettledStates, init_states, set_scene
 
-__all__ = ["EnvironmentSpec", "SettledStates", "init_states", "spec_of"]
+__all__ = ["EnvironmentSpec", "SettledStates", "init_states", "set_scene", "spec_of"]

@@ -34,8 +34,8 @@ def libero(
       LIBERO_CONFIG_PATH=starts python evaluate.py
 
     The spec is made from the task's own environment. A state is kept if nothing moves in it, and if LIBERO finds the
-    goal solved where phi >= 0, and nowhere else, at once and after 20 steps; of starts that miss also if the initial
-    facts hold, to 1 cm.
+    goal solved where phi >= 0, and nowhere else, at once and after 20 steps, wherever a reset may put the fixtures; of
+    starts that miss also if the initial facts hold, to 1 cm.
 
     DIR gets init_files/SUITE/TASK.pruned_init and .pruned_init.npz, the specs, a report of each task, and config.yaml,
     by which LIBERO and LeRobot find the states. What was made by the same request before is not made again. A task with

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from scenegen.api.request import Phi
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.errors.worlds import PLACEMENT
 from scenegen.needs import need
 from scenegen.sampling.request import parse_phi
-from scenegen.scenes.files import ensure_folder, whole_file, write_whole
+from scenegen.scenes.files import ensure_folder, write_whole
 from scenegen.worlds.libero.measure import silence
 from scenegen.worlds.libero.states import SettledStates, init_states
 
@@ -101,7 +99,7 @@ class StatesJob:
         return said + (f"; left out: {left}" if left else "")
 
     def request(self) -> dict[str, object]:
-        return {"phi": list(self.phi), "n": self.n, "seed": self.seed, "settle": self.settle}
+        return {"phi": list(self.phi), "n": self.n, "seed": self.seed, "settle": self.settle, "fixtures": "anywhere"}
 
     def make(self, task: LiberoTask) -> dict[str, Any]:
         wanted: Phi | None = parse_phi(self.phi, LABELS) or None
@@ -123,8 +121,6 @@ class StatesJob:
             ensure_folder(folder)
         if len(made.states):
             made.save(states / f"{task.name}.pruned_init")
-            with whole_file(states / f"{task.name}.pruned_init.npz") as file:
-                np.savez_compressed(file, states=made.states)
         write_whole(specs / f"{task.name}.spec", made.spec.text.encode())
         write_whole(reports / f"{task.name}.json", (json.dumps(report, indent=1) + "\n").encode())
         return report

@@ -103,7 +103,8 @@ class LiveModel:
     """The MuJoCo model and data of an environment, which has been reset, by the names of its things.
 
     `things` are all of them with the number of their root body, `movers` those with a free joint, with the address of
-    their pose in qpos, `parts` the joints of the others; `start` is qpos as the reset left it.
+    their pose in qpos, `parts` the joints of the others, the fixtures, whose poses in the world are `fixed` (7,);
+    `start` is qpos as the reset left it.
     """
 
     def __init__(self, env: Any) -> None:
@@ -126,6 +127,8 @@ class LiveModel:
             if self.model.body_jntadr[body] >= 0 and self.model.jnt_type[self.model.body_jntadr[body]] == 0
         }
         self.fixtures = [name for name in self.things if name not in self.movers]
+        bodies = {name: self.things[name] for name in self.fixtures}
+        self.fixed = {name: np.r_[self.model.body_pos[one], self.model.body_quat[one]] for name, one in bodies.items()}
         self.owners = self._owners()
         self.start: Array = self.data.qpos.copy()
         self.parts = self._parts()
@@ -168,6 +171,12 @@ class LiveModel:
         finally:
             self.data.qpos[:] = before
             self.mj.mj_forward(self.model, self.data)
+
+    def stand(self, poses: Mapping[str, Array]) -> None:
+        """Put fixtures at poses (7,) in the world, which are part of the model, not of a state."""
+        for name, pose in poses.items():
+            body = self.things[name]
+            self.model.body_pos[body], self.model.body_quat[body] = pose[:3], pose[3:]
 
     # ---- attitudes, hulls
 

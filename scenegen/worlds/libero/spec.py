@@ -21,7 +21,7 @@ from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.geometry import NUMPY
 from scenegen.geometry.clearance import gap
 from scenegen.geometry.footprint import Polygon, Rectangle
-from scenegen.worlds.frame import heading_of, upright
+from scenegen.worlds.frame import TableFrame, heading_of, upright
 from scenegen.worlds.libero.measure import Floor, LiveModel, Part, PrismShape, prism_of
 from scenegen.worlds.pddl.translation import around, grown, meet
 
@@ -35,6 +35,7 @@ LOW = 0.03  # shapes of such a fixture that begin higher leave room on the table
 TURN = 0.02  # radians by which things are turned from their own heading at the start, at most
 NEAR = 0.03  # LIBERO's: the centres of what is on a thing and of the thing
 EDGE = 0.02  # the part of a joint's range that a goal keeps from its ends
+PUSH = 0.001  # metres by which a wall of a fixture that stands elsewhere may push a thing
 TRACK = 2.0  # metres over the table, where sliders are
 
 
@@ -45,7 +46,7 @@ class EnvironmentSpec:
     `origin` is the spec's (0, 0) on the ground in the world, in metres; `prisms` and `attitudes` (quaternions w, x, y,
     z at heading 0) are those of the things that move; `sliders` the joints by object of the spec: its x is the joint
     times its lever; `facts` the initial facts; `tight` the sites of fixtures at which the goal has
-    things.
+    things; `ends` (K, 7) poses of fixtures in the world, at the ends of the regions in which resets put them.
     """
 
     text: str
@@ -57,14 +58,16 @@ class EnvironmentSpec:
     sliders: Mapping[str, Part]
     facts: tuple[Fact, ...]
     tight: Mapping[str, str]
+    ends: Mapping[str, Array]
 
 
-def spec_of(env: Any, more: str = "") -> EnvironmentSpec:
+def spec_of(env: Any, more: str = "", *, anywhere: bool = True) -> EnvironmentSpec:
     """The spec of an environment of LIBERO or robosuite, which has been reset.
 
     LIBERO's has the labels `goal` and, where the goal moves something, `start`; `more` are statements to add, such as
-    the labels of a task of robosuite's. Raises RequestError for a goal of LIBERO's that has no form here, SpecError for
-    statements that do not check.
+    the labels of a task of robosuite's. The goal holds wherever LIBERO's resets put the fixtures, unless `anywhere` is
+    false: then it is that of the scene as it is now, for `set_scene`. Raises RequestError for a goal of LIBERO's that
+    has no form here, SpecError for statements that do not check.
     """
     live = LiveModel(env)
     task = hasattr(live.env, "parsed_problem")
@@ -74,11 +77,12 @@ def spec_of(env: Any, more: str = "") -> EnvironmentSpec:
     names = [one.name for part in samplers for one in part.mujoco_objects if one.name in live.movers]
     stand = {name: live.attitude(name) for name in (live.movers if task else names)}
     prisms = {name: prism_of(live.points(name), attitude) for name, (attitude, _) in stand.items()}
-    maker = _Task(live, origin, prisms, {name: heading for name, (_, heading) in stand.items()})
+    maker = _Task(live, origin, prisms, {name: heading for name, (_, heading) in stand.items()}, anywhere)
     text = (maker.text() if task else _plain(live, origin, prisms, samplers)) + (f"\n{more.strip()}\n" if more else "")
     attitudes = {name: attitude for name, (attitude, _) in stand.items()}
     spec = parse(text, "the environment's spec")
-    return EnvironmentSpec(text, spec, live, origin, prisms, attitudes, maker.sliders, tuple(maker.facts), maker.tight)
+    facts = tuple(maker.facts)
+    return EnvironmentSpec(text, spec, live, origin, prisms, attitudes, maker.sliders, facts, maker.tight, maker.ends)
 
 
 def _samplers(env: Any) -> list[Any]:
@@ -107,7 +111,9 @@ def _plain(live: LiveModel, origin: Origin, prisms: Prisms, samplers: Sequence[A
 class _Task:
     """A task of LIBERO's, as its environment has read it, in the words of the language."""
 
-    def __init__(self, live: LiveModel, origin: Origin, prisms: Prisms, headings: Mapping[str, float]) -> None:
+    def __init__(
+        self, live: LiveModel, origin: Origin, prisms: Prisms, headings: Mapping[str, float], anywhere: bool
+    ) -> None:
         self.live, self.origin, self.prisms, self.headings = live, origin, prisms, headings
         self.problem = getattr(live.env, "parsed_problem", {})
         self.goal, self.facts = (
@@ -122,6 +128,7 @@ class _Task:
         self.regions: list[str] = []  # statements
         self.require: list[str] = []
         self.floors: dict[str, Floor] = {}
+        self.ends = self._ends() if anywhere else {}
         self.asked = self._asked()
         self.stands: dict[str, tuple[PrismShape, float, float, float]] = {}  # after the reset: x, y, heading
         for name, prism in prisms.items():
@@ -195,9 +202,34 @@ class _Task:
 
     # ---- places
 
+    def _ends(self) -> dict[str, Array]:
+        """(K, 7): the poses of each fixture in the world, at the ends of the region in which resets put it."""
+        found = {}
+        for name, zone in (fact[1:] for fact in self.facts if fact[0] in PLACES):
+            if name in self.live.fixtures and zone in self.zones:
+                region, (_, _, z, *attitude) = self.problem["regions"][zone], self.live.fixed[name]
+                left, bottom, right, top = around([_box(one) for one in region["ranges"]])
+                ends = itertools.product((left, right), (bottom, top), sorted({*region["yaw_rotation"]}))
+                frames = [TableFrame((x + self.origin[0], y + self.origin[1], z), turn) for x, y, turn in ends]
+                found[name] = np.array(
+                    [np.concatenate(one.place((0.0, 0.0, 0.0, *upright(attitude)))) for one in frames]
+                )
+        return found
+
+    def _everywhere(self, box: Rectangle, fixture: str, push: float = 0.0) -> Rectangle:
+        """What of a rectangle at a fixture is there wherever the fixture may stand, turned as it is, and `push` metres
+        more; 1 mm in the middle where that is nothing."""
+        now = self.live.fixed[fixture]
+        ends = (self.ends.get(fixture, now[None]) - now)[:, :2]
+        low = box[:2] + np.maximum(ends.max(axis=0) - push, 0.0)
+        high = box[2:] + np.minimum(ends.min(axis=0) + push, 0.0)
+        middle = (low + high) / 2.0
+        return *np.minimum(low, middle - 0.0005).tolist(), *np.maximum(high, middle + 0.0005).tolist()
+
     def _floor(self, site: str) -> Floor:
-        """The floor of a fixture's site, in the spec's frame, declared as a region. Where a fact has something there
-        at the start, its drawer is as the reset left it, else as the goal wants it."""
+        """The floor of a fixture's site, in the spec's frame, declared as a region: what of it is there wherever the
+        fixture may stand. Where a fact has something there at the start, its drawer is as the reset left it, else as
+        the goal wants it."""
         if site not in self.floors:
             own = self.sites[site]
             joints = {part.name: sum(run) / 2.0 for ranges in self.asked.values() for part, run in ranges}
@@ -205,7 +237,9 @@ class _Task:
                 joints = {}
             found = self.live.floor(site, np.asarray(own.size, dtype=np.float64), own.parent_name, joints)
             x, y, z = self.origin
-            own_box, free = ((a - x, b - y, c - x, d - y) for a, b, c, d in (found.rectangle, found.free))
+            shared = self._everywhere(found.rectangle, own.parent_name)
+            walls = shared if found.free == found.rectangle else self._everywhere(found.free, own.parent_name, PUSH)
+            own_box, free = ((a - x, b - y, c - x, d - y) for a, b, c, d in (shared, walls))
             self.floors[site] = floor = Floor(own_box, free, max(round(found.height - z, 4), BLOCK + 0.0005))
             self.regions.append(f"region {site} = {_rect(floor.rectangle)} at {_n(floor.height)} m")
             if floor.free != floor.rectangle:

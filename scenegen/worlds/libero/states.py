@@ -16,18 +16,18 @@ from scenegen.api.request import Phi, read_phi
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
-from scenegen.needs import need
 from scenegen.sampling.request import Range
-from scenegen.scenes.files import whole_file
 from scenegen.validation import as_int, as_path, as_seconds
 from scenegen.worlds.frame import TableFrame, flat, inverse, times
-from scenegen.worlds.libero.measure import FLAT, ROBOT, STEEP, matrix, silence
+from scenegen.worlds.libero.init_files import FIXTURE, read_packed, write_states
+from scenegen.worlds.libero.measure import FLAT, ROBOT, STEEP, LiveModel, matrix, silence
 from scenegen.worlds.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
 from scenegen.worlds.starts import RangeStarts, Start, phi_at
 
 STEPS = 20  # control steps of the environment's own, after which a state is judged again
 DEEP = 0.003  # metres: contacts that are deeper push things away
 STILL = 0.01  # metres by which things may move in those steps, and initial facts be off
+SHOVED = 0.03  # metres by which they may move where fixtures that stand elsewhere push them
 FAR = 0.5  # metres: what moves farther while it settles has fallen off
 UP = 0.985  # the cosine of 10 degrees, by which things of starts may tip
 LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
@@ -36,6 +36,7 @@ MISS = -0.001  # phi of starts that miss, at most
 LEAST, TRIES = 174, 10  # scenes that are drawn at most: if none of them is good, and for each state
 TIMEOUT = 60.0  # seconds of a draw
 UPRIGHT = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
+PRESSED = 0.0002  # metres by which solved things are lowered onto fixtures, whose tops are not quite level
 OVER = 0.0005  # metres over its floor from where a thing is lowered
 LEAN, HIGH = 0.15, 0.1  # radians by which it leans in the last of these attitudes, as a book does, and metres for OVER
 
@@ -61,15 +62,9 @@ class SettledStates:
     refused: Mapping[str, int]
 
     def save(self, path: str | Path) -> Path:
-        """Write the states as LIBERO has them (`TASK.pruned_init`); the file appears whole or not at all. Raises
-        OutputError, and RequestError where torch is not installed."""
-        need("torch", "to write init states")
-        import torch
-
-        path = as_path("path", path)
-        with whole_file(path) as file:
-            torch.save(self.states, file)
-        return path
+        """Write the states as LIBERO has them (`TASK.pruned_init`), and `TASK.pruned_init.npz` with the fixtures, too;
+        each file appears whole or not at all. Raises OutputError, and RequestError where torch is not installed."""
+        return write_states(as_path("path", path), self.states, self.spec.live.fixed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,6 +145,23 @@ def init_states(
     )
 
 
+def set_scene(env: Any, path: str | Path, row: int) -> Any:
+    """Put an environment of LIBERO's, which has been reset, into a state of a file `TASK.pruned_init.npz` exactly as it
+    was made: the fixtures too, which no state has. Gives the observation, as `set_init_state` does. Raises DataError
+    for a file of something else, and RequestError for one of another task, one without fixtures, and a row that is not
+    there."""
+    path = Path(f"{str(as_path('path', path)).removesuffix('.npz')}.npz")
+    found, live = read_packed(path), LiveModel(env)
+    states, poses = found.pop("states"), {name.removeprefix(FIXTURE): pose for name, pose in found.items()}
+    if states.shape[1:] != env.get_sim_state().shape or poses.keys() != {*live.fixtures}:
+        wanted = "states with fixtures of this task, as `scenegen libero` writes them"
+        raise RequestError(WRONG_VALUE(argument="path", value=str(path), wanted=wanted))
+    if not 0 <= as_int("row", row) < len(states):
+        raise RequestError(OUT_OF_RANGE(argument="row", value=row, wanted=f"0 to {len(states) - 1}"))
+    live.stand(poses)
+    return env.set_init_state(states[row])
+
+
 class _Maker:
     """Puts scenes into an environment, lets them settle, and judges them."""
 
@@ -161,6 +173,9 @@ class _Maker:
         joints = [one for one in range(self.model.njnt) if not self._is_ours(one)]
         self.arm = [int(self.model.jnt_qposadr[one]) for one in joints]
         self.arm_speed = [int(self.model.jnt_dofadr[one]) for one in joints]
+        most = max(map(len, own.ends.values()), default=0)
+        self.elsewhere = [{name: one[k % len(one)] for name, one in own.ends.items()} for k in range(most)]
+        self.second = round(STEPS * own.live.env.control_timestep / float(self.model.opt.timestep))
         self.broken: set[Fact] = set()  # initial facts that the environment's own reset does not keep
         self.restore()
         self.step()
@@ -183,6 +198,10 @@ class _Maker:
             return _Verdict("too low or too high for the site")
         if not self.come_to_rest():
             return _Verdict("does not come to rest")
+        if wanted and self.elsewhere:
+            for name in self.own.tight:
+                self.data.qpos[self.live.movers[name] + 2] -= PRESSED
+            self.live.mj.mj_forward(self.model, self.data)
         if any(ROBOT in (a, b) and {a, b} & {*self.things} for a, b, _ in self.live.contacts()):
             return _Verdict("touches the robot")
         if self.live.depth(self.live.movers) > DEEP:
@@ -208,7 +227,32 @@ class _Maker:
             return _Verdict("judged otherwise after 20 steps", False)
         if moved > STILL or not self.keeps_all():
             return _Verdict("moves in 20 steps", True)
+        near = self.near_fixtures()
+        if not all(self.holds(state, ends, solved, near) for ends in self.elsewhere):
+            return _Verdict("holds at some places of the fixtures only", True)
         return _Verdict("", True, state, read, moved)
+
+    def holds(self, state: Array, ends: Mapping[str, Array], solved: bool, near: bool) -> bool:
+        """Whether a state is judged the same where the fixtures stand at some ends of their regions, at once and after
+        20 steps, and its initial facts hold. Nothing moves there if nothing touches a fixture, nor is `near` here."""
+        self.live.stand(ends)
+        try:
+            self.live.sim.set_state_from_flattened(state)
+            self.live.mj.mj_forward(self.model, self.data)
+            before = self.places()
+            good = self.judge() == solved and self.keeps_all()
+            if good and (near or self.near_fixtures()):
+                self.run(self.second)
+                moved = np.linalg.norm(self.places() - before, axis=1).max(initial=0.0)
+                good = self.judge() == solved and self.keeps_all() and bool(moved <= SHOVED)
+            return good
+        finally:
+            self.live.stand(self.live.fixed)
+
+    def near_fixtures(self) -> bool:
+        """Whether a thing touches a fixture."""
+        pairs = ({a, b} for a, b, _ in self.live.contacts())
+        return any(not pair.isdisjoint(self.own.ends) and not pair.isdisjoint(self.things) for pair in pairs)
 
     # ---- from a scene to a simulation and back
 
@@ -258,17 +302,22 @@ class _Maker:
 
     def come_to_rest(self) -> bool:
         """Step the simulation with the arm held, until nothing moves or the time is over. True if the things rest."""
-        arm, last, moved = self.data.qpos[self.arm].copy(), self.poses(), math.inf
-        for done in range(1, self.settle + 1):
-            self.live.mj.mj_step(self.model, self.data)
-            self.data.qpos[self.arm], self.data.qvel[self.arm_speed] = arm, 0.0
-            if done % LOOK == 0:
-                last, moved = (now := self.poses()), float(np.abs(now - last).max(initial=0.0))
-                if moved < SLOW[0]:
-                    break
+        last, moved = self.poses(), math.inf
+        for left in range(self.settle, 0, -LOOK):
+            self.run(min(left, LOOK))
+            last, moved = (now := self.poses()), float(np.abs(now - last).max(initial=0.0))
+            if moved < SLOW[0]:
+                break
         self.data.time, self.data.qvel[:], self.data.qacc_warmstart[:] = 0.0, 0.0, 0.0
         self.live.mj.mj_forward(self.model, self.data)
         return moved < SLOW[1] and bool(np.isfinite(self.data.qpos).all())
+
+    def run(self, steps: int) -> None:
+        """Steps of the simulation, with the arm held."""
+        arm = self.data.qpos[self.arm].copy()
+        for _ in range(steps):
+            self.live.mj.mj_step(self.model, self.data)
+            self.data.qpos[self.arm], self.data.qvel[self.arm_speed] = arm, 0.0
 
     def poses(self) -> Array:
         """(N, 7): the places of the things and a tenth of their quaternions: 1 mm weighs as much as 1 degree."""

@@ -9,10 +9,12 @@ import pytest
 
 import scenegen
 from scenegen.errors import RequestError
-from scenegen.libero import spec_of
+from scenegen.libero import set_scene, spec_of
 from scenegen.worlds.frame import times, upright
 from scenegen.worlds.libero.files import LiberoTask, StatesJob, tasks_of
+from scenegen.worlds.libero.init_files import write_states
 from scenegen.worlds.libero.measure import LiveModel, heading_of, matrix, prism_of
+from scenegen.worlds.libero.spec import _Task
 from scenegen.worlds.libero.states import SettledStates, _quarters
 
 HALF = math.sqrt(0.5)
@@ -116,6 +118,59 @@ def test_a_model_is_measured(table):
     assert (live.data.qpos == before).all()
 
 
+@pytest.fixture
+def restored(table):
+    """The model that all tests share, with its fixtures put back."""
+    live = LiveModel(table)
+    yield live
+    live.stand(live.fixed)
+
+
+def test_fixtures_are_part_of_the_model_and_a_scene_has_them(table, restored, tmp_path):
+    sim, before = table.sim, restored.data.qpos.copy()
+    size = len(before) + restored.model.nv
+    env = SimpleNamespace(**vars(table), get_sim_state=lambda: np.zeros(size))
+    env.set_init_state = lambda state: (restored.data.qpos.__setitem__(slice(None), state[: len(before)]), "seen")[1]
+    states = np.arange(2.0 * size).reshape(2, size)
+    path = write_states(tmp_path / "task.pruned_init", states, {"chest": np.array([0.4, 0.3, 0.2, 0.0, 0.0, 0.0, 1.0])})
+    assert set_scene(env, f"{path}.npz", 1) == "seen"
+    chest = sim.model._model.body("chest")
+    assert chest.pos == pytest.approx([0.4, 0.3, 0.2]) and chest.quat == pytest.approx([0, 0, 0, 1])
+    assert np.array_equal(restored.data.qpos, states[1, : len(before)])
+    restored.data.qpos[:] = before
+    for row in (2, -1):
+        with pytest.raises(RequestError, match="0 to 1"):
+            set_scene(env, f"{path}.npz", row)
+    write_states(path, states, {"stove": np.zeros(7)})  # of another task
+    chest = {"fixture chest": np.zeros(7)}
+    for change in ({}, {"states": states}, {"states": states[:, 1:], **chest}, {"more": 1, "states": states, **chest}):
+        if change:
+            np.savez(f"{path}.npz", **change)
+        with pytest.raises(RequestError, match="states with fixtures of this task"):
+            set_scene(env, f"{path}.npz", 0)
+
+
+def test_what_a_region_leaves_of_a_fixtures_floor(restored):
+    """The chest stands at (0.3, 0.1): its region goes 1 and 2 cm to the left and 3 cm to the right, 2 cm up."""
+    task = object.__new__(_Task)
+    task.live, task.origin = restored, (0.1, 0.0, 0.82)
+    task.facts = [("on", "chest", "corner"), ("on", "can", "corner"), ("open", "chest_top")]
+    ranges = [[0.19, 0.1, 0.23, 0.12], [0.18, 0.1, 0.2, 0.11]]
+    task.problem = {"regions": {"corner": {"ranges": ranges, "yaw_rotation": [-0.1, 0.1]}}}
+    task.zones = {"corner": (0.19, 0.1, 0.23, 0.12)}
+    task.ends = task._ends()
+    ends = task.ends["chest"]
+    assert list(task.ends) == ["chest"] and ends.shape == (8, 7) and (ends[:, 2] == 0.82).all()
+    assert {tuple(one) for one in ends[:, :2].round(9).tolist()} == {(x, y) for x in (0.28, 0.33) for y in (0.1, 0.12)}
+    assert sorted({round(float(heading_of(one[3:])), 9) for one in ends}) == [-0.1, 0.1]
+    box = (0.2, 0.0, 0.4, 0.2)  # of the chest, where it stands
+    assert task._everywhere(box, "chest") == pytest.approx((0.23, 0.02, 0.38, 0.2))
+    assert task._everywhere(box, "chest", 0.005) == pytest.approx((0.225, 0.015, 0.385, 0.2))
+    assert task._everywhere((0.29, 0.0, 0.31, 0.2), "chest") == pytest.approx((0.3045, 0.02, 0.3055, 0.2))
+    task.ends = {}
+    assert task._everywhere(box, "chest", 0.005) == pytest.approx(box)
+
+
 def test_the_spec_of_an_environment_of_robosuites_kind(table):
     made = spec_of(table, "task: x(can) <= 0 m")
     assert made.spec.objects == ("can",) and made.spec.labels == ("task",)
@@ -129,7 +184,7 @@ def test_the_spec_of_an_environment_of_robosuites_kind(table):
 def test_files_of_a_task(tmp_path):
     task = LiberoTask("suite", "task", tmp_path / "task.bddl")
     job = StatesJob(tmp_path / "home", ("goal=0:",), n=2)
-    spec = SimpleNamespace(text="goal: x(mug) <= 0 m\n")
+    spec = SimpleNamespace(text="goal: x(mug) <= 0 m\n", live=SimpleNamespace(fixed={}))
     one = {"goal": np.array([0.1, 0.2])}
     made = SettledStates(np.arange(6.0).reshape(2, 3), one, one, np.zeros(2), spec, 3, 2, 2, {"falls": 1})
     report = job.write(task, made)

@@ -15,10 +15,10 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.needs import need
 from scenegen.validation import as_point
 from scenegen.worlds.frame import TableFrame
 from scenegen.worlds.libero.files import libero_paths, make_environment, tasks_of
+from scenegen.worlds.libero.init_files import read_states
 from scenegen.worlds.libero.spec import spec_of
 from scenegen.worlds.libero.states import settled_scenes
 from scenegen.worlds.suites.adapters.arms import ArmWorld, Begun
@@ -43,7 +43,8 @@ def make(task: SuiteTask, pictures: bool = False) -> ArmWorld:
         if settled is None and start.row >= len(states):
             wanted = f"fewer than the {len(states)} init states in {folder}"
             raise RequestError(OUT_OF_RANGE(argument="start", value=start.row, wanted=wanted))
-        reset(env)
+        env.seed(SEED)  # what LIBERO draws itself at a reset, such as the places of fixtures, is the same each time
+        env.reset()
         env.set_init_state(states[start.row] if settled is None else settled(start.poses))
         env.robots[0].gripper.current_action[:] = 0.0  # which robosuite 1.4 keeps from the last episode
         for _ in range(WAIT):
@@ -54,28 +55,9 @@ def make(task: SuiteTask, pictures: bool = False) -> ArmWorld:
     return ArmWorld(task, env, frame, models, begin, lambda world: bool(env.check_success()), HORIZON)
 
 
-def reset(env: Any) -> None:
-    """What LIBERO draws itself at a reset, such as the places of fixtures, is the same each time."""
-    env.seed(SEED)
-    env.reset()
-
-
 def seeing(task: SuiteTask) -> ArmWorld:
     """The same with the pictures of LIBERO's cameras in observations. It needs a GPU, or MUJOCO_GL=osmesa."""
     return make(task, pictures=True)
-
-
-def read_states(path: Path) -> Array:
-    """(n, D): the rows of TASK.pruned_init.npz, or of TASK.pruned_init, of which nothing but an array is unpickled."""
-    if Path(f"{path}.npz").exists():
-        with np.load(f"{path}.npz") as arrays:
-            return np.asarray(arrays[arrays.files[0]], dtype=np.float64)
-    need("torch", "to read init states")
-    import torch
-
-    array = [np._core.multiarray._reconstruct, np.ndarray, np.dtype, type(np.dtype(np.float64))]  # type: ignore[attr-defined]
-    with torch.serialization.safe_globals(array):
-        return np.asarray(torch.load(path, weights_only=True), dtype=np.float64)
 
 
 def standing(sim: Any, models: dict[str, Any], frame: TableFrame) -> Array:

@@ -12,16 +12,17 @@ const TOKEN = /[A-Za-z_]\w*(?:\.\w+)*(?:\[[^\]]*\])?|\d+(?:\.\d+)?(?:\s*(?:mm|cm
 const LONGEST = 200; // characters of a source that is compared
 
 /** Where a part is written, innermost: a relation's use, or a comparison in a definition. */
-function sourceOf({ spans }: Part): string {
-  return spans.length ? [...text.value].slice(...spans[0]).join("").replace(/\s+/g, " ") : "";
+function sourceOf({ spans }: Part, at = 0): string {
+  return spans.length ? [...text.value].slice(...spans[at]).join("").replace(/\s+/g, " ") : "";
 }
 
 /** A part of a formula as the spec has it: with `20 deg` and not 0.349066, with heights by their names. */
 export function asWritten(line: Part): string {
   const not = line.text.startsWith("!") ? "!" : "";
   const body = line.text.slice(not.length), source = sourceOf(line);
-  const [mine, theirs] = [call(body), call(source)];
-  if (mine && theirs && mine.name === theirs.name && mine.args.length >= theirs.args.length) {
+  const mine = call(body);
+  const theirs = mine && line.spans.map((_, at) => call(sourceOf(line, at))).find((one) => one?.name === mine.name && one.args.length <= mine.args.length);
+  if (mine && theirs) {
     const last = mine.args.length - 1;
     const args = mine.args.map((arg, k) => (!NUMBER.test(arg) ? arg : k < theirs.args.length && CONSTANT.test(theirs.args[k]) ? theirs.args[k] : k === last && line.unit ? spoken(Number(arg), line.unit) : arg));
     return `${not}${mine.name}(${args.join(", ")})`;
@@ -35,8 +36,16 @@ export function asWritten(line: Part): string {
 
 /** The name and the arguments of a plain call. */
 function call(written: string): { name: string; args: string[] } | null {
-  const found = written.match(/^(\w+)\(([^()]*)\)$/s);
-  return found && { name: found[1], args: found[2].split(",").map((one) => one.trim().replace(/^\w+ = /, "")) };
+  const found = written.match(/^(\w+)\((.*)\)$/s);
+  const args = [""];
+  let deep = 0;
+  for (const one of found?.[2] ?? "") {
+    if ("([".includes(one)) deep++;
+    if (")]".includes(one) && --deep < 0) return null; // the last bracket is not that of the first
+    if (one === "," && !deep) args.push("");
+    else args[args.length - 1] += one;
+  }
+  return found && { name: found[1], args: args.map((one) => one.trim().replace(/^\w+ = /, "")) };
 }
 
 /** A comparison as it is written, with objects for the variables of `forall` and of definitions. Null where what stands
@@ -119,7 +128,7 @@ function fact(one: Decides): string | null {
   const opposite = OPPOSITE[name];
   if (opposite) [name, not] = [opposite, !not];
   const words = FACTS[name];
-  if (!words || args.slice(0, 2).some((arg) => !/^[\w.[\]]+( deg| rad)?$/.test(arg))) return null;
+  if (!words || args.slice(0, 2).some((arg) => !/^([\w.[\]]+( deg| rad)?|\([^()]*\))$/.test(arg))) return null;
   const inner = not ? -one.value : one.value; // the margin of the relation itself
   const tolerance = measure(args[args.length - 1]) ?? 0;
   const say = (value: number) => spoken(Math.abs(value), one.unit);

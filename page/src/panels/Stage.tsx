@@ -244,7 +244,8 @@ function Searching() {
     return () => clearInterval(timer);
   }, []);
   const now = spec.value;
-  if (past < LONG || !now) return null;
+  if (past < LONG) return null;
+  if (!now) return <div class="searching" role="status"><b>The spec is being read</b><p>{past} s so far. A large one takes long.</p></div>;
   return (
     <div class="searching" role="status">
       <b>No {now.time ? "motion" : "scene"} in the range yet</b>
@@ -271,7 +272,7 @@ function Trouble() {
   return (
     <>
       {working ? <Working /> : null}
-      {working && !found && !told ? <Searching /> : null}
+      {(working || (busy.value && !spec.value)) && !found && !told ? <Searching key={spec.value?.sha256 ?? ""} /> : null}
       {preview.value && working ? <div class="first">{some ? <Finding {...some} /> : found ? "a first look; the wanted scenes are being sampled" : "sampling scenes in the new range"}</div> : null}
       {told && !(working && found) ? (
         <div class="trouble" role="alert">

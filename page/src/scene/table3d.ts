@@ -19,7 +19,8 @@ export interface Hands {
 
 const SLOW = 34; // ms between two pictures above which they get coarser while something moves
 const COARSEST = 0.4;
-const COVERED = { top: 112, bottom: 48 }; // pixels that phi, what is said of the chosen object, and the buttons cover
+const TOUCH = matchMedia("(pointer: coarse)").matches;
+const COVERED = TOUCH ? { top: 156, bottom: 66 } : { top: 112, bottom: 48 }; // pixels that phi, what is said of the chosen object, and the buttons cover
 const LEGIBLE = 340; // pixels: in a lower view the words at the axes would cover them
 const MOST_COVERED = 0.28; // of the height
 

@@ -126,7 +126,7 @@ def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[flo
     core = trees.core
     met = {atom for atom in trees.settled if values[atom] >= 0.0 or is_constant(core, atom)}
     phi = values[core.labels[label]]
-    index = deciding_atom(core, label, values, met)
+    index = deciding_atom(core, label, values, met or None)
     if values[index] < phi:  # what does not change lifts phi, as one of several: it decides
         index = deciding_atom(core, label, values)
     lines = [number for number, nodes in enumerate(trees.groups) if nodes[0] == index or index in nodes]
@@ -143,12 +143,12 @@ def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[flo
 
 
 class Trees:
-    """`trees` maps each label, and `require`, to its tree; `settled` are the atoms that no move of one of the `count`
-    objects changes."""
+    """`trees` maps each label, and `require`, to its tree; where some of the `count`
+    objects stand on one of several surfaces, `settled` are the atoms that no move of one changes."""
 
     def __init__(self, outline: Outline, count: int) -> None:
         self.core: Core = outline.core
-        self.settled = settled_atoms(self.core, count)
+        self.settled = settled_atoms(self.core, count) if len(self.core.objects) > count else frozenset[int]()
         self.trees: dict[str, Json] = {}
         self.groups: list[tuple[int, ...]] = []  # by the number of a line: the nodes that it stands for
         self.least: list[bool] = []  # whether the smallest of their values counts, or the largest

@@ -53,9 +53,24 @@ def test_names_stand_beside_their_objects(serve, tab, tmp_path):
             over = a["x"] < b["x"] + b["width"] and b["x"] < a["x"] + a["width"]
             assert not (over and a["y"] < b["y"] + b["height"] - 1 and b["y"] < a["y"] + a["height"] - 1)
     one.page.keyboard.press("v")
-    one.page.wait_for_selector("svg.top .leader")
+    one.page.wait_for_selector("svg.top .leader", state="attached")
     names = one.page.locator("svg.top text.name").all_text_contents()
     assert len(names) == 6 and "bowl" in names
+
+
+WORD = """(word) => {  // where its last occurrence stands in the editor
+    const walk = document.createTreeWalker(document.querySelector(".cm-content"), NodeFilter.SHOW_TEXT);
+    let found = null;
+    for (let node = walk.nextNode(); node; node = walk.nextNode()) {
+        const at = node.data.lastIndexOf(word);
+        if (at >= 0) found = [node, at];
+    }
+    const range = document.createRange();
+    range.setStart(found[0], found[1]);
+    range.setEnd(found[0], found[1] + word.length);
+    const { x, y, width, height } = range.getBoundingClientRect();
+    return [x + width / 2, y + height / 2];
+}"""
 
 
 def test_an_object_is_lit_wherever_it_is_pointed_at(serve, tab, tmp_path):
@@ -78,7 +93,8 @@ def test_an_object_is_lit_wherever_it_is_pointed_at(serve, tab, tmp_path):
         "fork",
         "fork[2]",
     ]  # of `fork[2]` in the declaration, the name
-    one.page.hover(".cm-line:has-text('task') >> text=plate")  # in the text
+    place = one.page.evaluate(WORD, "plate")
+    one.page.mouse.move(*place)  # in the text
     one.until(f"$.lit === 'plate' && {shown} === 'plate'")
     one.page.click("#tab-where")
     one.page.hover(".heat-map:has-text('mug')")  # in the heat maps

@@ -25,7 +25,7 @@ const PAUSE = 40; // ms without a further change after which a text is checked
 let typed: ReturnType<typeof setTimeout> | undefined;
 
 export function setText(value: string): void {
-  if (value === text.value) return;
+  if (value === text.value && spec.value) return; // of a file that was opened again nothing is known
   text.value = value;
   (window as any).scenegen.typed = performance.now();
   clearTimeout(typed);

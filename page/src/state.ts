@@ -25,6 +25,7 @@ export const request = signal<Request>({ phi: {}, n: 16, seed: 0, method: boot.m
 export const result = signal<Result | null>(null);
 export const preview = signal(false); // the scenes are a first look, the wanted ones are under way
 export const outdated = signal(false); // the scenes are of an older text or request
+export const changed = signal<"text" | "request">("request"); // which of them it was
 export const finding = signal<{ hits: number; left: number } | null>(null); // motions that are found one by one
 export const refusal = signal<Refusal | null>(null);
 export const busy = signal<"" | "check" | "sample">("");
@@ -46,6 +47,7 @@ export const moves = signal(0); // changes with them
 export const report = signal<Report | null>(null);
 export const label = signal(""); // the label that the page explains
 export const thing = signal<string | null>(null); // the selected object
+export const lit = signal<string | null>(null); // the object that is pointed at, wherever on the page
 export const pointed = signal<number | null>(null); // the line of the tree under the pointer
 export const rarity = signal<Record<string, Rarity>>({});
 export const measuring = signal(false);
@@ -141,5 +143,6 @@ effect(() => {
     explaining: explaining.value,
     measuring: measuring.value,
     rarity: rarity.value,
+    lit: lit.value,
   };
 });

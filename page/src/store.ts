@@ -5,7 +5,7 @@ import { inside, learn, spread } from "./known";
 import { choose, frame, path, playing, rises, seek, taken } from "./motions";
 import { kept, measure, measuringMotions } from "./rare";
 import { ask, askOne, Ended, onReconnect, Refused, stop } from "./server";
-import { about, alone, bases, boot, busy, clash, edited, explaining, finding, judged, label, meshes, message, methodsFor, motion, movedScenes, moves, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
+import { about, alone, bases, boot, busy, changed, clash, edited, explaining, finding, judged, label, meshes, message, methodsFor, motion, movedScenes, moves, on, outdated, poses, preview, problems, rarity, refusal, replaying, report, request, rested, result, selected, shown, spec, text, thing, wrong } from "./state";
 import type { Ends, Pose, Report, Request, Result, Spec } from "./types";
 
 // ---- the text
@@ -25,7 +25,7 @@ const PAUSE = 40; // ms without a further change after which a text is checked
 let typed: ReturnType<typeof setTimeout> | undefined;
 
 export function setText(value: string): void {
-  if (value === text.value) return;
+  if (value === text.value && spec.value) return; // of a file that was opened again nothing is known
   text.value = value;
   (window as any).scenegen.typed = performance.now();
   clearTimeout(typed);
@@ -67,6 +67,7 @@ export async function check(): Promise<void> {
           judged.value = of;
         });
         if (clash.value?.proved && busy.value === "sample") refuseClash();
+        else if (clash.value && refusal.value) refuse(new Refused(clash.value.refusal)); // it was refused before this was known
       }
     });
   } catch (error) {
@@ -131,6 +132,7 @@ function take(found: Spec, early: Look | null): void {
     if (thing.value && !found.objects.some((one) => one.name === thing.value)) thing.value = null;
     rarity.value = kept.get(found.sha256) ?? {};
     outdated.value = true; // what stays in sight until the new scenes are there
+    changed.value = "text";
     if (before && !sameObjects(before, found)) clear();
   });
   const old = same && result.value ? null : stored(found);
@@ -214,7 +216,7 @@ export async function sample(early: Look | null = null): Promise<void> {
     if (mine !== samples || error instanceof Ended) return;
     outdated.value ||= !preview.value || !!finding.value;
     preview.value = false;
-    refuse(error);
+    refuse(clash.value ? new Refused(clash.value.refusal) : error); // one cause is told once, in the same words
   } finally {
     if (mine === samples) busy.value = "";
   }
@@ -224,6 +226,18 @@ export async function sample(early: Look | null = null): Promise<void> {
 function refuseClash(): void {
   giveUp();
   refuse(new Refused(clash.value!.refusal));
+}
+
+/** End the search for motions, and keep those that were found in the range. */
+export function keepFound(): void {
+  const found = result.value!, count = finding.value!.hits;
+  const first = <T>(all: T[] | null | undefined) => all && all.slice(0, count);
+  const phi = Object.fromEntries(Object.entries(found.phi).map(([name, values]) => [name, values.slice(0, count)]));
+  const title = `${count === 1 ? "this is the only motion" : `these are the ${count} motions`} found when you stopped: the first ones, not a fair sample`;
+  giveUp();
+  finding.value = null;
+  show({ ...found, poses: first(found.poses)!, motions: first(found.motions)!, rises: first(found.rises), bases: first(found.bases)!, require: first(found.require) ?? null, phi, warnings: [{ code: "", title }] }, false);
+  rest();
 }
 
 /** End the sampling under way; what was found stays. */
@@ -249,6 +263,7 @@ export function show(found: Result, early: boolean): void {
   batch(() => {
     refusal.value = null;
     outdated.value = false;
+    changed.value = "request";
     result.value = found;
     preview.value = early;
     const at = early ? found.poses.indexOf(poses.value) : -1; // a scene that stays in range stays in sight

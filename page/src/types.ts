@@ -72,6 +72,9 @@ export interface Decides {
   lines: number[];
   marks: Mark[];
   required: boolean;
+  unit: string; // of its value
+  settled?: boolean; // no move of an object changes it: it depends on the surfaces that objects stand on
+  keeper?: Decides; // another one that is phi, and that no move changes
   moment?: number; // of a motion: the moment that decides
   signal?: (number | null)[]; // and the atom's margin at every moment
 }
@@ -94,7 +97,8 @@ export interface Result extends Report {
   motions?: Pose[][][]; // of a spec over time: the poses of each motion, moment by moment; `poses` are the last ones
   rises?: number[][][] | null; // and how high above the table objects stand; null where all stand on it
   sampler: Record<string, unknown>;
-  warnings: { code: string; title: string }[];
+  warnings: { code: string; title: string }[]; // code: "" of what no diagnostic says
+  together?: number; // so many scenes belong together: 2 of a pair, its start and its goal
   notes: string[];
   took: number;
 }

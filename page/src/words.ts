@@ -32,6 +32,31 @@ export function measure(text: string): number | null {
   return Number.isFinite(value) ? value : null;
 }
 
+/** A length or an angle as people say it: 2 cm, 3 mm, 5 deg; other numbers as they are. */
+export function spoken(value: number, unit: string): string {
+  const size = Math.abs(value), sign = value < 0 ? "−" : "";
+  const plain = (one: number, most: number) => `${sign}${Number(one.toFixed(one >= most ? 0 : 1))}`;
+  if (unit === "rad") return `${plain((size * 180) / Math.PI, 10)} deg`;
+  if (unit !== "m" && unit !== "m/s") return `${number(value)}${unit && ` ${unit}`}`;
+  const per = unit === "m" ? "" : "/s";
+  if (size >= 0.9995) return `${sign}${Number(size.toFixed(2))} m${per}`;
+  if (size >= 0.00995) return `${plain(100 * size, 20)} cm${per}`;
+  return size > 0 && size < 0.00005 ? `less than 0.1 mm${per}` : `${plain(1000 * size, 10)} mm${per}`;
+}
+
+/** A measured value as a formula has it, `0.025 m`, as people say it. */
+export function spokenText(text: string): string {
+  const found = text.match(/^(−?)([\d.]+) (m|rad)$/);
+  return found ? found[1] + spoken(Number(found[2]), found[3]) : text;
+}
+
+/** The round number, of 1, 2 and 5 with zeros, that is nearest to a number. */
+export function round125(value: number): number {
+  const power = 10 ** Math.floor(Math.log10(value));
+  const near = [1, 2, 5, 10].map((one) => one * power);
+  return near.reduce((best, one) => (Math.abs(Math.log(one / value)) < Math.abs(Math.log(best / value)) ? one : best));
+}
+
 export function degrees(theta: number): string {
   return `${Math.round((180 * theta) / Math.PI)}°`;
 }

@@ -13,6 +13,7 @@ import { alone, boot, decides, message, pointed, problems, report, restored, sav
 import { setText } from "../store";
 import type { Draft, Line, Problem } from "../types";
 import { specLanguage } from "./language";
+import { lightNames } from "./light";
 import { markdown } from "./markdown";
 
 const KEPT = "scenegen.editor"; // in the session of the tab: two tabs keep two texts
@@ -228,6 +229,7 @@ function extensions(): Extension[] {
     highlightSelectionMatches(),
     search({ top: true }),
     specLanguage(),
+    lightNames,
     theme,
     marks,
     EditorView.lineWrapping,

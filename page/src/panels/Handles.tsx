@@ -4,6 +4,7 @@ import { band, justSolved, probability } from "../rare";
 import { alone, label as chosenLabel, measuring, preview, rarity, request, result, shown, spec } from "../state";
 import { setEnds } from "../store";
 import type { Ends } from "../types";
+import { grade } from "../said";
 import { measure, number, oneIn, round } from "../words";
 
 const WIDE = 300, HIGH = 86, FOOT = 20;
@@ -107,7 +108,7 @@ export function Handles({ name }: { name: string }) {
   return (
     <section class={`label-box${chosenLabel.value === name ? " chosen" : ""}`} data-label={name}>
       <header>
-        <button class="label-name" onClick={() => (chosenLabel.value = name)} title="explain this label" aria-pressed={chosenLabel.value === name}>{name}</button>
+        <button class="label-name" onClick={() => (chosenLabel.value = name)} title={`explain ${name}`} aria-pressed={chosenLabel.value === name}>{name}</button>
         <span class="rare" title={`how many of all ${what} lie in this range`}>{log !== null ? (log === 0 ? `all ${what}` : oneIn(log, what)) : known ? "too rare to tell" : measuring.value ? "measuring how rare…" : ""}</span>
       </header>
       <svg ref={svg} class="handles" viewBox={`0 0 ${WIDE} ${HIGH}`} onPointerDown={down} onPointerMove={(event) => drag.current !== null && set(drag.current, at(event))} onPointerUp={() => (drag.current = null)} onPointerCancel={() => (drag.current = null)}>
@@ -128,12 +129,17 @@ export function Handles({ name }: { name: string }) {
         {found.map((phi, k) => (shown.value.includes(k) ? <line key={k} x1={toX(phi)} x2={toX(phi)} y1={HIGH - FOOT + 1} y2={HIGH - FOOT + 6} class={`rug${preview.value ? " early" : ""}`} /> : null))}
         <text x={1} y={HIGH - 2} class="tick">{tick(low + pad)}</text>
         <text x={WIDE - 1} y={HIGH - 2} class="tick" text-anchor="end">{tick(high - pad)}</text>
+        {zero !== null ? <>
+          <text x={zero / 2} y={11} class="tick side bad" text-anchor="middle">fails</text>
+          <text x={zero + 8} y={11} class="tick side good">barely</text>
+          <text x={WIDE - 12} y={11} class="tick side good" text-anchor="end">clearly</text>
+        </> : null}
         {zero !== null && zero > 42 && zero < WIDE - 36 ? <text x={zero} y={HIGH - 2} class="tick" text-anchor="middle">0</text> : null}
         {([0, 1] as const).map((which) => {
           const x = which ? b : a;
           const value = ends[which] ?? (which ? high : low);
           return (
-            <g key={which} role="slider" tabindex={0} class={`handle${ends[which] === null ? " open" : ""}`} aria-label={`${which ? "highest" : "lowest"} phi of ${name}`} aria-valuemin={round(low)} aria-valuemax={round(high)} aria-valuenow={round(value)} aria-valuetext={ends[which] === null ? "open" : number(value)} onKeyDown={keys(which)} transform={`translate(${Math.min(Math.max(x, 3), WIDE - 3)} 0)`}>
+            <g key={which} role="slider" tabindex={0} class={`handle${ends[which] === null ? " open" : ""}`} aria-label={`${which ? "highest" : "lowest"} phi of ${name}`} aria-valuemin={round(low)} aria-valuemax={round(high)} aria-valuenow={round(value)} aria-valuetext={ends[which] === null ? "open" : `${number(value)}, ${grade(value, name)}`} onKeyDown={keys(which)} transform={`translate(${Math.min(Math.max(x, 3), WIDE - 3)} 0)`}>
               <rect x={-9} y={0} width={18} height={HIGH - FOOT + 6} fill="transparent" />
               <line y1={2} y2={HIGH - FOOT} />
               <rect class="grip" x={-4.5} y={(HIGH - FOOT) / 2 - 9} width={9} height={20} rx={4.5} />
@@ -141,7 +147,7 @@ export function Handles({ name }: { name: string }) {
           );
         })}
       </svg>
-      <p class="caption" hidden={name !== now.labels[0].name}>{area ? `Height: how common ${what} with such a phi are (lower is much rarer). ` : ""}Left of 0 the formula is not satisfied. Drag the handles to choose the range of phi.</p>
+      <p class="caption" hidden={name !== now.labels[0].name}>{area ? `Height: how common ${what} with such a phi are (lower is much rarer). ` : ""}Left of 0 the formula fails; right of it it is satisfied, first barely, at the end clearly. Drag the handles to choose the range of phi.</p>
       <div class="ends">
         {field(0, "from")}
         {field(1, "to")}

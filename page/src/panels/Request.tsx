@@ -1,7 +1,10 @@
 // What scenes are wanted.
+import { signal } from "@preact/signals";
 import { alone, boot, methodsFor, request, result, spec } from "../state";
 import { change, next, sample, setCount } from "../store";
 import { Handles } from "./Handles";
+
+const more = signal(false); // method, seed and spread are in sight
 
 export function RequestPanel() {
   const now = spec.value;
@@ -27,11 +30,19 @@ export function RequestPanel() {
             </label>
           ))}
           {alone ? null : <>{now.time ? <label>motions {count}</label> : <label>scenes {count}</label>}
-          <div class="joined"><label>seed <input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /></label><button onClick={next} title={`new ${now.time ? "motions" : "scenes"}: use the next seed (n)`} aria-label="next seed">↻</button></div>
-          <label>method <select value={wanted.method} onChange={(event) => change({ method: event.currentTarget.value })}>{methods.map((one) => <option key={one}>{one}</option>)}</select></label>
-          <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">evenly over phi</option><option value="base">like random scenes</option></select></label></>}
-          {!alone && wanted.spread === "flat" && wanted.method !== "model" && !two ? <p class="caption">“Evenly over phi” needs a range with two ends. With an open end, {now.time ? "motions" : "scenes"} are spread like random ones in the range.</p> : null}
+          <div class="joined"><button onClick={next} title={`new ${now.time ? "motions" : "scenes"}: use the next seed (n)`}>New {now.time ? "motions" : "scenes"} ↻</button></div></>}
         </div>
+      )}
+      {alone ? null : (
+        <details class="further" open={more.value} onToggle={(event) => (more.value = event.currentTarget.open)}>
+          <summary>More: <b>seed {wanted.seed}, {wanted.method}, {wanted.spread === "flat" ? "evenly" : "like random scenes"}</b></summary>
+          <div class="fields">
+            <label>seed <input type="number" min={0} value={wanted.seed} onChange={(event) => change({ seed: clamp(event, 0, 2 ** 53) })} /></label>
+            <label>method <select value={wanted.method} onChange={(event) => change({ method: event.currentTarget.value })}>{methods.map((one) => <option key={one}>{one}</option>)}</select></label>
+            <label>spread <select value={wanted.spread} onChange={(event) => change({ spread: event.currentTarget.value })}><option value="flat">evenly over phi</option><option value="base">like random scenes</option></select></label>
+            {wanted.spread === "flat" && wanted.method !== "model" && !two ? <p class="caption">“Evenly over phi” needs a range with two ends. With an open end, {now.time ? "motions" : "scenes"} are spread like random ones in the range.</p> : null}
+          </div>
+        </details>
       )}
       {held.length ? (
         <div class="held">

@@ -1,13 +1,16 @@
 // The large scene: in three dimensions or from above, with what it is worth.
 import { effect, signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
-import { Table3d, type Tag } from "../scene/table3d";
-import { marks, timed, trails } from "../motions";
+import type { Tag } from "../scene/apart";
+import { Table3d } from "../scene/table3d";
+import { marks, seconds, timed, trails } from "../motions";
 import { EDGES } from "../scene/top2d";
 import { hold, moved, place, putOn } from "../hands";
-import { alone, bases, busy, chooser, clash, edited, finding, heat, label, meshes, movable, names, on, outdated, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
-import { giveUp, putBack, sample, step, undo } from "../store";
+import { alone, bases, busy, changed, chooser, clash, decides, edited, finding, heat, label, lit, meshes, message, movable, names, on, outdated, poses, preview, problems, refusal, report, request, result, scenes, selected, shown, spec, stale, thing, view, wrong } from "../state";
+import { giveUp, keepFound, putBack, sample, step, undo } from "../store";
+import { grade, inWords } from "../said";
 import { Code, ticked } from "./Explain";
+import { mentions } from "./Named";
 import { degrees, signed } from "../words";
 import { TopView } from "./TopView";
 
@@ -17,12 +20,10 @@ export function Stage() {
   return (
     <section class={`stage${stale.value ? " stale" : wrong.value || (outdated.value && scenes.value) ? " behind" : ""}`} aria-label="scene">
       {view.value === "3d" ? <Three /> : <div class="flat"><TopView /></div>}
-      <div class="over"><Phi /><AboutPhi /><Chosen /></div>
+      <div class="over"><Phi /><AboutPhi /><InWords /><Chosen /></div>
       <Tools />
-      <Warnings />
+      <Notes />
       <Trouble />
-      {spec.value && wrong.value && scenes.value ? <div class="first behind-note">the spec has a mistake; these scenes are of the text before it</div> : null}
-      {!wrong.value && outdated.value && refusal.value && scenes.value ? <div class="first behind-note">{finding.value ? "no motion in the range was found; these are the nearest ones" : "these scenes are of the request before the last change"}</div> : null}
       {!spec.value && problems.value.length ? <p class="hint">Correct the spec to see its scenes.</p> : null}
     </section>
   );
@@ -41,6 +42,7 @@ function Three() {
         move: (name, x, y) => place(name, { x, y }),
         turn: (name, theta) => place(name, { theta }),
         end: () => void moved(),
+        light: (name) => (lit.value = name),
         free: (name) => movable.value && !spec.value?.objects.find((one) => one.name === name)?.fixed,
       });
     } catch {
@@ -61,13 +63,14 @@ function Three() {
       }),
       effect(() => made.setPoses(poses.value, bases.value)),
       effect(() => made.choose(thing.value)),
+      effect(() => made.light(lit.value)),
       effect(() => made.wait(busy.value !== "")),
       effect(() => {
         made.names = names.value;
         made.wake();
       }),
       effect(() => made.setTrails(timed.value ? trails.value.map(({ index, points }) => ({ points, color: EDGES[index % EDGES.length] })) : [])),
-      effect(() => made.setMarks(marks.value, 0.006 * made.side + Math.max(0, ...bases.peek()))),
+      effect(() => made.setMarks(marks.value, 0.006 * made.side + level())),
     ];
     return () => {
       for (const end of ends) end();
@@ -81,10 +84,18 @@ function Three() {
     <div class="three">
       <canvas ref={canvas} tabIndex={0} role="application" aria-label="scene in 3D: arrow keys move the selected object, comma and period turn it, Tab leaves" onDblClick={() => thing.value && hold(thing.value)} />
       <div class="tags" aria-hidden="true">
+        <svg>{tags.map(({ line, kind }, k) => line && <g key={k} class={kind}><line x1={line[0]} y1={line[1]} x2={line[2]} y2={line[3]} /><circle cx={line[0]} cy={line[1]} r={2.4} /></g>)}</svg>
         {tags.map((tag, k) => <span key={k} class={tag.kind} style={{ transform: `translate(-50%,-50%) translate(${tag.x.toFixed(1)}px,${tag.y.toFixed(1)}px)` }}>{tag.text}</span>)}
       </div>
     </div>
   );
+}
+
+/** How high above the table the highest object stands of those that set phi: what is measured is drawn there. */
+function level(): number {
+  const one = decides.value, all = spec.peek()?.objects ?? [];
+  const about = all.map(({ name }) => !!one && mentions(one.text, name));
+  return Math.max(0, ...bases.peek().filter((_, k) => about[k] || !about.includes(true)));
 }
 
 function Phi() {
@@ -97,14 +108,25 @@ function Phi() {
   return (
     <div class="phis" role="group" aria-label={`phi of the ${now.time ? "motion" : "scene"}`}>
       {all.map(([name, phi]) => (
-        <button key={name} class={`phi ${unknown ? "" : phi >= 0 ? "good" : "bad"}${label.value === name ? " chosen" : ""}`} data-label={name} data-phi={String(phi)} title={unknown ? UNKNOWN : `phi of ${name} = ${phi}`} onClick={() => (label.value = name)}>
-          <span>{name}</span> <b>{unknown ? "?" : signed(phi)}</b>
+        <button key={name} class={`phi ${unknown ? "" : phi >= 0 ? "good" : "bad"}${label.value === name ? " chosen" : ""}`} data-label={name} data-phi={String(phi)} title={`phi of ${name}${unknown ? `: ${UNKNOWN}` : ` = ${phi}`}`} onClick={() => (label.value = name)}>
+          <span class="cut">{name}</span> <b>{unknown ? "?" : signed(phi)}</b>
         </button>
       ))}
       <button class="phi ask" aria-expanded={asking.value} aria-label="what phi is" title="what phi is" onClick={() => (asking.value = !asking.value)}>?</button>
       {edited.value ? <span class="phi moved">{now.time ? "changed" : "moved"} by hand{unknown ? `; ${UNKNOWN}` : ""}</span> : null}
     </div>
   );
+}
+
+/** What sets phi, in words: the distance that is measured, and how well the label is satisfied. */
+function InWords() {
+  const one = decides.value, found = report.value;
+  if (!one || !found || stale.value || outdated.value || wrong.value || (alone && edited.value)) return null;
+  const { words, code } = inWords(one);
+  const phi = one.required ? one.value : found.phi[label.value]?.[0];
+  const how = one.required ? (one.value >= 0 ? "as required" : "against what is required") : grade(phi, label.value);
+  const when = one.moment === undefined ? "" : `at ${seconds(one.moment)}: `;
+  return <p class={`in-words ${phi >= 0 ? "good" : "bad"}`} title={`${when}${code} ${words}: ${how}`}><span>{when}{code ? <><code>{code}</code> </> : null}{words}:</span> <b>{how}</b></p>;
 }
 
 const UNKNOWN = "this page has no server that computes phi";
@@ -176,13 +198,22 @@ function Standing({ name, surfaces, column }: { name: string; surfaces: string[]
   );
 }
 
-/** What is worth knowing of the scenes, such as that there are fewer than wanted. */
-function Warnings() {
-  const found = result.value?.warnings ?? [];
-  if (!found.length || wrong.value || preview.value || busy.value === "sample") return null;
+/** Of which text or request the scenes are that are still in sight. */
+function older(): string {
+  if (wrong.value) return "the spec has a mistake; these scenes are of the text before it";
+  if (finding.value) return "no motion in the range was found; these are the nearest ones";
+  return `these scenes are of the ${changed.value} before the last change`;
+}
+
+/** What is worth knowing of the scenes, such as that there are fewer than wanted; of older ones, that they are older. */
+function Notes() {
+  if (!spec.value || !scenes.value || preview.value) return null;
+  if (wrong.value) return <div class="notes"><p class="behind-note">{older()}</p></div>;
+  if (busy.value === "sample") return null;
+  if (outdated.value) return refusal.value || busy.value ? null : <div class="notes"><p class="behind-note">{older()}</p></div>;
   return (
-    <ul class="warnings" aria-label="warnings">
-      {found.map(({ code, title }) => <li key={code + title}>{ticked(title)} <Code code={code} /></li>)}
+    <ul class="notes warnings" aria-label="warnings">
+      {(result.value?.warnings ?? []).map(({ code, title }) => <li key={code + title}>{ticked(title)} {code ? <Code code={code} /> : null}</li>)}
     </ul>
   );
 }
@@ -203,22 +234,46 @@ function Working() {
   return <div class="working" role="progressbar" aria-label="sampling"><div ref={bar} /></div>;
 }
 
+const LONG = 3; // seconds after which a search without scenes says that it goes on
+
+/** How long nothing has been found. */
+function Searching() {
+  const [past, setPast] = useState(0);
+  useEffect(() => {
+    const timer = setInterval(() => setPast((before) => before + 1), 1000);
+    return () => clearInterval(timer);
+  }, []);
+  const now = spec.value;
+  if (past < LONG) return null;
+  if (!now) return <div class="searching" role="status"><b>The spec is being read</b><p>{past} s so far. A large one takes long.</p></div>;
+  return (
+    <div class="searching" role="status">
+      <b>No {now.time ? "motion" : "scene"} in the range yet</b>
+      <p>{now.objects.length} objects, {past} s so far. {now.objects.length > MANY ? "So many objects take long where none may overlap: fewer of them, or a larger workspace, is faster." : "A wider range of phi is faster."}</p>
+      <button class="chip" onClick={giveUpHere}>Stop</button>
+    </div>
+  );
+}
+
+const MANY = 60; // objects
+
 function giveUpHere(): void {
   giveUp();
   refusal.value = clash.value?.refusal ?? null;
+  message.value = refusal.value?.title ?? "stopped";
 }
 
 function Trouble() {
   const found = scenes.value;
   const working = busy.value === "sample";
   const clashes = clash.value?.refusal;
-  const told = working ? clashes : refusal.value && (clashes ?? refusal.value); // one cause is told once, in the same words
+  const told = working ? clashes : refusal.value;
   const some = finding.value;
-  const coming = some && `${some.hits ? `${some.hits} of ${request.value.n} motions found` : "no motion in the range yet; these are the nearest ones"}; at most ${Math.ceil(some.left)} s more`;
   return (
     <>
       {working ? <Working /> : null}
-      {preview.value && working ? <div class="first">{coming ?? (found ? "a first look; the wanted scenes are being sampled" : "sampling scenes in the new range")}</div> : null}
+      {(working || (busy.value && !spec.value)) && !found && !told ? <Searching key={spec.value?.sha256 ?? ""} /> : null}
+      {preview.value && working ? <div class="first">{some ? <Finding {...some} /> : found ? "a first look; the wanted scenes are being sampled" : "sampling scenes in the new range"}</div> : null}
       {told && !(working && found) ? (
         <div class="trouble" role="alert">
           <b>{ticked(told.title)}</b>{told.code ? <Code code={told.code} /> : null}
@@ -226,8 +281,16 @@ function Trouble() {
           {told.note ? <pre>{ticked(told.note)}</pre> : null}
           {told.help ? <p class="help">{ticked(told.help)}</p> : null}
           {working ? <p>Sampling still looks for such scenes, in case there are some. <button class="chip" onClick={giveUpHere}>Stop</button></p> : <button class="chip" onClick={() => (refusal.value = null)}>close</button>}
+          {!working && found && outdated.value ? <p class="quiet">Behind this: {older()}.</p> : null}
         </div>
       ) : null}
     </>
   );
+}
+
+/** How far the search for motions is, why it goes on, and its end by hand. */
+function Finding({ hits, left }: { hits: number; left: number }) {
+  const most = `at most ${Math.ceil(left)} s more`;
+  const what = !hits ? "no motion in the range yet; these are the nearest ones" : hits < request.value.n ? `${hits} of ${request.value.n} motions found` : `${hits} motions found; they still resemble each other, and are moved on until they are a fair sample`;
+  return <>{what}; {most} <button class="chip" onClick={hits ? keepFound : giveUpHere}>{hits ? "Stop, keep these" : "Stop"}</button></>;
 }

@@ -3,7 +3,7 @@ import { useRef } from "preact/hooks";
 import { clock, frame, path, playing, playMotion, rate, rest, seconds, seek, stepBy, timed, usual } from "../motions";
 import { decides, label, report } from "../state";
 import { signed } from "../words";
-import { asWritten } from "./Why";
+import { asWritten } from "../said";
 
 const HIGH = 100, WIDE = 1000;
 const EXPONENTS = [-3, -2, -1, 0, 1, 2, 3];
@@ -57,7 +57,7 @@ export function Timeline() {
         <span class="low">{signed(low)}</span>
       </div>
       <input type="range" min={0} max={now.steps} step={1} value={frame.value} aria-label="moment" aria-valuetext={`${seconds(frame.value)}${typeof here === "number" ? `, phi from this moment to the end ${signed(here)}` : ""}`} onInput={(event) => { rest(); seek(Number(event.currentTarget.value)); }} />
-      <p class="legend"><span><i class="mine" />{label.value} from this moment to the end {typeof here === "number" ? <b class={here >= 0 ? "good" : "bad"}>{signed(here)}</b> : "–"}</span>{one && atom.length ? <span class="atom-name"><i class="atom" /><code>{asWritten(one)}</code> {typeof atom[frame.value] === "number" ? signed(atom[frame.value]!) : ""}</span> : null}</p>
+      <p class="legend"><span><i class="mine" /><b class="value">{typeof here === "number" ? signed(here) : "–"}</b> <span class="cut" title={`${label.value} from this moment to the end`}>{label.value} from this moment to the end</span></span>{one && atom.length ? <span class="atom-name"><i class="atom" /><b class="value">{typeof atom[frame.value] === "number" ? signed(atom[frame.value]!) : "–"}</b> <code class="cut" title={asWritten(one)}>{asWritten(one)}</code></span> : null}</p>
     </section>
   );
 }

@@ -66,18 +66,26 @@ export function TopBar() {
   );
 }
 
+const PASSING = /^(downloaded|saved) |copied$|^stopped$/; // of a deed that is done: after a while what is shown counts again
+const PASSES = 6000; // ms
+
 function Status() {
   const found = result.value;
+  useEffect(() => {
+    const said = message.value;
+    if (!PASSING.test(said)) return;
+    const timer = setTimeout(() => message.value === said && (message.value = ""), PASSES);
+    return () => clearTimeout(timer);
+  }, [message.value]);
   let words = message.value;
   if (busy.value === "sample") words = preview.value ? "a first look…" : "sampling…";
   else if (found && (words === "" || /^\d+ (scenes|motions)/.test(words))) {
-    const method = String(found.sampler.method ?? "");
-    words = `${shown.value.length} ${found.motions ? "motion" : "scene"}${shown.value.length === 1 ? "" : "s"}${method ? ` · ${method}` : ""}${found.took ? ` · ${found.took < 0.095 ? Math.round(1000 * found.took) + " ms" : found.took.toFixed(1) + " s"}` : ""}`;
+    words = `${shown.value.length} ${found.motions ? "motion" : "scene"}${shown.value.length === 1 ? "" : "s"}${found.took ? ` · ${found.took < 0.095 ? Math.round(1000 * found.took) + " ms" : found.took.toFixed(1) + " s"}` : ""}`;
   }
   if (wrong.value) words = "the spec has a mistake";
   if (connected.value === "lost") words = "the server is gone: start `scenegen view` again";
   if (connected.value === "full") words = "this server allows no more open pages: close another one";
-  return <span class={`status${connected.value === "lost" || connected.value === "full" ? " bad" : ""}`} role="status" aria-live="polite" aria-label={words} title={[...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
+  return <span class={`status${connected.value === "lost" || connected.value === "full" ? " bad" : ""}`} role="status" aria-live="polite" aria-label={words} title={[...(found?.sampler.method ? [`method: ${found.sampler.method}`] : []), ...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
 }
 
 function close(then: () => void): () => void {

@@ -2,10 +2,13 @@
 import { useRef } from "preact/hooks";
 import { hold, moved, place } from "../hands";
 import { marks as measured, moments, trails } from "../motions";
-import { bases, heat, movable, names, poses, request, result, shown, spec, thing } from "../state";
+import { bases, heat, lit, movable, names, poses, request, result, shown, spec, thing } from "../state";
 import { EDGES, lowestFirst, TINTS } from "../scene/top2d";
 import type { Footprint, Mark, Pose, Spec } from "../types";
-import { number } from "../words";
+import { apart, PIXELS, shortened, type Box, type Letters, type Tag } from "../scene/apart";
+import { outline, reach } from "../scene/reach";
+import { corner } from "../scene/stage3d";
+import { number, round125, spoken, spokenText } from "../words";
 
 function path(footprint: Footprint): string {
   if (footprint.kind === "circle") {
@@ -13,10 +16,6 @@ function path(footprint: Footprint): string {
     return `M${r} 0A${r} ${r} 0 1 1 ${-r} 0A${r} ${r} 0 1 1 ${r} 0Z`;
   }
   return `M${footprint.corners!.map((one) => one.join(" ")).join("L")}Z`;
-}
-
-function radius(footprint: Footprint): number {
-  return footprint.radius ?? Math.max(...footprint.corners!.map(([x, y]) => Math.hypot(x, y)));
 }
 
 const at = ([x, y, theta]: Pose) => `translate(${x} ${y}) rotate(${(180 * theta) / Math.PI})`;
@@ -69,6 +68,41 @@ function named(now: Spec): { x: number; y: number; text: string }[] {
   return [...found.values()];
 }
 
+/** Where x and y go, and how long a round length is: before the front left corner of the workspace. */
+function Axes({ now, side }: { now: Spec; side: number }) {
+  const long = round125(side / 6), tip = 0.02 * side;
+  const [x, y] = corner(now);
+  const head = (u: number, v: number, du: number, dv: number) => `M${u - du * tip - 0.6 * dv * tip} ${v - dv * tip - 0.6 * du * tip}L${u} ${v}L${u - du * tip + 0.6 * dv * tip} ${v - dv * tip + 0.6 * du * tip}`;
+  return (
+    <g class="axes">
+      <path d={`M${x + long} ${y}H${x}V${y + long}${head(x + long, y, 1, 0)}${head(x, y + long, 0, 1)}`} stroke-width={0.0035 * side} />
+      <Text x={x + long + tip} y={y} size={0.026 * side} kind="axis">x</Text>
+      <Text x={x} y={y + long + tip} size={0.026 * side} kind="axis">y</Text>
+      <Text x={x + 0.5 * long} y={y - 0.9 * tip} size={0.022 * side} kind="axis">{spoken(long, "m")}</Text>
+    </g>
+  );
+}
+
+/** The names of objects beside them, each with a line where it had to move; y points down here. */
+function nameTags(now: Spec, side: number): Tag[] {
+  const high = 0.031 * side;
+  const letters: Letters = { high, wide: (text) => ((PIXELS.wide(text) - 14) / 11.5) * 0.026 * side, within: true };
+  const tags: Tag[] = [], boxes: Box[] = [];
+  now.objects.forEach((one, k) => {
+    const pose = poses.value[k];
+    if (!pose) return;
+    const [cos, sin] = [Math.cos(pose[2]), Math.sin(pose[2])];
+    const xs = outline(one.footprint).map(([u, v]) => pose[0] + cos * u - sin * v), ys = outline(one.footprint).map(([u, v]) => -pose[1] - sin * u - cos * v);
+    const of = { x0: Math.min(...xs), x1: Math.max(...xs), y0: Math.min(...ys), y1: Math.max(...ys) };
+    boxes.push(of);
+    const kind = thing.value === one.name ? "chosen" : lit.value === one.name ? "lit" : "name";
+    if (kind !== "name" || names.value || now.objects.length <= NAMED) tags.push({ x: 0, y: 0, kind, of, text: kind === "name" ? shortened(one.name) : one.name });
+  });
+  const [x0, y0, x1, y1] = now.table;
+  return apart(tags, boxes, { x0, x1, y0: -y1, y1: -y0 }, letters);
+}
+
+const NAMED = 12; // objects whose names are shown without having been asked for
 const DOTS = 6000; // of a heat map, about: of long motions not every moment
 
 function Heat({ now }: { now: Spec }) {
@@ -145,27 +179,29 @@ export function TopView() {
           const one = now.objects[k], pose = poses.value[k];
           if (!pose) return null;
           const chosen = thing.value === one.name;
-          const r = radius(one.footprint);
+          const r = reach(one.footprint);
           const kept = one.name in request.value.fix;
           return (
-            <g key={one.name} transform={at(pose)} class={`thing${chosen ? " chosen" : ""}${one.fixed ? " fixed" : ""}`} onPointerDown={down(one.name, false)} onDblClick={() => hold(one.name)}>
+            <g key={one.name} transform={at(pose)} class={`thing${chosen ? " chosen" : ""}${lit.value === one.name ? " lit" : ""}${one.fixed ? " fixed" : ""}`} onPointerEnter={() => (lit.value = one.name)} onPointerLeave={() => (lit.value = null)} onPointerDown={down(one.name, false)} onDblClick={() => hold(one.name)}>
               <path d={path(one.footprint)} fill={TINTS[k % TINTS.length]} stroke={EDGES[k % EDGES.length]} stroke-width={chosen ? 2.6 * line : 1.5 * line} stroke-dasharray={kept ? `${4 * line} ${2.5 * line}` : undefined} />
               <line x1={0} y1={0} x2={0.8 * r} y2={0} stroke={EDGES[k % EDGES.length]} stroke-width={1.2 * line} />
               {chosen && !one.fixed && movable.value ? <circle cx={1.25 * r + 0.012 * side} cy={0} r={0.016 * side} class="knob" onPointerDown={down(one.name, true)} /> : null}
             </g>
           );
         })}
-        {now.objects.map((one, k) =>
-          poses.value[k] && (names.value || now.objects.length <= 12 || thing.value === one.name) ? (
-            <Text key={one.name} x={poses.value[k][0]} y={poses.value[k][1] - Math.min(0.6 * radius(one.footprint), 0.03 * side)} size={0.026 * side} kind="name">{one.name}</Text>
-          ) : null,
-        )}
+        <Axes now={now} side={side} />
+        {nameTags(now, side).map(({ x, y, text, kind, line: lead }) => (
+          <g key={text}>
+            {lead ? <line x1={lead[0]} y1={-lead[1]} x2={lead[2]} y2={-lead[3]} class="leader" stroke-width={0.7 * line} /> : null}
+            <Text x={x} y={-y} size={0.026 * side} kind={`name ${kind}`}>{text}</Text>
+          </g>
+        ))}
         {trails.value.map(({ index, points }) => <polyline key={index} class="trail" points={points.map(([u, v]) => `${u},${v}`).join(" ")} stroke={EDGES[index % EDGES.length]} stroke-width={1.3 * line} />)}
         {marks.map((mark, k) => <Dimension key={k} mark={mark} side={side} />)}
         {marks.map((mark, k) =>
           mark.kind === "guide" ? null : (
             <Text key={k} x={mark.kind === "line" ? (mark.start[0] + mark.end[0]) / 2 : mark.center[0]} y={(mark.kind === "line" ? (mark.start[1] + mark.end[1]) / 2 : mark.center[1]) + 0.024 * side} size={0.03 * side} kind={`mark-text ${mark.good ? "good" : "bad"}`}>
-              {mark.text}
+              {spokenText(mark.text)}
             </Text>
           ),
         )}

@@ -1,9 +1,11 @@
 // Over all scenes: how phi is spread, and where each object goes.
 import { useEffect, useRef } from "preact/hooks";
 import { moments } from "../motions";
-import { result, shown, spec, thing } from "../state";
+import { outline } from "../scene/top2d";
+import { lit, result, shown, spec, thing } from "../state";
 import { select } from "../store";
 import { theme } from "../theme";
+import type { Result, Spec } from "../types";
 import { number } from "../words";
 
 const BINS = 12; // wide enough to be hit
@@ -30,7 +32,7 @@ function Histogram({ name, values, scenes }: { name: string; values: number[]; s
   const most = Math.max(...bins.map((one) => one.length));
   return (
     <figure class="histogram">
-      <figcaption><b>{name}</b> phi {number(low)} to {number(high)}, mean {number(values.reduce((a, b) => a + b, 0) / values.length)}</figcaption>
+      <figcaption><b class="cut" title={name}>{name}</b> phi {number(low)} to {number(high)}, mean {number(values.reduce((a, b) => a + b, 0) / values.length)}</figcaption>
       <div class="bars">
         {bins.map((one, k) => {
           const middle = low + ((k + 0.5) * width) / BINS;
@@ -42,55 +44,86 @@ function Histogram({ name, values, scenes }: { name: string; values: number[]; s
   );
 }
 
+const CELLS = 56; // along the longer side of the workspace
+const BLUR = 1.8; // cells: the width of what one object leaves
+
+/** How often an object stands where: (rows, columns) of cells over the workspace, of 1 at most. */
+function density(found: Result, scenes: number[], index: number, { x, y }: Spec["workspace"], columns: number, rows: number): Float32Array {
+  let counts = new Float32Array(columns * rows);
+  for (const k of scenes)
+    for (const poses of found.poses[k] ? moments(found, k) : []) {
+      const pose = poses[index];
+      if (!pose) continue;
+      const i = Math.min(Math.floor((columns * (pose[0] - x[0])) / (x[1] - x[0])), columns - 1), j = Math.min(Math.floor((rows * (pose[1] - y[0])) / (y[1] - y[0])), rows - 1);
+      if (i >= 0 && j >= 0) counts[j * columns + i]++;
+    }
+  const weights = Array.from({ length: 11 }, (_, k) => Math.exp(-((k - 5) ** 2) / (2 * BLUR * BLUR)));
+  for (const step of [1, columns]) {
+    const out = new Float32Array(counts.length);
+    for (let at = 0; at < counts.length; at++) {
+      if (!counts[at]) continue;
+      const place = step === 1 ? at % columns : Math.floor(at / columns), last = step === 1 ? columns : rows;
+      weights.forEach((weight, k) => place + k - 5 >= 0 && place + k - 5 < last && (out[at + (k - 5) * step] += weight * counts[at]));
+    }
+    counts = out;
+  }
+  const most = counts.reduce((a, b) => Math.max(a, b), 0) || 1;
+  return counts.map((one) => one / most);
+}
+
 function Heat({ index, name }: { index: number; name: string }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const now = spec.value!;
   const found = result.value!;
   const all = shown.value;
   const dark = theme.value === "dark";
+  const { x, y } = now.workspace;
+  const [wide, deep] = [x[1] - x[0], y[1] - y[0]];
   useEffect(() => {
     const context = canvas.current?.getContext("2d");
     if (!context) return;
-    const { x, y } = now.workspace;
-    const { width, height } = context.canvas;
-    const cells = 28;
-    const counts = new Float32Array(cells * cells);
-    const spread = all.length > 100 ? 1 : 1.6;
-    let most = 0;
-    for (const k of all) {
-      for (const scene of found.poses[k] ? moments(found, k) : []) {
-      const pose = scene[index];
-      if (!pose) continue;
-      const cx = (cells * (pose[0] - x[0])) / (x[1] - x[0]), cy = (cells * (pose[1] - y[0])) / (y[1] - y[0]);
-      for (let i = Math.floor(cx - 4); i <= cx + 4; i++)
-        for (let j = Math.floor(cy - 4); j <= cy + 4; j++)
-          if (i >= 0 && j >= 0 && i < cells && j < cells) {
-            const d2 = (i + 0.5 - cx) ** 2 + (j + 0.5 - cy) ** 2;
-            const at = j * cells + i;
-            counts[at] += Math.exp(-d2 / (2 * spread * spread));
-            most = Math.max(most, counts[at]);
-          }
-      }
-    }
-    const image = context.createImageData(cells, cells);
-    for (let j = 0; j < cells; j++)
-      for (let i = 0; i < cells; i++) {
-        const share = most ? counts[j * cells + i] / most : 0;
-        const at = 4 * ((cells - 1 - j) * cells + i);
-        image.data.set(dark ? [70, 190, 155] : [255 - 230 * share, 250 - 140 * share, 235 - 120 * share], at);
-        image.data[at + 3] = 255 * Math.min(1, (dark ? 0 : 0.06) + 1.4 * share);
-      }
+    const { canvas: picture } = context, sharp = Math.min(devicePixelRatio || 1, 2);
+    picture.width = Math.round((picture.clientWidth || 140) * sharp);
+    picture.height = Math.round((picture.clientHeight || (140 * deep) / wide) * sharp);
+    const cell = Math.max(wide, deep) / CELLS, columns = Math.max(2, Math.round(wide / cell)), rows = Math.max(2, Math.round(deep / cell));
+    const image = context.createImageData(columns, rows);
+    density(found, all, index, now.workspace, columns, rows).forEach((share, at) => {
+      const row = rows - 1 - Math.floor(at / columns);
+      image.data.set([...(dark ? [70, 190, 155] : [25, 110, 115]), 255 * Math.min(1, 1.3 * share)], 4 * (row * columns + (at % columns)));
+    });
     const small = document.createElement("canvas");
-    small.width = small.height = cells;
+    [small.width, small.height] = [columns, rows];
     small.getContext("2d")!.putImageData(image, 0, 0);
-    context.clearRect(0, 0, width, height);
+    // the table from above: regions and what is fixed, then how often the object stands where
+    const scale = Math.min(picture.width / wide, picture.height / deep);
+    const onTable = () => context.setTransform(scale, 0, 0, -scale, -scale * x[0], picture.height + scale * y[0]);
+    onTable();
+    context.lineWidth = sharp / scale;
+    for (const one of now.regions) {
+      outline(context, one.footprint, one.pose);
+      context.fillStyle = dark ? "#2a3037" : "#efece0";
+      context.fill();
+    }
+    context.setTransform(1, 0, 0, 1, 0, 0);
     context.imageSmoothingEnabled = true;
-    context.drawImage(small, 0, 0, width, height);
-  });
+    context.drawImage(small, 0, 0, picture.width, picture.height);
+    onTable();
+    context.strokeStyle = dark ? "#77808c" : "#9a927a";
+    for (const one of now.regions) {
+      outline(context, one.footprint, one.pose);
+      context.stroke();
+    }
+    context.strokeStyle = dark ? "#a0a6af" : "#6d6a60";
+    for (const one of now.objects) {
+      if (!one.fixed) continue;
+      outline(context, one.footprint, one.fixed);
+      context.stroke();
+    }
+  }, [now, found, all, dark, index]);
   return (
-    <button class={`heat-map${thing.value === name ? " chosen" : ""}`} onClick={() => (thing.value = thing.value === name ? null : name)} title={`where ${name} goes`}>
-      <canvas ref={canvas} width={112} height={112} />
-      <span>{name}</span>
+    <button class={`heat-map${thing.value === name ? " chosen" : ""}${lit.value === name ? " lit" : ""}`} onClick={() => (thing.value = thing.value === name ? null : name)} onMouseEnter={() => (lit.value = name)} onMouseLeave={() => (lit.value = null)} title={`where ${name} goes, of ${number(wide)} x ${number(deep)} m`}>
+      <canvas ref={canvas} style={{ aspectRatio: `${wide} / ${deep}` }} />
+      <span class="cut">{name}</span>
     </button>
   );
 }

@@ -1,6 +1,6 @@
 // A table with objects in three dimensions: what the large view and the small pictures share.
 import { AmbientLight, BoxGeometry, Color, DirectionalLight, Group, HemisphereLight, InstancedMesh, Matrix4, Mesh, MeshLambertMaterial, MeshStandardMaterial, Object3D, PCFShadowMap, PerspectiveCamera, Scene, SRGBColorSpace, Vector3, WebGLRenderer, type Texture } from "three";
-import type { PackedMesh, Pose, Spec, Thing } from "../types";
+import type { PackedMesh, Point, Pose, Spec, Thing } from "../types";
 import { geometryOf, prism } from "./meshes";
 import { woodTexture } from "./wood";
 
@@ -180,4 +180,10 @@ export class Stage3d {
     this.wood?.dispose();
     this.renderer.dispose();
   }
+}
+
+/** Where the axes begin: before the front left corner of the workspace, on the table. */
+export function corner(spec: Spec): Point {
+  const { x, y } = spec.workspace, [x0, y0] = spec.table;
+  return [(x[0] + x0) / 2, (y[0] + y0) / 2];
 }

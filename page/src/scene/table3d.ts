@@ -2,9 +2,11 @@
 import { DoubleSide, Group, Mesh, MeshBasicMaterial, Plane, Raycaster, RingGeometry, SphereGeometry, Vector2, Vector3 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Mark, PackedMesh, Point, Pose, Spec } from "../types";
-import { apart } from "./apart";
+import { round125, spoken, spokenText } from "../words";
+import { apart, PIXELS, shortened, type Box, type Tag } from "./apart";
+import { outline, reach } from "./reach";
 import { dashes, ribbon } from "./ribbons";
-import { Stage3d } from "./stage3d";
+import { corner, Stage3d } from "./stage3d";
 
 export interface Hands {
   pick(name: string | null): void;
@@ -12,25 +14,24 @@ export interface Hands {
   turn(name: string, theta: number): void;
   end(): void;
   free(name: string): boolean;
-}
-
-export interface Tag {
-  x: number;
-  y: number;
-  text: string;
-  kind: "name" | "good" | "bad" | "chosen";
+  light(name: string | null): void;
 }
 
 const SLOW = 34; // ms between two pictures above which they get coarser while something moves
 const COARSEST = 0.4;
-const COVERED = { top: 82, bottom: 48 }; // pixels that phi, what is said of the chosen object, and the buttons cover
+const TOUCH = matchMedia("(pointer: coarse)").matches;
+const COVERED = TOUCH ? { top: 156, bottom: 66 } : { top: 112, bottom: 48 }; // pixels that phi, what is said of the chosen object, and the buttons cover
+const LEGIBLE = 340; // pixels: in a lower view the words at the axes would cover them
 const MOST_COVERED = 0.28; // of the height
 
 export class Table3d extends Stage3d {
   readonly controls: OrbitControls;
   private marks = new Group();
   private trails = new Group();
+  private axes = new Group();
+  private axisTags: { at: Vector3; text: string }[] = [];
   private ring = new Group();
+  private halo: Mesh; // round the object that is lit
   private knob: Mesh;
   private dirty = true;
   private scheduled = false;
@@ -38,6 +39,7 @@ export class Table3d extends Stage3d {
   private held: { name: string; kind: "move" | "turn"; offset: Vector2; plane: Plane } | null = null;
   private ray = new Raycaster();
   private chosen: string | null = null;
+  private lit: string | null = null;
   private markTags: { at: Vector3; text: string; good: boolean }[] = [];
   private ratio = Math.min(devicePixelRatio || 1, 2);
   private now = this.ratio;
@@ -69,9 +71,13 @@ export class Table3d extends Stage3d {
     this.knob.name = "\0knob";
     this.ring.add(new Mesh(new RingGeometry(0.94, 1, 64), accent), this.knob);
     this.ring.visible = false;
-    this.scene.add(this.trails, this.marks, this.ring);
+    this.halo = new Mesh(new RingGeometry(0.9, 1, 64), new MeshBasicMaterial({ color: 0xe09a00, side: DoubleSide, transparent: true, opacity: 0.9, depthTest: false }));
+    this.halo.renderOrder = 9;
+    this.halo.visible = false;
+    this.scene.add(this.axes, this.trails, this.marks, this.ring, this.halo);
     canvas.addEventListener("pointerdown", this.down, { capture: true });
     canvas.addEventListener("pointermove", this.hover);
+    canvas.addEventListener("pointerleave", () => this.hands.light(null));
     canvas.addEventListener("pointerup", this.up);
     canvas.addEventListener("pointercancel", this.up);
     this.schedule();
@@ -91,9 +97,10 @@ export class Table3d extends Stage3d {
 
   override setSpec(spec: Spec, packed: Record<string, PackedMesh>): void {
     super.setSpec(spec, packed);
-    const key = JSON.stringify([spec.table, spec.tall > 0.35 * this.side && spec.tall]);
+    const key = JSON.stringify([spec.table, spec.workspace, spec.tall > 0.35 * this.side && spec.tall]);
     if (this.framed !== key) {
       this.framed = key;
+      this.setAxes(spec);
       this.reset();
     }
     this.wake();
@@ -150,7 +157,22 @@ export class Table3d extends Stage3d {
     this.wake();
   }
 
+  /** Light an object, wherever its name is pointed at. */
+  light(name: string | null): void {
+    if (this.lit === name) return;
+    this.lit = name;
+    this.place();
+    this.wake();
+  }
+
   private place(): void {
+    const lit = this.objects.children.findIndex((one) => one.name === this.lit);
+    this.halo.visible = lit >= 0 && this.objects.children[lit].visible;
+    if (this.halo.visible) {
+      const { x, y, z } = this.objects.children[lit].position;
+      this.halo.position.set(x, y, z + 0.002 * this.side);
+      this.halo.scale.setScalar(1.08 * reach(this.spec!.objects[lit].footprint) + 0.014 * this.side);
+    }
     const mesh = this.objects.children.find((one) => one.name === this.chosen);
     this.ring.visible = !!mesh && mesh.visible;
     if (!mesh || !this.spec) return;
@@ -161,6 +183,22 @@ export class Table3d extends Stage3d {
     this.knob.scale.setScalar(0.014 * this.side);
     this.knob.visible = this.hands.free(thing.name);
     this.knob.position.set(radius * Math.cos(mesh.rotation.z), radius * Math.sin(mesh.rotation.z), 0.004 * this.side);
+  }
+
+  /** At the front left corner of the workspace: where x and y go, and how long a round length is. */
+  private setAxes(spec: Spec): void {
+    for (const one of this.axes.children) (one as Mesh).geometry.dispose();
+    this.axes.clear();
+    const long = round125(this.side / 6), wide = 0.004 * this.side, tip = 0.022 * this.side;
+    const [x, y] = corner(spec);
+    const arrow = (to: (along: number, across: number) => Point): [Point, Point][] => [[to(0, 0), to(long, 0)], [to(long, 0), to(long - tip, 0.6 * tip)], [to(long, 0), to(long - tip, -0.6 * tip)]];
+    const lines = [...arrow((along, across) => [x + along, y + across]), ...arrow((along, across) => [x + across, y + along])];
+    const drawn = ribbon(lines, wide, 0x5b4127, 0.0015 * this.side);
+    (drawn.material as MeshBasicMaterial).depthTest = true; // they lie on the table: objects stand over them
+    drawn.renderOrder = 0;
+    this.axes.add(drawn);
+    const at = (u: number, v: number) => new Vector3(x + u, y + v, 0);
+    this.axisTags = [{ at: at(long + tip, 0), text: "x" }, { at: at(0, long + tip), text: "y" }, { at: at(0.5 * long, -1.1 * tip), text: spoken(long, "m") }];
   }
 
   /** The ways of objects over the table. */
@@ -192,7 +230,7 @@ export class Table3d extends Stage3d {
         const across: Point = [(-dy / length) * tick, (dx / length) * tick];
         const ticks = [mark.start, mark.end].map((end): [Point, Point] => [[end[0] - across[0], end[1] - across[1]], [end[0] + across[0], end[1] + across[1]]]);
         this.marks.add(ribbon([[mark.start, mark.end], ...ticks], wide, color, height));
-        this.markTags.push({ at: new Vector3((mark.start[0] + mark.end[0]) / 2, (mark.start[1] + mark.end[1]) / 2, height), text: mark.text, good: mark.good });
+        this.markTags.push({ at: new Vector3((mark.start[0] + mark.end[0]) / 2, (mark.start[1] + mark.end[1]) / 2, height), text: spokenText(mark.text), good: mark.good });
       } else {
         const radius = 0.09 * this.side;
         const at = (angle: number): Point => [mark.center[0] + radius * Math.cos(angle), mark.center[1] + radius * Math.sin(angle)];
@@ -200,7 +238,7 @@ export class Table3d extends Stage3d {
         for (let k = 0; k < 24; k++) arc.push([at(mark.from + ((mark.to - mark.from) * k) / 24), at(mark.from + ((mark.to - mark.from) * (k + 1)) / 24)]);
         this.marks.add(ribbon([[mark.center, at(mark.from)], [mark.center, at(mark.to)], ...arc], wide, color, height));
         const middle = at((mark.from + mark.to) / 2);
-        this.markTags.push({ at: new Vector3(middle[0], middle[1], height), text: mark.text, good: mark.good });
+        this.markTags.push({ at: new Vector3(middle[0], middle[1], height), text: spokenText(mark.text), good: mark.good });
       }
     }
     this.wake();
@@ -251,6 +289,7 @@ export class Table3d extends Stage3d {
     this.pointer(event);
     if (!this.held) {
       const name = this.under();
+      this.hands.light(name === this.knob.name ? this.chosen : name);
       this.renderer.domElement.style.cursor = name === this.knob.name ? "grab" : name ? (this.hands.free(name) ? "move" : "pointer") : "";
       return;
     }
@@ -305,19 +344,33 @@ export class Table3d extends Stage3d {
 
   private tags(): void {
     const box = this.seen; // to measure it would lay the page out anew
-    const tags: Tag[] = [];
-    const put = (at: Vector3, text: string, kind: Tag["kind"]) => {
-      const seen = at.clone().project(this.camera);
-      if (seen.z < 1) tags.push({ x: ((seen.x + 1) / 2) * box.width, y: ((1 - seen.y) / 2) * box.height, text, kind });
+    const tags: Tag[] = [], boxes: Box[] = [];
+    const seen = (at: Vector3) => {
+      const { x, y, z } = at.project(this.camera);
+      return { x: ((x + 1) / 2) * box.width, y: ((1 - y) / 2) * box.height, behind: z >= 1 };
     };
-    for (const [k, mesh] of this.objects.children.entries()) {
-      const thing = this.spec?.objects[k];
-      if (!thing || !mesh.visible) continue;
-      if (this.names || mesh.name === this.chosen || thing.says)
-        put(new Vector3(mesh.position.x, mesh.position.y - 1.1 * reach(thing.footprint), mesh.position.z), mesh.name, mesh.name === this.chosen ? "chosen" : "name");
-    }
-    for (const tag of this.markTags) put(tag.at, tag.text, tag.good ? "good" : "bad");
-    this.said = apart(tags);
+    const put = (at: Vector3, text: string, kind: Tag["kind"], up: number) => {
+      const { x, y, behind } = seen(at.clone());
+      if (!behind) tags.push({ x, y: y - up, text, kind });
+    };
+    if (box.height >= LEGIBLE) for (const { at, text } of this.axisTags) put(at, text, "axis", 0);
+    for (const tag of this.markTags) put(tag.at, tag.text, tag.good ? "good" : "bad", 20);
+    const wanted = (name: string, says: string) => this.names || name === this.chosen || name === this.lit || says;
+    const things = this.objects.children.map((mesh, k) => ({ mesh, thing: this.spec!.objects[k] })).filter(({ mesh }) => mesh.visible);
+    if (things.some(({ mesh, thing }) => wanted(mesh.name, thing.says)))
+      for (const { mesh, thing } of things) {
+        const of: Box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
+        for (const [u, v] of outline(thing.footprint))
+          for (const z of [0, thing.height]) {
+            const { x, y } = seen(mesh.localToWorld(new Vector3(u, v, z)));
+            Object.assign(of, { x0: Math.min(of.x0, x), x1: Math.max(of.x1, x), y0: Math.min(of.y0, y), y1: Math.max(of.y1, y) });
+          }
+        boxes.push(of);
+        const kind = mesh.name === this.chosen ? "chosen" : mesh.name === this.lit ? "lit" : "name";
+        if (wanted(mesh.name, thing.says)) tags.push({ x: 0, y: 0, text: kind === "name" ? shortened(mesh.name) : mesh.name, kind, of });
+      }
+    const view = { x0: 2, y0: this.covered.top * box.height, x1: box.width - 2, y1: box.height * (1 - this.covered.bottom) };
+    this.said = apart(tags, boxes, view, PIXELS);
     this.onTags(this.said);
   }
 
@@ -347,13 +400,21 @@ export class Table3d extends Stage3d {
     context.font = "600 11.5px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "middle";
+    for (const { line } of this.said) {
+      if (!line) continue;
+      context.strokeStyle = "#23262b";
+      context.beginPath();
+      context.moveTo(line[0], line[1]);
+      context.lineTo(line[2], line[3]);
+      context.stroke();
+    }
     for (const { x, y, text, kind } of this.said) {
       const wide = context.measureText(text).width + 12;
-      context.fillStyle = { good: "#0b7a5c", bad: "#c2332b", chosen: "#1e2126", name: "rgb(255 255 255 / 84%)" }[kind];
+      context.fillStyle = { good: "#0b7a5c", bad: "#c2332b", chosen: "#1e2126", lit: "#ffd479", name: "rgb(255 255 255 / 84%)", axis: "rgb(255 255 255 / 0%)" }[kind];
       context.beginPath();
       context.roundRect(x - wide / 2, y - 9, wide, 18, 6);
       context.fill();
-      context.fillStyle = kind === "name" ? "#23262b" : "#fff";
+      context.fillStyle = kind === "name" || kind === "lit" || kind === "axis" ? "#23262b" : "#fff";
       context.fillText(text, x, y);
     }
     return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
@@ -364,8 +425,4 @@ export class Table3d extends Stage3d {
     this.controls.dispose();
     this.dispose();
   }
-}
-
-export function reach(footprint: { kind: string; radius?: number; corners?: Point[] }): number {
-  return footprint.radius ?? Math.max(...footprint.corners!.map(([x, y]) => Math.hypot(x, y)));
 }

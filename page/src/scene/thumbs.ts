@@ -1,7 +1,9 @@
 // Small pictures of many scenes, drawn one after the other by one renderer, so that the page never waits for them.
+import { Raycaster, Vector2, Vector3 } from "three";
 import type { PackedMesh, Pose, Spec } from "../types";
+import { reach } from "./reach";
 import { Stage3d } from "./stage3d";
-import { drawTop } from "./top2d";
+import { drawTop, topScale } from "./top2d";
 
 export interface Wanted {
   canvas: HTMLCanvasElement;
@@ -12,6 +14,9 @@ export interface Wanted {
 
 const SLICE = 20; // ms of drawing at a time
 const KEPT = 300; // pictures
+
+const SMALLEST = 0.04; // of a ring, in shares of the width
+const ray = new Raycaster();
 
 type Scene = Pick<Wanted, "poses" | "bases">;
 const idle: (then: () => void) => void = "requestIdleCallback" in window ? (then) => requestIdleCallback(then, { timeout: 500 }) : (then) => setTimeout(then, 30);
@@ -91,6 +96,36 @@ export class Thumbs {
       else done();
     };
     idle(next);
+  }
+
+  /** The object at a place of a small picture, given in shares of its width and height; null for none. */
+  under(at: [number, number], { poses, bases }: Scene): string | null {
+    const stage = this.flat ? null : this.stage, now = this.spec;
+    if (!now || poses.length !== now.objects.length) return null;
+    if (!stage?.spec) {
+      const near = now.objects.map((one, k) => ({ name: one.name, ...this.place(k, { poses, bases })! })).filter(({ x, y, r }) => Math.hypot(at[0] - x, (at[1] - y) * 0.75) < r);
+      return near.sort((one, two) => one.r - two.r)[0]?.name ?? null;
+    }
+    if (this.framed !== stage.spec || poses.length !== stage.objects.children.length) return null;
+    stage.setPoses(poses, bases);
+    stage.scene.updateMatrixWorld();
+    ray.setFromCamera(new Vector2(2 * at[0] - 1, 1 - 2 * at[1]), stage.camera);
+    const hit = ray.intersectObjects(stage.alike.children, false)[0];
+    return hit?.object.userData.names?.[hit.instanceId!] ?? null;
+  }
+
+  /** Where an object is in a small picture, in shares of its width and height; `r` in shares of the width. */
+  place(index: number, { poses, bases }: Scene): { x: number; y: number; r: number } | null {
+    const now = this.spec, pose = poses[index], thing = now?.objects[index];
+    if (!now || !pose || !thing) return null;
+    const stage = this.flat ? null : this.stage, wide = reach(thing.footprint);
+    if (!stage?.spec) {
+      const { scale, left, top } = topScale(now, 4, 3);
+      return { x: (scale * pose[0] + left) / 4, y: (top - scale * pose[1]) / 3, r: Math.max((scale * wide) / 4, SMALLEST) };
+    }
+    const seen = (dx: number) => new Vector3(pose[0] + dx, pose[1], (bases[index] ?? 0) + thing.height / 2).project(stage.camera);
+    const { x, y } = seen(0);
+    return { x: (x + 1) / 2, y: (1 - y) / 2, r: Math.max(Math.abs(seen(wide).x - x) / 2, SMALLEST) };
   }
 
   private keep(canvas: HTMLCanvasElement, poses: Pose[]): void {

@@ -4,7 +4,7 @@ import type { Footprint, Pose, Spec } from "../types";
 export const TINTS = ["#cfe0f3", "#f8dcc9", "#d3ead6", "#e5d8ee", "#f7eab8", "#cbe8ea"];
 export const EDGES = ["#4a76a6", "#b9713f", "#56905f", "#8568a0", "#a3882a", "#46919a"];
 
-function outline(context: CanvasRenderingContext2D, footprint: Footprint, [x, y, theta]: Pose): void {
+export function outline(context: CanvasRenderingContext2D, footprint: Footprint, [x, y, theta]: Pose): void {
   context.beginPath();
   if (footprint.kind === "circle") context.arc(x, y, footprint.radius!, 0, 7);
   else {
@@ -26,14 +26,19 @@ export function lowestFirst(bases: number[], count: number): number[] {
   return Array.from({ length: count }, (_, k) => k).sort((a, b) => (bases[a] ?? 0) - (bases[b] ?? 0) || a - b);
 }
 
+/** How the table lies in a picture of a size: x is scale * x + left, y is top - scale * y. */
+export function topScale({ table: [x0, y0, x1, y1] }: Spec, width: number, height: number): { scale: number; left: number; top: number } {
+  const scale = Math.min(width / (x1 - x0), height / (y1 - y0));
+  return { scale, left: width / 2 - (scale * (x0 + x1)) / 2, top: height / 2 + (scale * (y0 + y1)) / 2 };
+}
+
 export function drawTop(context: CanvasRenderingContext2D, spec: Spec, poses: Pose[], bases: number[]): void {
   const look = document.documentElement.dataset.theme === "dark" ? DARK : LIGHT;
   const { width, height } = context.canvas;
-  const [x0, y0, x1, y1] = spec.table;
-  const scale = Math.min(width / (x1 - x0), height / (y1 - y0));
+  const { scale, left, top } = topScale(spec, width, height);
   context.setTransform(1, 0, 0, 1, 0, 0);
   context.clearRect(0, 0, width, height);
-  context.setTransform(scale, 0, 0, -scale, width / 2 - (scale * (x0 + x1)) / 2, height / 2 + (scale * (y0 + y1)) / 2);
+  context.setTransform(scale, 0, 0, -scale, left, top);
   const { x, y } = spec.workspace;
   context.fillStyle = look.paper;
   context.fillRect(x[0], y[0], x[1] - x[0], y[1] - y[0]);

@@ -386,9 +386,10 @@ def phi(
 Floats = npt.NDArray[np.float64]
 
 
-def deciding_atom(core: Core, label: str, values: Sequence[float]) -> int:
-    """The node of the atom that decides a label's phi, given the value of every node for one scene."""
-    (atom,) = _deciding(core, core.labels[label], np.array(values, dtype=np.float64)[:, None])
+def deciding_atom(core: Core, label: str, values: Sequence[float], same: Collection[int] | None = None) -> int:
+    """The node of the atom that decides a label's phi, given the value of every node for one scene. `same` are the
+    atoms that count as the same in every scene; None: those whose margin is a number."""
+    (atom,) = _deciding(core, core.labels[label], np.array(values, dtype=np.float64)[:, None], same)
     return atom
 
 
@@ -399,11 +400,13 @@ def deciding_atoms(core: Core, rows: Floats, label: str) -> dict[int, int]:
     return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
 
-def _deciding(core: Core, root: int, values: Sequence[Floats] | Floats) -> dict[int, Index]:
+def _deciding(
+    core: Core, root: int, values: Sequence[Floats] | Floats, same: Collection[int] | None = None
+) -> dict[int, Index]:
     """For each atom that decides the formula `root`, in which scenes; of values (B,) of every node."""
     found = _deciders(core, root, dict(enumerate(values)), np.arange(len(values[root])))
-    constant = [atom for atom in found if is_constant(core, atom)]
-    rest = _without_constants(core, root, values) if constant else {}
+    constant = [atom for atom in found if (is_constant(core, atom) if same is None else atom in same)]
+    rest = _without_constants(core, root, values, same) if constant else {}
     if root in rest:
         scenes = np.concatenate([found.pop(atom) for atom in constant])
         for atom, more in _deciders(core, root, rest, scenes).items():
@@ -417,7 +420,19 @@ def is_constant(core: Core, atom: int) -> bool:
     return isinstance(node, Atom) and isinstance(core.nodes[node.margin], Const)
 
 
-def _without_constants(core: Core, root: int, values: Sequence[Floats] | Floats) -> dict[int, Floats]:
+def settled_atoms(core: Core, count: int) -> frozenset[int]:
+    """The atoms whose margin no move of one of the `count` objects changes: numbers, and what depends on the chosen
+    surfaces alone."""
+    moves: list[bool] = []
+    for node in core.nodes:
+        place = isinstance(node, Coord) and node.object < count
+        moves.append(place or any(moves[child] for child in children(node)))
+    return frozenset(at for at, node in enumerate(core.nodes) if isinstance(node, Atom) and not moves[at])
+
+
+def _without_constants(
+    core: Core, root: int, values: Sequence[Floats] | Floats, same: Collection[int] | None
+) -> dict[int, Floats]:
     """The values of the formulas up to `root` as they are without the atoms that are the same in every scene. A formula
     of nothing else has none."""
     found: dict[int, Floats] = {}
@@ -426,7 +441,7 @@ def _without_constants(core: Core, root: int, values: Sequence[Floats] | Floats)
             parts = [found[arg] for arg in node.args if arg in found]
             if parts:
                 found[index] = reduce(np.minimum if node.kind == "min" else np.maximum, parts)
-        elif isinstance(node, Atom) and not is_constant(core, index):
+        elif isinstance(node, Atom) and not (is_constant(core, index) if same is None else index in same):
             found[index] = values[index]
     return found
 

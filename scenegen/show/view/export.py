@@ -109,7 +109,8 @@ def _scenes(
         on = np.concatenate([one.on for one in parts if one.on is not None]) if spec.checked.choices else None
         scenes = scene_set(spec, np.concatenate([one.poses for one in parts]), {"method": "exact", "seed": seed}, on)
     reports = [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))]
-    return shown(spec, scenes), reports, scenes.header
+    own = {name: opened.scenes[name] for name in ("together", "warnings")} if opened.scenes else {}
+    return {**shown(spec, scenes), **own}, reports, scenes.header
 
 
 def _motions(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scenegen.api.motions import read_motions
+from scenegen.api.motions import MotionSet, read_motions
 from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import SceneArrays, rows_of, stored_rows
 from scenegen.api.spec import MAX_BYTES, Spec, parse
@@ -194,17 +194,17 @@ def shipped() -> list[dict[str, str]]:
 Part = tuple[dict[str, int], dict[str, Any]]
 
 
-def stored_scenes(file: Path) -> tuple[list[Part], Spec, SceneFile]:
+def stored_scenes(file: Path, together: int = 1) -> tuple[list[Part], Spec, SceneFile]:
     """As many scenes of a file as the page takes, as the job `sample` sends them, with the spec and the head of the
     file. Where the spec draws numbers of things, there is a part for each combination of them, in lexicographic order;
-    elsewhere there is one part, with no numbers. Raises DataError, SpecError, and RequestError where there are no
-    scenes."""
+    elsewhere there is one part, with no numbers. So many scenes lie `together`: the start and the goal of a pair.
+    Raises DataError, SpecError, and RequestError where there are no scenes."""
     found = read_scenes(file)
     spec = parse(found.header.spec.source, file.name)
     if not len(found):
         raise RequestError(NO_SCENES(file=file.name))
     parts = list(found.parts())
-    most = max(1, most_scenes(len(found.objects)) // len(parts))
+    most = max(1, most_scenes(len(found.objects)) // len(parts) // together) * together
     names = {tuple(numbers.values()): written(numbers) for numbers in combinations(spec.declared.counts)}
     scenes: list[Part] = []
     for numbers, which in parts:
@@ -212,7 +212,8 @@ def stored_scenes(file: Path) -> tuple[list[Part], Spec, SceneFile]:
         some = found.only(numbers, which[:most]) if numbers else found[:most]
         there = f" with {names[tuple(numbers.values())]}" if numbers else ""
         note = f"{len(some):,} of the {len(which):,} scenes{there} of {file.name}"
-        scenes.append((numbers, _shown(member, some, note)))
+        cut = [{"code": "", "title": f"the first {note}"}] if len(some) < len(which) else []
+        scenes.append((numbers, {**_shown(member, some, note), "together": together, "warnings": cut}))
     return scenes, spec, found.header
 
 
@@ -224,7 +225,7 @@ def _shown(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
     return shown(spec, scene_set(spec, as_poses(rows[:count]), sampler, on), note)
 
 
-STARTER = "first"  # the shipped spec that is shown where nothing was named
+STARTER = "tidy_desk"  # the shipped spec that is shown where nothing was named
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,13 +322,13 @@ def _spec(file: Path) -> OpenProject:
 
 
 def _scenes(file: Path) -> OpenProject:
-    if is_motions(file):
-        opened = _motions(file)
-        if opened is not None:
-            return opened
-    scenes, spec, header = stored_scenes(file)
+    found = read_motions(file) if is_motions(file) else None
+    opened = found and _motions(file, found)
+    if opened is not None:
+        return opened
+    scenes, spec, header = stored_scenes(file, 1 if found is None else found.header.time.steps + 1)
     # the starts of pairs do not lie in the range of their goals
-    request = {} if header.request is None or is_motions(file) else header.request.model_dump(mode="json")
+    request = {} if header.request is None or found is not None else header.request.model_dump(mode="json")
     parts = tuple({"counts": numbers, "scenes": some} for numbers, some in scenes)
     numbers, shown = scenes[-1]  # where numbers of things are drawn, the most, as the page begins with
     if numbers:
@@ -337,11 +338,10 @@ def _scenes(file: Path) -> OpenProject:
     )
 
 
-def _motions(file: Path) -> OpenProject | None:
+def _motions(file: Path, found: MotionSet) -> OpenProject | None:
     """None for motions of a spec without `time`, such as pairs of a start and a goal: their moments are scenes."""
     from scenegen.show.view.jobs.motions import most_of, motions_of, shown, too_long
 
-    found = read_motions(file)
     text = found.header.spec.source
     spec = parse(text, file.name)
     if spec.horizon is None:
@@ -354,7 +354,8 @@ def _motions(file: Path) -> OpenProject | None:
     order = [found.objects.index(name) for name in spec.objects]  # in the order of the spec, whatever the file's is
     poses = motions_of(spec, found.poses[:most][:, :, order])
     note = f"{len(poses):,} of the {len(found):,} motions of {file.name}"
-    motions = shown(spec, poses, found.header.sampler, note)
+    cut = [{"code": "", "title": f"the first {note}"}] if len(poses) < len(found) else []
+    motions = {**shown(spec, poses, found.header.sampler, note), "warnings": cut}
     asked = found.header.request.model_dump(mode="json")
     request = {"phi": asked["phi"], "n": min(asked["n"], most)}
     return OpenProject(Folder(file.resolve().parent), text, file.stem, scenes=motions, request=request)

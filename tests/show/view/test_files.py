@@ -177,6 +177,26 @@ def test_moments_of_pairs_are_in_no_range(tmp_path):
     assert set(found.request) == {"counts"} and len(phi) == 6 and min(phi) < 0 <= max(phi)
 
 
+def test_starts_and_goals_lie_together_and_what_is_left_out_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr("scenegen.show.view.project.most_scenes", lambda objects: 5)  # two pairs, and half of another
+    scenegen.pairs(scenegen.parse(TEXT), {"task": (0.0, None)}, n=3).save(tmp_path / "pairs.jsonl")
+    found = open_(tmp_path / "pairs.jsonl").scenes
+    phi = found["phi"]["task"]
+    assert found["together"] == 2 and len(phi) == 4 and max(phi[::2]) < 0.0 <= min(phi[1::2])
+    assert [one["title"] for one in found["warnings"]] == ["the first 4 of the 6 scenes of pairs.jsonl"]
+    scenegen.sample(scenegen.parse(TEXT), n=7).save(tmp_path / "seven.json")
+    found = open_(tmp_path / "seven.json").scenes
+    assert found["together"] == 1 and len(found["poses"]) == 5
+    assert [one["title"] for one in found["warnings"]] == ["the first 5 of the 7 scenes of seven.json"]
+    moving = scenegen.parse(
+        "object mug, plate\ntime 2 steps\nrequire forall a in objects: speed(a) <= 20 cm/s\n" + TEXT[19:]
+    )
+    scenegen.sample_motions(moving, n=3).save(tmp_path / "motions.json")
+    monkeypatch.setattr("scenegen.show.view.jobs.motions.most_of", lambda spec: 2)
+    found = open_(tmp_path / "motions.json").scenes
+    assert [one["title"] for one in found["warnings"]] == ["the first 2 of the 3 motions of motions.json"]
+
+
 def test_a_file_without_scenes_is_refused(tmp_path, numbered):
     numbered[1][:0].save(tmp_path / "none.json")
     with pytest.raises(RequestError, match=r"no scenes in none.json"):

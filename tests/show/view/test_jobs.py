@@ -352,6 +352,34 @@ def test_what_is_the_same_in_every_scene_does_not_explain_it(tmp_path, name, lab
     assert all("0 <= 0.001" not in row["decided_by"].values() for row in told)
 
 
+CUPS = (
+    "region board[2] = rect(0, 0.6, 1, 1) at 30 cm, 60 cm\nobject can on any of board, cup on any of board\n"
+    "near: closeTo(can, cup, 40 cm) & atLevel(can, cup)\nlevel: atLevel(can, cup)\n"
+    "apart: gap(can, cup) >= 20 cm | abs(z(can) - z(cup)) >= 10 cm\n"
+)
+
+
+def test_what_depends_on_surfaces_alone_explains_phi_where_it_is_not_met(tmp_path):
+    """phi of `near` is at most the tolerance of `atLevel`, wherever the two stand on one board."""
+    poses = [[0.4, 0.8, 0.0], [0.6, 0.8, 0.0]]
+    told = {}
+    for on in ([1, 1], [1, 2]):
+        (found,) = do("evaluate", tmp_path, text=CUPS, poses=[poses], on=[on], why=True)
+        told[on[1]] = found["phi"], found["decides"]
+    phi, decides = told[1]
+    assert phi["near"] == phi["level"] == [0.001]
+    near = decides["near"]
+    assert (near["text"], near["value"], near["settled"]) == ("closeTo(can, cup, 0.4)", pytest.approx(0.2), False)
+    assert near["keeper"]["text"] == "atLevel(can, cup, 0.001)" and near["keeper"]["value"] == 0.001
+    assert (decides["level"]["text"], decides["level"]["settled"]) == ("atLevel(can, cup, 0.001)", True)
+    assert "keeper" not in decides["level"]
+    phi, decides = told[2]  # on two boards: what is wrong is what must change
+    assert phi["near"] == [pytest.approx(-0.299)] and decides["near"]["text"] == "atLevel(can, cup, 0.001)"
+    assert decides["near"]["settled"] and "keeper" not in decides["near"]
+    # as one of several it lifts phi, and nothing else is to blame
+    assert decides["apart"]["value"] == phi["apart"][0] == pytest.approx(0.2) and decides["apart"]["settled"]
+
+
 @pytest.mark.parametrize(
     "request_",
     [

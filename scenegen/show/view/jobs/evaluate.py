@@ -19,7 +19,7 @@ from scenegen.errors import DataError
 from scenegen.errors.program import NO_MESSAGE
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core
-from scenegen.lang.formula.interpret import deciding_atom
+from scenegen.lang.formula.interpret import deciding_atom, is_constant, settled_atoms
 from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.scenes.data import RequestData, SceneFile, heights_of
 from scenegen.show.view.jobs.source import MOST_NODES, Json, decided, line_of, spec_of, stage_of_spec, tree_of
@@ -124,9 +124,17 @@ def reasons(spec: Spec, scenes: SceneSet) -> dict[str, Any]:
 def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[float]) -> dict[str, Any]:
     trees = trees_of(spec)
     core = trees.core
-    index = deciding_atom(core, label, values)
+    met = {atom for atom in trees.settled if values[atom] >= 0.0 or is_constant(core, atom)}
+    phi = values[core.labels[label]]
+    index = deciding_atom(core, label, values, met or None)
+    if values[index] < phi:  # what does not change lifts phi, as one of several: it decides
+        index = deciding_atom(core, label, values)
     lines = [number for number, nodes in enumerate(trees.groups) if nodes[0] == index or index in nodes]
-    return decided(core, index, label, values[index], lines, rows)
+    found = {**decided(core, index, label, values[index], lines, rows), "settled": index in trees.settled}
+    if values[index] != phi:  # another atom, which no move of an object changes, is phi
+        keeper = deciding_atom(core, label, values, ())
+        found["keeper"] = decided(core, keeper, label, values[keeper], [], rows)
+    return found
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -135,10 +143,12 @@ def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[flo
 
 
 class Trees:
-    """`trees` maps each label, and `require`, to its tree; `shown` are the nodes whose values the page wants."""
+    """`trees` maps each label, and `require`, to its tree; where some of the `count`
+    objects stand on one of several surfaces, `settled` are the atoms that no move of one changes."""
 
-    def __init__(self, outline: Outline) -> None:
+    def __init__(self, outline: Outline, count: int) -> None:
         self.core: Core = outline.core
+        self.settled = settled_atoms(self.core, count) if len(self.core.objects) > count else frozenset[int]()
         self.trees: dict[str, Json] = {}
         self.groups: list[tuple[int, ...]] = []  # by the number of a line: the nodes that it stands for
         self.least: list[bool] = []  # whether the smallest of their values counts, or the largest
@@ -163,4 +173,4 @@ class Trees:
 @lru_cache(maxsize=2)
 def trees_of(spec: Spec) -> Trees:
     """The formulas of a spec."""
-    return Trees(Outline(spec))
+    return Trees(Outline(spec), len(spec.objects))

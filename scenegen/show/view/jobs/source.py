@@ -174,6 +174,7 @@ def decided(
         "lines": lines,
         "marks": [mark_data(one) for one in dimensions(core, index, rows)],
         "required": label == REQUIRE,
+        "unit": str(atom.unit),
     }
 
 

@@ -163,7 +163,7 @@ def test_closing_the_page_frees_its_work(running):
     page.close()
     while running.shared.workers.alive & alive and time.monotonic() < until:
         time.sleep(0.02)
-    assert not running.shared.workers.alive & alive and running.shared.sessions == 0
+    assert not running.shared.workers.alive & alive and running.shared.tabs == []
 
 
 def test_a_worker_that_dies_is_replaced(running, page):
@@ -186,7 +186,7 @@ def test_pages_beyond_the_limit_are_refused(running):
         for one in pages:
             one.close()
     until = time.monotonic() + 10
-    while running.shared.sessions and time.monotonic() < until:
+    while running.shared.tabs and time.monotonic() < until:
         time.sleep(0.02)
     running.page().close()
 

@@ -130,11 +130,11 @@ function closeTop(): boolean {
 }
 
 export function listen(): void {
-  // Plain letters are commands only for who has left the editor for the page, by a click, F6, or Tab elsewhere. Whoever
-  // lost it by another way goes on typing in it.
+  // Whose focus was lost from the editor by itself goes on typing there; who left it has the keys of the page.
   let left = true;
-  addEventListener("focusin", (event) => (event.target as HTMLElement).closest(".editor > .code") && (left = false));
-  addEventListener("pointerdown", (event) => !(event.target as HTMLElement).closest(".editor > .code") && (left = true), true);
+  const leave = (event: Event) => (left = !(event.target as HTMLElement).closest(".editor > .code"));
+  addEventListener("focusin", leave);
+  addEventListener("pointerdown", leave, true);
   addEventListener("keydown", (event) => {
     const target = event.target as HTMLElement;
     const inEditor = !!target.closest(".cm-editor");
@@ -144,7 +144,6 @@ export function listen(): void {
       if (!alone) void saveOrAsk();
       return;
     }
-    if (event.key === "F6" || (event.key === "Tab" && !inEditor)) left = true;
     if (event.key === "F6" && !help.value) {
       event.preventDefault();
       if (inEditor) picture()?.focus();
@@ -167,7 +166,7 @@ export function listen(): void {
     // A button that is focused keeps Enter and space for itself; options and sliders their arrows.
     if ((event.key === "Enter" || event.key === " ") && target.closest("button, a, [role=slider]")) return;
     if (/^Arrow|^Home$|^End$/.test(event.key) && target.closest("[role=slider], [role=listbox], input, [role=tablist]")) return;
-    if (!left && !alone) {
+    if (!left && !alone && target === document.body) {
       if (event.key.length === 1 || event.key === "Backspace") editor.focus(); // which gets the key itself, too
       return;
     }

@@ -2,6 +2,7 @@
 // the next and out of the last, as Tab does.
 import { insertBracket, pickedCompletion, type Completion } from "@codemirror/autocomplete";
 import { MapMode, Prec, StateEffect, StateField, Transaction, type ChangeDesc, type EditorState, type Extension } from "@codemirror/state";
+import { invertedEffects } from "@codemirror/commands";
 import { Decoration, EditorView } from "@codemirror/view";
 
 /** Where the brackets and commas of a call stand, and the arguments that nobody has filled in yet. */
@@ -12,7 +13,10 @@ interface Call {
   blank: { from: number; to: number }[];
 }
 
-const begin = StateEffect.define<Call>();
+const begin = StateEffect.define<Call>({ map: (call, changes) => moved(call, changes) ?? undefined });
+const end = StateEffect.define<Call>({ map: (call, changes) => moved(call, changes) ?? undefined });
+/** A call that is taken back and done again has its fields again. */
+const again = invertedEffects.of(({ effects }) => effects.flatMap((one) => (one.is(begin) ? [end.of(one.value)] : one.is(end) ? [begin.of(one.value)] : [])));
 
 function moved(call: Call, changes: ChangeDesc): Call | null {
   const at = (place: number) => changes.mapPos(place, 1, MapMode.TrackAfter);
@@ -68,14 +72,23 @@ function innermost(state: EditorState): Call | undefined {
   return state.field(calls).at(-1);
 }
 
+function balanced(text: string): boolean {
+  return text.split(/[([{]/).length === text.split(/[)\]}]/).length;
+}
+
 /** Whether no bracket of what was typed stands open between that of the call and a place. */
 function within(state: EditorState, call: Call, at: number): boolean {
-  const typed = state.sliceDoc(call.open + 1, at);
-  return typed.split(/[([{]/).length === typed.split(/[)\]}]/).length;
+  return balanced(state.sliceDoc(call.open + 1, at));
 }
 
 export function inCall(state: EditorState): boolean {
   return !!innermost(state);
+}
+
+/** Whether an argument that is to be filled in is selected. */
+export function onBlank(state: EditorState): boolean {
+  const { from, to } = state.selection.main;
+  return !!innermost(state)?.blank.some((one) => one.from === from && one.to === to);
 }
 
 /** Go to the next argument, and behind the bracket after the last. */
@@ -94,6 +107,10 @@ const typing = EditorView.inputHandler.of((view, from, to, typed) => {
   const { state } = view;
   const call = innermost(state), there = spaced;
   spaced = -1;
+  if (from === to && (typed === ")" || typed === "]") && state.sliceDoc(to, to + 1) === typed && balanced(state.doc.lineAt(to).text)) {
+    view.dispatch({ selection: { anchor: to + 1 } }); // it is there already, whoever put it in
+    return true;
+  }
   if (!call) return false;
   if (typed === " ") return from === there;
   if (typed === "(" && from === call.open + 1 && call.blank[0]?.from === from && call.blank[0].to === to && call.blank.length === call.commas.length + 1) {
@@ -117,4 +134,4 @@ const typing = EditorView.inputHandler.of((view, from, to, typed) => {
   return false;
 });
 
-export const callFields: Extension = [calls, Prec.highest(typing)];
+export const callFields: Extension = [calls, again, Prec.highest(typing)];

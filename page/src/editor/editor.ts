@@ -12,7 +12,7 @@ import { askOne, http, onReconnect, tabId, token } from "../server";
 import { alone, boot, decides, message, offered, pointed, problems, report, restored, saved, spec, text, unsaved, type Saved } from "../state";
 import { setText } from "../store";
 import type { Draft, Line, Problem } from "../types";
-import { callFields, inCall, insertCall, leap } from "./calls";
+import { callFields, inCall, insertCall, leap, onBlank } from "./calls";
 import { specLanguage } from "./language";
 import { markdown } from "./markdown";
 
@@ -259,7 +259,7 @@ function extensions(): Extension[] {
       { key: "Shift-Alt-f", run: (view) => (void format(view), true) },
       { key: "Mod-/", run: toggleComment },
       { key: "Enter", run: enter },
-      { key: "Escape", run: closeHovers },
+      { key: "Escape", run: (view) => closeHovers(view) || onBlank(view.state) }, // which stays selected
       ...closeBracketsKeymap,
       ...defaultKeymap.filter((one) => one.key !== "Mod-/"),
       ...searchKeymap,

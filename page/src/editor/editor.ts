@@ -245,7 +245,7 @@ function extensions(): Extension[] {
     bracketMatching(),
     closeBrackets(),
     highlightActiveLine(),
-    highlightSelectionMatches(),
+    highlightSelectionMatches({ minSelectionLength: 2 }),
     search({ top: true }),
     specLanguage(),
     theme,

@@ -176,11 +176,11 @@ def test_a_call_within_a_call_has_its_own_fields(served, tab):
     one = tab(served.link)
     one.ready()
     one.write("object mug, plate\n")
-    one.page.keyboard.type("task: ab", delay=60)
     popup = ".cm-tooltip-autocomplete:not(.cm-tooltip-autocomplete-disabled) li[aria-selected=true]"
+    one.page.keyboard.type("task: abs", delay=60)
     one.page.wait_for_selector(f"{popup}:has-text('abs')")
     one.page.wait_for_timeout(300)
-    one.page.keyboard.press("Enter")
+    one.page.keyboard.press("Tab")
     one.page.keyboard.type("dis", delay=60)
     one.page.wait_for_selector(f"{popup}:has-text('dist')")
     one.page.wait_for_timeout(300)

@@ -40,7 +40,7 @@ function Editor() {
     <section class="editor" aria-label="spec">
       <Lost />
       {restored.value ? <p class="restored" role="status">What you wrote and did not save is here again. <button class="chip" onClick={() => { replaceText(saved.value.text ?? ""); editor.focus(); }}>Discard</button></p> : null}
-      {offered.value ? <p class="restored" role="status">You changed this example before and did not save it. <button class="chip" onClick={takeUp}>Go on with that</button></p> : null}
+      {offered.value ? <p class="restored" role="status">You wrote in this before and did not save it. <button class="chip" onClick={takeUp}>Go on with that</button></p> : null}
       <Conflict />
       <div class="code" ref={root} />
       <Reader />

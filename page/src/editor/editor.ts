@@ -463,6 +463,7 @@ export function openInEditor(file: Saved, draft: Draft | null): void {
   if (unsaved.value) states.set(key(saved.value), { state: editor.state, file: saved.value, instead });
   else states.delete(key(saved.value));
   const before = states.get(key(file));
+  states.delete(key(file)); // it is open
   saved.value = before?.file ?? file; // its hash, too: what is on the disk may be newer than what was written here
   editor.setState(before?.state ?? EditorState.create({ doc: file.text ?? "", extensions: extensions() }));
   drafted = { name: "", body: "" };

@@ -128,7 +128,7 @@ class Folder:
         """Keep what is not saved in a tab, or with None for `text` forget it. Raises FileRefused."""
         if text is not None and len(text.encode()) > MAX_TEXT:
             raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
-        file = state_folder() / "drafts" / f"{self._draft_key(name)}-{tab}.json"
+        file = state_folder() / "drafts" / f"{self._draft_key(name)}{tab and '-'}{tab}.json"
         try:
             if text is None:
                 file.unlink(missing_ok=True)

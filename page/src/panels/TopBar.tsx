@@ -1,6 +1,6 @@
 // The bar at the top: the file, the scenes as files, the look.
 import { signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { before, command } from "../command";
 import { format, waitingTexts } from "../editor/editor";
 import { download, fileName, handMoved, list, openFile, openText, openWaiting, save, type Listing } from "../files";
@@ -114,7 +114,7 @@ function walk(event: KeyboardEvent): void {
 
 function Menu({ name, children }: { name: string; children: any }) {
   const root = useRef<HTMLDivElement>(null);
-  useEffect(() => {
+  useLayoutEffect(() => { // at once: the next key is for the menu
     if (!root.current!.contains(document.activeElement)) items(root.current!)[0]?.focus();
   }, [listing.value]);
   useEffect(() => () => void requestAnimationFrame(() => menu.value || focusBack(opener)), []);

@@ -2,7 +2,6 @@
 // the next and out of the last, as Tab does.
 import { insertBracket, pickedCompletion, type Completion } from "@codemirror/autocomplete";
 import { MapMode, Prec, StateEffect, StateField, Transaction, type ChangeDesc, type EditorState, type Extension } from "@codemirror/state";
-import { invertedEffects } from "@codemirror/commands";
 import { Decoration, EditorView } from "@codemirror/view";
 
 /** Where the brackets and commas of a call stand, and the arguments that nobody has filled in yet. */
@@ -13,10 +12,7 @@ interface Call {
   blank: { from: number; to: number }[];
 }
 
-const begin = StateEffect.define<Call>({ map: (call, changes) => moved(call, changes) ?? undefined });
-const end = StateEffect.define<Call>({ map: (call, changes) => moved(call, changes) ?? undefined });
-/** A call that is taken back and done again has its fields again. */
-const again = invertedEffects.of(({ effects }) => effects.flatMap((one) => (one.is(begin) ? [end.of(one.value)] : one.is(end) ? [begin.of(one.value)] : [])));
+const begin = StateEffect.define<Call>();
 
 function moved(call: Call, changes: ChangeDesc): Call | null {
   const at = (place: number) => changes.mapPos(place, 1, MapMode.TrackAfter);
@@ -134,4 +130,4 @@ const typing = EditorView.inputHandler.of((view, from, to, typed) => {
   return false;
 });
 
-export const callFields: Extension = [calls, again, Prec.highest(typing)];
+export const callFields: Extension = [calls, Prec.highest(typing)];

@@ -129,8 +129,9 @@ def test_texts_typed_at_the_pace_of_a_person_with_every_key_of_the_page(serve, t
             chance.choice([80, 110, 150, 200]) if chance.random() < 0.96 else chance.uniform(400, 1600)
         )
         if letter in " ,\n(" and chance.random() < 0.3:  # not in the midst of a word, which Tab may take
-            within = done.count("(") > done.count(")")  # End goes behind the bracket that is there already
-            for key in chance.choice([one for one in IDLE if not (within and "End" in one)]).split():
+            within = done.count("(") > done.count(")")
+            behind = ("Home End", "Control+z Control+y")  # the bracket that is there already
+            for key in chance.choice([one for one in IDLE if not (within and one in behind)]).split():
                 keys.press(key)
                 one.page.wait_for_timeout(chance.choice([60, 150]))
     wanted = "\n".join(line.rstrip() for line in text.split("\n"))

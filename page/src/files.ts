@@ -1,31 +1,46 @@
 // Files: specs that are opened and saved, scenes that are taken away.
-import { editor, keepNow, openInEditor, replaceText } from "./editor/editor";
+import { editor, freshName, keepNow, keepOrphan, openInEditor, replaceText } from "./editor/editor";
 import { path } from "./motions";
 import { table } from "./panels/Stage";
 import { connected, Failed, http } from "./server";
-import { about, alone, chooser, conflict, message, movedScenes, request, result, saved, shown, spec, text, unsaved, view } from "./state";
+import { about, alone, chooser, conflict, message, movedScenes, request, result, saved, shown, spec, text, unsaved, view, type Saved } from "./state";
 import { check, forget } from "./store";
 
 export interface Listing {
   specs: string[];
   shipped: { name: string; title: string; text: string }[];
+  lost: string[]; // names of what closed tabs left that no file has
 }
 
 export async function list(): Promise<Listing> {
   return (await http("/api/files")).json();
 }
 
+const named = (path: string) => path.split("/").pop()!.replace(/\.spec$/i, "");
+
+let openings = 0;
+let saving: Promise<unknown> = Promise.resolve();
+
 export async function openFile(path: string): Promise<void> {
+  const mine = ++openings;
   const found = await http(`/api/file?path=${encodeURIComponent(path)}`).then((answer) => answer.json(), tell);
-  if (found) await take({ path, sha: found.sha, text: found.text, name: path.split("/").pop()!.replace(/\.spec$/, "") });
+  if (found) await take({ path, sha: found.sha, text: found.text, name: named(path) }, mine);
 }
 
-export async function openText(name: string, value: string): Promise<void> {
-  await take({ path: null, sha: null, text: value, name });
+/** Open an example, or a new text: as it is, even where it was opened before and changed. */
+export async function openText(name: string, value: string, shipped = true): Promise<void> {
+  await take({ path: null, sha: null, text: value, name: freshName(name), shipped: shipped ? name : null }, ++openings);
 }
 
-async function take(file: { path: string | null; sha: string | null; text: string; name: string }): Promise<void> {
+/** Open what was written earlier and that no file has. */
+export async function openWaiting(name: string): Promise<void> {
+  await take({ path: null, sha: null, text: null, name }, ++openings);
+}
+
+async function take(file: Saved, mine: number): Promise<void> {
   const draft = await http(`/api/draft?name=${encodeURIComponent(file.path ?? file.name)}`).then((answer) => answer.json(), tell);
+  await saving; // what is being saved is of the file that is open
+  if (mine !== openings) return; // another one was wanted meanwhile
   conflict.value = null;
   forget();
   openInEditor(file, draft);
@@ -39,19 +54,38 @@ function tell(error: unknown): void {
 
 /** Look at what is on the disk: where another program wrote it, what is not changed here is loaded again. */
 export async function compareWithDisk(path: string): Promise<void> {
-  const found = await http(`/api/file?path=${encodeURIComponent(path)}`).then((answer) => answer.json(), () => null);
-  if (!found || (path === saved.value.path && found.sha === saved.value.sha)) return;
-  if (path === saved.value.path && !unsaved.value) {
-    takeFromDisk({ path, text: found.text, sha: found.sha });
-    message.value = `${path} was changed by another program: this is its new text`;
-  } else conflict.value = { path, text: found.text, sha: found.sha };
+  const before = saved.value;
+  const found = await http(`/api/file?path=${encodeURIComponent(path)}`).then((answer) => answer.json(), (error) => error);
+  if (saved.value !== before) return; // opened or saved meanwhile: what was read is older
+  const open = path === before.path;
+  if (found instanceof Error) {
+    if (open && before.text !== null && found instanceof Failed && found.status === 404) {
+      saved.value = { ...before, sha: null, text: null };
+      keepOrphan();
+      message.value = `${path} is gone from the disk: Save writes it again`;
+    }
+  } else if (!open || found.sha !== before.sha) {
+    if (open && found.text === text.value) saved.value = { ...before, sha: found.sha, text: found.text };
+    else if (open && !unsaved.value) {
+      takeFromDisk({ path, text: found.text, sha: found.sha });
+      message.value = `${path} was changed by another program: this is its new text`;
+    } else conflict.value = { path, text: found.text, sha: found.sha };
+  }
 }
 
-/** Take what is on the disk; it can be undone. */
+/** Take what is on the disk. It can be undone in its own file; another one gets a history of its own. */
 export function takeFromDisk({ path, text, sha }: { path: string; text: string; sha: string }): void {
-  saved.value = { path, sha, text, name: path.split("/").pop()!.replace(/\.spec$/, "") };
+  const file = { path, sha, text, name: named(path) };
   conflict.value = null;
-  replaceText(text);
+  if (path === saved.value.path) {
+    saved.value = file;
+    replaceText(text);
+  } else {
+    openings++;
+    forget();
+    openInEditor(file, null);
+    void check();
+  }
 }
 
 /** Save over what another program wrote. */
@@ -73,22 +107,32 @@ export function watchDisk(): void {
   addEventListener("focus", look);
 }
 
-export async function save(as: string | null = saved.value.path): Promise<boolean> {
-  if (!as) return false;
-  const path = as.endsWith(".spec") ? as : `${as}.spec`;
-  const now = editor.state.doc.toString();
+/** The file that a name is saved as: the page saves specs alone. */
+export function fileName(wanted: string): string {
+  const name = wanted.trim().replace(/\.(txt|text|md|json|ya?ml|toml)$/i, ".spec");
+  return /\.spec$/i.test(name) ? name : `${name}.spec`;
+}
+
+/** Save what is in the editor now, after what is being saved already. */
+export function save(as: string | null = saved.value.path): Promise<unknown> {
+  if (as) {
+    const now = editor.state.doc.toString();
+    saving = saving.then(() => saveNow(as, now));
+  }
+  return saving;
+}
+
+async function saveNow(path: string, now: string): Promise<void> {
   const was = path === saved.value.path ? saved.value.sha : null;
   try {
     const found = await (await http("/api/file", { method: "PUT", body: JSON.stringify({ path, text: now, was }) })).json();
     conflict.value = null;
-    saved.value = { path, sha: found.sha, text: now, name: path.split("/").pop()!.replace(/\.spec$/, "") };
+    saved.value = { path, sha: found.sha, text: now, name: named(path) };
     keepNow();
     message.value = `saved ${path}`;
-    return true;
   } catch (error) {
     tell(error);
     if (error instanceof Failed && error.status === 409) await compareWithDisk(path);
-    return false;
   }
 }
 
@@ -98,6 +142,11 @@ function give(blob: Blob, name: string): void {
   link.download = name;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+/** The text as a file, without a server. */
+export function downloadText(): void {
+  give(new Blob([editor.state.doc.toString()]), fileName(saved.value.name));
 }
 
 export async function download(format: string): Promise<void> {

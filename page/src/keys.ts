@@ -1,19 +1,20 @@
 // The keyboard, outside the editor.
 import { editor } from "./editor/editor";
+import { picture } from "./focus";
 import { closeReader } from "./panels/Reader";
 import { closeCode, explained, reading } from "./reader";
 import { openMenu, menu, saveOrAsk } from "./panels/TopBar";
-import { tour, welcome } from "./panels/Welcome";
-import { table } from "./panels/Stage";
+import { endTour, tour, welcome } from "./panels/Welcome";
+import { asking, table } from "./panels/Stage";
 import { stepBy, timed, toEnd } from "./motions";
 import { hold, moved, place, play, putOn } from "./hands";
 import { band, justSolved } from "./rare";
 import { alone, heat, help, layout, movable, names, pane, poses, spec, tab, thing, view } from "./state";
-import { next, putBack, sample, step, undo } from "./store";
+import { next, putBack, redo, sample, step, undo } from "./store";
 import { toggleTheme } from "./theme";
 
 export const KEYS: [string, string][] = [
-  ["e", "to the editor; Esc leaves it"],
+  ["e", "to the editor; F6 leaves it, for the keys below"],
   ["Ctrl S", "save the spec"],
   ["Shift Alt F", "format the spec"],
   ["F12, Ctrl click", "go to the definition"],
@@ -28,7 +29,7 @@ export const KEYS: [string, string][] = [
   [", .", "turn it by 5° (Alt: 1°)"],
   ["h", "keep it in place in new scenes, or not"],
   ["u", "put it onto the next of its surfaces"],
-  ["Ctrl Z", "outside the editor: take back the last move of an object"],
+  ["Ctrl Z, Ctrl Y", "outside the editor: take back the last move of an object, do it again"],
   ["z", "put the scene back as it was sampled"],
   ["space, p", "play a motion, or stop it"],
   ["← →", "of a motion, without a selected object: one step back or forward (Shift: five steps)"],
@@ -116,35 +117,59 @@ const PLAIN: Record<string, (event: KeyboardEvent) => void | boolean> = {
   ".": (event) => nudge(event, 0, 0, -1),
 };
 
+/** Close what lies over the page; returns whether there was anything. */
+function closeTop(): boolean {
+  if (tour.value >= 0) endTour();
+  else if (help.value) help.value = false;
+  else if (explained.value) closeCode();
+  else if (reading.value) closeReader();
+  else if (menu.value) menu.value = "";
+  else if (asking.value) asking.value = false;
+  else return false;
+  return true;
+}
+
 export function listen(): void {
+  // Whose focus was lost from the editor by itself goes on typing there; who left it has the keys of the page.
+  let left = true;
+  const leave = (event: Event) => (left = !(event.target as HTMLElement).closest(".editor > .code"));
+  addEventListener("focusin", leave);
+  addEventListener("pointerdown", leave, true);
   addEventListener("keydown", (event) => {
     const target = event.target as HTMLElement;
-    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "s") {
+    const inEditor = !!target.closest(".cm-editor");
+    const control = event.ctrlKey || event.metaKey;
+    if (control && event.key.toLowerCase() === "s") {
       event.preventDefault();
       if (!alone) void saveOrAsk();
       return;
     }
-    if (event.defaultPrevented && !target.closest(".reader .cm-content")) return; // the editor took it: Esc closed its list of words
-    if (event.key === "Escape") {
-      if (tour.value >= 0) tour.value = -1;
-      else if (help.value) help.value = false;
-      else if (explained.value) closeCode();
-      else if (reading.value) closeReader();
-      else if (menu.value) menu.value = "";
-      else if (target.closest(".cm-editor")) (document.querySelector(".stage canvas, .stage svg") as HTMLElement | null)?.focus();
-      else thing.value = null;
+    if (event.key === "F6" && !help.value) {
+      event.preventDefault();
+      if (inEditor) picture()?.focus();
+      else editor.focus();
       return;
     }
-    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && movable.value && !target.closest(".cm-editor, input:not([type=range]), textarea")) {
-      event.preventDefault();
-      undo();
+    if (event.defaultPrevented && !target.closest(".reader .cm-content")) return; // the editor took it: Esc closed its list of words
+    if (event.key === "Escape") {
+      if (!closeTop() && !inEditor) thing.value = null;
       return;
     }
     const typing = target.closest(".cm-editor, input:not([type=range]), select, textarea, .menu");
-    if (typing || event.ctrlKey || event.metaKey) return;
+    if (control && /^[zy]$/i.test(event.key) && movable.value && !target.closest(".cm-editor, input:not([type=range]), textarea")) {
+      event.preventDefault();
+      if (event.shiftKey || event.key.toLowerCase() === "y") redo();
+      else undo();
+      return;
+    }
+    if (typing || control) return;
     // A button that is focused keeps Enter and space for itself; options and sliders their arrows.
     if ((event.key === "Enter" || event.key === " ") && target.closest("button, a, [role=slider]")) return;
     if (/^Arrow|^Home$|^End$/.test(event.key) && target.closest("[role=slider], [role=listbox], input, [role=tablist]")) return;
+    if (!left && !alone && target === document.body) {
+      if (event.key.length === 1 || event.key === "Backspace") editor.focus(); // which gets the key itself, too
+      return;
+    }
     const done = PLAIN[event.key] ?? (event.altKey ? PLAIN[event.code === "Comma" ? "," : event.code === "Period" ? "." : ""] : undefined);
     if (!done) return;
     if (done(event) !== false) event.preventDefault();

@@ -3,8 +3,9 @@ import "./page.css";
 import { effect } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import { editor, mends, mountEditor, replaceText } from "./editor/editor";
-import { overwrite, takeFromDisk, watchDisk } from "./files";
+import { editor, mends, mountEditor, replaceText, takeUp } from "./editor/editor";
+import { downloadText, overwrite, takeFromDisk, watchDisk } from "./files";
+import { useFocusBack } from "./focus";
 import { KEYS, listen } from "./keys";
 import { Code, Explain, ticked } from "./panels/Explain";
 import { Grid } from "./panels/Grid";
@@ -13,7 +14,7 @@ import { Reader } from "./panels/Reader";
 import { RequestPanel } from "./panels/Request";
 import { Stage } from "./panels/Stage";
 import { Timeline } from "./panels/Timeline";
-import { TopBar } from "./panels/TopBar";
+import { copy, TopBar } from "./panels/TopBar";
 import { Where } from "./panels/Where";
 import { Offers, Tour, Welcome, welcome } from "./panels/Welcome";
 import { Why } from "./panels/Why";
@@ -21,11 +22,12 @@ import { path, rest, seek, taken, timed } from "./motions";
 import { decode, encode, link, state, takeOver } from "./share";
 import { remember } from "./rare";
 import { reading } from "./reader";
-import { alone, boot, conflict, edited, help, label, layout, meshes, on, pane, poses, preview, problems, request, restored, result, saved, selected, spec, tab } from "./state";
+import { connected, token } from "./server";
+import { alone, boot, conflict, edited, help, label, layout, meshes, offered, on, pane, poses, preview, problems, request, restored, result, saved, selected, spec, tab } from "./state";
 import { check, explain, select, show } from "./store";
 import type { Problem, Request } from "./types";
 
-const KEPT = "scenegen.state";
+const KEPT = `scenegen.state.${token}`;
 const linked = location.hash.startsWith("#s=") && !alone; // the page begins with the state of a link
 
 function Editor() {
@@ -36,12 +38,32 @@ function Editor() {
   }, []);
   return (
     <section class="editor" aria-label="spec">
-      {restored.value ? <p class="restored" role="status">What you wrote and did not save is here again. <button class="chip" onClick={() => replaceText(saved.value.text ?? "")}>Discard</button></p> : null}
+      <Lost />
+      {restored.value ? <p class="restored" role="status">What you wrote and did not save is here again. <button class="chip" onClick={() => { replaceText(saved.value.text ?? ""); editor.focus(); }}>Discard</button></p> : null}
+      {offered.value ? <p class="restored" role="status">You wrote in this before and did not save it. <button class="chip" onClick={takeUp}>Go on with that</button></p> : null}
       <Conflict />
       <div class="code" ref={root} />
       <Reader />
       <Problems />
     </section>
+  );
+}
+
+const GONE = {
+  lost: "The server is gone, nothing is saved. Start `scenegen view` again where it was started: this page goes on then.",
+  other: "Another server is here now, and nothing is saved. Open the link that `scenegen view` printed last.",
+};
+
+/** Without a server, the text can still be taken out. */
+function Lost() {
+  const how = connected.value;
+  if (alone || (how !== "lost" && how !== "other")) return null;
+  return (
+    <p class="restored conflict lost" role="alert">
+      <span>{ticked(GONE[how])}</span>
+      <button class="chip" onClick={() => void copy(editor.state.doc.toString(), "the text").then(() => editor.focus())}>Copy my text</button>
+      <button class="chip" onClick={() => { downloadText(); editor.focus(); }}>Download my text</button>
+    </p>
   );
 }
 
@@ -53,8 +75,8 @@ function Conflict() {
     <p class="restored conflict" role="alert">
       <span>{one.path} on the disk is another text than this one began with.</span>
       <button class="chip" onClick={() => (reading.value = { name: one.path, path: one.path, text: one.text, from: start, to: start })}>Look at it</button>
-      <button class="chip" onClick={() => takeFromDisk(one)}>Load it</button>
-      <button class="chip" onClick={() => void overwrite(one)}>Save mine over it</button>
+      <button class="chip" onClick={() => { takeFromDisk(one); editor.focus(); }}>Load it</button>
+      <button class="chip" onClick={() => { void overwrite(one); editor.focus(); }}>Save mine over it</button>
     </p>
   );
 }
@@ -73,7 +95,7 @@ function Problems() {
         const [title, ...rest] = one.message.split("\n");
         return (
           <li key={k} class={one.severity === 1 ? "error" : "warning"}>
-            <button class="go" onClick={go(one)}><span class="where">{one.range.start.line + 1}:{one.range.start.character + 1}</span><b>{ticked(title)}</b>{rest.map((line, j) => <span key={j} class={line.startsWith("help:") ? "help" : ""}>{line}</span>)}</button>
+            <button class="go" onClick={go(one)}><span class="where">{one.range.start.line + 1}:{one.range.start.character + 1}</span><b>{ticked(title)}</b>{rest.map((line, j) => <span key={j} class={line.startsWith("help:") ? "help" : ""}>{ticked(line)}</span>)}</button>
             <span class="ways">{one.code ? <Code code={one.code} /> : null}{mends(one).map(({ name, apply }) => <button key={name} class="diagnostic-code mend" onClick={() => apply(editor)}>{name}</button>)}</span>
           </li>
         );
@@ -86,10 +108,19 @@ const TABS = [["request", alone ? "Filter" : "Request"], ["why", "Why"], ["where
 
 function Panel() {
   const open = tab.value === "motion" && timed.value ? "request" : tab.value; // a motion has its own line of time
+  const tabs = TABS.filter(([key]) => !((alone || timed.value) && key === "motion"));
+  const walk = (event: KeyboardEvent) => {
+    const at = tabs.findIndex(([key]) => key === open), { length } = tabs;
+    const to = { ArrowRight: (at + 1) % length, ArrowLeft: (at - 1 + length) % length, Home: 0, End: length - 1 }[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    tab.value = tabs[to][0];
+    document.getElementById(`tab-${tabs[to][0]}`)?.focus();
+  };
   return (
     <aside class="panel" aria-label="details">
-      <div class="tabs" role="tablist" aria-label="details">
-        {TABS.filter(([key]) => !((alone || timed.value) && key === "motion")).map(([key, name]) => <button key={key} role="tab" id={`tab-${key}`} aria-controls="details" aria-selected={open === key} onClick={() => (tab.value = key)}>{name}</button>)}
+      <div class="tabs" role="tablist" aria-label="details" onKeyDown={walk}>
+        {tabs.map(([key, name]) => <button key={key} role="tab" id={`tab-${key}`} tabIndex={open === key ? 0 : -1} aria-controls="details" aria-selected={open === key} onClick={() => (tab.value = key)}>{name}</button>)}
       </div>
       <div class="inside" id="details" role="tabpanel" aria-labelledby={`tab-${open}`} tabIndex={0}>
         {open === "request" ? <RequestPanel /> : open === "why" ? <Why /> : open === "where" ? <Where /> : <MotionPanel />}
@@ -100,11 +131,8 @@ function Panel() {
 
 function Help() {
   const close = useRef<HTMLButtonElement>(null);
-  useLayoutEffect(() => { // before the page below is out of reach, which takes the focus from it
-    const before = document.activeElement as HTMLElement | null;
-    close.current?.focus();
-    return () => requestAnimationFrame(() => before?.focus()); // once the page below can be reached again
-  }, []);
+  useFocusBack();
+  useLayoutEffect(() => close.current?.focus(), []); // before the page below is out of reach, which takes the focus from it
   return (
     <div class="veil" onClick={() => (help.value = false)}>
       <div class="help-box" role="dialog" aria-modal="true" aria-label="keys" onClick={(event) => event.stopPropagation()}>

@@ -3,7 +3,10 @@ import { signal } from "@preact/signals";
 import type { Refusal } from "./types";
 
 export const token = new URLSearchParams(location.search).get("token") ?? "";
-export const connected = signal<"yes" | "no" | "lost" | "full">("no"); // full: the server takes no more pages
+const hex = (bytes: Uint8Array) => [...bytes].map((one) => one.toString(16).padStart(2, "0")).join("");
+export const tabId = hex(crypto.getRandomValues(new Uint8Array(12)));
+/** full: the server takes no more pages; other: a server that has another link */
+export const connected = signal<"yes" | "no" | "lost" | "full" | "other">("no");
 
 export class Ended extends Error {}
 export class Refused extends Error {
@@ -28,7 +31,10 @@ let socket: WebSocket | null = null;
 let opening: Promise<WebSocket> | null = null;
 let number = 0;
 let pause = 300;
+const MOST_PAUSE = 3000; // ms between two attempts to reach the server
 let closed = false; // the connection was lost, or there was none
+let trusted = true; // who listens is the server
+let retry: ReturnType<typeof setTimeout> | undefined;
 const waiting = new Map<number, Waiting>();
 const again: (() => void)[] = [];
 
@@ -37,12 +43,18 @@ export function onReconnect(then: () => void): void {
   again.push(then);
 }
 
-/** Whether the server answers at all. */
-async function alive(): Promise<boolean> {
+/** Who listens where the server was: `here` is a server that knows the token. Another program must not learn it: it is
+ * asked for a proof before anything is sent to it. */
+async function whoListens(): Promise<"here" | "other" | "lost"> {
+  const nonce = hex(crypto.getRandomValues(new Uint8Array(16))), bytes = (text: string) => new TextEncoder().encode(text);
   try {
-    return (await fetch("/static/icon.svg", { cache: "no-store" })).ok;
+    const answer = await fetch(`/api/proof?nonce=${nonce}`, { cache: "no-store" });
+    const told = await answer.text();
+    if (!crypto.subtle) return (await fetch("/api/prelude", { headers: { Authorization: `Bearer ${token}` } })).ok ? "here" : "other"; // over the network, unencrypted
+    const key = await crypto.subtle.importKey("raw", bytes(token), { name: "HMAC", hash: "SHA-256" }, false, ["sign"]);
+    return hex(new Uint8Array(await crypto.subtle.sign("HMAC", key, bytes(nonce)))) === told ? "here" : "other";
   } catch {
-    return false;
+    return "lost";
   }
 }
 
@@ -56,37 +68,53 @@ function tooLarge(text: unknown, message: string): string {
 
 function open(): Promise<WebSocket> {
   if (socket?.readyState === WebSocket.OPEN) return Promise.resolve(socket);
-  opening ??= new Promise((resolve, reject) => {
-    const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const one = new WebSocket(`${scheme}://${location.host}/api/socket?token=${encodeURIComponent(token)}`);
+  opening ??= begin().finally(() => (opening = null));
+  return opening;
+}
+
+function later(): void {
+  clearTimeout(retry);
+  retry = setTimeout(() => void open().catch(() => {}), pause);
+  pause = Math.min(pause * 2, MOST_PAUSE);
+}
+
+async function begin(): Promise<WebSocket> {
+  const who = trusted ? "here" : await whoListens();
+  if (who !== "here") {
+    connected.value = who;
+    later();
+    throw new Ended("no connection");
+  }
+  trusted = true;
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  const one = new WebSocket(`${scheme}://${location.host}/api/socket?token=${encodeURIComponent(token)}&tab=${tabId}`);
+  one.onmessage = (event) => hear(JSON.parse(event.data));
+  return new Promise((resolve, reject) => {
     let opened = false;
     one.onopen = () => {
       opened = true;
       socket = one;
-      opening = null;
       pause = 300;
       connected.value = "yes";
       resolve(one);
-      if (closed) for (const then of again) then();
+      const back = closed;
       closed = false;
+      if (back) for (const then of again) then();
     };
-    one.onmessage = (event) => hear(JSON.parse(event.data));
     one.onclose = () => {
-      opening = null;
       socket = null;
+      if (!opened && closed) connected.value = "full"; // who listens knows the token
+      else if (connected.value === "yes") connected.value = "no";
       closed = true;
-      void alive().then((there) => connected.value !== "yes" && (connected.value = there && !opened ? "full" : there ? "no" : "lost"));
-      if (connected.value === "yes") connected.value = "no";
+      trusted = false;
       for (const [key, one] of waiting) {
         waiting.delete(key);
         one.reject(new Ended("the connection is lost"));
       }
       reject(new Ended("no connection"));
-      setTimeout(() => void open().catch(() => {}), pause);
-      pause = Math.min(pause * 2, 5000);
+      later();
     };
   });
-  return opening;
 }
 
 function hear(answer: any): void {
@@ -98,11 +126,16 @@ function hear(answer: any): void {
   }
   waiting.delete(answer.id);
   if ("refused" in answer) one.reject(new Refused(answer.refused));
-  else if ("failed" in answer)
-    one.reject(new Refused({ title: answer.failed, label: "", note: "", help: "", text: answer.failed }));
-  else if ("ended" in answer) one.reject(new Ended("a newer request took its place"));
+  else if ("failed" in answer) one.reject(/try again in a moment$/.test(answer.failed) ? new Crowded(answer.failed) : failure(answer.failed));
+  else if ("ended" in answer) one.reject(new Ended(NEWER));
   else one.resolve();
 }
+
+const NEWER = "a newer request took its place";
+const failure = (title: string) => new Refused({ title, label: "", note: "", help: "", text: title });
+class Crowded extends Error {}
+const MOMENT = 400; // ms until a server that has too much to do is asked again
+const newest = new Map<string, number>(); // the last message of each job
 
 /** Do a job; `part` is given each answer. */
 export async function ask(job: string, fields: Record<string, unknown>, part: (value: any) => void): Promise<void> {
@@ -110,11 +143,19 @@ export async function ask(job: string, fields: Record<string, unknown>, part: (v
   const id = ++number;
   const message = JSON.stringify({ id, job, ...fields });
   const title = tooLarge(fields.text, message);
-  if (title) throw new Refused({ title, label: "", note: "", help: "", text: title });
-  return new Promise((resolve, reject) => {
-    waiting.set(id, { part, resolve, reject });
-    line.send(message);
-  });
+  if (title) throw failure(title);
+  newest.set(job, id);
+  try {
+    await new Promise<void>((resolve, reject) => {
+      waiting.set(id, { part, resolve, reject });
+      line.send(message);
+    });
+  } catch (error) {
+    if (!(error instanceof Crowded)) throw error;
+    await new Promise((then) => setTimeout(then, MOMENT));
+    if (newest.get(job) !== id) throw new Ended(NEWER);
+    await ask(job, fields, part);
+  }
 }
 
 /** The only answer of a job. */
@@ -125,11 +166,13 @@ export async function askOne<T>(job: string, fields: Record<string, unknown>): P
 }
 
 export async function stop(job: string): Promise<void> {
+  newest.delete(job);
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ stop: job }));
 }
 
 /** An HTTP request with the token. A refusal is an Error with the server's sentence. */
 export async function http(path: string, options: RequestInit = {}): Promise<Response> {
+  if (!trusted && (await whoListens()) !== "here") throw new Failed("the server does not answer", 0);
   const headers = { Authorization: `Bearer ${token}`, ...(options.headers ?? {}) };
   const answer = await fetch(path, { ...options, headers });
   if (answer.ok) return answer;

@@ -60,7 +60,7 @@ export function link(): string {
 export function takeOver(found: Partial<State>, withText: boolean): { poses: Pose[]; on: number[] | null; moments?: Pose[][]; frame?: number } | null {
   if (withText && typeof found.text === "string") {
     text.value = found.text;
-    saved.value = { path: found.path ?? null, sha: found.sha ?? null, name: found.name ?? "spec", text: boot.text === found.text ? found.text : null };
+    saved.value = { path: found.path ?? null, sha: found.sha ?? null, name: found.name ?? "spec", text: boot.text === found.text ? found.text : null, shipped: boot.text === found.text ? boot.shipped : null };
   }
   const wanted = found.request;
   if (wanted && typeof wanted === "object") request.value = { ...request.value, ...wanted };

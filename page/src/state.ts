@@ -1,6 +1,6 @@
 // What the page shows, as signals.
 import { computed, effect, signal } from "@preact/signals";
-import type { Boot, Decides, PackedMesh, Pose, Problem, Rarity, Refusal, Report, Request, Result, Spec } from "./types";
+import type { Boot, Decides, Draft, PackedMesh, Pose, Problem, Rarity, Refusal, Report, Request, Result, Spec } from "./types";
 
 export const boot: Boot = JSON.parse(document.getElementById("data")!.textContent!);
 export const alone = boot.alone ?? null;
@@ -9,14 +9,26 @@ export const alone = boot.alone ?? null;
 export const methodsFor = (of: Spec) => boot.methods.filter((one) => (one.motions || !of.time) && (!one.model || !!boot.model)).map((one) => one.name);
 
 export const text = signal(boot.text);
-export const saved = signal<{ path: string | null; sha: string | null; text: string | null; name: string }>({
+
+/** What is open: a file, with the hash and the text that it was read or saved with; or, without a `path`, a text that no
+ * file has. `shipped` is the name of the example that `text` is. */
+export interface Saved {
+  path: string | null;
+  sha: string | null;
+  text: string | null;
+  name: string;
+  shipped?: string | null;
+}
+export const saved = signal<Saved>({
   path: boot.path,
   sha: boot.sha,
-  text: boot.text,
+  text: boot.path && !boot.sha ? null : boot.text, // the file may be gone
   name: boot.name,
+  shipped: boot.shipped,
 });
 export const conflict = signal<{ path: string; text: string; sha: string } | null>(null); // what another program wrote
 export const restored = signal(false); // what is in the editor was written earlier, and not saved
+export const offered = signal<Draft | null>(null); // what was written earlier in this example, and not saved
 export const spec = signal<Spec | null>(null);
 export const wrong = signal(false); // the text has a mistake: what is shown is of the last text that had none
 export const problems = signal<Problem[]>([]);

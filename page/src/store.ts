@@ -22,11 +22,16 @@ function stored(found: Spec): Result | null {
 }
 
 const PAUSE = 40; // ms without a further change after which a text is checked
+const RESTS = 600; // ms without a further change after which mistakes are told: until then somebody types a line
+const PATIENCE = 1000; // ms that the server may take to answer
+const SILENT = "the server does not answer yet";
 let typed: ReturnType<typeof setTimeout> | undefined;
+let lastKey = -RESTS;
 
 export function setText(value: string): void {
   if (value === text.value && spec.value) return; // of a file that was opened again nothing is known
   text.value = value;
+  lastKey = performance.now();
   (window as any).scenegen.typed = performance.now();
   clearTimeout(typed);
   typed = setTimeout(check, PAUSE);
@@ -48,11 +53,24 @@ export async function check(): Promise<void> {
   quiet();
   const early = sampled || !boot.scenes ? foresee() : null;
   busy.value = "check";
+  const later = (then: () => void) => void setTimeout(() => mine === checks && then(), Math.max(0, lastKey + RESTS - performance.now()));
+  const was = outdated.value;
+  const late = setTimeout(() => {
+    if (mine !== checks) return;
+    outdated.value = true;
+    message.value = SILENT;
+  }, PATIENCE);
   try {
     await ask("check", { ...about(), have: Object.keys(meshes.value) }, (part) => {
+      clearTimeout(late);
       if (mine !== checks) return;
       if ("spec" in part) {
-        wrong.value = !part.spec;
+        if (message.value === SILENT) {
+          message.value = "";
+          outdated.value = was;
+        }
+        if (part.spec) wrong.value = false;
+        else later(() => (wrong.value = true));
         if (message.value === refusal.value?.title) message.value = "";
         refusal.value = null; // what was said of the text before
         if (part.spec) take(part.spec, early);
@@ -62,17 +80,22 @@ export async function check(): Promise<void> {
         }
       } else if ("meshes" in part) meshes.value = { ...meshes.value, ...part.meshes };
       else {
-        batch(() => {
-          problems.value = part.problems ?? [];
-          judged.value = of;
-        });
-        if (clash.value?.proved && busy.value === "sample") refuseClash();
-        else if (clash.value && refusal.value) refuse(new Refused(clash.value.refusal)); // it was refused before this was known
+        const tell = () => {
+          batch(() => {
+            problems.value = part.problems ?? [];
+            judged.value = of;
+          });
+          if (clash.value?.proved && busy.value === "sample") refuseClash();
+          else if (clash.value && refusal.value) refuse(new Refused(clash.value.refusal)); // it was refused before this was known
+        };
+        if (part.problems?.length) later(tell);
+        else tell();
       }
     });
   } catch (error) {
     if (mine === checks && !(error instanceof Ended)) refuse(error);
   } finally {
+    clearTimeout(late);
     if (mine === checks && busy.value === "check") busy.value = "";
   }
 }
@@ -334,28 +357,53 @@ function keepMoved(): void {
   telling = setTimeout(() => moves.value++, 120); // its small picture follows the hand a little later
 }
 
-const past: { of: Pose[]; moved: boolean; poses: Pose[]; on: number[] | null; path: Pose[][]; fix: Request["fix"] }[] = [];
+interface Stood {
+  of: Pose[];
+  moved: boolean;
+  poses: Pose[];
+  on: number[] | null;
+  path: Pose[][];
+  fix: Request["fix"];
+}
+const past: Stood[] = [];
+let future: Stood[] = []; // what was taken back
 const MOST_PAST = 200;
+
+function stands(): Stood | null {
+  const of = result.value?.poses[selected.value];
+  return of ? { of, moved: edited.value, poses: poses.value, on: on.value, path: path.value, fix: request.value.fix } : null;
+}
 
 /** Remember how the large scene stands, before a hand changes it. */
 export function remember(): void {
-  const of = result.value?.poses[selected.value];
-  if (of) past.push({ of, moved: edited.value, poses: poses.value, on: on.value, path: path.value, fix: request.value.fix });
+  const now = stands();
+  if (now) past.push(now);
   if (past.length > MOST_PAST) past.shift();
+  future = [];
 }
 
 /** Take back what hands did last. */
 export function undo(): void {
-  let last = past.pop();
-  while (last && !result.value?.poses.includes(last.of)) last = past.pop(); // of scenes that are gone
+  go(past, future, "nothing was moved before this");
+}
+
+/** Do again what was taken back. */
+export function redo(): void {
+  go(future, past, "nothing was taken back");
+}
+
+function go(from: Stood[], to: Stood[], none: string): void {
+  let last = from.pop();
+  while (last && !result.value?.poses.includes(last.of)) last = from.pop(); // of scenes that are gone
   if (!last) {
-    message.value = "nothing was moved before this";
+    message.value = none;
     return;
   }
   const { of, moved, fix } = last;
   batch(() => {
     const index = result.value!.poses.indexOf(of);
     if (index !== selected.value) select(index);
+    to.push(stands()!);
     request.value = { ...request.value, fix };
     if (!moved) putBackNow();
     else stand(last);

@@ -163,6 +163,7 @@ export interface PackedMesh {
 export interface Draft {
   text: string;
   was: string | null;
+  tab: string; // in which it was written
 }
 
 export interface Boot {
@@ -170,7 +171,9 @@ export interface Boot {
   name: string;
   path: string | null;
   sha: string | null;
+  shipped?: string | null; // the name of the example that it is
   folder: string;
+  where: string; // the folder, as seen from the one that the server was started in
   model: string | null;
   scenes: Result | null;
   parts: { counts: Record<string, number>; scenes: Result }[]; // of a file: its scenes of other numbers of things

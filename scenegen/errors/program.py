@@ -86,7 +86,7 @@ NEW_RATE = Kind(
 NOT_OPENED = Kind(
     "not-opened",
     ("cannot open {name}: there is no such file", "cannot open {file}: {reason}"),
-    help=(NEAREST, "{name:?}name a spec, a scene file, a model or a folder; `scenegen specs` lists specs"),
+    help=(NEAREST, "{known:?}name a spec, a scene file, a model or a folder; `scenegen specs` lists specs"),
     formerly=("nothing-to-open",),
 )
 SERVED_IN_PUBLIC = Kind(

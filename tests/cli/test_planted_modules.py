@@ -135,7 +135,8 @@ def test_the_language_server(planted):
 
 
 @pytest.mark.long
-def test_the_page(planted):
+def test_the_page(planted, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     connect = pytest.importorskip("websockets.sync.client").connect
     process = subprocess.Popen([PROGRAM, "view", "good.spec"], stderr=subprocess.PIPE, text=True)
     link = next(filter(None, (re.search(r"http://(\S+?)/\?token=(\S+)", line) for line in process.stderr)))

@@ -1,22 +1,23 @@
 // The editor: CodeMirror with the features of the language server.
-import { acceptCompletion, autocompletion, closeBrackets, closeBracketsKeymap, clearSnippet, closeCompletion, completionKeymap, currentCompletions, hasNextSnippetField, insertBracket, selectedCompletion, selectedCompletionIndex, snippet, type Completion, type CompletionContext, type CompletionResult } from "@codemirror/autocomplete";
+import { acceptCompletion, autocompletion, closeCompletion, completionKeymap, currentCompletions, selectedCompletion, selectedCompletionIndex, type Completion, type CompletionContext, type CompletionResult } from "@codemirror/autocomplete";
 import { defaultKeymap, history, historyField, historyKeymap, toggleComment } from "@codemirror/commands";
 import { bracketMatching } from "@codemirror/language";
 import { lintKeymap, setDiagnostics } from "@codemirror/lint";
 import { highlightSelectionMatches, search, searchKeymap } from "@codemirror/search";
-import { EditorState, Prec, StateEffect, StateField, type Extension } from "@codemirror/state";
-import { Decoration, drawSelection, EditorView, highlightActiveLine, highlightActiveLineGutter, hoverTooltip, keymap, lineNumbers, tooltips, type DecorationSet } from "@codemirror/view";
+import { EditorState, StateEffect, StateField, type Extension } from "@codemirror/state";
+import { closeHoverTooltips, Decoration, drawSelection, EditorView, hasHoverTooltips, highlightActiveLine, highlightActiveLineGutter, hoverTooltip, keymap, lineNumbers, tooltips, type DecorationSet } from "@codemirror/view";
 import { effect } from "@preact/signals";
 import { explainCode, read } from "../reader";
-import { askOne, http } from "../server";
-import { alone, boot, decides, message, pointed, problems, report, restored, saved, spec, text, unsaved } from "../state";
+import { askOne, http, onReconnect, tabId, token } from "../server";
+import { alone, boot, decides, message, offered, pointed, problems, report, restored, saved, spec, text, unsaved, type Saved } from "../state";
 import { setText } from "../store";
 import type { Draft, Line, Problem } from "../types";
+import { callFields, inCall, insertCall, leap, onBlank } from "./calls";
 import { specLanguage } from "./language";
 import { lightNames } from "./light";
 import { markdown } from "./markdown";
 
-const KEPT = "scenegen.editor"; // in the session of the tab: two tabs keep two texts
+const KEPT = `scenegen.editor.${token}`; // in the session of the tab: two tabs keep two texts
 
 const setMarks = StateEffect.define<{ from: number; to: number; kind: string }[]>();
 const marks = StateField.define<DecorationSet>({
@@ -97,23 +98,9 @@ function called(one: { label: string; detail?: string; kind: number }) {
   if (!needed.length) return undefined;
   return (view: EditorView, completion: Completion, from: number, to: number) => {
     if (view.state.sliceDoc(to, to + 1) === "(") view.dispatch({ changes: { from, to, insert: one.label }, selection: { anchor: from + one.label.length } });
-    else snippet(`${one.label}(${needed.map((arg) => `#{${arg}}`).join(", ")})`)(view, completion, from, to);
+    else insertCall(view, completion, one.label, needed, from, to);
   };
 }
-
-/** Who goes on with a bracket, as without the fields, gets what was typed. */
-const overFields = Prec.highest(EditorView.inputHandler.of((view, from, to, typed) => {
-  const { state } = view;
-  if (typed !== "(" || !hasNextSnippetField(state) || from === to || state.sliceDoc(from - 1, from) !== "(") return false;
-  const end = state.doc.toString().indexOf(")", to);
-  if (end < 0 || state.sliceDoc(to, end).includes("\n")) return false;
-  view.dispatch({ changes: { from: from - 1, to: end + 1 } });
-  clearSnippet(view);
-  const bracket = insertBracket(view.state, "(");
-  if (!bracket) return false;
-  view.dispatch(bracket);
-  return true;
-}));
 
 /** What a message says to write instead. */
 export function mends(one: Problem): { name: string; apply: (view: EditorView) => void }[] {
@@ -125,17 +112,31 @@ export function mends(one: Problem): { name: string; apply: (view: EditorView) =
   if (better)
     return [{ name: `Change to ${better}`, apply: change((state) => ({ from: offset(state, one.range.start), to: offset(state, one.range.end), insert: better })) }];
   if (more)
-    return [{ name: `Add ${more}`, apply: change((state) => ({ from: state.doc.lineAt(offset(state, one.range.end)).to, to: state.doc.lineAt(offset(state, one.range.end)).to, insert: `\n${more}` })) }];
+    return [{ name: `Add ${more}`, apply: change((state) => {
+      const at = lastRequirement(state) ?? state.doc.lineAt(offset(state, one.range.end)).to;
+      return { from: at, to: at, insert: `\n${more}` };
+    }) }];
   return [];
+}
+
+/** The end of the last requirement, where further ones belong. */
+function lastRequirement(state: EditorState): number | null {
+  let found: number | null = null, inside = false;
+  for (let number = 1; number <= state.doc.lines; number++) {
+    const line = state.doc.line(number);
+    if (!/^\s/.test(line.text)) inside = /^require\b/.test(line.text);
+    if (inside && line.text.trim()) found = line.to;
+  }
+  return found;
 }
 
 let asked = false; // the list of words was opened by a key
 
 const LISTS = /^object\b/; // statements in which the last word of a line may be a new name
 
-/** Enter takes an option only where that was meant: one that somebody went to, or the first where the word is no name
- * by itself. What is typed stays what it is. */
-function enter(view: EditorView): boolean {
+/** Whether the chosen option was meant: one that somebody went to, or the first where the word is no name by itself. What
+ * is typed stays what it is. */
+function meant(view: EditorView): boolean {
   const chosen = selectedCompletion(view.state);
   if (!chosen) return false;
   const { doc, selection } = view.state;
@@ -144,10 +145,26 @@ function enter(view: EditorView): boolean {
   let first = line; // of the statement
   while (first.number > 1 && /^\s/.test(first.text)) first = doc.line(first.number - 1);
   const whole = currentCompletions(view.state).some((one) => one.label === word) || LISTS.test(first.text);
-  const meant = chosen.label !== word && (asked || !!selectedCompletionIndex(view.state));
-  if (meant || !whole) return acceptCompletion(view);
+  return (chosen.label !== word && (asked || !!selectedCompletionIndex(view.state))) || !whole;
+}
+
+function enter(view: EditorView): boolean {
+  if (meant(view)) return acceptCompletion(view);
   closeCompletion(view);
   return false;
+}
+
+/** Tab takes a word and goes through the arguments of a call. It never leaves the editor: what is typed next would be lost. */
+function tab(view: EditorView): boolean {
+  if (inCall(view.state) ? meant(view) && acceptCompletion(view) : acceptCompletion(view)) return true;
+  if (!leap(view)) message.value = "F6 leaves the editor";
+  return true;
+}
+
+function closeHovers(view: EditorView): boolean {
+  if (!hasHoverTooltips(view.state)) return false;
+  view.dispatch({ effects: closeHoverTooltips });
+  return true;
 }
 
 const hovers = hoverTooltip(async (view, at) => {
@@ -202,7 +219,9 @@ export async function format(view: EditorView = editor): Promise<void> {
 }
 
 const theme = EditorView.theme({
-  "&": { height: "100%", fontSize: "12.5px", backgroundColor: "transparent", color: "var(--ink)" },
+  "&": { fontSize: "12.5px", backgroundColor: "transparent", color: "var(--ink)" },
+  "&.cm-editor": { height: "100%" }, // the box of hover texts has the theme, too
+  ".cm-blank": { backgroundColor: "var(--selection)", borderRadius: "3px" },
   ".cm-scroller": { fontFamily: "var(--mono)", lineHeight: "1.6" },
   ".cm-content": { caretColor: "var(--accent)", padding: "10px 0 40px" },
   ".cm-gutters": { backgroundColor: "transparent", color: "var(--quiet)", border: "none", paddingLeft: "6px" },
@@ -214,6 +233,7 @@ const theme = EditorView.theme({
   ".cm-tooltip": { backgroundColor: "var(--raised)", color: "var(--ink)", border: "1px solid var(--edge)", borderRadius: "8px", boxShadow: "var(--shadow)" },
   ".cm-tooltip-autocomplete > ul > li[aria-selected]": { backgroundColor: "var(--accent)", color: "var(--on-accent)" },
   ".cm-panels": { backgroundColor: "var(--raised)", color: "var(--ink)" },
+  ".cm-panels-top": { borderBottom: "1px solid var(--edge)" },
 });
 
 function extensions(): Extension[] {
@@ -224,9 +244,8 @@ function extensions(): Extension[] {
     drawSelection(),
     EditorState.allowMultipleSelections.of(true),
     bracketMatching(),
-    closeBrackets(),
     highlightActiveLine(),
-    highlightSelectionMatches(),
+    highlightSelectionMatches({ minSelectionLength: 2 }),
     search({ top: true }),
     specLanguage(),
     lightNames,
@@ -234,15 +253,14 @@ function extensions(): Extension[] {
     marks,
     EditorView.lineWrapping,
     EditorView.contentAttributes.of({ "aria-label": "spec", spellcheck: "false" }),
-    alone ? EditorState.readOnly.of(true) : [autocompletion({ override: [complete], icons: false, defaultKeymap: false }), overFields, hovers],
+    alone ? EditorState.readOnly.of(true) : [autocompletion({ override: [complete], icons: false, defaultKeymap: false }), callFields, hovers, keymap.of([{ key: "Tab", run: tab, shift: () => true }])],
     tooltips({ position: "fixed", parent: document.body }),
     keymap.of([
       { key: "F12", run: (view) => (void define(view), true) },
       { key: "Shift-Alt-f", run: (view) => (void format(view), true) },
       { key: "Mod-/", run: toggleComment },
-      { key: "Tab", run: acceptCompletion },
       { key: "Enter", run: enter },
-      ...closeBracketsKeymap,
+      { key: "Escape", run: (view) => closeHovers(view) || onBlank(view.state) }, // which stays selected
       ...defaultKeymap.filter((one) => one.key !== "Mod-/"),
       ...searchKeymap,
       ...historyKeymap,
@@ -276,17 +294,19 @@ export function readOnlyState(doc: string, name: string): EditorState {
 }
 
 let keeping: ReturnType<typeof setTimeout> | undefined;
+const OFTEN = 400; // ms
 
 /** The text and its undo history survive a reload of the tab. */
 function keep(): void {
-  clearTimeout(keeping);
-  keeping = setTimeout(keepNow, 300);
+  keeping ??= setTimeout(keepNow, OFTEN);
 }
 
 export function keepNow(): void {
+  clearTimeout(keeping);
+  keeping = undefined;
   if (alone || !editor) return;
   try {
-    sessionStorage.setItem(KEPT, JSON.stringify({ state: editor.state.toJSON({ history: historyField }), saved: saved.value }));
+    sessionStorage.setItem(KEPT, JSON.stringify({ state: editor.state.toJSON({ history: historyField }), saved: saved.value, tab: tabId, focus: editor.hasFocus }));
   } catch {
     /* there is no room: the history is lost with the tab */
   }
@@ -297,17 +317,32 @@ const MOST_DRAFT = 256 * 1024; // as a spec on the page has at most
 
 let drafted = { name: "", body: "" }; // what the server keeps of the file that is open
 let touched = false; // whether anything was written in it in this tab
+/** What is open is in no file any more: it is kept, whoever wrote it. */
+export function keepOrphan(): void {
+  touched = true;
+  keepNow();
+}
 
-/** What is not saved is kept by the server: it outlives the tab, and the server itself. */
+let instead: string | null = null; // the closed tab whose draft goes on in this one
+
+/** What is not saved is kept by the server: it outlives the tab, and the server itself. Each tab has its own. */
 function keepDraft(): void {
   const { path, sha } = saved.value, name = path ?? saved.value.name;
-  const body = JSON.stringify({ name, text: unsaved.value ? text.value : null, was: sha });
+  const body = JSON.stringify({ name, text: unsaved.value ? text.value : null, was: sha, tab: tabId, instead });
   if (!touched || body === drafted.body || body.length > MOST_DRAFT) return;
-  const put = (body: string) => http("/api/draft", { method: "PUT", body, keepalive: body.length < 60_000 }).catch((error) => (message.value = error.message));
-  if (drafted.name && drafted.name !== name) void put(JSON.stringify({ name: drafted.name, text: null, was: null })); // saved under another name
+  const put = (body: string) =>
+    http("/api/draft", { method: "PUT", body, keepalive: body.length < 60_000 }).catch((error) => {
+      if (drafted.body === body) drafted.body = ""; // once more with the next change
+      message.value = error.message;
+    });
+  if (drafted.name && drafted.name !== name) void put(JSON.stringify({ name: drafted.name, text: null, was: null, tab: tabId })); // saved under another name
   drafted = { name, body };
   void put(body);
 }
+onReconnect(() => {
+  drafted.body = "";
+  keepNow();
+});
 
 /** Text takes the place of all there is; it can be undone. */
 export function replaceText(value: string): void {
@@ -316,20 +351,28 @@ export function replaceText(value: string): void {
 
 /** What was written before and not saved, in the place of what is saved. */
 function restore(draft: Draft | null | undefined): void {
+  if (draft) instead = draft.tab;
   restored.value = !!draft && draft.text !== text.value;
   if (!restored.value) return;
   saved.value = { ...saved.value, sha: draft!.was };
   replaceText(draft!.text);
 }
 
+/** Go on with what was written earlier in the example that is open. */
+export function takeUp(): void {
+  restore(offered.value);
+  offered.value = null;
+  editor.focus();
+}
+
 export function mountEditor(parent: HTMLElement, fresh: boolean): void {
-  let state: EditorState | null = null;
+  let state: EditorState | null = null, kept: { state: any; saved: Saved; tab: string; focus: boolean } | null = null;
   const before = fresh || alone ? null : sessionStorage.getItem(KEPT);
   if (before)
     try {
-      const kept = JSON.parse(before);
-      state = EditorState.fromJSON(kept.state, { extensions: extensions() }, { history: historyField });
-      saved.value = kept.saved;
+      kept = JSON.parse(before)!;
+      state = EditorState.fromJSON(kept!.state, { extensions: extensions() }, { history: historyField });
+      saved.value = kept!.saved;
     } catch {
       state = null;
     }
@@ -338,6 +381,14 @@ export function mountEditor(parent: HTMLElement, fresh: boolean): void {
   editor = new EditorView({ state, parent });
   text.value = editor.state.doc.toString();
   if (opened && !fresh && !alone) restore(boot.draft);
+  else if (kept && unsaved.value) {
+    touched = true;
+    instead = kept.tab;
+    keep();
+  }
+  if (kept?.focus) editor.focus();
+  // Esc, Tab leaves an editor otherwise, and what is typed then is lost. Captured: the editor asks itself first.
+  if (!alone) parent.addEventListener("keydown", (event) => event.key === "Tab" && editor.setTabFocusMode(false), true);
   addEventListener("pagehide", keepNow);
   addEventListener("beforeunload", (event) => {
     if (unsaved.value && !alone) event.preventDefault();
@@ -389,22 +440,39 @@ function spansOf(number: number): [number, number] | undefined {
   return undefined;
 }
 
-const states = new Map<string, { state: EditorState; file: typeof saved.value }>(); // of files with what was not saved
+const key = ({ path, name }: Saved) => path ?? `\0${name}`;
+const states = new Map<string, { state: EditorState; file: Saved; instead: string | null }>(); // of files with what was not saved
+
+/** The names of texts that no file has, written in this tab and not open now. */
+export function waitingTexts(): string[] {
+  return [...states.values()].map(({ file }) => file).filter((file) => file.path === null && key(file) !== key(saved.value)).map(({ name }) => name);
+}
+
+/** A name under which no text that is not saved waits: an example is opened as it is, beside what was made of it. */
+export function freshName(name: string): string {
+  const taken = (one: string) => states.has(`\0${one}`) || (saved.value.path === null && saved.value.name === one && unsaved.value);
+  let found = name;
+  for (let k = 2; taken(found); k++) found = `${name}-${k}`;
+  return found;
+}
 
 /** Another file takes the place of the one that is open. Each has its own history: undo never leaves a file. What is
  * written there without having been saved is there again when the file is opened again. */
-export function openInEditor(file: typeof saved.value & { text: string }, draft: Draft | null): void {
+export function openInEditor(file: Saved, draft: Draft | null): void {
   keepNow();
-  const key = ({ path, name }: typeof saved.value) => path ?? `\0${name}`;
-  if (unsaved.value) states.set(key(saved.value), { state: editor.state, file: saved.value });
+  if (unsaved.value) states.set(key(saved.value), { state: editor.state, file: saved.value, instead });
   else states.delete(key(saved.value));
   const before = states.get(key(file));
+  states.delete(key(file)); // it is open
   saved.value = before?.file ?? file; // its hash, too: what is on the disk may be newer than what was written here
-  editor.setState(before?.state ?? EditorState.create({ doc: file.text, extensions: extensions() }));
+  editor.setState(before?.state ?? EditorState.create({ doc: file.text ?? "", extensions: extensions() }));
   drafted = { name: "", body: "" };
   touched = false;
-  restored.value = false;
+  instead = before?.instead ?? null;
+  restored.value = !!before;
+  offered.value = null;
   setText(editor.state.doc.toString());
-  if (!before) restore(draft);
+  if (!before && (file.path || file.text === null)) restore(draft);
+  else if (!before && draft && draft.text !== file.text) offered.value = draft;
   keepNow();
 }

@@ -42,7 +42,7 @@ const spec = StreamLanguage.define<{ after: string }>({
     definition: tags.definition(tags.function(tags.variableName)),
     function: tags.function(tags.variableName),
   },
-  languageData: { commentTokens: { line: "#" }, closeBrackets: { brackets: ["(", "[", '"'] } },
+  languageData: { commentTokens: { line: "#" } },
 });
 
 const colours = HighlightStyle.define([

@@ -131,14 +131,14 @@ function InWords() {
 
 const UNKNOWN = "this page has no server that computes phi";
 
-const asking = signal(false); // somebody wants to know what phi is
+export const asking = signal(false); // somebody wants to know what phi is
 
 function AboutPhi() {
   if (!asking.value) return null;
   return (
     <p class="about" role="note">
       <b>phi</b> says by how much a scene satisfies a formula, in metres or radians: at 0 or more the formula is satisfied, below 0 it is not. Choose a range of phi to get scenes that barely satisfy it, clearly satisfy it, or just fail to.
-      <button class="chip" onClick={() => (asking.value = false)}>close</button>
+      <button class="chip" onClick={() => { asking.value = false; document.querySelector<HTMLElement>(".phi.ask")?.focus(); }}>close</button>
     </p>
   );
 }

@@ -1,23 +1,28 @@
 // The bar at the top: the file, the scenes as files, the look.
 import { signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { before, command } from "../command";
-import { format } from "../editor/editor";
-import { download, handMoved, list, openFile, openText, save, type Listing } from "../files";
+import { format, waitingTexts } from "../editor/editor";
+import { download, fileName, handMoved, list, openFile, openText, openWaiting, save, type Listing } from "../files";
+import { focusBack } from "../focus";
 import { connected } from "../server";
 import { link } from "../share";
 import { alone, boot, busy, help, layout, message, preview, result, saved, scenes, shown, spec, unsaved, wrong } from "../state";
 import { theme, toggleTheme } from "../theme";
+import { ticked } from "./Explain";
 import { welcome } from "./Welcome";
 
 export const menu = signal<"" | "file" | "take" | "save">("");
 const listing = signal<Listing | null>(null);
 const wanted = signal("");
 
+let opener: Element | null = null; // what had the focus before
+
 export function openMenu(which: "file" | "take" | "save"): void {
+  if (!menu.value) opener = document.activeElement;
   menu.value = menu.value === which ? "" : which;
   if (menu.value === "file") void list().then((found) => (listing.value = found), (error) => (message.value = error.message));
-  if (menu.value === "save") wanted.value = saved.value.path ?? `${saved.value.name}.spec`;
+  if (menu.value === "save") wanted.value = saved.value.path ?? fileName(saved.value.name);
 }
 
 function toggleGrid(): void {
@@ -83,9 +88,10 @@ function Status() {
     words = `${shown.value.length} ${found.motions ? "motion" : "scene"}${shown.value.length === 1 ? "" : "s"}${found.took ? ` · ${found.took < 0.095 ? Math.round(1000 * found.took) + " ms" : found.took.toFixed(1) + " s"}` : ""}`;
   }
   if (wrong.value) words = "the spec has a mistake";
-  if (connected.value === "lost") words = "the server is gone: start `scenegen view` again";
+  if (connected.value === "lost") words = "the server is gone";
+  if (connected.value === "other") words = "another server is here now";
   if (connected.value === "full") words = "this server allows no more open pages: close another one";
-  return <span class={`status${connected.value === "lost" || connected.value === "full" ? " bad" : ""}`} role="status" aria-live="polite" aria-label={words} title={[...(found?.sampler.method ? [`method: ${found.sampler.method}`] : []), ...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{words}</span>;
+  return <span class={`status${connected.value === "yes" || connected.value === "no" ? "" : " bad"}`} role="status" aria-live="polite" aria-label={words} title={[...(found?.sampler.method ? [`method: ${found.sampler.method}`] : []), ...(found?.warnings ?? []).map((one) => one.title), ...(found?.notes ?? [])].join("\n")}>{ticked(words)}</span>;
 }
 
 function close(then: () => void): () => void {
@@ -95,12 +101,19 @@ function close(then: () => void): () => void {
   };
 }
 
+/** What in a menu can have the focus. */
+function items(root: HTMLElement): HTMLElement[] {
+  return [...root.querySelectorAll<HTMLElement>("button:not(:disabled),input")].filter((one) => one.offsetParent);
+}
+
 /** Arrow keys walk a menu, Escape leaves it. */
 function walk(event: KeyboardEvent): void {
-  const items = [...(event.currentTarget as HTMLElement).querySelectorAll<HTMLElement>("button:not(:disabled),input")];
-  const at = items.indexOf(document.activeElement as HTMLElement);
-  if (event.key === "ArrowDown") items[(at + 1) % items.length]?.focus();
-  else if (event.key === "ArrowUp") items[(at - 1 + items.length) % items.length]?.focus();
+  const all = items(event.currentTarget as HTMLElement), input = (event.target as HTMLElement).matches("input");
+  const at = all.indexOf(document.activeElement as HTMLElement);
+  if (event.key === "ArrowDown") all[(at + 1) % all.length]?.focus();
+  else if (event.key === "ArrowUp") all[(at - 1 + all.length) % all.length]?.focus();
+  else if (event.key === "Home" && !input) all[0]?.focus();
+  else if (event.key === "End" && !input) all[all.length - 1]?.focus();
   else if (event.key === "Escape") menu.value = "";
   else return;
   event.preventDefault();
@@ -109,12 +122,19 @@ function walk(event: KeyboardEvent): void {
 
 function Menu({ name, children }: { name: string; children: any }) {
   const root = useRef<HTMLDivElement>(null);
-  useEffect(() => root.current?.querySelector<HTMLElement>("button:not(:disabled),input")?.focus(), [listing.value]);
-  return <div ref={root} class={`menu ${name}`} role="group" aria-label={name} onKeyDown={walk}>{children}</div>;
+  useLayoutEffect(() => { // at once: the next key is for the menu
+    if (!root.current!.contains(document.activeElement)) items(root.current!)[0]?.focus();
+  }, [listing.value]);
+  useEffect(() => () => void requestAnimationFrame(() => menu.value || focusBack(opener)), []);
+  const away = ({ relatedTarget }: FocusEvent) => {
+    if (relatedTarget && !root.current!.closest(".bar")!.contains(relatedTarget as Node)) menu.value = "";
+  };
+  return <div ref={root} class={`menu ${name}`} role="group" aria-label={name} onKeyDown={walk} onFocusOut={away}>{children}</div>;
 }
 
 function FileMenu() {
   const found = listing.value;
+  const waiting = [...new Set([...waitingTexts(), ...(found?.lost ?? [])])];
   return (
     <Menu name="specs">
       <button class="narrow" disabled={!unsaved.value && !!saved.value.path} onClick={close(() => void saveOrAsk())}>Save</button>
@@ -122,6 +142,8 @@ function FileMenu() {
       <button class="narrow" onClick={close(toggleGrid)}>{layout.value === "many" ? "One large scene" : "Many small scenes"}</button>
       <button onClick={() => openMenu("save")}>Save as… <kbd>Ctrl S</kbd></button>
       <button onClick={close(() => (welcome.value = true))}>Examples with pictures… <kbd>y</kbd></button>
+      {waiting.length ? <h2>not saved</h2> : null}
+      {waiting.map((name) => <button key={name} data-waiting={name} onClick={close(() => void openWaiting(name))}>{name}</button>)}
       {found?.specs.length ? <h2>{boot.folder}</h2> : null}
       {found?.specs.map((path) => <button key={path} onClick={close(() => void openFile(path))} aria-current={path === saved.value.path}>{path}</button>)}
       <h2>examples of scenegen</h2>
@@ -131,16 +153,17 @@ function FileMenu() {
 }
 
 function SaveMenu() {
-  const go = close(() => void save(wanted.value));
+  const name = fileName(wanted.value);
+  const go = close(() => void save(name));
   return (
     <Menu name="save">
-      <label>Save in {boot.folder} as <input value={wanted.value} onInput={(event) => (wanted.value = event.currentTarget.value)} onKeyDown={(event) => event.key === "Enter" && go()} /></label>
-      <button class="strong" onClick={go}>Save</button>
+      <label>Save in {boot.folder} as <input value={wanted.value} onInput={(event) => (wanted.value = event.currentTarget.value)} onKeyDown={(event) => event.key === "Enter" && wanted.value.trim() && go()} /></label>
+      <button class="strong" disabled={!wanted.value.trim()} onClick={go}>{name === wanted.value ? "Save" : `Save as ${name}`}</button>
     </Menu>
   );
 }
 
-async function copy(value: string, what: string): Promise<void> {
+export async function copy(value: string, what: string): Promise<void> {
   menu.value = "";
   try {
     await navigator.clipboard.writeText(value);

@@ -1,7 +1,9 @@
 // The first screen, examples with pictures by topic; and a short tour of the page.
 import { signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
+import { editor } from "../editor/editor";
 import { list, openText, type Listing } from "../files";
+import { useFocusBack } from "../focus";
 import { help, message, pane, tab } from "../state";
 
 export const welcome = signal(false);
@@ -20,11 +22,8 @@ const EMPTY = "# What must hold in the scene: try rightOf, closeTo, on, angle, n
 
 function Modal({ name, onClose, children }: { name: string; onClose: () => void; children: any }) {
   const root = useRef<HTMLDialogElement>(null);
-  useLayoutEffect(() => {
-    const before = document.activeElement as HTMLElement | null;
-    root.current!.showModal(); // keeps Tab inside, closes with Esc
-    return () => before?.focus?.();
-  }, []);
+  useFocusBack();
+  useLayoutEffect(() => root.current!.showModal(), []); // keeps Tab inside, closes with Esc
   return (
     <dialog ref={root} class="welcome" aria-label={name} onClose={onClose} onKeyDown={(event) => event.stopPropagation()} onClick={(event) => event.target === root.current && root.current!.close()}>
       {children}
@@ -48,7 +47,7 @@ export function Welcome() {
         </div>
         <span class="buttons">
           <button class="strong" onClick={() => { leave(); tour.value = 0; }}>Take the tour</button>
-          <button onClick={() => { leave(); void openText("scene", EMPTY); }}>Start with an empty table</button>
+          <button onClick={() => { leave(); void openText("scene", EMPTY, false).then(() => editor.focus()); }}>Start a new spec</button>
           <button onClick={leave}>Close <kbd>Esc</kbd></button>
         </span>
       </header>
@@ -85,10 +84,20 @@ const STEPS: Step[] = [
   { at: ".bar", title: "5. Download", words: "Download has the scenes as files for Python and for simulators, and the command that makes as many of them as you like.", show: () => (pane.value = "scenes") },
 ];
 
+export function endTour(): void {
+  tour.value = -1;
+  tab.value = "request";
+}
+
 export function Tour() {
+  return STEPS[tour.value] ? <Steps /> : null;
+}
+
+function Steps() {
   const step = STEPS[tour.value];
   const box = useRef<HTMLElement>(null);
   const [place, setPlace] = useState<DOMRect | null>(null);
+  useFocusBack();
   useEffect(() => {
     if (!step) return;
     step.show();
@@ -102,11 +111,7 @@ export function Tour() {
     };
   }, [tour.value]);
   if (!step) return null;
-  const end = () => {
-    tour.value = -1;
-    tab.value = "request";
-  };
-  const go = (by: number) => (tour.value + by < STEPS.length ? (tour.value += by) : end());
+  const go = (by: number) => (tour.value + by < STEPS.length ? (tour.value += by) : endTour());
   return (
     <>
       {place ? <div class="ring" style={`left: ${place.left + 3}px; top: ${place.top + 3}px; width: ${place.width - 6}px; height: ${place.height - 6}px`} /> : null}
@@ -114,7 +119,7 @@ export function Tour() {
         <h2>{step.title}</h2>
         <p aria-live="polite">{step.words}</p>
         <footer>
-          {tour.value < STEPS.length - 1 ? <button onClick={end}>End the tour</button> : <button onClick={() => { end(); welcome.value = true; }}>Examples</button>}
+          {tour.value < STEPS.length - 1 ? <button onClick={endTour}>End the tour</button> : <button onClick={() => { endTour(); welcome.value = true; }}>Examples</button>}
           <span class="buttons">
             <button disabled={!tour.value} onClick={() => go(-1)}>Back</button>
             <button class="strong" onClick={() => go(1)}>{tour.value < STEPS.length - 1 ? "Next" : "Done"}</button>

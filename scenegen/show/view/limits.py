@@ -46,10 +46,6 @@ def most_scenes(objects: int) -> int:
     return min(MAX_SCENES, max(1, MAX_POSES // max(1, objects)))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How the page names what an error asks for: by its own fields, and what has no field as an option of the command.
-
-
 FIELDS = {"n": "scenes", "seed": "seed", "method": "method", "spread": "spread"}
 """The page's fields by argument, as page/src/panels/Request.tsx labels them."""
 CHOICES = {("spread", "base"): "like random scenes", ("spread", "flat"): "evenly over phi"}

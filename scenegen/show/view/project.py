@@ -3,12 +3,14 @@ listed, read and saved. Nothing outside that folder is touched."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import html as markup
 import json
 import os
 import stat
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from scenegen.api.motions import MotionSet, read_motions
 from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import SceneArrays, rows_of, stored_rows
 from scenegen.api.spec import MAX_BYTES, Spec, parse
-from scenegen.errors import DataError, RequestError
+from scenegen.errors import DataError, RequestError, SpecError
 from scenegen.errors.files import DAMAGED_MOTIONS, WRONG_ENDING
 from scenegen.errors.program import NOT_OPENED
 from scenegen.errors.requests import NO_SCENES
@@ -102,8 +104,8 @@ class Folder:
             raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
         if not file.parent.is_dir():
             raise FileRefused(404, "there is no such folder in the opened one")
-        there = _read(file)[1] if file.exists() else None
-        if there != was and there != digest(data):
+        there = _read(file)[1] if file.exists() else None  # where the file is gone, nothing is lost
+        if there not in (None, was, digest(data)):
             raise FileRefused(409, "the file has changed on the disk since the page read it")
         try:
             write_whole(file, data)
@@ -111,34 +113,54 @@ class Folder:
             raise FileRefused(403, f"the file cannot be written: {error.strerror or 'no permission'}") from None
         return digest(data)
 
-    def draft(self, name: str) -> dict[str, Any] | None:
-        """What was written for a file, or for a spec without one, and never saved: its `text`, and in `was` the hash of
-        the file that it began with. None where there is nothing."""
-        try:
-            found = json.loads(self._draft(name).read_bytes())
-        except (OSError, ValueError):
-            return None
-        return found if isinstance(found, dict) and isinstance(found.get("text"), str) else None
+    def draft(self, name: str, open_tabs: Collection[str] = ()) -> dict[str, Any] | None:
+        """What was written for a file, or for a spec without one, and never saved: its `text`, in `was` the hash of the
+        file that it began with, and the `tab` it was written in. Of several the newest; what belongs to a tab that is
+        open stays there. None where there is nothing."""
+        return next((one for one in _drafts(self._draft_key(name)) if one["tab"] not in open_tabs), None)
 
-    def keep_draft(self, name: str, text: str | None, was: str | None) -> None:
-        """Keep what is not saved, or with None for `text` forget it. Raises FileRefused."""
+    def lost(self, open_tabs: Collection[str]) -> list[str]:
+        """The names of drafts of closed tabs that belong to no file of the folder."""
+        kept = [one for one in _drafts() if one["tab"] not in open_tabs and one.get("root") == str(self.root)]
+        return sorted({str(one["name"]) for one in kept if not (self.root / str(one["name"])).is_file()})
+
+    def keep_draft(self, name: str, text: str | None, was: str | None, tab: str = "") -> None:
+        """Keep what is not saved in a tab, or with None for `text` forget it. Raises FileRefused."""
         if text is not None and len(text.encode()) > MAX_TEXT:
             raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
-        file = self._draft(name)
+        file = state_folder() / "drafts" / f"{self._draft_key(name)}{tab and '-'}{tab}.json"
         try:
             if text is None:
                 file.unlink(missing_ok=True)
                 return
             file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            write_whole(file, json.dumps({"text": text, "was": was, "of": str(self.root / name)}).encode())
-            for old in sorted(file.parent.glob("*.json"), key=lambda one: one.stat().st_mtime)[:-MOST_DRAFTS]:
+            draft = {"text": text, "was": was, "root": str(self.root), "name": name, "tab": tab}
+            write_whole(file, json.dumps(draft).encode())
+            for old in _newest(file.parent.glob("*.json"))[MOST_DRAFTS:]:
                 old.unlink(missing_ok=True)
         except OSError as error:
             raise FileRefused(403, f"what is not saved cannot be kept: {error.strerror or 'no permission'}") from None
 
-    def _draft(self, name: str) -> Path:
-        state = Path(os.environ.get("XDG_STATE_HOME") or "~/.local/state").expanduser()
-        return state / "scenegen" / "drafts" / f"{digest(os.fsencode(self.root / name))}.json"
+    def _draft_key(self, name: str) -> str:
+        return digest(os.fsencode(self.root / name))
+
+
+def state_folder() -> Path:
+    """Where drafts and links are kept, for the user alone."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state") / "scenegen"
+
+
+def _drafts(key: str = "") -> Iterator[dict[str, Any]]:
+    """Drafts that can be read, the newest first."""
+    for file in _newest((state_folder() / "drafts").glob(f"{key}*.json")):
+        with contextlib.suppress(OSError, ValueError, TypeError):
+            found = {"tab": "", **json.loads(file.read_bytes())}
+            if isinstance(found.get("text"), str):
+                yield found
+
+
+def _newest(files: Iterable[Path]) -> list[Path]:
+    return sorted(files, key=lambda one: one.stat().st_mtime, reverse=True)
 
 
 def digest(data: bytes) -> str:
@@ -181,14 +203,6 @@ def shipped() -> list[dict[str, str]]:
         head = text.partition("\n")[0]
         found.append({"name": name, "title": head.lstrip("# ").strip() if head.startswith("#") else "", "text": text})
     return found
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What `scenegen view` was told to open: a spec, scenes, a model, a folder, or nothing.
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The scenes of a file as the page shows them.
 
 
 Part = tuple[dict[str, int], dict[str, Any]]
@@ -246,14 +260,28 @@ class OpenProject:
     request: dict[str, Any] = field(default_factory=dict)
     welcome: bool = False
 
+    def now(self) -> OpenProject:
+        """With the text that its file has by now; without a hash where the file is gone."""
+        if self.path is None:
+            return self
+        try:
+            text, found = self.folder.read(self.path)
+        except FileRefused:
+            return replace(self, digest=None)
+        return replace(self, text=text, digest=found)
+
     def data(self) -> dict[str, Any]:
-        """What the page gets at first."""
+        """What the page gets at first. `shipped` is a name under which commands find this text, `where` the folder as
+        seen from the one in which the server was started."""
+        example = shipped_specs().get(self.name) if self.path is None else None
         return {
             "text": self.text,
             "name": self.name,
             "path": self.path,
             "sha": self.digest,
+            "shipped": self.name if example and example.read_text(encoding="utf-8") == self.text else None,
             "folder": self.folder.root.name or str(self.folder.root),
+            "where": os.path.relpath(self.folder.root),
             "model": None if self.model is None else self.model.name,
             "scenes": self.scenes,
             "parts": list(self.parts[:-1]),
@@ -313,7 +341,11 @@ def _spec(file: Path) -> OpenProject:
     file = file.resolve()
     folder = Folder(file.parent)
     if file.suffix.lower() != ".spec":
-        raise DataError(WRONG_ENDING(path=file.name, ending=".spec", better=f"{file.stem}.spec"))
+        with contextlib.suppress(FileRefused, SpecError):  # what can be read as a spec has the wrong name alone
+            parse(_read(file)[0], file.name)
+            raise DataError(WRONG_ENDING(path=file.name, ending=".spec", better=f"{file.stem}.spec"))
+        reason = "it does not end in .spec, and is no scene file or model"
+        raise DataError(NOT_OPENED(file=file, reason=reason, known=shipped_specs()))
     try:
         text, found = folder.read(file.name)
     except FileRefused as reason:
@@ -367,10 +399,6 @@ def _model(file: Path) -> OpenProject:
     return OpenProject(
         Folder(file.resolve().parent), text, file.stem, model=file.resolve(), digest=digest(text.encode())
     )
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The page as one HTML document: with links to its files where a server has them, or with everything in it.
 
 
 STATIC = Path(__file__).resolve().parent / "static"

@@ -12,6 +12,7 @@ import asyncio
 import contextlib
 import hmac
 import json
+import os
 import re
 import secrets
 import shutil
@@ -31,6 +32,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.applications import Starlette
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import ClientDisconnect, HTTPConnection, Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
@@ -55,20 +57,18 @@ from scenegen.show.view.limits import (
     MAX_SESSIONS,
     MAX_TEXT,
 )
-from scenegen.show.view.project import STATIC, FileRefused, OpenProject, html, shipped
+from scenegen.show.view.project import STATIC, FileRefused, OpenProject, digest, html, shipped, state_folder
 from scenegen.show.view.session import Lane, PageSession, PageWorkerEnded, TooManyWorkers, Workers
-
-# --------------------------------------------------------------------------------------------------------------------
-# What all routes of one server share.
 
 
 @dataclass(slots=True)
 class Shared:
-    """`sessions` counts the pages that are open, `downloads` the files being made."""
+    """`tabs` are the pages that are open, by the names that they gave themselves; `downloads` counts the files being
+    made."""
 
     opened: OpenProject
     workers: Workers = field(default_factory=Workers)
-    sessions: int = 0
+    tabs: list[str] = field(default_factory=list)
     downloads: int = 0
 
 
@@ -88,6 +88,7 @@ HEADERS = (
     (b"cross-origin-opener-policy", b"same-origin"),
     (b"cross-origin-resource-policy", b"same-origin"),
 )
+REVALIDATE = (b"cache-control", b"no-cache")  # of files of the page: kept, and asked for again by their ETag
 
 
 @dataclass(slots=True)
@@ -107,7 +108,7 @@ class Gate:
             return
         problem = self._problem(scope)
         # the page itself needs no token: slow readers of its files must not keep out requests that have one
-        counted = scope["type"] == "http" and not scope["path"].startswith("/static/")
+        counted = scope["type"] == "http" and not _is_open(scope["path"])
         if problem is None and counted and self.under_way >= MAX_REQUESTS:
             problem = 429, "this server answers no more requests at a time; try again in a moment"
         if problem is not None:
@@ -119,7 +120,7 @@ class Gate:
 
         async def guarded(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", ()), *HEADERS]
+                message["headers"] = [*message.get("headers", ()), *HEADERS, *([] if counted else [REVALIDATE])]
             await send(message)
 
         self.under_way += counted
@@ -141,7 +142,7 @@ class Gate:
             return 403, "pages of other origins may not use this server"
         if any(site not in ("same-origin", "none") for site in all_of(b"sec-fetch-site")) and scope["path"] != "/":
             return 403, "pages of other origins may not use this server"
-        if scope["path"].startswith("/static/"):
+        if _is_open(scope["path"]):
             return None
         given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
         given += [value.removeprefix("Bearer ") for value in all_of(b"authorization")]
@@ -153,6 +154,11 @@ class Gate:
 def _name_of(host: str) -> str:
     """The name in a Host header, without its port and the dot that ends a name that is complete."""
     return re.sub(r"\.?(:\d*)?$", "", host.lower())
+
+
+def _is_open(path: str) -> bool:
+    """Whether nobody needs the token for it."""
+    return path.startswith("/static/") or path == "/api/proof"
 
 
 async def refuse(scope: Scope, send: Send, status: int, reason: str) -> None:
@@ -167,10 +173,6 @@ async def refuse(scope: Scope, send: Send, status: int, reason: str) -> None:
         headers.append((b"connection", b"close"))
     await send({"type": f"{kind}.start", "status": status, "headers": [*headers, *HEADERS]})
     await send({"type": f"{kind}.body", "body": body})
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The body of a request, as far as it may go.
 
 
 async def json_body(request: Request) -> dict[str, Any]:
@@ -198,19 +200,24 @@ async def json_body(request: Request) -> dict[str, Any]:
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The routes. The page itself, with what it shows first, and the files of its folder.
-
-
 async def page(request: Request) -> Response:
-    opened = _shared(request).opened
-    draft = await run_in_threadpool(opened.folder.draft, opened.path or opened.name)
+    shared = _shared(request)
+    opened = await run_in_threadpool(shared.opened.now)
+    draft = await run_in_threadpool(opened.folder.draft, opened.path or opened.name, shared.tabs)
     return HTMLResponse(html({**opened.data(), "draft": draft}), headers={"cache-control": "no-store"})
 
 
+async def proof(request: Request) -> Response:
+    """Proof that this server knows the token, for a page that lost its server: another program may listen there now."""
+    token, nonce = request.app.state.token, request.query_params.get("nonce", "")
+    return PlainTextResponse(hmac.new(token.encode(), nonce.encode(), "sha256").hexdigest())
+
+
 async def files(request: Request) -> Response:
-    specs = await run_in_threadpool(_shared(request).opened.folder.specs)
-    return JSONResponse({"specs": specs, "shipped": await run_in_threadpool(shipped)})
+    shared = _shared(request)
+    folder = shared.opened.folder
+    found = {"specs": await run_in_threadpool(folder.specs), "shipped": await run_in_threadpool(shipped)}
+    return JSONResponse({**found, "lost": await run_in_threadpool(folder.lost, shared.tabs)})
 
 
 async def file(request: Request) -> Response:
@@ -228,17 +235,35 @@ async def file(request: Request) -> Response:
     return JSONResponse({"path": wanted, "sha": await run_in_threadpool(folder.save, wanted, new, was)})
 
 
+class DraftRequest(BaseModel):
+    """What is not saved in a tab, or None for `text` where it is saved. It takes the place of the draft of the tab
+    `instead`, unless that is open."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str
+    text: str | None
+    was: str | None
+    tab: str = Field("", pattern="^[0-9a-z]{0,32}$")
+    instead: str | None = Field(None, pattern="^[0-9a-z]{0,32}$")
+
+
 async def draft(request: Request) -> Response:
     """What was written and not saved."""
-    folder = _shared(request).opened.folder
+    shared = _shared(request)
+    folder = shared.opened.folder
     if request.method == "GET":
-        return JSONResponse(await run_in_threadpool(folder.draft, request.query_params.get("name", "")))
-    body = await json_body(request)
-    name, text, was = body.get("name"), body.get("text"), body.get("was")
-    if not isinstance(name, str) or not isinstance(text, str | None) or not isinstance(was, str | None):
-        raise FileRefused(400, "a draft is kept with its name, its text and the hash of what was there")
-    _check_whole(name + (text or ""))
-    await run_in_threadpool(folder.keep_draft, name, text, was)
+        name = request.query_params.get("name", "")
+        return JSONResponse(await run_in_threadpool(folder.draft, name, shared.tabs))
+    try:
+        found = DraftRequest.model_validate(await json_body(request))
+    except ValidationError:
+        reason = "a draft is kept with its name, its tab, its text and the hash of what was there"
+        raise FileRefused(400, reason) from None
+    _check_whole(found.name + (found.text or ""))
+    await run_in_threadpool(folder.keep_draft, found.name, found.text, found.was, found.tab)
+    if found.instead is not None and found.instead not in (found.tab, *shared.tabs):
+        await run_in_threadpool(folder.keep_draft, found.name, None, None, found.instead)
     return JSONResponse({})
 
 
@@ -252,10 +277,6 @@ def _check_whole(text: str) -> None:
 def _shared(request: HTTPConnection) -> Shared:
     shared: Shared = request.app.state.shared
     return shared
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Texts that ship with scenegen and that the page shows beside a spec: explanations of codes, and the prelude.
 
 
 _entries = cache(catalog)
@@ -272,10 +293,6 @@ async def explain(request: Request) -> Response:
 
 async def prelude(request: Request) -> Response:
     return JSONResponse({"text": grammar_file("prelude.spec").read_text(encoding="utf-8")})
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The scenes on the page as a file.
 
 
 MOST = 4  # downloads that are made at a time
@@ -339,31 +356,25 @@ async def _made(shared: Shared, wanted: DownloadRequest) -> Response:
             shutil.rmtree(into, ignore_errors=True)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The WebSocket of a page.
-
-
 async def socket_of_page(websocket: WebSocket) -> None:
     shared = _shared(websocket)
-    if shared.sessions >= MAX_SESSIONS:
+    if len(shared.tabs) >= MAX_SESSIONS:
         reason = "as many pages are open as this server takes; close one of them"
         await refuse(websocket.scope, websocket._send, 429, reason)
         return
-    shared.sessions += 1
+    tab = websocket.query_params.get("tab", "")
+    shared.tabs.append(tab)
     try:
         await websocket.accept()
         opened = shared.opened
         await PageSession(websocket, shared.workers, opened.folder, opened.model).converse()
     finally:
-        shared.sessions -= 1
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The application: its routes behind the gate.
+        shared.tabs.remove(tab)
 
 
 ROUTES = [
     Route("/", page, methods=["GET"]),
+    Route("/api/proof", proof, methods=["GET"]),
     Route("/api/files", files, methods=["GET"]),
     Route("/api/file", file, methods=["GET", "PUT"]),
     Route("/api/draft", draft, methods=["GET", "PUT"]),
@@ -371,7 +382,7 @@ ROUTES = [
     Route("/api/prelude", prelude, methods=["GET"]),
     Route("/api/download", download, methods=["POST"]),
     WebSocketRoute("/api/socket", socket_of_page),
-    Mount("/static", StaticFiles(directory=STATIC)),
+    Mount("/static", GZipMiddleware(StaticFiles(directory=STATIC))),
 ]
 
 
@@ -390,6 +401,7 @@ def make_app(opened: OpenProject, token: str, hosts: frozenset[str]) -> Gate:
     handlers: Any = {FileRefused: _refused, 404: _missing, 405: _missing, 500: _broken}
     app = Starlette(routes=ROUTES, lifespan=lifespan, exception_handlers=handlers)
     app.state.shared = shared
+    app.state.token = token
     return Gate(app, token, hosts, shared)
 
 
@@ -403,10 +415,6 @@ async def _missing(request: Request, error: Exception) -> Response:
 
 async def _broken(request: Request, error: Exception) -> Response:
     return PlainTextResponse(f"scenegen itself failed: {type(error).__name__}\n", 500)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The server: its socket, its link, and how it ends.
 
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -450,6 +458,43 @@ def bind(host: str, port: int | None) -> socket.socket:
     return listener
 
 
+def kept_link(opened: OpenProject) -> tuple[int, str] | None:
+    """Port and token of the first server of what was opened, so that its pages go on with a later one; None where
+    nothing is kept that the user alone can read."""
+    with contextlib.suppress(OSError, RuntimeError, ValueError, KeyError, TypeError):
+        file = _link_file(opened)
+        found = json.loads(file.read_bytes())
+        if not file.stat().st_mode & 0o077 and re.fullmatch(r"[\w-]{32}", found["token"], re.ASCII):
+            return int(found["port"]), found["token"]
+    return None
+
+
+def _listen(host: str, port: int | None, kept: tuple[int, str] | None) -> tuple[socket.socket, str | None]:
+    """A socket, and the kept token where it may be used: not where another program has the port, which may have learned
+    the token from a page that is still open. Raises RequestError."""
+    if kept is None or port is not None:
+        return bind(host, port), kept and kept[1]
+    try:
+        return bind(host, kept[0]), kept[1]
+    except RequestError:
+        return bind(host, None), None
+
+
+def keep_link(opened: OpenProject, port: int, token: str) -> None:
+    """Keep them, where that can be done."""
+    with contextlib.suppress(OSError, RuntimeError):
+        file = _link_file(opened)
+        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        file.unlink(missing_ok=True)
+        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as link:
+            json.dump({"port": port, "token": token}, link)
+
+
+def _link_file(opened: OpenProject) -> Path:
+    name = opened.folder.root / (opened.path or opened.name)
+    return state_folder() / "links" / f"{digest(os.fsencode(name))}.json"
+
+
 def hosts_of(host: str) -> frozenset[str]:
     """The names under which a page may call the server."""
     names = {*LOOPBACK, host} if host in LOOPBACK else {*LOOPBACK, host, socket.gethostname().lower()}
@@ -481,8 +526,11 @@ def serve(
 ) -> int:
     """Serve the page until an interrupt; `told` is given the link once it works. Returns the exit status. Raises
     ScenegenError if its processes cannot start."""
-    token = token or secrets.token_urlsafe(24)
-    listener = bind(host, port)
+    kept = kept_link(opened) if host in LOOPBACK else None
+    listener, known = _listen(host, port, kept)
+    token = token or known or secrets.token_urlsafe(24)
+    if kept is None and host in LOOPBACK:
+        keep_link(opened, listener.getsockname()[1], token)
     shown = "localhost" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
     link = f"http://{shown}:{listener.getsockname()[1]}/?token={token}"
     app = make_app(opened, token, hosts_of(host))

@@ -142,24 +142,12 @@ class PageWorker:
             self._writer.close()
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The conversation with one page over its WebSocket.
-#
-# The page sends `{"id": 7, "job": "sample", ...}` and hears `{"id": 7, "part": ...}` any number of times, then
-# `done`, `refused` (what the user can mend), `failed`, or `ended` (a newer job of that kind took its place).
-# `{"stop": "sample"}` ends the job of that kind.
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The work of one page, in lanes: each lane has one worker process and does one job at a time, and a newer job of a
-# lane ends the older one. What a person waits for is so never held up by what nobody waits for any more.
-
-
 GRACE = 0.03  # seconds that an older job still gets: cheaper than a new process, where it is about to end
 
 
 class Lane:
-    """`seconds` is the time that a job may take, which depends on its kind."""
+    """Work of one kind for one page, in a worker process, one job at a time. A newer job ends the older one: what a
+    person waits for is not held up by what nobody waits for any more."""
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
@@ -302,7 +290,7 @@ class PageSession:
 
     def _problem(self, message: PageMessage) -> str:
         if len(self._tasks) >= MAX_WAITING:
-            return "too many messages wait for their turn"
+            return "too many messages wait for their turn; try again in a moment"
         if len(message.text.encode("utf-8", "replace")) > MAX_TEXT:
             return f"a spec on the page has at most {MAX_TEXT // 1024} kB"
         try:

@@ -29,11 +29,7 @@ from scenegen.show.view.jobs import job_of
 from scenegen.show.view.jobs.source import refusal
 from scenegen.show.view.limits import MEMORY
 
-# --------------------------------------------------------------------------------------------------------------------
-# Messages between the server and its worker processes: JSON, one a line.
-
-
-LARGEST = 256 << 20  # bytes of one message
+LARGEST = 256 << 20  # bytes of one message: JSON, one a line
 
 
 def dumps(value: Any) -> bytes:
@@ -97,7 +93,6 @@ def do(line: socket.socket, message: dict[str, Any]) -> None:
         say("failed", f"scenegen itself failed: {type(error).__name__}: {error}")
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The program that worker processes are forked from: it has loaded what they need, so that a new one costs some
 # milliseconds and ending one that is no longer of use costs nothing.
 #

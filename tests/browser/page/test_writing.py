@@ -72,7 +72,7 @@ def test_the_keyboard_alone_is_enough(served, tab):
     keys.press("Control+s")
     one.until("document.querySelector('.file-name').innerText.indexOf('•') < 0")
     assert "rightOf" in (served.folder / "two.spec").read_text()
-    keys.press("Escape")
+    keys.press("F6")
     keys.press("s")
     before = one.state("$.poses[0]")
     keys.press("ArrowRight")
@@ -100,7 +100,7 @@ def test_text_undo_and_state_survive_a_reload(served, tab):
     one.ready()
     one.write("object mug, plate\ntask: rightOf(mug, plate)\n")
     one.until("$.spec && $.spec.objects.length === 2 && !$.busy && $.result")
-    one.page.keyboard.press("Escape")
+    one.page.keyboard.press("F6")
     one.page.keyboard.press("n")
     one.page.keyboard.press("v")
     one.until("$.request.seed === 1 && !$.busy")
@@ -192,6 +192,9 @@ def test_escape_closes_the_list_of_words_and_stays_in_the_editor(served, tab):
     assert one.state("$.request.seed") == before["seed"] and one.state("$.request.fix") == {}
     one.page.keyboard.press("Escape")
     one.page.keyboard.press("Escape")
+    one.page.keyboard.type("nt")
+    assert content(one).endswith("xnjhnt")
+    one.page.keyboard.press("F6")
     assert one.page.evaluate("document.activeElement.closest('.stage') !== null")
 
 
@@ -318,7 +321,9 @@ def test_what_is_written_in_an_example_is_kept_too(serve, tab):
     assert content(two).endswith("# mine")
     two.page.click("button.file-name")
     two.page.click("button[data-shipped=chess_corner]")
-    two.page.wait_for_selector(".restored")
+    two.until("$.spec && $.spec.objects.length === 6")
+    assert not content(two).endswith("# chess")  # an example is as it ships; what was made of it is offered
+    two.page.click(".restored button")
     assert content(two).endswith("# chess")
 
 

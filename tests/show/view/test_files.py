@@ -70,6 +70,8 @@ def test_a_file_is_saved_where_the_page_knows_what_is_there(folder):
     with pytest.raises(FileRefused, match="changed on the disk"):
         folder.save("a.spec", "three", None)
     assert folder.save("new.spec", "two", None) == again  # that is there already
+    (folder.root / "new.spec").unlink()
+    assert folder.save("new.spec", "three", sha) == digest(b"three")  # nothing is there that could be lost
 
 
 @pytest.mark.parametrize(
@@ -123,7 +125,46 @@ def test_drafts_are_kept_outside_the_folder(tmp_path, monkeypatch):
         folder.keep_draft("a.spec", "object mug\n", None)
 
 
+def test_each_tab_has_a_draft_and_those_of_open_tabs_stay_there(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    folder = Folder(tmp_path / "opened")
+    folder.root.mkdir()
+    for number, tab in enumerate(("one", "two")):
+        folder.keep_draft("a.spec", f"# {tab}", None, tab)
+        for file in (tmp_path / "state/scenegen/drafts").glob(f"*-{tab}.json"):
+            os.utime(file, (number, number))
+    assert folder.draft("a.spec")["tab"] == "two" and folder.draft("a.spec", ["two"])["text"] == "# one"
+    assert folder.draft("a.spec", ["one", "two"]) is None
+    folder.keep_draft("a.spec", None, None, "one")
+    assert folder.draft("a.spec", ["two"]) is None and folder.draft("a.spec")["text"] == "# two"
+    # what no file has is listed, once its tab is closed
+    folder.keep_draft("scene", "# three", None, "three")
+    assert folder.lost(["three"]) == ["a.spec"] and folder.lost(["two"]) == ["scene"]
+    (folder.root / "a.spec").write_text("")
+    assert folder.lost([]) == ["scene"] and Folder(tmp_path).lost([]) == []
+
+
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"
+
+
+def test_a_file_is_read_again_for_each_page(tmp_path):
+    (tmp_path / "two.spec").write_text(TEXT)
+    found = open_(tmp_path / "two.spec")
+    (tmp_path / "two.spec").write_text(TEXT + "# more")
+    now = found.now().data()
+    assert (now["text"], now["sha"]) == (TEXT + "# more", digest((TEXT + "# more").encode()))
+    (tmp_path / "two.spec").unlink()
+    assert (found.now().text, found.now().digest) == (TEXT, None)
+
+
+def test_commands_find_an_example_by_its_name_and_a_file_by_its_folder(tmp_path, monkeypatch):
+    (tmp_path / "below").mkdir()
+    (tmp_path / "below" / "two.spec").write_text(TEXT)
+    scenegen.sample(scenegen.parse(TEXT), n=1).save(tmp_path / "first.json")
+    monkeypatch.chdir(tmp_path)
+    told = {name: open_(Path(name)).data() for name in ("sort_3", "first.json", "below/two.spec")}
+    assert [one["shipped"] for one in told.values()] == ["sort_3", None, None]
+    assert [one["where"] for one in told.values()] == [".", ".", "below"]
 
 
 def test_specs_folders_and_names(tmp_path, monkeypatch):
@@ -222,6 +263,30 @@ def test_what_is_not_there_is_said(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(DataError, match="sort_3"):
         open_(tmp_path.__class__("sort3"))
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "better"),
+    [
+        ("kitchen.png", b"\x89PNG\r\n\x1a\n\0", None),
+        ("kitchen.csv", b"a,b\n1,2\n", None),
+        ("kitchen.zip", b"PK\3\4\0\xff", None),
+        ("kitchen.yaml", b"kitchen:\n  - mug\n", None),
+        ("passwd", b"root:x:0:0:root:/root:/bin/sh\n", None),
+        ("page.html", b"<!doctype html>\n", None),
+        ("empty", b"", None),
+        ("large.txt", b"#" * (MAX_TEXT + 1), None),
+        ("two.txt", TEXT.encode(), "two.spec"),
+        ("two", TEXT.encode(), "two.spec"),
+    ],
+)
+def test_only_what_can_be_a_spec_is_told_to_be_named_so(tmp_path, name, data, better):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(DataError) as error:
+        open_(tmp_path / name)
+    told = error.value.diagnostics[0]
+    assert told.help == (f"name it {better}" if better else told.help) and "spec" in told.help
+    assert told.code == ("wrong-ending" if better else "not-opened")
 
 
 @pytest.mark.parametrize(

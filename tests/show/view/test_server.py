@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import hmac
 import json
 import time
+from dataclasses import replace
 
 import pytest
 from websockets.exceptions import InvalidStatus
@@ -13,7 +15,7 @@ from websockets.sync.client import connect
 from scenegen.show.view import session as lanes
 from scenegen.show.view.limits import MAX_REQUESTS, MAX_SESSIONS, MAX_TEXT
 from scenegen.show.view.project import Folder, OpenProject
-from scenegen.show.view.serve import Gate, Shared, hosts_of
+from scenegen.show.view.serve import Gate, Shared, _listen, bind, hosts_of, keep_link, kept_link
 from scenegen.show.view.session import PageSession
 
 pytest.importorskip("uvicorn")
@@ -163,7 +165,7 @@ def test_closing_the_page_frees_its_work(running):
     page.close()
     while running.shared.workers.alive & alive and time.monotonic() < until:
         time.sleep(0.02)
-    assert not running.shared.workers.alive & alive and running.shared.sessions == 0
+    assert not running.shared.workers.alive & alive and running.shared.tabs == []
 
 
 def test_a_worker_that_dies_is_replaced(running, page):
@@ -186,7 +188,7 @@ def test_pages_beyond_the_limit_are_refused(running):
         for one in pages:
             one.close()
     until = time.monotonic() + 10
-    while running.shared.sessions and time.monotonic() < until:
+    while running.shared.tabs and time.monotonic() < until:
         time.sleep(0.02)
     running.page().close()
 
@@ -293,6 +295,62 @@ def test_others_are_refused_with_a_sentence(tmp_path, kind, status, changes):
 def test_files_of_the_page_need_no_token(tmp_path):
     assert knock(gate(tmp_path), path="/static/page.js", query="")[0] == 200
     assert knock(gate(tmp_path), path="/", query="")[0] == 401
+
+
+def test_a_link_is_kept_for_the_user_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    one = OpenProject(Folder(tmp_path), "", "x", "x.spec")
+    assert kept_link(one) is None
+    keep_link(one, 4321, "t" * 32)
+    assert kept_link(one) == (4321, "t" * 32) and kept_link(replace(one, path="y.spec")) is None
+    (file,) = (tmp_path / "state/scenegen/links").iterdir()
+    assert file.stat().st_mode & 0o077 == 0 == file.parent.stat().st_mode & 0o077
+    file.chmod(0o644)
+    assert kept_link(one) is None  # others may have read it
+    keep_link(one, 4321, "t" * 32)
+    assert file.stat().st_mode & 0o077 == 0
+    for damaged in (
+        "{",
+        "[]",
+        '{"port": 4321}',
+        '{"port": 4321, "token": ""}',
+        '{"port": "x", "token": "%s"}' % ("t" * 32),
+    ):
+        file.write_text(damaged)
+        assert kept_link(one) is None
+
+
+def test_a_kept_token_is_used_only_where_nobody_took_its_port():
+    with bind("127.0.0.1", None) as taken:
+        port = taken.getsockname()[1]
+        listener, token = _listen("127.0.0.1", None, (port, "kept"))
+        assert token is None and listener.getsockname()[1] != port
+        listener.close()
+    listener, token = _listen("127.0.0.1", None, (port, "kept"))
+    assert token == "kept" and listener.getsockname()[1] == port
+    listener.close()
+    listener, token = _listen("127.0.0.1", 0, (port, "kept"))
+    assert token == "kept"
+    listener.close()
+
+
+def test_a_server_proves_that_it_knows_the_token(running):
+    status, told = running.http("GET", "/api/proof?nonce=abc", headers={})
+    assert (status, told.decode()) == (200, hmac.new(b"the-token", b"abc", "sha256").hexdigest())
+    assert running.http("GET", "/api/proof?nonce=abc", headers={"Origin": "http://evil.example"})[0] == 403
+
+
+def test_drafts_belong_to_tabs(running, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    draft = {"name": "d.spec", "text": "# mine", "was": None}
+    assert running.http("PUT", "/api/draft", {**draft, "tab": "old"})[0] == 200
+    assert json.loads(running.http("GET", "/api/draft?name=d.spec")[1])["tab"] == "old"
+    assert running.http("PUT", "/api/draft", {**draft, "tab": "new", "instead": "old"})[0] == 200
+    (kept,) = (tmp_path / "scenegen/drafts").iterdir()
+    assert kept.name.endswith("-new.json")
+    for wrong in ({"tab": "../../x"}, {"tab": "new", "instead": "../x"}, {"tab": 3}, {"text": 3}, {"more": ""}):
+        assert running.http("PUT", "/api/draft", {**draft, **wrong})[0] == 400
+    assert [each.name for each in (tmp_path / "scenegen").iterdir()] == ["drafts"]
 
 
 def test_answers_forbid_everything_from_elsewhere(tmp_path):

@@ -21,10 +21,6 @@ from scenegen.resources import grammar_file
 from scenegen.show.view.jobs.describe import describe, meshes_of, numbers_data, plain
 from scenegen.show.view.jobs.source import calmly, give_way, inside, path_of, spec_of, wanted_counts, with_numbers
 
-# --------------------------------------------------------------------------------------------------------------------
-# The features of the language server for the page's editor: hover, completion, definition, format, symbols.
-
-
 FEATURES = ("hover", "completion", "definition", "formatting", "symbols")
 
 
@@ -102,10 +98,6 @@ def _unbounded(page: Page, spec: Spec) -> list[dict[str, Any]]:
         message = f"{told.title}\nhelp: {told.help}"
         found.append({"range": page.span(start, end), "message": message, "code": told.code, "severity": 2})
     return found
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# How rare each phi is, label by label: what the handles are laid over.
 
 
 def range_(message: dict[str, Any]) -> Iterator[Any]:

@@ -137,10 +137,6 @@ def mesh_key(thing: PictureObject) -> str:
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What objects look like: the library's own meshes, with normals, packed small.
-
-
 STEPS = 32767  # of the largest coordinate: positions are 16-bit numbers
 
 

@@ -137,7 +137,6 @@ def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[flo
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The formulas of a spec as trees: what repeats is folded into one line, and every line knows the nodes of the core that
 # it stands for, so that values of a scene can be shown beside it.
 

@@ -125,7 +125,6 @@ def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], request: 
     return MotionSet(motions, phi, facts_of(motions), header)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The formulas of a spec over time as trees for the page: what time makes of formulas, and below that the formulas of
 # a single moment, folded as those of scenes are.
 #
@@ -284,10 +283,6 @@ class TimedTrees:
         end = node.lowest + int(both.argmax())
         before = left[: end + 1] if node.closed else left[:end]
         return [t + (int(before.argmin()) if before.size else 0), t + end]
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What the page needs to know of a spec over time: its formulas, and how many of its motions can be shown.
 
 
 def timed_of(spec: Spec) -> Timed:

@@ -230,10 +230,6 @@ def _model(path: str) -> Model:
     return load_model(path)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The scenes on the page as files.
-
-
 PLAYED = "gif"  # of motions alone
 
 

@@ -114,10 +114,6 @@ def stage_of_spec(spec: Spec) -> PictureSetup:
     return stage_of(header_of(spec))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Work that gives way to what a person waits for.
-
-
 T = TypeVar("T")
 
 NICE = 10  # of 19: how far work gives way that nobody waits for
@@ -142,10 +138,6 @@ def give_way(nice: int = NICE) -> None:
 def _own() -> int:
     """What this process began with."""
     return os.getpriority(os.PRIO_PROCESS, 0)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What decides phi, as lines that the page draws into a scene.
 
 
 def mark_data(mark: Mark) -> dict[str, Any]:
@@ -176,10 +168,6 @@ def decided(
         "required": label == REQUIRE,
         "unit": str(atom.unit),
     }
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Formulas as trees of lines.
 
 
 MOST = 300  # lines of one label

@@ -106,7 +106,8 @@ class _SettleJob:
 
 def _result(source: Path) -> str:
     """The name of the results of one file among several."""
-    from scenegen.scenes.formats.registry import FORMATS, ending_of
+    from scenegen.scenes.files import ending_of
+    from scenegen.scenes.formats.registry import FORMATS
 
     return source.name if ending_of(source) in FORMATS else f"{source.stem}.json"
 

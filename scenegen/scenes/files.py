@@ -49,6 +49,15 @@ _WRITE = 2  # SYNC_FILE_RANGE_WRITE
 
 _ONE_AT_A_TIME = threading.Lock()
 
+TABS = ".tsv"  # is read, and not written
+SAME = {".ndjson": ".jsonl", TABS: ".csv"}  # other endings of the same formats
+
+
+def ending_of(path: Path) -> str:
+    """The ending of a file, by which its format is known."""
+    ending = path.suffix.lower()
+    return SAME.get(ending, ending)
+
 
 def output_error(path: Path, error: OSError) -> OutputError:
     """The diagnostic for a path that could not be written."""

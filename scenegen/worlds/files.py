@@ -27,9 +27,9 @@ from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.needs import need
 from scenegen.scenes.blocks import Block, joined
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.files import check_folder, check_writable, reported, scene_name, whole_files
+from scenegen.scenes.files import check_folder, check_writable, ending_of, reported, scene_name, whole_files
 from scenegen.scenes.formats import registry as table
-from scenegen.scenes.formats.registry import ENDINGS, FORMATS, ending_of
+from scenegen.scenes.formats.registry import ENDINGS, FORMATS
 from scenegen.show.looks.look import LOOKS
 from scenegen.things.outline import Floats
 from scenegen.worlds.export.world import FOLDER as TEXTURES

@@ -176,7 +176,7 @@ def test_what_is_refused(refused, scenes_export, here, golden):
     said = [
         refused("export", "s.json", "--out", "worlds"),
         refused("export", "s.json", "--to", "mjfc", "--out", "worlds"),
-        refused("export", "s.json", "--to", "mjcf", "--out", "s.json"),
+        refused("export", "s.json", "--to", "mjcf", "--out", "m.json"),
         refused("export", "s.json", "--to", "sdf", "--out", "all.xml"),
         refused("export", "s.json", "--to", "json", "--out", "s.jsonl"),
         refused("export", "s.json", "--out", "s.json"),

@@ -14,6 +14,7 @@ from scenegen.lang.checker import check_text
 from scenegen.learn.guided import score
 from scenegen.learn.refine import draw as base
 from scenegen.learn.refine import piece_generator
+from scenegen.learn.robustness import Robustness
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.methods import make_plan as make_plan_covers
@@ -246,7 +247,7 @@ def test_against_plain_rejection(case, exp1, same_distribution):
     hits = []
     for piece in range(PIECES):
         rows = base(problem.lowest, problem.highest, problem.piece_size, piece_generator(0, piece, stream=77))
-        phi = score(problem, rows)
+        phi = score(problem, Robustness(problem.core), rows)
         hits.append(rows.numpy()[:, problem.cells.find(phi) == 0])
     truth = np.concatenate(hits, axis=1)
     assert truth.shape[1] > 1000

@@ -23,9 +23,8 @@ from scenegen.errors.files import DAMAGED_MOTIONS, NO_HEADER_IN_CSV, NOT_MOTIONS
 from scenegen.pose import NAMES, X, as_rows
 from scenegen.scenes.blocks import COUNT, Block, member_of, numbers_in
 from scenegen.scenes.data import RAISED, VERSION, RequestData, SceneFile
-from scenegen.scenes.files import read_bytes
+from scenegen.scenes.files import ending_of, read_bytes
 from scenegen.scenes.formats.header import parse
-from scenegen.scenes.formats.registry import ending_of
 from scenegen.scenes.motions import MOTIONS_FORMAT, MotionData, MotionFile
 
 FACTS = ("moved", "way")  # of sampled motions: how many objects ever move, and the metres that all go together

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import NOT_SCENES, UNKNOWN_ENDING, WRONG_ENDING
 from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.scenes.files import whole_file
+from scenegen.scenes.files import TABS, ending_of, whole_file
 
 if TYPE_CHECKING:
     from scenegen.scenes.blocks import Block, SceneFileReading
@@ -37,8 +37,6 @@ MOTION_FORMATS: dict[str, str] = {
     ".csv": "scenegen.scenes.formats.motions:CSV",
 }
 
-TABS = ".tsv"  # is read, and not written
-SAME = {".ndjson": ".jsonl", TABS: ".csv"}  # other endings of the same formats
 SCENES, MOTIONS = "scenegen/scenes", "scenegen/motions"  # what the headers of files call their formats
 
 # Endings of simulators' and planners' files (see `export`): for these, the error of `sample` suggests `export`.
@@ -64,12 +62,6 @@ INSTEAD = {  # what is no format here, by name or ending, and what does it
 }
 
 EXTRAS = {"pyarrow": "parquet"}  # libraries that only an extra of scenegen installs
-
-
-def ending_of(path: Path) -> str:
-    """The ending of a file, by which its format is known."""
-    ending = path.suffix.lower()
-    return SAME.get(ending, ending)
 
 
 def format_of(path: Path, kind: str = SCENES) -> Any:

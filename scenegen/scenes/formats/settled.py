@@ -26,9 +26,9 @@ from scenegen.errors import DataError, OutputError
 from scenegen.errors.files import COLUMN_TWICE, DAMAGED_PARQUET, DAMAGED_SCENES, WRONG_COLUMNS
 from scenegen.scenes.blocks import PHI
 from scenegen.scenes.data import SETTLED_FORMAT, SettledHeader
-from scenegen.scenes.files import opened, read_bytes, whole_file
+from scenegen.scenes.files import ending_of, opened, read_bytes, whole_file
 from scenegen.scenes.formats.header import first_problem, parse
-from scenegen.scenes.formats.registry import PEEK, ending_of, format_of
+from scenegen.scenes.formats.registry import PEEK, format_of
 from scenegen.scenes.formats.scenes_json import MOST_BYTES
 
 KEY = b"scenegen"  # of the header in the metadata of a Parquet file

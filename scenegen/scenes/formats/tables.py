@@ -28,8 +28,8 @@ from scenegen.errors.files import DOUBTFUL_POSE, NOT_A_TRAJECTORY, TABLE_CELL, T
 from scenegen.geometry.workspace import Workspace
 from scenegen.needs import need
 from scenegen.pose import NAMES, PLACE, THETA, TWO_PI
-from scenegen.scenes.files import read_bytes
-from scenegen.scenes.formats.registry import ending_of, is_motions, read_motions
+from scenegen.scenes.files import ending_of, read_bytes
+from scenegen.scenes.formats.registry import is_motions, read_motions
 
 ENDINGS = (".csv", ".jsonl", ".parquet")
 SEPARATORS = ",;\t"  # of the columns of a .csv file

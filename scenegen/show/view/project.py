@@ -355,8 +355,7 @@ def _spec(file: Path) -> OpenProject:
 
 def _scenes(file: Path) -> OpenProject:
     found = read_motions(file) if is_motions(file) else None
-    opened = found and _motions(file, found)
-    if opened is not None:
+    if found is not None and (opened := _motions(file, found)) is not None:
         return opened
     scenes, spec, header = stored_scenes(file, 1 if found is None else found.header.time.steps + 1)
     # the starts of pairs do not lie in the range of their goals

@@ -14,6 +14,7 @@ from scenegen.learn.models.codec import Codec
 from scenegen.learn.models.correction import Correction, McmcMoves
 from scenegen.learn.models.correction import _newton as newton
 from scenegen.learn.robustness import Robustness
+from scenegen.search.effort import NEVER
 
 TEXT = """object a = cylinder(0.05, 0.1), b = cylinder(0.05, 0.1), c = cylinder(0.05, 0.1) at (0.5, 0.5)
 require noOverlap()
@@ -31,7 +32,7 @@ def uniform(spec):
     """A proposer that knows nothing of phi."""
     codec = Codec(spec.workspace, len(spec.objects))
 
-    def make(wanted, generator, branch):
+    def make(wanted, generator, branch, stop=NEVER):
         rows = codec.decode(torch.rand(wanted.shape[1], 3 * len(spec.objects), generator=generator))
         rows[6:9] = torch.tensor([0.5, 0.5, 0.0])[:, None]
         return rows, None
@@ -65,7 +66,7 @@ def test_the_generator_alone_decides_and_scenes_that_are_right_stay_near(spec):
     assert torch.equal(one, two)
     walk = correct._walk
     right = walk._inside(one, phi - walk._tolerance, phi + walk._tolerance)
-    again, _ = correct._corrected(one, phi)
+    again, _ = correct._corrected(one, phi, NEVER)
     assert float(right.float().mean()) > 0.9 and torch.equal(again[:, right], one[:, right])
 
 
@@ -85,7 +86,7 @@ def test_newton_is_the_shortest_step_that_closes_the_gaps():
 def test_moves_keep_phi_and_what_is_required(spec):
     phi = torch.tensor([-0.1, math.nan])[:, None].expand(2, 500)
     correct = Correction(spec, torch.tensor([1.0, 1.0]))
-    rows, off = correct._corrected(uniform(spec)(phi, torch.Generator().manual_seed(1), None)[0], phi)
+    rows, off = correct._corrected(uniform(spec)(phi, torch.Generator().manual_seed(1), None)[0], phi, NEVER)
     stir = McmcMoves(spec, torch.full((2, 1), 1e-3))
     assert stir.count
     moved = stir(rows, phi, torch.Generator().manual_seed(2))
@@ -127,7 +128,7 @@ def test_what_is_drawn_again_is_drawn_in_its_branch(spec, arrive, share):
     """A branch that is missed half the time keeps its share; one that is always missed is given up for another."""
     asked = []
 
-    def make(wanted, generator, branch):
+    def make(wanted, generator, branch, stop=NEVER):
         count = wanted.shape[1]
         asked.append(branch)
         branch = torch.rand(count, generator=generator).lt(0.5).long() if branch is None else branch
@@ -137,7 +138,7 @@ def test_what_is_drawn_again_is_drawn_in_its_branch(spec, arrive, share):
         return rows, branch
 
     correct = Correction(spec, torch.tensor([1.0, 1.0]))
-    correct._corrected = lambda rows, wanted: (rows.clone(), rows[2] > 0.0)
+    correct._corrected = lambda rows, wanted, stop: (rows.clone(), rows[2] > 0.0)
     correct._walk.count = 0
     made = correct(make, torch.zeros(2, 2000), torch.Generator().manual_seed(2))
     assert asked[0] is None and bool((asked[1] == 0).all())
@@ -147,7 +148,7 @@ def test_what_is_drawn_again_is_drawn_in_its_branch(spec, arrive, share):
 def test_what_is_out_of_reach_is_given_up_soon(spec):
     made = []
 
-    def make(wanted, generator, branch):
+    def make(wanted, generator, branch, stop=NEVER):
         made.append(wanted.shape[1])
         return uniform(spec)(wanted, generator, branch)
 

@@ -319,7 +319,7 @@ TEXT_REACH = "object a, b\nrequire dist(a, b) >= 10 cm\ntask: dist(a, b) <= 30 c
 @pytest.fixture
 def grown(monkeypatch):
     """Chains find nothing; growth takes little time."""
-    monkeypatch.setattr(balanced_reach, "measure", lambda *given: RequirementUnmet(-0.1, 1))
+    monkeypatch.setattr(balanced_reach, "measure", lambda *given, **more: RequirementUnmet(-0.1, 1))
     monkeypatch.setattr(rarity, "EFFORT", 2e7)
 
 
@@ -338,5 +338,5 @@ def test_what_nothing_meets_is_an_error(grown):
 def test_time_is_kept(grown):
     gathering = Gathering(0.0)
     with pytest.raises(RequestError) as caught:
-        balanced_reach.reach(check_text(TEXT_REACH), 0, gathering.check, time.monotonic() - 1.0)
+        balanced_reach.reach(check_text(TEXT_REACH), 0, gathering, time.monotonic() - 1.0)
     assert caught.value.diagnostics[0].code == "no-time-to-train"

@@ -8,6 +8,7 @@ import numpy as np
 
 from scenegen.learn.guided import score
 from scenegen.learn.refine import draw, piece_generator
+from scenegen.learn.robustness import Robustness
 from scenegen.sampling.plan import Account, Piece, Plan
 
 
@@ -25,7 +26,7 @@ class Rejected(Plan):
     def draw(self, k):
         problem = self.problem
         rows = draw(problem.lowest, problem.highest, problem.piece_size, piece_generator(self.seed, k))
-        phi = score(problem, rows)
+        phi = score(problem, Robustness(problem.core), rows)
         return Piece(rows.numpy(), phi, self.cells.find(phi), np.empty(0))
 
     def account(self, tally):

@@ -235,6 +235,12 @@ def test_a_template_makes_the_same_core(text, monkeypatch):
     assert any(one is not None for one in made) or "b[i]" in text or "a" * 70 in text
 
 
+def test_what_stands_on_one_of_several_things_in_rounds(monkeypatch):
+    kinds = "object t[2] = box(20 cm, 15 cm, 2 cm), k[9] = box(4 cm, 4 cm, 4 cm) on any of [t[1], t[2], workspace]\n"
+    quick, slow = both(f"{kinds}task: forall p in k: exists q in t: restsOn(p, q)", monkeypatch, "FEW", 1, 1 << 60)
+    assert quick.core == slow.core
+
+
 @pytest.mark.parametrize(("text", "title"), WRONG)
 def test_what_is_wrong_in_some_round_is_found(text, title, monkeypatch):
     assert problems(text) == [title]

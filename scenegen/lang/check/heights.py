@@ -153,6 +153,8 @@ def height_function(lowering: Lowering, name: str, values: list[Value], node: as
             return ListValue((value,), origin=origin)
         which = _object(lowering, value, name)
         upper = values[1] if len(values) > 1 else None
+        if isinstance(upper, ObjectValue) and upper.index >= FIRST:
+            raise DependsOnValue
         return ListValue(surface_values(lowering, which, value, upper), origin=origin)
     which = _object(lowering, value, name)
     if name == "others":

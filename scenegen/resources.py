@@ -1,5 +1,5 @@
-"""The version of the package, and where grammar/, specs/, suites/ and docs/ live. Imports nothing, so that everything
-may import it.
+"""The version of the package, where grammar/, specs/, suites/ and docs/ live, and the files that a command is made of:
+none of what it writes may be one of them. Imports nothing, so that everything may import it.
 
 An installed wheel carries them as scenegen/_data/ (see force-include in pyproject.toml); a checkout has them beside the
 package.
@@ -7,6 +7,8 @@ package.
 
 from __future__ import annotations
 
+import os
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +17,7 @@ __version__ = "0.1.0"  # the metadata of the package come from here
 PAGES = ("assets", "language", "language-models", "models", "not-here", "pictures", "time")  # as in pyproject.toml
 
 _PACKAGE = Path(__file__).resolve().parent
+inputs: ContextVar[set[str] | None] = ContextVar("inputs", default=None)  # set for as long as a command writes
 
 
 @cache
@@ -41,3 +44,14 @@ def shipped_specs() -> dict[str, Path]:
 def shipped_suites() -> dict[str, Path]:
     """The suites that ship with scenegen: name -> folder, in alphabetical order."""
     return {path.parent.name: path.parent for path in sorted((_root() / "suites").glob("*/suite.json"))}
+
+
+def note_input(path: Path) -> None:
+    """A file is read that another one names: an import, a mesh, a texture."""
+    if (known := inputs.get()) is not None:
+        known.add(os.path.realpath(path))
+
+
+def is_input(path: Path) -> bool:
+    """Whether a place to write to is an input, links followed."""
+    return os.path.realpath(path) in (inputs.get() or ())

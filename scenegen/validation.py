@@ -14,7 +14,6 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.errors.worlds import WORLD_FAILS
 
 # --------------------------------------------------------------------------------------------------------------------
 # Options: the fields of a request say themselves how they are given, and what they can be.
@@ -118,6 +117,8 @@ def as_success(world: str, info: Mapping[str, Any], name: str) -> bool:
     while isinstance(found, tuple | list) and len(found) == 1:
         found = found[0]
     if value is not None and not (isinstance(found, Real) and found in (0, 1)):
+        from scenegen.errors.worlds import WORLD_FAILS
+
         reason = f"`{name}` of info is {value!r}"[:200]
         raise ScenegenError(WORLD_FAILS(what="the world", name=world, how="does not judge", reason=reason))
     return bool(found)

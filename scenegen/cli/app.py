@@ -15,20 +15,23 @@ import itertools
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import typer
 
 from scenegen.cli.options import QUIET, VERBOSE, as_typed, option_called
 from scenegen.cli.output import Verbosity, complain, flag, give_up, prepare, print_message, reader_left, voice
-from scenegen.cli.places import refuse_overwriting
 from scenegen.errors import Diagnostic, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE
 from scenegen.errors.program import COMMAND_LINE, INTERNAL_ERROR, INTERRUPTED, OUT_OF_MEMORY
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS
-from scenegen.inputs import inputs
 from scenegen.processes.process import cannot_start, exit_status, is_limit
+from scenegen.resources import inputs
+
+WRITTEN = ("out", "render", "png", "figure", "export", "log_dir")  # parameters that name places to write to
+SETS = ("sample", "data", "dataset")  # commands whose --out may be a set, which refuses what is there already
 
 # click's exceptions: newer versions of typer contain their own copy of click
 exceptions: Any = sys.modules[typer.BadParameter.__module__]
@@ -124,6 +127,32 @@ def _speaking(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
     every = map(as_typed, [*signature.parameters.values(), *more])
     run_command.__signature__ = signature.replace(parameters=list(every))  # type: ignore[attr-defined]
     return run_command
+
+
+def refuse_overwriting(command: str, given: Mapping[str, Any]) -> None:
+    """Before a command is called with these values of its parameters: raises OutputError where it would write over what
+    it reads, or into a suite or a set. What it finds out later, such as imports, it does not write over either."""
+    places = [one for name in WRITTEN if isinstance(one := given.get(name), str | Path)]
+    if not places:
+        return
+    from scenegen.scenes.files import refuse_place
+    from scenegen.scenes.locations import is_url, names_set
+
+    read = [path for name, value in given.items() if name not in WRITTEN for path in _files(value)]
+    inputs.set({os.path.realpath(path) for path in read})
+    for place in (one for one in places if not is_url(str(one))):
+        a_set = command in SETS and isinstance(place, str) and names_set(place)
+        refuse_place(Path(place), read, a_set=a_set)
+
+
+def _files(value: Any) -> Iterator[Path]:
+    """The files that a value names: paths, texts such as `policy.py:act`, and specs without their ending."""
+    for text in value if isinstance(value, list) else [value]:
+        if isinstance(text, str | Path):
+            for path in (f"{text}", f"{text}.spec", f"{text}".rpartition(":")[0]):
+                with contextlib.suppress(OSError, ValueError):  # what reads it says what is wrong with it
+                    if Path(path).is_file():
+                        yield Path(path)
 
 
 def build(words: list[str] | None = None) -> typer.Typer:

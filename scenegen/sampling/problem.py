@@ -29,7 +29,6 @@ from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_count, row_of, span_of
 from scenegen.sampling.request import FixedPose, Range, SampleRequest, empty_range, within_reach
-from scenegen.scenes.formats.tables import doubts_of
 from scenegen.search import label_bounds
 from scenegen.search.contract import (
     EVERYTHING,
@@ -503,6 +502,8 @@ def doubts_of_fixed(spec: CheckedSpec, fixed: Mapping[str, FixedPose | tuple[flo
     """Warnings for fixed poses that are in other units by their numbers; what was typed has units, or is refused."""
     for name, given in fixed.items():
         if not isinstance(given, FixedPose):
+            from scenegen.scenes.formats.tables import doubts_of
+
             yield from doubts_of("`fix`", [name], as_numbers(given)[None, None], spec.workspace, first=0)
 
 

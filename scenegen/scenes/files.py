@@ -22,7 +22,7 @@ from typing import IO, Any, Protocol
 
 from scenegen.errors import DataError, OutputError, ScenegenError
 from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, TOO_LARGE_TO_READ
-from scenegen.inputs import is_input
+from scenegen.resources import is_input
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _WRITE_HELP = {

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from scenegen.geometry import Box, Circle, Footprint, Polygon
-from scenegen.inputs import note_input
+from scenegen.resources import note_input
 from scenegen.scenes.data import ShapeData, footprint_of
 from scenegen.things.indexed import AssetEntry, IndexFileError, fitted, read_index
 from scenegen.things.library import INDEX

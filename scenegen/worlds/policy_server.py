@@ -78,7 +78,7 @@ def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0
             policy.reset(given["seed"])
         return {}
 
-    class Server(ThreadingHTTPServer):
+    class PolicyServer(ThreadingHTTPServer):
         def serve_forever(self, poll_interval: float = 0.5) -> None:
             threading.Thread(target=super().serve_forever, args=(poll_interval,), daemon=True).start()
             for path, data, answered in iter(requests.get, None):
@@ -108,4 +108,4 @@ def server_of(policy: Callable[[Any, str], Any], port: int, host: str = "127.0.0
         def log_message(self, *_: object) -> None:
             """Nothing is said of each step."""
 
-    return Server((host, port), Handler)
+    return PolicyServer((host, port), Handler)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from scenegen.cli import app
-from scenegen.cli.places import WRITTEN
+from scenegen.cli.app import WRITTEN
 from scenegen.scenes import files
 from scenegen.show.render import scenes as pictures
 from scenegen.worlds import files as simulators
@@ -231,7 +231,7 @@ PAIRS = sorted(
 
 def test_every_parameter_that_names_a_file_is_an_input_or_an_output():
     unknown = {(name, one.name) for name, one in parameters() if one.name not in READ | {*WRITTEN}}
-    assert not unknown, "a new parameter that names files goes into READ here, or into WRITTEN of cli/places.py"
+    assert not unknown, "a new parameter that names files goes into READ here, or into WRITTEN of cli/app.py"
     assert len(PAIRS) > 50 and not READ & {*WRITTEN}
     with_outputs = {name for name, one in parameters() if one.name in WRITTEN}
     others = {"check", "fmt", "info", "lsp"}  # read files, and write none but the one that `fmt` rewrites

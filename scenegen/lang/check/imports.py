@@ -23,10 +23,10 @@ from scenegen.errors.declarations import (
     SPEC_WITHOUT_FILE,
 )
 from scenegen.errors.language import SPEC_TOO_LONG, TIME_IN_IMPORT
-from scenegen.inputs import note_input
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import MAX_CHARACTERS, parse, read_source
 from scenegen.lang.syntax.tokens import has_time
+from scenegen.resources import note_input
 from scenegen.things.library import Shape
 
 MAX_BYTES = 64_000_000

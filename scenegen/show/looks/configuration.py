@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, Val
 
 from scenegen.errors import DataError, Source, Span
 from scenegen.errors.files import BAD_LOOKS
-from scenegen.inputs import note_input
+from scenegen.resources import note_input
 from scenegen.scenes.files import below, read_bytes
 from scenegen.show.looks.look import Draw, LookDistribution, Random, field_of
 from scenegen.show.looks.textures import BUILT_IN, ENDINGS, MOST_BYTES, MOST_TOGETHER, PLAIN, WOOD, checked, found_files

@@ -14,7 +14,7 @@ def test_a_mistake_is_shown_and_mended(served, tab):
     one.ready()
     one.write("object mug, plate\ntask: leftof(mug, plate)\n")
     one.page.wait_for_selector(".cm-lintRange-error")
-    assert "did you mean `leftOf`?" in one.page.inner_text(".problems")
+    assert "did you mean leftOf?" in one.page.inner_text(".problems")
     one.page.hover(".cm-lintRange-error")
     one.page.wait_for_selector(".cm-tooltip-lint")
     one.write("object mug, plate\ntask: leftOf(mug, plate)\n")

@@ -347,7 +347,7 @@ def test_after_a_refusal_no_picture_of_another_spec_stays(serve, tab, tmp_path):
     one.ready()
     one.write("object bowl, fork\ntask: leftOf(bowl, fork) & x(bowl) >= x(fork) + 10 cm\n")
     one.page.wait_for_selector(".trouble")
-    one.page.wait_for_selector(".stage.behind .behind-note")
+    one.page.wait_for_selector(".stage.behind .trouble .quiet >> text=these scenes are of the text before")
     assert one.page.query_selector(".grid.behind")
 
 

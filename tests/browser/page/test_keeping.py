@@ -113,7 +113,7 @@ IDLE = [
 ]
 
 
-@pytest.mark.parametrize("number", range(20))
+@pytest.mark.parametrize("number", range(int(os.environ.get("TYPED", "6"))))  # half a minute each; up to 20
 def test_texts_typed_at_the_pace_of_a_person_with_every_key_of_the_page(serve, tab, tmp_path, number):
     """Keys that leave a text as it is are pressed among its letters: they leave it as it is."""
     chance = random.Random(number)

@@ -147,12 +147,12 @@ def train(
         train_on = partial(run, checked, model, recipe=recipe, out=path, resume=resume, log_dir=log_dir, phi=wanted)
         tell: dict[str, Any] = {"on_step": clock.told(progress.step), "on_gather": progress.gather}
         tell["on_note"] = lambda note: progress.note(render(note, spell=flag))
-        done = train_on(on_epoch=progress, timeout=timeout and budget.left, **tell, **options)
+        done = train_on(on_epoch=progress, timeout=timeout and budget.seconds_left, **tell, **options)
     detail("trained")
     clock.trained()
     if card and not budget.spent:
         try:
-            for written in write_card(done, path, budget.left):
+            for written in write_card(done, path, budget.seconds_left):
                 print_error(f"wrote {written}")
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted: {out} is complete, its card is not made") from error
@@ -237,10 +237,10 @@ class Training:
         log_dir = (
             None if self.log_dir is None else self.log_dir / (f"{source.stem}/{out.stem}" if numbers else out.stem)
         )
-        left = self.budget.left
+        left = self.budget.seconds_left
         done = run(log_dir=log_dir, timeout=None if math.isinf(left) else left, **self.options)
         if self.card and not self.budget.spent:
-            write_card(done, out, self.budget.left)
+            write_card(done, out, self.budget.seconds_left)
         took = f"{time.monotonic() - began:.0f} s"
         size = out.stat().st_size / 1e6
         return JobMessages(

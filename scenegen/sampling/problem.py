@@ -144,7 +144,7 @@ class Budget:
         return self.started + self.seconds
 
     @property
-    def left(self) -> float:
+    def seconds_left(self) -> float:
         """The seconds until then; a millisecond at least, which is a time limit, too."""
         return max(self.ends - time.monotonic(), 1e-3)
 

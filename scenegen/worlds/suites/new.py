@@ -172,13 +172,16 @@ class _MakeTask:
 
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
         spec = Spec(replace(parse(plan.source, plan.name).checked, title=plan.instruction))
-        curve, bounds = _Curve.drawn(spec, plan.success, self.seed, self.budget.left), spec.bounds()[plan.success]
+        curve, bounds = (
+            _Curve.drawn(spec, plan.success, self.seed, self.budget.seconds_left),
+            spec.bounds()[plan.success],
+        )
         if not curve.ends[0] < curve.ends[1]:
             wanted = "a label whose phi differs between starts"
             raise RequestError(WRONG_VALUE(argument="success", value=f"`{plan.success}`", wanted=wanted))
         ranges = _ranges(plan.bands, self.log10p, curve, bounds)
         if any(curve.between(low, high)[0] < FEW / COUNTED for _, low, high in ranges):
-            found = rarity(spec, plan.success, seed=self.seed, timeout=self.budget.left)
+            found = rarity(spec, plan.success, seed=self.seed, timeout=self.budget.seconds_left)
             if any(one.kind is CUT_SHORT for one in found.warnings):  # bands do not depend on the clock
                 raise RequestError(NO_TIME_TO_CHECK())
             curve = _Curve.rare(found.labels[0])
@@ -193,7 +196,7 @@ class _MakeTask:
             rng = np.random.default_rng([self.seed, STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
             request = SampleRequest(
                 {plan.success: Range(low, high)}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
-                timeout=self.budget.left, workers=1,
+                timeout=self.budget.seconds_left, workers=1,
             )  # fmt: skip
             part = draw_scenes(spec, request)[rng.permutation(self.n)]
             rare = np.log10(curve.share(part.phi[plan.success]).clip(min=curve.least))

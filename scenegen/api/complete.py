@@ -33,8 +33,7 @@ from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, Y, row_of
 from scenegen.sampling.plan import verify
 from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.request import SampleRequest
-from scenegen.scenes.arrange import check_held
-from scenegen.scenes.formats.tables import doubts_of
+from scenegen.scenes.arrange import check_held, doubts_of
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec

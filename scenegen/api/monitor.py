@@ -17,8 +17,8 @@ from scenegen.errors.requests import MOTION_HAS_ENDED, NOT_OVER_TIME, UNKNOWN_OB
 from scenegen.lang.formula.timed import Timed, TimedValues, score
 from scenegen.pose import SIZE, as_rows
 from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
-from scenegen.scenes.arrange import held, held_elsewhere
-from scenegen.scenes.formats.tables import doubts_of, motion, read_tables
+from scenegen.scenes.arrange import doubts_of, held, held_elsewhere
+from scenegen.scenes.formats.tables import motion, read_tables
 from scenegen.validation import as_path
 
 

@@ -29,6 +29,7 @@ from scenegen.geometry.workspace import upright
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import NAMES, X, as_rows
+from scenegen.scenes.arrange import doubts_of
 from scenegen.scenes.blocks import SceneFileReading, counts_in
 from scenegen.scenes.data import ObjectData, Pose, RequestData, SceneFile
 from scenegen.scenes.files import read_bytes
@@ -36,7 +37,7 @@ from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.header import not_scenes, parse
 from scenegen.scenes.formats.scenes_json import MOST_BYTES, REMEDY
 from scenegen.scenes.formats.settled import is_settled, read_settled
-from scenegen.scenes.formats.tables import Table, doubts_of, is_plain, read_table
+from scenegen.scenes.formats.tables import Table, is_plain, read_table
 from scenegen.scenes.locations import as_location, is_set
 from scenegen.validation import as_int, as_path
 

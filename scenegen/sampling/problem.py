@@ -502,7 +502,7 @@ def doubts_of_fixed(spec: CheckedSpec, fixed: Mapping[str, FixedPose | tuple[flo
     """Warnings for fixed poses that are in other units by their numbers; what was typed has units, or is refused."""
     for name, given in fixed.items():
         if not isinstance(given, FixedPose):
-            from scenegen.scenes.formats.tables import doubts_of
+            from scenegen.scenes.arrange import doubts_of
 
             yield from doubts_of("`fix`", [name], as_numbers(given)[None, None], spec.workspace, first=0)
 

@@ -13,7 +13,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -24,10 +24,11 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic
 from scenegen.errors.diagnostic import Kind
-from scenegen.errors.files import DOUBTFUL_POSE, NOT_A_TRAJECTORY, TABLE_CELL, TABLE_COLUMN, TABLE_ROW, TRAJECTORY_TIMES
+from scenegen.errors.files import NOT_A_TRAJECTORY, TABLE_CELL, TABLE_COLUMN, TABLE_ROW, TRAJECTORY_TIMES
 from scenegen.geometry.workspace import Workspace
 from scenegen.needs import need
-from scenegen.pose import NAMES, PLACE, THETA, TWO_PI
+from scenegen.pose import NAMES, THETA, TWO_PI
+from scenegen.scenes.arrange import doubts
 from scenegen.scenes.files import ending_of, read_bytes
 from scenegen.scenes.formats.registry import is_motions, read_motions
 
@@ -173,45 +174,6 @@ def is_plain(path: Path) -> bool:
 
 
 @functools.cache
-def _ends(table: Workspace) -> Array:
-    """(3, 2): between which ends x, y and theta are expected: places on the table, headings within a turn."""
-    every = [(table.x, table.y), *(one[1:] for one in table.own)]
-    places = [(min(one[axis][0] for one in every), max(one[axis][1] for one in every)) for axis in PLACE]
-    return np.array([*places, (-TWO_PI, TWO_PI)])
-
-
-def doubts(file: str, columns: Iterable[tuple[str, Array]], table: Workspace, first: int = 1) -> list[Diagnostic]:
-    """Warnings for columns of poses, such as mug.theta, that by their numbers are not in radians, or not on the table:
-    at most one of each. `first` is the row of their first number, 0 where there is no other."""
-    found: dict[bool, Diagnostic] = {}
-    ends = _ends(table)
-    for name, values in columns:
-        axis = NAMES.index(name.rpartition(".")[2])
-        turns, (low, high) = axis == THETA, ends[axis]
-        if turns:
-            doubt, remedy = "more than a turn", "headings are in radians: numpy.radians(90) is 1.5708"
-        else:
-            doubt = f"outside of the workspace, which ends at {low:g} and {high:g}"
-            remedy = "places are in metres, in the frame of the spec's workspace"
-        slack = 1e-9 * (high - low)
-        odd = np.flatnonzero((values < low - slack) | (values > high + slack))
-        if turns not in found and len(odd):
-            row, value = first + int(odd[0]) if first else None, float(values[odd[0]])
-            facts = {"row": row, "value": value, "doubt": doubt, "remedy": remedy}
-            found[turns] = DOUBTFUL_POSE(file=file, name=name, **facts)
-    return list(found.values())
-
-
-def doubts_of(file: str, objects: Sequence[str], poses: Array, table: Workspace, first: int = 1) -> list[Diagnostic]:
-    """The same for poses (n, N, 2) or (n, N, 3) of these objects."""
-    axes = NAMES[: poses.shape[-1]]
-    low, high = _ends(table)[: len(axes)].T
-    if not ((poses < low) | (poses > high)).any():
-        return []
-    columns = ((f"{one}.{axis}", poses[:, k, a]) for k, one in enumerate(objects) for a, axis in enumerate(axes))
-    return doubts(file, columns, table, first)
-
-
 def _number(cell: Any) -> float:
     """NaN for what is none."""
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -161,6 +162,7 @@ def doubts_of(file: str, objects: Sequence[str], poses: Array, table: Workspace,
     return doubts(file, columns, table, first)
 
 
+@functools.cache
 def _ends(table: Workspace) -> Array:
     """(3, 2): between which ends x, y and theta are expected: places on the table, headings within a turn."""
     every = [(table.x, table.y), *(one[1:] for one in table.own)]

@@ -173,7 +173,6 @@ def is_plain(path: Path) -> bool:
     return ending == ".csv"
 
 
-@functools.cache
 def _number(cell: Any) -> float:
     """NaN for what is none."""
     try:

@@ -276,6 +276,13 @@ def test_lines_of_json_end_where_json_says(end, spec, tmp_path):
     assert len(scenegen.read_scenes(tmp_path / "a.jsonl", spec=spec)) == 2
 
 
+@pytest.mark.parametrize("cell", [[0.1], {"x": 0.1}, True, "left"])
+def test_a_cell_that_is_no_number_is_named(cell, spec, tmp_path):
+    (tmp_path / "a.jsonl").write_text(json.dumps({**ROW, "mug.x": cell}) + "\n")
+    with pytest.raises(DataError, match="`mug.x` in row 1 is"):
+        scenegen.read_scenes(tmp_path / "a.jsonl", spec=spec)
+
+
 def test_parquet_files_have_numbers_of_every_kind(spec, tmp_path):
     pa = pytest.importorskip("pyarrow")
     pq = pytest.importorskip("pyarrow.parquet")

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -24,7 +26,7 @@ from playwright.sync_api import sync_playwright
 from scenegen.resources import shipped_specs
 
 ROOT = Path(__file__).resolve().parent.parent
-EXAMPLES = ROOT / "scenegen" / "view" / "static" / "examples"
+EXAMPLES = ROOT / "scenegen" / "show" / "view" / "static" / "examples"
 EXAMPLE, CARD = {"width": 1500, "height": 700}, (384, 240)  # of the page, and of the picture
 GROUND = "#e9e4d9"
 FLAGS = ["--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -41,7 +43,8 @@ def scenes(page: Any) -> None:
 def motion(page: Any) -> None:
     """A motion at one of its moments, and why it has its phi."""
     page.wait_for_function("scenegen.result && !scenegen.busy && scenegen.report?.signals", timeout=MINUTES)
-    for key in ("Escape", "2", "Home", *["ArrowRight"] * MOMENT):
+    page.focus(".stage canvas")
+    for key in ("2", "Home", *["ArrowRight"] * MOMENT):
         page.keyboard.press(key)
 
 
@@ -54,16 +57,19 @@ SHOWN: dict[str, tuple[str, Callable[[Any], None]]] = {
 @contextlib.contextmanager
 def opened(browser: Any, what: str, size: Mapping[str, int]) -> Iterator[Any]:
     """The page of what is named."""
-    server = subprocess.Popen([sys.executable, "-m", "scenegen", "view", what], stderr=subprocess.PIPE, text=True)
-    try:
-        link = next(found[0] for line in server.stderr or () if (found := re.search(r"http://\S+", line)))
-        page = browser.new_page(viewport=size, bypass_csp=True)  # what waits is a text that is run
-        page.goto(link)
-        yield page
-        page.close()
-    finally:
-        server.terminate()
-        server.wait()
+    with tempfile.TemporaryDirectory() as state:  # no drafts of earlier runs
+        env = {**os.environ, "XDG_STATE_HOME": state}
+        command = [sys.executable, "-m", "scenegen", "view", what]
+        server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=env)
+        try:
+            link = next(found[0] for line in server.stderr or () if (found := re.search(r"http://\S+", line)))
+            page = browser.new_page(viewport=size, bypass_csp=True)  # what waits is a text that is run
+            page.goto(link)
+            yield page
+            page.close()
+        finally:
+            server.terminate()
+            server.wait()
 
 
 def example(browser: Any, name: str) -> None:

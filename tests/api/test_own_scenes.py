@@ -279,7 +279,7 @@ def test_lines_of_json_end_where_json_says(end, spec, tmp_path):
 @pytest.mark.parametrize("cell", [[0.1], {"x": 0.1}, True, "left"])
 def test_a_cell_that_is_no_number_is_named(cell, spec, tmp_path):
     (tmp_path / "a.jsonl").write_text(json.dumps({**ROW, "mug.x": cell}) + "\n")
-    with pytest.raises(DataError, match="`mug.x` in row 1 is"):
+    with pytest.raises(DataError, match=r"`mug\.x` in row 1 is"):
         scenegen.read_scenes(tmp_path / "a.jsonl", spec=spec)
 
 

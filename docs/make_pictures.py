@@ -12,8 +12,8 @@ from pathlib import Path
 from PIL import Image
 
 import scenegen
-from scenegen.show.looks.camera import VIEWS
-from scenegen.show.render.gallery import gallery, library_sheet
+from scenegen.looks.camera import VIEWS
+from scenegen.pictures.render.gallery import gallery, library_sheet
 from scenegen.things import ASSETS
 
 DOCS = Path(__file__).resolve().parent

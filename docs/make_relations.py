@@ -19,8 +19,8 @@ from scenegen.lang.check.scope import RelationEntry, defaults, groups, signature
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
 from scenegen.lang.syntax.printer import print_expr
-from scenegen.show.figures.dimensions import FigureObject, FigureScene, Guide, dimensions, short
-from scenegen.show.figures.topview import topview
+from scenegen.pictures.figures.dimensions import FigureObject, FigureScene, Guide, dimensions, short
+from scenegen.pictures.figures.topview import topview
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "relations.md"

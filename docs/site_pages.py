@@ -63,8 +63,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def exported(name: str) -> str:
     """A shipped spec as a page without a server (`scenegen view --export`)."""
-    from scenegen.show.view.export import export_page
-    from scenegen.show.view.project import open_
+    from scenegen.page.export import export_page
+    from scenegen.page.project import open_
 
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"

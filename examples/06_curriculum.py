@@ -7,8 +7,8 @@ import numpy as np
 import torch
 
 import scenegen
-from scenegen.learn.curriculum.strategies import STRATEGIES, strategy
-from scenegen.learn.curriculum.tasks import Outcome, PhiBox
+from scenegen.play.strategies import STRATEGIES, strategy
+from scenegen.play.tasks import Outcome, PhiBox
 
 M = 15  # places of the mug on each side of the plate
 SIDE, CELLS = 2 * M + 1, (2 * M + 1) ** 2

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 import numpy as np
 
 import scenegen
-from scenegen.learn.curriculum.strategies import strategy
+from scenegen.play.strategies import strategy
 from scenegen.robosuite import Placement, phi_space
 
 SPEC = scenegen.parse("""

@@ -5,7 +5,7 @@ import numpy as np
 
 import scenegen
 from scenegen.curriculum import Curriculum
-from scenegen.learn.curriculum.strategies import strategy
+from scenegen.play.strategies import strategy
 
 spec = scenegen.parse("""
 object mug

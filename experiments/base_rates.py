@@ -21,12 +21,12 @@ import numpy as np
 import scenegen
 from scenegen.api.scene_arrays import rows_of
 from scenegen.arrays import Array, Index
+from scenegen.play.fit import allocate, base_rate
+from scenegen.play.fit.features import Feature, measured, things_of
+from scenegen.play.fit.logistic import SETS, Outcomes, auc, brier, calibration_error, chosen
+from scenegen.play.fit.rates import cut
+from scenegen.play.suites.suite import Suite, SuiteTask
 from scenegen.pose import X, Y, along
-from scenegen.worlds.fit import allocate, base_rate
-from scenegen.worlds.fit.features import Feature, measured, things_of
-from scenegen.worlds.fit.logistic import SETS, Outcomes, auc, brier, calibration_error, chosen
-from scenegen.worlds.fit.rates import cut
-from scenegen.worlds.suites.suite import Suite, SuiteTask
 
 POOL = 50_000  # base scenes
 TESTED = 5_000  # held-out starts

@@ -28,8 +28,8 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.worlds.libero.files import SUITES, LiberoTask, make_environment, tasks_of
-from scenegen.worlds.libero.measure import LiveModel
+from scenegen.play.libero.files import SUITES, LiberoTask, make_environment, tasks_of
+from scenegen.play.libero.measure import LiveModel
 
 REQUESTS: dict[str, Any] = {"miss": None, "solved": {"goal": (0.0, None)}}
 

@@ -24,13 +24,13 @@ from pathlib import Path
 import numpy as np
 
 from scenegen.arrays import Array, Bool
-from scenegen.worlds.fit import base_rate
-from scenegen.worlds.fit.fit import fit_outcomes, outcomes_of
-from scenegen.worlds.fit.logistic import auc, brier, by_chance, calibration_error, chosen, held_out, with_interval
-from scenegen.worlds.fit.rates import cut
-from scenegen.worlds.suites.outcomes import read_outcomes
-from scenegen.worlds.suites.statistics import wilson
-from scenegen.worlds.suites.suite import Suite
+from scenegen.play.fit import base_rate
+from scenegen.play.fit.fit import fit_outcomes, outcomes_of
+from scenegen.play.fit.logistic import auc, brier, by_chance, calibration_error, chosen, held_out, with_interval
+from scenegen.play.fit.rates import cut
+from scenegen.play.suites.outcomes import read_outcomes
+from scenegen.play.suites.statistics import wilson
+from scenegen.play.suites.suite import Suite
 
 ROLLOUTS, REPEATS = 1_000, 1_000
 HEADS = (

@@ -1,11 +1,11 @@
-// Builds the page into scenegen/show/view/static, or into the folder that is named: node build.mjs [FOLDER]
+// Builds the page into scenegen/page/static, or into the folder that is named: node build.mjs [FOLDER]
 import { build } from "esbuild";
 import { existsSync, mkdirSync, readFileSync, readdirSync, writeFileSync, copyFileSync } from "node:fs";
 import { dirname, join, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
-const out = resolve(process.argv[2] ?? join(here, "../scenegen/show/view/static"));
+const out = resolve(process.argv[2] ?? join(here, "../scenegen/page/static"));
 mkdirSync(out, { recursive: true });
 
 const result = await build({

@@ -37,8 +37,8 @@ _PUBLIC = {
     "SettledScenes": "scenegen.worlds.physics.rest",
     "Written": "scenegen.api.sample",
     "grammar_of": "scenegen.editors.grammars.grammar",
-    "import_problem": "scenegen.worlds.planning",
-    "export_problems": "scenegen.worlds.planning",
+    "import_problem": "scenegen.planning.conversion",
+    "export_problems": "scenegen.planning.conversion",
     "train": "scenegen.learn.train",
     "Model": "scenegen.learn.model",
     "ModelFamily": "scenegen.learn.model",
@@ -98,8 +98,8 @@ if TYPE_CHECKING:
     from scenegen.errors import DataError, Diagnostic, OutputError, RequestError, ScenegenError, SpecError
     from scenegen.learn.model import Model, ModelFamily, load_model
     from scenegen.learn.train import train
+    from scenegen.planning.conversion import export_problems, import_problem
     from scenegen.worlds.physics.rest import SettledScenes, load_pybullet, settle
-    from scenegen.worlds.planning import export_problems, import_problem
 
 
 def __getattr__(name: str) -> Any:

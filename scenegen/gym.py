@@ -6,7 +6,7 @@
 `put(env, name, pose)` puts an object into the environment, and `observe(env)` gives what is then seen.
 """
 
-from scenegen.worlds.gym import SceneResets, keep_clear
-from scenegen.worlds.starts import phi_space
+from scenegen.play.gym import SceneResets, keep_clear
+from scenegen.play.starts import phi_space
 
 __all__ = ["SceneResets", "keep_clear", "phi_space"]

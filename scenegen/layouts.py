@@ -5,7 +5,7 @@ layouts = Layouts(spec, (0, None), quaternion="wxyz", device="cuda")
 poses, phi = layouts.take(len(env_ids))
 """
 
-from scenegen.worlds.arena import write_arena_episodes, write_arena_pool
-from scenegen.worlds.layouts import Layouts, Taken
+from scenegen.play.arena import write_arena_episodes, write_arena_pool
+from scenegen.play.layouts import Layouts, Taken
 
 __all__ = ["Layouts", "Taken", "write_arena_episodes", "write_arena_pool"]

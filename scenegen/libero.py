@@ -6,7 +6,7 @@
 Nothing here imports LIBERO or robosuite: the environment brings its own simulation. Needs mujoco.
 """
 
-from scenegen.worlds.libero.spec import EnvironmentSpec, spec_of
-from scenegen.worlds.libero.states import SettledStates, init_states, set_scene
+from scenegen.play.libero.spec import EnvironmentSpec, spec_of
+from scenegen.play.libero.states import SettledStates, init_states, set_scene
 
 __all__ = ["EnvironmentSpec", "SettledStates", "init_states", "set_scene", "spec_of"]

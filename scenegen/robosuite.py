@@ -6,7 +6,7 @@
 Nothing here imports robosuite: a placement works with the objects that the environment gives it.
 """
 
-from scenegen.worlds.robosuite import Placement
-from scenegen.worlds.starts import phi_space
+from scenegen.play.robosuite import Placement
+from scenegen.play.starts import phi_space
 
 __all__ = ["Placement", "phi_space"]

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import IO, Any
 
 LOADED = ("pybullet", "scenegen.processes.process", "scenegen.sampling.engine.writer", "scenegen.sampling.methods")
-LOADED += ("scenegen.worlds.physics.settling", "scenegen.show.render.painter", "scenegen.show.render.worker")
+LOADED += ("scenegen.worlds.physics.settling", "scenegen.pictures.render.painter", "scenegen.pictures.render.worker")
 NUMBER = struct.Struct("<q")
 LARGEST = 1 << 20  # bytes of a request: the environment
 PIPE = subprocess.PIPE

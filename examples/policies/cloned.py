@@ -124,7 +124,7 @@ def starts_of(spec: scenegen.Spec, label: str, n: int, seed: int) -> list[Start]
 
 
 def main(path: str, out: str) -> None:
-    from scenegen.worlds.suites.adapters.table import make
+    from scenegen.play.suites.adapters.table import make
 
     spec = scenegen.load(path)
     label = "goal" if "goal" in spec.labels else spec.labels[0]

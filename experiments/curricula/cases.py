@@ -29,7 +29,7 @@ class Case:
     """A run. `group` is the part of the report that it belongs to and `name` its row or curve there; `learner` decides
     what a step teaches and `curriculum` where episodes begin, an Explorer both. `rows` learns values for relations
     instead of cells. `both` goes on until the policy is right however ties are decided. `strategy` names one of
-    scenegen.learn.curriculum.strategies, with `options`, instead of `curriculum`."""
+    scenegen.play.strategies, with `options`, instead of `curriculum`."""
 
     group: str
     name: str
@@ -156,7 +156,7 @@ def beyond(size: int, seeds: tuple[int, ...]) -> Iterator[Case]:
 def strategies(size: int, levels: int, seeds: tuple[int, ...]) -> Iterator[Case]:
     """Every strategy that any learner can use, with the fair learner on task A; those that know levels with one as wide
     as a cell."""
-    from scenegen.learn.curriculum.strategies import STRATEGIES
+    from scenegen.play.strategies import STRATEGIES
 
     cells = (2 * size + 1) ** 2
     known: dict[str, tuple[tuple[str, float], ...]] = {

@@ -26,10 +26,10 @@ from experiments.tabular.starts import Starts, of_scenes
 from experiments.trained import Training, ensure, find
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import DataError
-from scenegen.learn.curriculum.strategies import strategy
-from scenegen.learn.curriculum.tasks import PhiBox, Strategy
 from scenegen.learn.model import Model
 from scenegen.learn.training.config import make_config
+from scenegen.play.strategies import strategy
+from scenegen.play.tasks import PhiBox, Strategy
 
 VERSION = 2  # of the learners and of the model's training: raise it when their numbers change
 TOLD = 50  # runs

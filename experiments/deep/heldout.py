@@ -13,7 +13,7 @@ import numpy.typing as npt
 from experiments.deep.tasks import Task
 from experiments.measure import Array, rows_of
 from scenegen.api.sample import sample
-from scenegen.learn.curriculum.tabletop import Rules, Tables
+from scenegen.play.environments.tabletop import Rules, Tables
 
 SEED = 2**31 + 7
 Policy = Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]

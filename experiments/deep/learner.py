@@ -35,7 +35,7 @@ def make_learner(env: VectorEnv[Any, Any, Any], seed: int) -> PPO:
     """A learner that knows nothing yet. `env` begins episodes anew in the step that ends them."""
     from stable_baselines3 import PPO
 
-    from scenegen.learn.curriculum.sb3 import SB3Vector
+    from scenegen.play.environments.sb3 import SB3Vector
 
     settings = {**SETTINGS, "batch_size": min(SETTINGS["batch_size"], SETTINGS["n_steps"] * env.num_envs)}
     return PPO("MlpPolicy", SB3Vector(env), policy_kwargs=NETWORK, device="cpu", seed=seed, **settings)

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.learn.curriculum.strategies import STRATEGIES, strategy
-from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy
+from scenegen.play.strategies import STRATEGIES, strategy
+from scenegen.play.tasks import Outcome, PhiBox, Strategy
 
 EXACT, MODEL = "exact", "model"
 SOURCES = {EXACT: "exact sampler", MODEL: "trained model"}

@@ -20,11 +20,11 @@ from experiments.deep.tasks import FULL, QUICK, TASKS, Effort, Task
 from experiments.errors import CHANGED_RECORD
 from experiments.trained import Training, find
 from scenegen.errors import DataError
-from scenegen.learn.curriculum.library import forget
-from scenegen.learn.curriculum.tabletop import TableTopVector
-from scenegen.learn.curriculum.wrapper import VectorCurriculum
 from scenegen.learn.model import Model
 from scenegen.learn.training.config import make_config
+from scenegen.play.environments.library import forget
+from scenegen.play.environments.tabletop import TableTopVector
+from scenegen.play.environments.wrapper import VectorCurriculum
 from scenegen.processes.pool import one_thread
 
 KIND = "energy"  # of model

@@ -11,9 +11,9 @@ from typing import Any
 
 from experiments.success.policies import EXAMPLES
 from scenegen.api.spec import parse
-from scenegen.worlds.libero.files import tasks_of
-from scenegen.worlds.suites.adapters.libero import make
-from scenegen.worlds.suites.run import named
+from scenegen.play.libero.files import tasks_of
+from scenegen.play.suites.adapters.libero import make
+from scenegen.play.suites.run import named
 
 STEPS = 200
 

@@ -1,6 +1,6 @@
 """The policies of examples/policies/ with errors of eye and hand, in metres, that follow the start's seed.
 
-    scenegen suite run graded/ --world scenegen.worlds.suites.adapters.table:make --steps 100 \\
+    scenegen suite run graded/ --world scenegen.play.suites.adapters.table:make --steps 100 \\
         --policy experiments/success/policies.py:steady --out graded.steady.jsonl
 
 `cloned` finds its weights where the environment variable CLONED says.
@@ -11,7 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from scenegen.worlds.suites.run import named
+from scenegen.play.suites.run import named
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "policies"
 STEADY, SHAKY = 0.003, 0.015

@@ -9,10 +9,10 @@ import sys
 import time
 
 from experiments.success import policies
-from scenegen.worlds.suites.adapters import table
-from scenegen.worlds.suites.outcomes import EpisodeOutcome
-from scenegen.worlds.suites.run import Player
-from scenegen.worlds.suites.suite import Suite
+from scenegen.play.suites.adapters import table
+from scenegen.play.suites.outcomes import EpisodeOutcome
+from scenegen.play.suites.run import Player
+from scenegen.play.suites.suite import Suite
 
 EPISODES, STEPS = 15, 100  # of each task; actions of an episode
 SETTINGS = ((1, 0.002), (1, 0.004), (4, 0.004))  # steps for which torques stay, and seconds of a step

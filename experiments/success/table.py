@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from scenegen.api.spec import parse
 from scenegen.arrays import Array
-from scenegen.worlds.fit.logistic import auc, with_interval
-from scenegen.worlds.suites.outcomes import read_outcomes
-from scenegen.worlds.suites.statistics import wilson
-from scenegen.worlds.suites.suite import Suite
+from scenegen.play.fit.logistic import auc, with_interval
+from scenegen.play.suites.outcomes import read_outcomes
+from scenegen.play.suites.statistics import wilson
+from scenegen.play.suites.suite import Suite
 
 
 def both(phi: Array, success: npt.NDArray[np.bool_]) -> str:

@@ -29,9 +29,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array, Index
-from scenegen.worlds.suites.outcomes import read_outcomes
-from scenegen.worlds.suites.statistics import PairedDifference, Z
-from scenegen.worlds.suites.suite import Suite
+from scenegen.play.suites.outcomes import read_outcomes
+from scenegen.play.suites.statistics import PairedDifference, Z
+from scenegen.play.suites.suite import Suite
 
 REPEATS, POWER, MOST = 200, 0.8, 4000
 PILOT, DECIDED = 10, 0.15  # starts of a band before bands are chosen; shares of success that are near enough to 0 or 1

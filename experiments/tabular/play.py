@@ -12,7 +12,7 @@ from experiments.tabular.grid import GOAL, OFF, Cells, GridTask
 from experiments.tabular.qlearning import NEVER, REWARD, Learner, Result, Stop, replayed, stepwise
 from experiments.tabular.rng import seeded
 from scenegen.errors import RequestError
-from scenegen.learn.curriculum.tasks import Outcome, PhiBox, Strategy
+from scenegen.play.tasks import Outcome, PhiBox, Strategy
 
 
 class Scenes:

@@ -97,7 +97,7 @@ class MotionSet(MotionArrays):
         motion, with phi below), "mp4" (the same as a video, with the extra `video`), "strip" (motion_0001_strip.png:
         six moments side by side) and "phi" (motion_0001_phi.png: phi over time). The other arguments are those of
         `SceneSet.figures`. phi at a moment is that of the formula from there on. Raises RequestError, OutputError."""
-        from scenegen.show.scenes import motion_figures
+        from scenegen.pictures.scenes import motion_figures
 
         return motion_figures(self, out, *kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
 
@@ -115,7 +115,7 @@ class MotionSet(MotionArrays):
         """Draw one motion, with phi below, into a .gif or .mp4 file; `motion` counts from 1 and may be left out where
         there is only one. The file appears whole or not at all. The other arguments are those of `figures`. Raises
         RequestError, also without the extra `video` for .mp4, and OutputError."""
-        from scenegen.show.scenes import animate
+        from scenegen.pictures.scenes import animate
 
         return animate(self, path, motion, view=view, size=size, distinct=distinct, label=label, workers=workers)
 

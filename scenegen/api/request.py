@@ -147,7 +147,7 @@ def plan_of(
 
     def selected(plan: Plan) -> Plan:
         if request.success is not None and plan.reached:
-            from scenegen.worlds.fit.predicted import Predicted
+            from scenegen.play.fit.predicted import Predicted
 
             plan = Predicted.of(plan)
         if not request.settle or not plan.reached:

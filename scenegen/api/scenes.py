@@ -35,8 +35,8 @@ from scenegen.validation import as_path
 if TYPE_CHECKING:
     import pandas
 
+    from scenegen.pictures.render.scenes import Rendered
     from scenegen.sampling.problem import Problem
-    from scenegen.show.render.scenes import Rendered
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -82,7 +82,7 @@ class Scene:
 
     def _repr_png_(self) -> bytes | None:
         """For notebooks: the scene in perspective."""
-        from scenegen.show.notebook import picture
+        from scenegen.pictures.notebook import picture
 
         return picture(self.file(), self.rest)
 
@@ -176,7 +176,7 @@ class SceneSet(SceneArrays):
     def _sheet(self) -> bytes | None:
         """The contact sheet of the first scenes, drawn when a notebook first shows it."""
         if not self._drawn:
-            from scenegen.show import notebook
+            from scenegen.pictures import notebook
 
             some = self[: notebook.SHOWN]
             self._drawn.append(notebook.sheet(some.file(), some.rest))
@@ -184,7 +184,7 @@ class SceneSet(SceneArrays):
 
     def _repr_html_(self) -> str:
         """For notebooks. The picture is part of the page: a `_repr_png_` beside it would be stored a second time."""
-        from scenegen.show.notebook import page
+        from scenegen.pictures.notebook import page
 
         return page(self, self._sheet)
 
@@ -208,10 +208,10 @@ class SceneSet(SceneArrays):
         its picture by `render` with the same `looks` and `seed`; looks.jsonl says what they are. Returns the paths of
         the scenes' files. Raises RequestError, DataError, OutputError.
         """
-        from scenegen.worlds import files
+        from scenegen.worlds import exporting
 
         folder = None if meshes is None else as_path("meshes", meshes)
-        return files.export(self, as_path("out", out), to, folder, looks, seed)
+        return exporting.export(self, as_path("out", out), to, folder, looks, seed)
 
     def render(
         self,
@@ -242,7 +242,7 @@ class SceneSet(SceneArrays):
         intrinsics, extrinsics and the numbers in masks. Needs no display and no GPU. `progress` is called with the
         number of scenes drawn and their total. Raises RequestError, DataError, OutputError.
         """
-        from scenegen.show.render.scenes import render_scenes
+        from scenegen.pictures.render.scenes import render_scenes
 
         return render_scenes(
             self.file(),
@@ -274,7 +274,7 @@ class SceneSet(SceneArrays):
     ) -> tuple[Path, ...]:
         """Make figures in the folder `out`: "sheet", "sweep", "gif", "heatmap", "topview"; see `scenegen render
         --help`. Returns the paths of their files. Raises RequestError, DataError, OutputError."""
-        from scenegen.show.scenes import figures
+        from scenegen.pictures.scenes import figures
 
         return figures(self, out, kinds, view=view, size=size, distinct=distinct, label=label, workers=workers)
 

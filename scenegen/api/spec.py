@@ -149,7 +149,7 @@ class Spec:
             from html import escape
 
             return f"<pre>{escape(self.source)}</pre>"
-        from scenegen.show.notebook import spec_page
+        from scenegen.pictures.notebook import spec_page
 
         return spec_page(self)
 

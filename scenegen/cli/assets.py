@@ -96,9 +96,9 @@ def _inner(name: str, sizes: dict[str, float]) -> str:
 
 def _draw(found: list[Asset], out: Path, size: str, workers: int | None) -> list[Path]:
     from scenegen.cli.render import parse_size
+    from scenegen.pictures.render.files import check_request
+    from scenegen.pictures.render.gallery import gallery, library_sheet
     from scenegen.scenes.files import check_folder, whole_files
-    from scenegen.show.render.files import check_request
-    from scenegen.show.render.gallery import gallery, library_sheet
 
     shape = parse_size(size)
     check_request(("perspective",), shape, workers)

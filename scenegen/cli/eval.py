@@ -245,8 +245,8 @@ def _finite(value: float) -> float | None:
 
 
 def _draw(figure: Path, scored: TimedValues, spec: Spec) -> None:
+    from scenegen.pictures.figures.charts import phi_chart
     from scenegen.scenes.files import write_whole
-    from scenegen.show.figures.charts import phi_chart
 
     assert spec.horizon is not None
     times = [moment * spec.horizon.dt for moment in range(spec.horizon.moments)]

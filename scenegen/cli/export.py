@@ -71,7 +71,7 @@ def export(
     these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
     are in its own words, so that its own domain reads them.
     """
-    from scenegen.worlds.files import PLANNERS, check_export, check_looks, check_meshes, chosen, convert
+    from scenegen.worlds.exporting import PLANNERS, check_export, check_looks, check_meshes, chosen, convert
 
     if seed and looks is None:
         raise RequestError(OUT_OF_PLACE(option="--seed", rule="goes with --looks", remedy="leave it out"))
@@ -134,8 +134,8 @@ def export_problems(
     """Write the scenes or pairs of a file as planning problems, and say where they are; `read` are its scenes, if they
     have been read."""
     from scenegen.api.motions import MotionSet
-    from scenegen.worlds import planning
-    from scenegen.worlds.files import PLANNERS, check_export
+    from scenegen.planning import conversion
+    from scenegen.worlds.exporting import PLANNERS, check_export
 
     check_export(out, PLANNERS)
     names = None if facts is None else [one.strip() for one in facts.split(",") if one.strip()]
@@ -144,11 +144,11 @@ def export_problems(
     if original.problem is not None and (goal or whole_goal):
         option, rule = "--goal" if goal else "--whole-goal", "chooses a goal, and the problem has its own"
         raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
-    found = planning.read_for_planning(scenes) if read is None else read
+    found = conversion.read_for_planning(scenes) if read is None else read
     if whole_goal and not isinstance(found, MotionSet):
         rule = "is for motions and pairs, and these are scenes"
         raise RequestError(OUT_OF_PLACE(option="--whole-goal", rule=rule, remedy="leave it out"))
-    made = planning.export_problems(
+    made = conversion.export_problems(
         found,
         out,
         facts=names,

@@ -12,7 +12,7 @@ from scenegen.cli.options import WORKERS, argument, option
 from scenegen.cli.output import print_error
 
 if TYPE_CHECKING:
-    from scenegen.worlds.libero.files import LiberoTask, StatesJob
+    from scenegen.play.libero.files import LiberoTask, StatesJob
 
 
 def libero(
@@ -41,8 +41,8 @@ def libero(
     by which LIBERO and LeRobot find the states. What was made by the same request before is not made again. A task with
     too few states is named with the reasons, the others are made, and the exit status is 1.
     """
+    from scenegen.play.libero.files import LABELS, StatesJob, tasks_of, write_home
     from scenegen.sampling.request import parse_phi
-    from scenegen.worlds.libero.files import LABELS, StatesJob, tasks_of, write_home
 
     parse_phi(phi or (), LABELS)
     tasks = tasks_of(name)

@@ -66,7 +66,7 @@ def range_(
         _print(spec, found, what, count or [], checked.declared.declares_heights)
     complain(*found.warnings)
     if png is not None:
-        from scenegen.show.figures.charts import RarityPanel, plot
+        from scenegen.pictures.figures.charts import RarityPanel, plot
 
         panels = [
             RarityPanel(one.label, one.bounds, _points(one.curve, "above"), _points(one.curve, "below"))

@@ -213,7 +213,7 @@ def draw(scenes: SceneSet, out: Path, most: int | None = None, **look: Any) -> N
     took = time.perf_counter() - started
     note(*_unknown(scenes))
     if look.get("meshes") is not None:
-        from scenegen.show.render.scenes import still_outlines
+        from scenegen.pictures.render.scenes import still_outlines
 
         if left := still_outlines(scenes.header, look["meshes"]):
             note(NOT_ITS_MODEL(outlines=left))
@@ -223,7 +223,7 @@ def draw(scenes: SceneSet, out: Path, most: int | None = None, **look: Any) -> N
 
 
 def _figures(source: Path, out: Path, kinds: tuple[str, ...], look: dict[str, Any], spec: Path | None) -> None:
-    from scenegen.show.scenes import figures
+    from scenegen.pictures.scenes import figures
 
     made, scenes = figures_of_motions(source, out, kinds, look), None
     if made is None:

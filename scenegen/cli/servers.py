@@ -43,7 +43,7 @@ def view(
     specs in the folder of what was opened. End it with Ctrl-C. Needs the extra `view`: pip install
     "scenegen\\[view]"; --export needs nothing more.
     """
-    from scenegen.show.view.project import open_
+    from scenegen.page.project import open_
 
     if host not in LOOPBACK and not public:
         raise RequestError(
@@ -58,7 +58,7 @@ def view(
     if export is not None:
         import shlex
 
-        from scenegen.show.view.export import export_page
+        from scenegen.page.export import export_page
 
         name = shlex.quote(str(what) if what is not None else opened.name)
         command = f"scenegen view {name} --export {shlex.quote(export.name)} -n {n} --seed {seed}"
@@ -66,7 +66,7 @@ def view(
         print_error(f"wrote {export}, {size / 1e6:.1f} MB: open it in any browser")
         return 0
     with _needs(("starlette", "uvicorn", "websockets", "h11"), "for the page", "view", "; --export works without"):
-        from scenegen.show.view.serve import serve
+        from scenegen.page.serve import serve
     if host not in LOOPBACK:
         complain(SERVED_IN_PUBLIC(host=host))
 

@@ -107,9 +107,9 @@ def import_(
     """
     import shlex
 
+    from scenegen.planning.conversion import import_problem
     from scenegen.scenes.files import check_writable, write_whole
     from scenegen.scenes.formats.registry import check_ending
-    from scenegen.worlds.planning import import_problem
 
     check_writable(out)
     check_ending(out, ".spec")

@@ -12,9 +12,9 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
 
 if TYPE_CHECKING:
+    from scenegen.play.suites.outcomes import EpisodeOutcome
     from scenegen.sampling.engine.engines import JobResult
     from scenegen.sampling.request import Range
-    from scenegen.worlds.suites.outcomes import EpisodeOutcome
 
 OPTIONS = {  # of each action: those that must be given, and the others
     "new": (("out",), ("bands", "log10p", "n", "seed", "success", "start", "timeout", "workers")),
@@ -88,8 +88,8 @@ def suite(
 
 
 def _new(specs: list[str], out: Path, bands: list[str] | None = None, **given: Any) -> None:
+    from scenegen.play.suites.new import new_suite
     from scenegen.scenes.files import is_stream
-    from scenegen.worlds.suites.new import new_suite
 
     paths = [find_spec(Path(one)) for one in specs]
     names = names_of([Path("stdin") if is_stream(path) else path for path in paths])
@@ -119,7 +119,7 @@ def _bands(texts: list[str] | None) -> int | dict[str, Range]:
 
 
 def _check(places: list[str]) -> None:
-    from scenegen.worlds.suites.suite import check_suite
+    from scenegen.play.suites.suite import check_suite
 
     for place in places:
         for one in check_suite(place):
@@ -135,9 +135,9 @@ def _run(
     reverse: bool = False,
     **given: Any,
 ) -> None:
+    from scenegen.play.suites.run import run_suite
+    from scenegen.play.suites.suite import Suite
     from scenegen.scenes.formats.registry import check_ending
-    from scenegen.worlds.suites.run import run_suite
-    from scenegen.worlds.suites.suite import Suite
 
     first, _, end = (episodes or ":").partition(":")
     if not all(one.isdecimal() or not one for one in (first, end)) or (episodes is not None and ":" not in episodes):
@@ -162,7 +162,7 @@ def _run(
 
 
 def _report(places: list[str], out: Path, **given: Any) -> None:
-    from scenegen.worlds.suites.report import report_suite
+    from scenegen.play.suites.report import report_suite
 
     if not places[1:]:
         raise RequestError(MISSING_ARGUMENT(argument="outcomes", question="which files is the report about?"))

@@ -1,1 +1,1 @@
-"""What learns: phi in torch, models, training, cards, environments, curricula. A leaf: the core does without it."""
+"""What learns: phi in torch, models, training, cards. A leaf: the core does without it."""

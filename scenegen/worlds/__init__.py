@@ -1,2 +1,1 @@
-"""Where scenes go: files and physics of simulators, planning problems, robosuite, layouts. A leaf: the core does
-without."""
+"""What scenes become elsewhere: files of simulators, and physics. A leaf: the core does without it."""

@@ -18,10 +18,10 @@ from pybullet_utils.bullet_client import BulletClient
 import scenegen
 from scenegen.api.scenes import evaluate, requirement
 from scenegen.errors import RequestError
-from scenegen.show import notebook
-from scenegen.show.figures.sweep import DONE, HARD, sweep
-from scenegen.show.render import scenes as pictures
-from scenegen.show.scenes import FIGURES, figures
+from scenegen.pictures import notebook
+from scenegen.pictures.figures.sweep import DONE, HARD, sweep
+from scenegen.pictures.render import scenes as pictures
+from scenegen.pictures.scenes import FIGURES, figures
 from scenegen.things import asset_of
 from tests.worlds.export.bullet import Bullet
 from tests.worlds.export.worlds import library, tower
@@ -69,8 +69,8 @@ def test_a_sweep_is_about_the_label_asked_for(scenes):
 
 @pytest.mark.long
 def test_every_figure_is_made_and_named(scenes, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenegen.show.scenes.FRAMES", 4)
-    kinds = [kind for kind in FIGURES if kind != "mp4"]  # tests/show/figures/test_figures.py
+    monkeypatch.setattr("scenegen.pictures.scenes.FRAMES", 4)
+    kinds = [kind for kind in FIGURES if kind != "mp4"]  # tests/pictures/figures/test_figures.py
     made = scenes.figures(tmp_path / "figures", *kinds, size=(40, 30), workers=1)
     names = [path.name for path in made]
     assert names[:4] == ["contact_sheet.png", "sweep.png", "sweep.gif", "heatmap.png"]

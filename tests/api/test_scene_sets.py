@@ -18,8 +18,8 @@ import scenegen
 from scenegen.api.outline import FormulaTree, Outline
 from scenegen.api.spec import parse
 from scenegen.errors import DataError, RequestError
+from scenegen.looks.stage import places_of, poses_of, stage_of
 from scenegen.sampling.request import Range
-from scenegen.show.stage import places_of, poses_of, stage_of
 
 
 @pytest.fixture(scope="module")

@@ -73,7 +73,7 @@ def scenegen(capfd, plain, monkeypatch):
 @pytest.fixture
 def small_pictures(monkeypatch):
     """Pictures are as small as they get where no size is given."""
-    monkeypatch.setattr("scenegen.show.render.scenes.usual_size", lambda file: (32, 24))
+    monkeypatch.setattr("scenegen.pictures.render.scenes.usual_size", lambda file: (32, 24))
 
 
 @pytest.fixture

@@ -14,9 +14,9 @@ import pytest
 
 from scenegen.cli import app
 from scenegen.cli.app import WRITTEN
+from scenegen.pictures.render import scenes as pictures
 from scenegen.scenes import files
-from scenegen.show.render import scenes as pictures
-from scenegen.worlds import files as simulators
+from scenegen.worlds import exporting as simulators
 from tests.cli.conftest import _built
 
 COMMANDS = {

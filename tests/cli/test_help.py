@@ -13,7 +13,7 @@ import sys
 import pytest
 
 from scenegen.cli.app import ALONE, COMMANDS, run
-from scenegen.show.scenes import FIGURES
+from scenegen.pictures.scenes import FIGURES
 
 
 def test_program(scenegen, golden):

@@ -92,8 +92,8 @@ def planted(tmp_path, monkeypatch):
     for name, text in (("good", GOOD), ("goal", GOAL), ("moving", MOVING), ("tray", TRAY)):
         (folder / f"{name}.spec").write_text(text)
     (folder / "tray.stl").write_bytes(tray())
-    shutil.copy(ROOT / "tests" / "worlds" / "pddl" / "tasks" / "mugs_plates.bddl", folder / "task.bddl")
-    shutil.copy(ROOT / "tests" / "worlds" / "suites" / "toy.py", folder / "toy_world.py")
+    shutil.copy(ROOT / "tests" / "planning" / "tasks" / "mugs_plates.bddl", folder / "task.bddl")
+    shutil.copy(ROOT / "tests" / "play" / "suites" / "toy.py", folder / "toy_world.py")
     for name in names():
         (folder / f"{name}.py").write_text(PLANTED.format(mark=str(tmp_path / "ran"), name=name))
     monkeypatch.chdir(folder)

@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture
 def small(root):
-    return root / "tests" / "golden" / "worlds" / "suites" / "small"
+    return root / "tests" / "golden" / "play" / "suites" / "small"
 
 
 @pytest.mark.long
@@ -15,7 +15,7 @@ def test_the_program(small, scenegen, tmp_path):
     said = scenegen("suite", "check", str(small))
     assert said.status == 0 and said.err.count("are as they were made") == 2
     out = tmp_path / "mine.jsonl"
-    toy = small.parents[3] / "worlds" / "suites" / "toy.py"
+    toy = small.parents[3] / "play" / "suites" / "toy.py"
     run = ["suite", "run", str(small), "--world", f"{toy}:make", "--policy", f"{toy}:towards", "--out", str(out)]
     said = scenegen(*run, "--episodes", "0:2", "--steps", "30")
     assert said.status == 0 and "2 of 2 episodes succeed" in said.err

@@ -104,7 +104,7 @@ def test_a_primitive(extended):
     program = """
 from scenegen.api.spec import parse
 from scenegen.search.tape import make_tape
-from scenegen.show.figures.dimensions import dimensions
+from scenegen.pictures.figures.dimensions import dimensions
 
 checked = parse("object fork, knife\\ntask: roughGap(fork, knife) >= 10 cm").checked
 tape = make_tape(checked.core, *checked.box())
@@ -193,8 +193,8 @@ def test_a_model(extended):
 @pytest.mark.slow
 def test_a_strategy(extended):
     project = extended("A strategy")
-    run_tests(project, "tests/learn/curriculum/test_strategies.py", "-k", "in_turn")
-    run_tests(project, "tests/learn/curriculum/test_strategies_help.py", "-k", "in_turn or judged")
+    run_tests(project, "tests/play/environments/test_strategies.py", "-k", "in_turn")
+    run_tests(project, "tests/play/environments/test_strategies_help.py", "-k", "in_turn or judged")
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from scenegen.errors import Kind, ScenegenError
 from scenegen.errors.catalog import GROUPS, catalog
 from scenegen.errors.diagnostic import fields
 from scenegen.learn import curriculum
-from scenegen.learn.curriculum.strategies import strategy
+from scenegen.play.strategies import strategy
 
 CATALOG = catalog()
 PACKAGE = Path(scenegen.__file__).parent

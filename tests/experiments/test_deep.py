@@ -14,9 +14,9 @@ from experiments.deep.runs import IN_A_ROW, MASTERED, Job, Record, kept, mastere
 from experiments.deep.tasks import TASKS
 from experiments.figures.learning import STYLES, together
 from experiments.run import run
-from scenegen.learn.curriculum.strategies.levels import Linear
-from scenegen.learn.curriculum.tabletop import make_rules
-from scenegen.learn.curriculum.tasks import PhiBox
+from scenegen.play.environments.tabletop import make_rules
+from scenegen.play.strategies.levels import Linear
+from scenegen.play.tasks import PhiBox
 
 SPACE = PhiBox((-2.0,), (0.0,))
 

@@ -34,8 +34,8 @@ from experiments.tabular.rng import below, bits, seeded, share
 from experiments.tabular.starts import every_cell, of_scenes
 from scenegen.api.spec import parse
 from scenegen.errors import RequestError
-from scenegen.learn.curriculum.strategies.levels import SelfPaced, Uniform
-from scenegen.learn.curriculum.tasks import Outcome, PhiBox
+from scenegen.play.strategies.levels import SelfPaced, Uniform
+from scenegen.play.tasks import Outcome, PhiBox
 
 A = "object mug\nobject plate at (0.5, 0.5, 0)\ntask: closeTo(mug, plate, 0)\n"
 B = "object spoon\nobject plate at (0.5, 0.5, 0)\ntask: leftOf(spoon, plate) & belowOf(spoon, plate)\n"

@@ -270,7 +270,7 @@ def test_what_is_to_be_written_is_known(name):
 
 def test_the_names_of_formats(tmp_path):
     from scenegen.errors import RequestError
-    from scenegen.worlds.files import chosen
+    from scenegen.worlds.exporting import chosen
 
     for name, meant in {"mujoco": "mjcf", "Isaac-Sim": "usd", "gazebo": "sdf", "isaac": "usd"}.items():
         with pytest.raises(RequestError, match="unknown format") as caught:

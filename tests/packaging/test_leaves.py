@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-LEAVES = ("learn", "worlds", "show", "editors")
+LEAVES = ("learn", "worlds", "planning", "pictures", "editors", "page", "play")
 SPEC = "leftOf(mug, plate) & !closeTo(mug, plate, 0.25)\n"
 PROGRAM = """
 import sys

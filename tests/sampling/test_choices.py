@@ -18,6 +18,7 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import levels
 from scenegen.learn.training.feed import whole_file
+from scenegen.pictures.figures.sweep import sweep
 from scenegen.pose import row_count
 from scenegen.sampling.problem import Budget, Problem, make_problem
 from scenegen.sampling.rejection import sampler, trial
@@ -25,7 +26,6 @@ from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search import prune
 from scenegen.search.surfaces import worlds
-from scenegen.show.figures.sweep import sweep
 
 SPEC = """region mat = rect(0.55, 0.1, 0.95, 0.3) at 20 cm
 object tray, can[2] on any of [tray, mat, workspace]{}

@@ -12,12 +12,12 @@ import scenegen
 from experiments.metrics import energy_test
 from scenegen.api.scenes import evaluate
 from scenegen.errors import DataError, RequestError
+from scenegen.planning.conversion import export_problems
 from scenegen.pose import as_rows
 from scenegen.sampling import pairs
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.worlds.planning import export_problems
 
 SPEC = scenegen.parse("object mug, plate, bowl\nrequire insideWorkspace()\ntask: leftOf(mug, plate)\n")
 

@@ -23,7 +23,7 @@ from scenegen.scenes.formats.header import dump_header
 from scenegen.scenes.formats.registry import read_scenes as opened
 from scenegen.scenes.formats.scenes_json import load
 from scenegen.worlds.export import xml
-from scenegen.worlds.files import convert
+from scenegen.worlds.exporting import convert
 
 MUTATIONS = 2000
 JUNK = [

@@ -11,7 +11,7 @@ import pytest
 from scenegen.errors import DataError, SpecError
 from scenegen.geometry import Box, Polygon
 from scenegen.lang.checker import check_file
-from scenegen.show.render.scenes import models_of, still_outlines
+from scenegen.pictures.render.scenes import models_of, still_outlines
 from scenegen.things import Shape, shape_of
 from scenegen.things.indexed import UPRIGHT, AssetEntry, IndexFileError, categories, fitted, read_index
 from scenegen.things.mesh import Mesh, box, disc, prism, revolve, shaded, tube

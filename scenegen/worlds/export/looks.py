@@ -11,11 +11,11 @@ import numpy as np
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES
+from scenegen.looks.camera import Camera
+from scenegen.looks.look import Look, Point, looks_jsonl
+from scenegen.looks.stage import PictureSetup, stage_of
+from scenegen.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
 from scenegen.scenes.data import SceneFile
-from scenegen.show.looks.camera import Camera
-from scenegen.show.looks.look import Look, Point, looks_jsonl
-from scenegen.show.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
-from scenegen.show.stage import PictureSetup, stage_of
 from scenegen.things.library import RGB
 
 SIDE = 1024  # pixels along the longer side of a wooden table
@@ -178,8 +178,8 @@ def _wood(stage: PictureSetup, table: Rectangle) -> Pixels:
 
 def dressing_of(file: SceneFile, looks: str | Path, seed: int) -> SceneLooks:
     """The looks of scenes, with the cameras of their pictures. Raises RequestError, DataError."""
-    from scenegen.show.looks.configuration import read_looks  # Pillow
-    from scenegen.show.render.files import check_seed, usual_size
+    from scenegen.looks.configuration import read_looks  # Pillow
+    from scenegen.pictures.render.files import check_seed, usual_size
 
     if not file.scenes:
         raise RequestError(NO_SCENES())

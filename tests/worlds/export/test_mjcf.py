@@ -20,7 +20,7 @@ from scenegen.things import shape_of
 from scenegen.things.bodies import parts_of
 from scenegen.things.mesh import box, disc, revolve
 from scenegen.worlds.export.world import TALL, inertia
-from tests.show.looks.pictures import four_colors
+from tests.looks.pictures import four_colors
 from tests.worlds.export.worlds import crates, library, scenes_of, tower
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 import scenegen
 from scenegen.errors import SpecError
-from scenegen.show.stage import stage_of
+from scenegen.looks.stage import stage_of
 from scenegen.things.mesh import box
 from scenegen.things.palette import rgb_of
 from scenegen.worlds.own_body import own_bodies_of

@@ -12,7 +12,7 @@ from scenegen.scenes import files as folders
 from scenegen.scenes.data import CircleFootprint, PolygonFootprint
 from scenegen.scenes.formats.registry import ENDINGS, FORMATS
 from scenegen.worlds.export.world import world_of
-from scenegen.worlds.files import EXPORTS
+from scenegen.worlds.exporting import EXPORTS
 from tests.worlds.export.checkers import CHECKERS
 from tests.worlds.export.worlds import crates, scenes_of
 

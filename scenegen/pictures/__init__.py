@@ -1,0 +1,1 @@
+"""Pictures and figures of scenes and motions. A leaf: the core does without it."""

@@ -1,0 +1,307 @@
+"""A new suite: from specs to a folder of graded starts.
+
+The starts of a task are the scenes of its spec in which the label of success does not hold and that of starts, where
+the spec has one, does: both become requirements, so that the task's spec has these starts as its base distribution.
+Bands are ranges of phi of the label of success. How probable they are is counted among many draws, and where these
+are too few it is what `scenegen range` finds (adaptive splitting); within a band, starts are drawn from the base
+distribution, so shares of the bands, weighted by their probabilities, estimate those of all starts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from scenegen.api.rarity import LabelRarity, rarity
+from scenegen.api.sample import draw_scenes
+from scenegen.api.scene_arrays import make_header
+from scenegen.api.scenes import SceneSet
+from scenegen.api.spec import Spec, parse, read_spec
+from scenegen.arrays import Array
+from scenegen.errors import RequestError
+from scenegen.errors.requests import (
+    CUT_SHORT,
+    NO_TIME_TO_CHECK,
+    OUT_OF_PLACE,
+    OUT_OF_RANGE,
+    UNKNOWN_LABEL,
+    WRONG_VALUE,
+)
+from scenegen.lang.checker import check_file
+from scenegen.play.suites.statistics import Z
+from scenegen.play.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
+from scenegen.sampling.engine.engines import JobResult, each
+from scenegen.sampling.problem import Budget
+from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
+from scenegen.scenes.data import RequestData
+from scenegen.scenes.files import refuse_existing, whole_files
+from scenegen.scenes.formats.scenes_json import write
+from scenegen.validation import as_int, as_path, as_seconds
+
+STREAM = 17  # the stream of random numbers of suites
+GOAL, START = "goal", "start"  # labels that are taken where none is named
+DIGITS = 5  # of ends of bands and of probabilities
+MOST = 64  # bands
+COUNTED, FEW = 1 << 16, 100  # draws of a task's base distribution, and of a band at least
+PLACES = 1025  # of the curve that they give
+Bands = int | Mapping[str, Range]
+Told = Callable[[JobResult, int, int], None]  # a task that is made, or failed; how many of how many are over
+
+
+@dataclass(frozen=True, slots=True)
+class TaskPlan:
+    """A task whose starts are to be drawn: `source` is the text of its spec, with what starts require; `back` says that
+    it is a reversed one. Ranges of phi are those of the goal: a reversed task has as many bands, equally probable."""
+
+    name: str
+    source: str
+    instruction: str
+    success: str
+    bands: Bands
+    back: bool = False
+
+    @property
+    def file(self) -> str:
+        return f"{self.name}{'.reverse' if self.back else ''}.json"
+
+
+def new_suite(
+    specs: Sequence[tuple[str, Path]],
+    out: str | Path,
+    *,
+    bands: Bands = 5,
+    log10p: bool = False,
+    n: int = 50,
+    seed: int = 0,
+    success: str | None = None,
+    start: str | None = None,
+    timeout: float = 600.0,
+    workers: int | None = None,
+    told: Told = lambda ended, done, count: None,
+) -> SuiteFile:
+    """Write a suite of named spec files into a folder, which names it: n starts of each band of each task.
+
+    `bands` is their number, equally probable, or ranges by name: of phi, or with `log10p` of log10 of the share of
+    starts that is at least as hard. `success` and `start` are the labels, by default `goal` (or the only one) and
+    `start`. The first line of a spec's opening comment is the instruction; with a label of starts and a comment
+    `# reverse: ...` there is a reversed task, too. `timeout` seconds are for all of them. The bytes follow from the
+    specs and these arguments, not from `workers`. Raises RequestError, SpecError, DataError and OutputError.
+    """
+    out = as_path("out", out)
+    ranges: Mapping[str, Range] = bands if isinstance(bands, Mapping) else {}
+    n, seed, count = as_int("n", n), as_int("seed", seed), len(ranges) or as_int("bands", bands)
+    bands = ranges or count
+    limits = ("specs", len(specs), 1, 999), ("n", n, 1, 10_000), ("seed", seed, 0, MAX_SEED), ("bands", count, 1, MOST)
+    for name, value, low, high in limits:
+        if not low <= value <= high:
+            raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted=f"from {low} to {high}"))
+    _check_names({"suite": [out.resolve().name], "task": [name for name, _ in specs], "band": ranges})
+    if both := overlapping((name, *one.ends) for name, one in ranges.items()):
+        rule, remedy = "overlap: starts in both would count twice", "let one end where the other begins"
+        raise RequestError(OUT_OF_PLACE(option="the bands `{}` and `{}`".format(*both), rule=rule, remedy=remedy))
+    plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands)]
+    files = [MANIFEST, *(plan.file for plan in plans)]
+    for twice in [file for file in files if files.count(file) > 1][:1]:
+        rule = "would be two files of the suite: a task of this name cannot be in it"
+        raise RequestError(OUT_OF_PLACE(option=twice, rule=rule, remedy="rename its spec"))
+    if not log10p:
+        plans = [replace(one, bands=count) if one.back else one for one in plans]
+    refuse_existing(*(out / file for file in files))
+    job = _MakeTask(log10p, n, seed, Budget(as_seconds("timeout", timeout)))
+    jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
+    ways: tuple[list[TaskData], list[TaskData]] = ([], [])
+    with whole_files(out) as put:
+        for done, (plan, ended) in enumerate(zip(plans, each(job, jobs, "local", workers), strict=True), 1):
+            told(ended, done, len(plans))
+            if ended.errors:
+                raise RequestError(*ended.errors)
+            task, data = ended.value
+            put(task.scenes, data)
+            ways[plan.back].append(task)
+        manifest = SuiteFile(name=out.resolve().name, digest=BLANK, seed=seed, n=n, tasks=ways[0], reversed=ways[1])
+        put(MANIFEST, manifest.dump())
+    return SuiteFile.model_validate_json(manifest.dump())
+
+
+def _tasks(name: str, path: Path, success: str | None, start: str | None, bands: Bands) -> list[TaskPlan]:
+    """The task of a spec file, and the reversed one if it has one. Raises RequestError for labels that it lacks."""
+    file, data = read_spec(path)
+    spec = Spec(check_file(file, data, None))
+    source = spec.checked.source
+    for label in (success, start):
+        if label is not None and label not in spec.labels:
+            raise RequestError(UNKNOWN_LABEL(name=label, known=spec.labels))
+    begin = start or (START if START in spec.labels[:-1] or START in spec.labels[1:] else None)
+    goals = [label for label in spec.labels if label != begin]
+    goal = success or (GOAL if GOAL in goals else goals[0] if len(goals) == 1 else None)
+    if goal is None:
+        raise RequestError(UNKNOWN_LABEL(name=GOAL, known=spec.labels))
+    instruction = spec.checked.title or name.replace("_", " ")
+    forth = f"{source}require !{goal}" + (f" & {begin}" if begin else "") + "\n"
+    plans = [TaskPlan(name, forth, instruction, goal, bands)]
+    said = re.search(r"^#\s*reverse:\s*(\S.*?)\s*$", data.decode(), re.MULTILINE)
+    if begin is not None and said is not None:
+        plans.append(TaskPlan(name, f"{source}require !{begin} & {goal}\n", said[1], begin, bands, back=True))
+    return plans
+
+
+def _check_names(names: Mapping[str, Iterable[str]]) -> None:
+    """Raises RequestError for a name that a suite, a task or a band cannot have, given by what they are of."""
+    for what, name in ((what, name) for what, some in names.items() for name in some):
+        text = name.encode(errors="backslashreplace").decode()  # half of a character has a backslash then
+        if re.fullmatch(NAME_PATTERN, text) is None:
+            wanted = "a name of 1 to 200 characters, none of which is `/`, `\\` or a control character"
+            raise RequestError(WRONG_VALUE(argument=f"name of a {what}", value=repr(name), wanted=wanted))
+
+
+@dataclass(frozen=True, slots=True)
+class _MakeTask:
+    """The job of one task: its part of suite.json, and the bytes of its scenes file."""
+
+    log10p: bool
+    n: int
+    seed: int
+    budget: Budget
+
+    def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
+        spec = Spec(replace(parse(plan.source, plan.name).checked, title=plan.instruction))
+        curve, bounds = (
+            _Curve.drawn(spec, plan.success, self.seed, self.budget.seconds_left),
+            spec.bounds()[plan.success],
+        )
+        if not curve.ends[0] < curve.ends[1]:
+            wanted = "a label whose phi differs between starts"
+            raise RequestError(WRONG_VALUE(argument="success", value=f"`{plan.success}`", wanted=wanted))
+        ranges = _ranges(plan.bands, self.log10p, curve, bounds)
+        if any(curve.between(low, high)[0] < FEW / COUNTED for _, low, high in ranges):
+            found = rarity(spec, plan.success, seed=self.seed, timeout=self.budget.seconds_left)
+            if any(one.kind is CUT_SHORT for one in found.warnings):  # bands do not depend on the clock
+                raise RequestError(NO_TIME_TO_CHECK())
+            curve = _Curve.rare(found.labels[0])
+            ranges = _ranges(plan.bands, self.log10p, curve, bounds)
+        bands: list[BandData] = []
+        parts: list[SceneSet] = []
+        for name, low, high in ranges:
+            share, error = curve.between(low, high)
+            if not share > 0.0:
+                wanted = "in {:g}:{:g}, where starts are".format(*curve.ends)
+                raise RequestError(OUT_OF_RANGE(argument="bands", value=f"{name}={low:g}:{high:g}", wanted=wanted))
+            rng = np.random.default_rng([self.seed, STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
+            request = SampleRequest(
+                {plan.success: Range(low, high)}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
+                timeout=self.budget.seconds_left, workers=1,
+            )  # fmt: skip
+            part = draw_scenes(spec, request)[rng.permutation(self.n)]
+            rare = np.log10(curve.share(part.phi[plan.success]).clip(min=curve.least))
+            bands.append(
+                BandData(
+                    name=name, phi=(low, high), probability=_rounded(share), error=round(error, 4),
+                    log10p=[round(float(one), 4) + 0.0 for one in rare],
+                    seeds=rng.integers(1 << 31, size=self.n).tolist(),
+                )
+            )  # fmt: skip
+            parts.append(part)
+        data = self._bytes(spec, parts, bands)
+        task = TaskData(
+            name=plan.name, instruction=plan.instruction, success=plan.success, scenes=plan.file,
+            sha256=hashlib.sha256(data).hexdigest(), bands=bands,
+        )  # fmt: skip
+        return task, data
+
+    def _bytes(self, spec: Spec, parts: Sequence[SceneSet], bands: Sequence[BandData]) -> bytes:
+        phi = {label: np.concatenate([part.phi[label] for part in parts]) for label in spec.labels}
+        on = [part.on for part in parts if part.on is not None]
+        request = RequestData(phi={}, n=self.n * len(bands), spread="base")
+        sampler = {"method": "suite", "seed": self.seed, "bands": {one.name: list(one.phi) for one in bands}}
+        header = make_header(spec.checked, sampler, request)
+        poses = np.concatenate([part.poses for part in parts])
+        scenes = SceneSet(poses, phi, header, on=np.concatenate(on) if on else None, trusted=True)
+        sink = io.BytesIO()
+        write(sink, header, tuple(phi), scenes.blocks())
+        return sink.getvalue()
+
+
+def _ranges(wanted: Bands, log10p: bool, curve: _Curve, bounds: tuple[float, float]) -> list[tuple[str, float, float]]:
+    """Name and ends of each band, in phi. An open end is where no scene is beyond."""
+    first, last = math.floor(bounds[0] * 1e4) / 1e4, min(0.0, math.ceil(bounds[1] * 1e4) / 1e4)
+    if isinstance(wanted, int):
+        edges = [first, *(curve.at(place / wanted) for place in range(1, wanted)), last]
+        return [(f"level{k + 1}", edges[-2 - k], edges[-1 - k]) for k in range(wanted)]
+    found = []
+    for name, one in wanted.items():
+        low, high = one.low, one.high
+        if log10p:
+            low, high = (None if end is None or end >= 0.0 else curve.at(10.0**end) for end in (low, high))
+        found.append((name, first if low is None else _rounded(low), last if high is None else _rounded(high)))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """How phi of a label is distributed: log10 P(phi' <= phi) and P(phi' >= phi) at rising values of phi, and the
+    lowest and highest phi there is. `errors` are halves of 95 % intervals of the smaller of both; of plain draws their
+    number, `draws`, says how sure a share is."""
+
+    phi: Array
+    below: Array
+    above: Array
+    errors: Array
+    ends: tuple[float, float]
+    draws: int = 0
+
+    @staticmethod
+    def drawn(spec: Spec, label: str, seed: int, timeout: float) -> _Curve:
+        """By counting draws."""
+        request = SampleRequest({}, COUNTED, seed=seed, spread="base", timeout=timeout, workers=1)
+        values = np.sort(draw_scenes(spec, request).phi[label])
+        phi = np.unique(values[np.linspace(0, COUNTED - 1, PLACES).astype(int)])
+        below = np.searchsorted(values, phi, side="right") / COUNTED
+        above = 1.0 - np.searchsorted(values, phi, side="left") / COUNTED
+        return _Curve(phi, np.log10(below), np.log10(above), 0.0 * phi, (float(phi[0]), float(phi[-1])), COUNTED)
+
+    @staticmethod
+    def rare(one: LabelRarity) -> _Curve:
+        """By splitting."""
+        known = [(k.phi, k.below, k.above) for k in one.curve if k.below is not None and k.above is not None]
+        below = np.array([low.log10 for _, low, _ in known if low is not None])
+        above = np.array([high.log10 for _, _, high in known if high is not None])
+        errors = np.array([min(low, high, key=lambda e: e.log10).error for _, low, high in known if low and high])
+        rising = np.minimum.accumulate(np.minimum(below, 0.0)[::-1])[::-1]
+        falling = np.minimum.accumulate(np.minimum(above, 0.0))
+        return _Curve(np.array([phi for phi, _, _ in known]), rising, falling, errors, one.reached)
+
+    @property
+    def least(self) -> float:
+        """The smallest share that is known."""
+        return float(10.0 ** self.below[0])
+
+    def share(self, phi: Array) -> Array:
+        """P(phi' <= phi), from the smaller tail."""
+        below, above = np.interp(phi, self.phi, self.below), np.interp(phi, self.phi, self.above)
+        inner = np.where(below <= above, 10.0**below, 1.0 - 10.0**above)
+        return np.where(phi <= self.ends[0], 0.0, np.where(phi >= self.ends[1], 1.0, inner))
+
+    def between(self, low: float, high: float) -> tuple[float, float]:
+        """P(low <= phi <= high), and half of a 95 % interval of its log10."""
+        shares = self.share(np.array([low, high]))
+        whole = float(shares[1] - shares[0])
+        if self.draws:
+            return whole, Z * math.sqrt((1.0 - whole) / max(whole * self.draws, 1.0)) / math.log(10.0)
+        errors = np.minimum(shares, 1.0 - shares) * np.interp([low, high], self.phi, self.errors)
+        return whole, float(np.hypot(*errors)) / whole if whole > 0.0 else 0.0
+
+    def at(self, share: float) -> float:
+        """The phi that this share of the starts is at or below, rounded."""
+        places = np.array([self.ends[0], *self.phi, self.ends[1]])
+        return _rounded(float(np.interp(share, np.maximum.accumulate(self.share(places)), places)))
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}") + 0.0

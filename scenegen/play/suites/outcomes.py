@@ -1,0 +1,136 @@
+"""Outcomes of a policy on a suite: JSON lines, a header and one line an episode. Format `scenegen/outcomes`, version 1.
+
+No times are in it, so the same outcomes give the same bytes.
+"""
+
+from __future__ import annotations
+
+import codecs
+import contextlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from operator import not_
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+from pydantic_core import from_json
+
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.files import OTHER_REQUEST
+from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.play.suites.suite import Suite, SuiteModel, load_model
+from scenegen.scenes.files import read_bytes
+from scenegen.scenes.sets import Sha256
+
+Instruction = Literal["own", "empty"]
+
+
+class OutcomesHeader(SuiteModel, extra="allow"):
+    """The first line: which suite, world and policy; `episodes` is the number of starts of the suite. `steps` and
+    `timeout`, in seconds, are the most that an episode had; `versions` those of scenegen and of the world's package;
+    old files have none of these. What else a program has put into a line stays there."""
+
+    format: Literal["scenegen/outcomes"] = "scenegen/outcomes"
+    version: Literal[1] = 1
+    suite: str
+    digest: Sha256
+    world: str
+    policy: str
+    instruction: Instruction = "own"
+    reverse: bool = False
+    episodes: Annotated[int, Field(ge=1)]
+    steps: int | None = Field(default=None, exclude_if=not_)
+    timeout: float | None = Field(default=None, exclude_if=not_)
+    versions: dict[str, str] | None = Field(default=None, exclude_if=not_)
+
+
+class EpisodeOutcome(SuiteModel, extra="allow"):
+    """Another line: `error` says why an episode counts as a failure that was none of the world's judgement."""
+
+    episode: Annotated[int, Field(ge=0)]
+    task: str
+    band: str
+    success: bool
+    steps: Annotated[int, Field(ge=0)]
+    error: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SuiteOutcomes:
+    """A file of outcomes, in the order of episodes; `name` is what a report calls it."""
+
+    header: OutcomesHeader
+    episodes: tuple[EpisodeOutcome, ...]
+    name: str = ""
+
+    @property
+    def success(self) -> dict[int, bool]:
+        """Success by the number of the episode."""
+        return {one.episode: one.success for one in self.episodes}
+
+
+def read_outcomes(path: Path, suite: Suite | None = None) -> SuiteOutcomes:
+    """The outcomes in a file; of `suite`, where one is given. Blank lines count for nothing. The last line is left out
+    where it is unfinished, as a run that was killed leaves it. Raises DataError."""
+    what = "a file of outcomes"
+    lines = read_bytes(path, what).removeprefix(codecs.BOM_UTF8).split(b"\n")
+    with contextlib.suppress(ValueError):
+        from_json(lines[-1])
+        lines.append(b"")
+    (_, first), *rest = [(number, line) for number, line in enumerate(lines[:-1], 1) if line.strip()] or [(1, b"")]
+    header = load_model(OutcomesHeader, first, path, what)
+    found: dict[int, EpisodeOutcome] = {}
+    for number, line in rest:
+        one = load_model(EpisodeOutcome, line, f"line {number} of {path}", what)
+        if one.episode >= header.episodes or one.episode in found:
+            reason = f"episode {one.episode} is there twice, or beyond the {header.episodes} of the suite"
+            raise DataError(NOT_A_SUITE(file=path, what=what, reason=reason))
+        found[one.episode] = one
+    outcomes = SuiteOutcomes(header, tuple(found[number] for number in sorted(found)))
+    if suite is not None:
+        check_outcomes(path, outcomes, suite)
+    return outcomes
+
+
+def check_outcomes(path: Path, found: SuiteOutcomes, suite: Suite) -> None:
+    """Raises DataError where the outcomes in a file are not of a suite, or of its reversed tasks."""
+    header, reason = found.header, ""
+    if header.digest != suite.digest:
+        reason = f"its suite has the digest {header.digest[:12]}, and this one {suite.digest[:12]}"
+    elif header.reverse == suite.reverse:
+        if header.episodes != len(suite):
+            reason = f"it is of {header.episodes:,} episodes, and the suite has {len(suite):,}"
+        cells = [(task.name, band.name) for task, band in suite.cells]
+        for one in found.episodes:
+            if (one.task, one.band) != cells[one.episode % len(cells)]:
+                reason = f"episode {one.episode} names another task or band"
+    if reason:
+        raise DataError(NOT_A_SUITE(file=path, what=f"of the suite {suite.name}", reason=reason))
+
+
+def differences(one: OutcomesHeader, other: OutcomesHeader) -> dict[str, tuple[Any, Any]]:
+    """What of two runs differs, by the name of the field; what a file does not say is None."""
+    names = OutcomesHeader.model_fields
+    pairs = {name: (getattr(one, name), getattr(other, name)) for name in names}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def same_run(path: Path, found: OutcomesHeader, wanted: OutcomesHeader) -> None:
+    """Raises RequestError where a file that is to be continued has outcomes of another run. What an old file does not
+    say is not compared."""
+    for name, (before, now) in differences(found, wanted).items():
+        if before is not None:
+            raise RequestError(OTHER_REQUEST(folder=path, key=name, before=before, now=now, outcomes=True))
+
+
+def dump_outcomes(header: OutcomesHeader, episodes: Iterable[EpisodeOutcome]) -> bytes:
+    """The bytes of a file, episodes in their order."""
+    each: list[OutcomesHeader | EpisodeOutcome] = [header, *sorted(episodes, key=lambda one: one.episode)]
+    return b"".join(map(line_of, each))
+
+
+def line_of(one: OutcomesHeader | EpisodeOutcome) -> bytes:
+    """A line of the file."""
+    return (json.dumps(one.model_dump(), ensure_ascii=False) + "\n").encode(errors="replace")

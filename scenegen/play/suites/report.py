@@ -1,0 +1,226 @@
+"""What outcomes of a suite say, as a page: success by band and task, the share of all starts, differences of two
+policies on the same starts, and pictures of the starts that most of them failed."""
+
+from __future__ import annotations
+
+import base64
+import html
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+
+from scenegen.errors import RequestError
+from scenegen.errors.files import WRONG_ENDING
+from scenegen.errors.requests import GIVEN_TWICE
+from scenegen.play.suites.outcomes import EpisodeOutcome, SuiteOutcomes, check_outcomes, differences, read_outcomes
+from scenegen.play.suites.statistics import PairedDifference, base_rate, needed_unpaired, wilson
+from scenegen.play.suites.suite import GradedStart, Suite
+from scenegen.scenes.files import write_whole
+from scenegen.validation import as_path
+
+OF_A_RUN = ("steps", "timeout", "world", "versions")  # what should not differ between runs that are compared
+POINTS = 0.05  # the difference whose episodes are counted
+PICTURE = (320, 240)
+STYLE = """
+body { max-width: 70em; margin: 2em auto; padding: 0 1em; background: #faf9f6; color: #1e2126;
+  font: 14px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif }
+h1 { font-size: 20px } h2 { font-size: 15px; margin: 2em 0 .3em }
+p, figcaption, th { color: #626871; margin: .2em 0 .6em }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums }
+th, td { padding: 4px 14px 4px 6px; text-align: left; border-bottom: 1px solid #e3e0d9 }
+figure { display: inline-block; width: 320px; margin: 0 14px 14px 0; vertical-align: top } img { width: 100% }
+"""  # the colours of the page of `scenegen view`
+
+
+@dataclass(frozen=True, slots=True)
+class ReportTable:
+    """A table of a report; cells that begin with a share, as in "41 % ...", get a bar."""
+
+    title: str
+    note: str
+    head: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+
+
+def report_suite(
+    folder: str | Path, files: Sequence[Path], out: str | Path, *, pictures: int = 8, workers: int | None = None
+) -> Path:
+    """Write a report on files of outcomes: .html, one page without anything beside it, or .md, without pictures.
+    Raises RequestError, DataError, OutputError."""
+    out = as_path("out", out)
+    if out.suffix not in (".html", ".md"):
+        raise RequestError(WRONG_ENDING(path=out, ending=".html", better=out.with_suffix(".html")))
+    suite = Suite.load(folder)
+    read = [read_outcomes(path, suite) for path in files]
+    suites = {way: Suite.load(folder, reverse=way) for way in {one.header.reverse for one in read}}
+    for path, one in zip(files, read, strict=True):
+        check_outcomes(path, one, suites[one.header.reverse])
+    read = [replace(one, name=name) for one, name in zip(read, _names(read, files), strict=True)]
+    played = [(one, suites[one.header.reverse]) for one in read]
+    title = f"Suite {suite.name}"
+    about = f"{len(suite):,} starts: {len(suite.tasks)} tasks, {suite.n} of each band. Digest {suite.digest}."
+    tables = [*_shares(played), *_differences(read), *_errors(read)]
+    if out.suffix == ".md":
+        write_whole(out, "\n".join([f"# {title}", "", about, *map(_markdown, tables)]).encode())
+        return out
+    shown = _worst(read, suites[read[0].header.reverse])[:pictures]
+    body = "".join([f"<h1>{html.escape(title)}</h1><p>{about}</p>", *map(_html, tables), _pictures(shown, workers)])
+    head = (
+        f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{html.escape(title)}</title>'
+    )
+    page = f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head><body>{body}</body></html>\n'
+    write_whole(out, page.encode())
+    return out
+
+
+def _names(read: Sequence[SuiteOutcomes], files: Sequence[Path]) -> list[str]:
+    """What each file is called: its policy without the folder, how that was run where it was not as usual, and, of
+    those that are then called alike, what tells them apart. Raises RequestError for a file that is given twice."""
+    headers = [one.header for one in read]
+    words = [["reversed"] * one.reverse + ["no instruction"] * (one.instruction == "empty") for one in headers]
+    details = [[_of_run(field, getattr(one, field)) for one in headers] for field in (*OF_A_RUN, "policy")]
+    for detail in (*details, [path.name for path in files], [str(path) for path in files], [""] * len(files)):
+        policies = [re.split(r"[/\\]", one.policy.rstrip("/"))[-1] for one in headers]
+        names = [f"{one} ({', '.join(how)})" if how else one for one, how in zip(policies, words, strict=True)]
+        for own, how, name in zip(detail, words, names, strict=True):
+            if any(own != other for other, its in zip(detail, names, strict=True) if its == name):
+                how.append(own)
+    twice = [str(path) for path, name in zip(files, names, strict=True) if names.count(name) > 1]
+    if twice:
+        raise RequestError(GIVEN_TWICE(what=twice[0]))
+    return names
+
+
+def _of_run(field: str, value: object) -> str:
+    """What a header says in a field of OF_A_RUN."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {version}" for name, version in value.items())
+    return f"{field} {'not recorded' if value is None else value}"
+
+
+def _shares(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> Iterator[ReportTable]:
+    names = tuple(one.name for one, _ in played)
+    note = "Success, and its 95 % interval (Wilson)."
+    kinds = dict.fromkeys(band.name for _, suite in played for _, band in suite.cells)
+    rows = [(kind, *(_share([e for e in one.episodes if e.band == kind]) for one, _ in played)) for kind in kinds]
+    rows.append(("every episode", *(_share(one.episodes) for one, _ in played)))
+    rows.append(("base distribution", *(_base(one, suite) for one, suite in played)))
+    more = " Base distribution: all starts that the tasks allow, each band by its probability, played or not."
+    yield ReportTable("Success by band", note + more, ("band", *names), rows)
+    kinds = dict.fromkeys(task.name for _, suite in played for task in suite.tasks)
+    rows = [(kind, *(_share([e for e in one.episodes if e.task == kind]) for one, _ in played)) for kind in kinds]
+    yield ReportTable("Success by task", note, ("task", *names), rows)
+
+
+def _share(some: Sequence[EpisodeOutcome]) -> str:
+    if not some:
+        return "-"
+    hits, n = sum(one.success for one in some), len(some)
+    return f"{_said(hits / n, *wilson(hits / n, n))}, {hits} of {n}"
+
+
+def _base(outcomes: SuiteOutcomes, suite: Suite) -> str:
+    """The share of success over all starts that the tasks' specs allow, tasks alike."""
+    if not outcomes.episodes:
+        return "-"
+    success, cells = outcomes.success, suite.cells
+    each = [[done for number, done in success.items() if number % len(cells) == place] for place in range(len(cells))]
+    weights = [band.probability / len(suite.tasks) for _, band in cells]
+    errors = [band.error for _, band in cells]
+    return _said(*base_rate([sum(some) for some in each], [len(some) for some in each], weights, errors))
+
+
+def _said(share: float, low: float, high: float) -> str:
+    return f"{100 * share:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+
+def compared(one: SuiteOutcomes, other: SuiteOutcomes) -> PairedDifference:
+    """Two policies on the starts that both were run on."""
+    first, second = one.success, other.success
+    both = first.keys() & second.keys()
+    alone = sum(first[k] and not second[k] for k in both), sum(second[k] and not first[k] for k in both)
+    return PairedDifference(*alone, len(both))
+
+
+def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
+    rows = []
+    for one, other in combinations(read, 2):
+        found = compared(one, other)
+        if one.header.reverse != other.header.reverse or not found.n:
+            continue
+        low, high = (f"{100 * end:+.1f}" for end in found.interval)
+        unlike = differences(one.header, other.header)
+        words = [" and ".join(_of_run(name, value) for value in unlike[name]) for name in OF_A_RUN if name in unlike]
+        done = [*one.success.values(), *other.success.values()]
+        rows.append((
+            f"{one.name} - {other.name}", f"{100 * found.difference:+.1f} points ({low} to {high})",
+            f"{found.first} and {found.second} of {found.n}", f"{found.p:.2g}",
+            ", but the runs differ: ".join(["yes" if found.p < 0.05 else "no", *words]),
+            f"{found.needed(POINTS):,} ({needed_unpaired(sum(done) / len(done), POINTS):,} on starts of their own)",
+        ))  # fmt: skip
+    head = ("", "difference", "one alone succeeds", "p", "told apart", f"episodes for {100 * POINTS:.0f} points")
+    note = (
+        "On the same starts: 95 % interval (Bonett and Price), McNemar's exact test, and how many episodes of each"
+        " policy tell such a difference apart at 95 % with power 80 %."
+    )
+    return [ReportTable("Paired differences", note, head, rows)] if rows else []
+
+
+def _errors(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
+    rows = []
+    for one in read:
+        each = Counter(episode.error for episode in one.episodes if episode.error is not None)
+        rows += [(one.name, f"{many}", said) for said, many in each.most_common(3)]
+        at_once = sum(episode.success and not episode.steps for episode in one.episodes)
+        rows += [(one.name, f"{at_once}", "solved at once: the world judges the start a success")] if at_once else []
+    note = "Episodes that ended by an error count as failures."
+    return [ReportTable("Errors", note, ("", "episodes", "what"), rows)] if rows else []
+
+
+def _html(table: ReportTable) -> str:
+    def cell(text: str) -> str:
+        share = text.partition(" %")[0]
+        bar = f' style="background: linear-gradient(90deg, #dff0ea {share}%, transparent 0)"'
+        bar = bar if " %" in text and share.replace(".", "").isdigit() else ""
+        return f"<td{bar}>{html.escape(text)}</td>"
+
+    head = "".join(f"<th>{html.escape(text)}</th>" for text in table.head)
+    rows = "".join(f"<tr>{''.join(map(cell, row))}</tr>" for row in table.rows)
+    return f"<h2>{html.escape(table.title)}</h2><p>{html.escape(table.note)}</p><table><tr>{head}</tr>{rows}</table>"
+
+
+def _markdown(table: ReportTable) -> str:
+    lines = [table.head, ("---",) * len(table.head), *table.rows]
+    each = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+    return f"\n## {table.title}\n\n{table.note}\n\n{each}\n"
+
+
+def _worst(read: Sequence[SuiteOutcomes], suite: Suite) -> list[tuple[GradedStart, int, int]]:
+    """Of each task the start that most policies failed, the easiest of several; how many failed, of how many."""
+    same = [one.success for one in read if one.header.reverse == suite.reverse]
+    found: dict[str, tuple[GradedStart, int, int]] = {}
+    for start in suite:
+        each = [one[start.number] for one in same if start.number in one]
+        failed = len(each) - sum(each)
+        best = found.get(start.task.name)
+        if failed and (best is None or (failed, start.log10p) > (best[1], best[0].log10p)):
+            found[start.task.name] = start, failed, len(each)
+    return sorted(found.values(), key=lambda one: (-one[1], -one[0].log10p))
+
+
+def _pictures(worst: Sequence[tuple[GradedStart, int, int]], workers: int | None) -> str:
+    parts = []
+    for start, failed, count in worst:
+        with tempfile.TemporaryDirectory() as folder:
+            some = start.task.scenes[[start.row]]
+            drawn = some.render(folder, views=("perspective",), size=PICTURE, workers=workers)
+            data = base64.b64encode(drawn.pictures[0].read_bytes()).decode()
+        said = f"{start.task.name}, {start.band}, episode {start.number}: {failed} of {count} failed. "
+        said = html.escape(said + start.task.instruction)
+        parts.append(f'<figure><img src="data:image/png;base64,{data}" alt=""><figcaption>{said}</figcaption></figure>')
+    note = "Of each task the start that most policies failed; of several, the easiest."
+    return f"<h2>Failed by most</h2><p>{note}</p>{''.join(parts)}" if parts else ""

@@ -1,1 +1,0 @@
-"""What shows: pictures, figures, looks, and the page of `scenegen view`. A leaf: the core does without it."""

@@ -1,8 +1,0 @@
-"""The suite that test_new.py makes: one task, its reversed task, two bands, three starts of each."""
-
-import pytest
-
-
-@pytest.fixture
-def small(root):
-    return root / "tests" / "golden" / "worlds" / "suites" / "small"

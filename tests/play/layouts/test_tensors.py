@@ -57,7 +57,7 @@ def test_takes_go_on_without_repeating_and_are_the_same_again():
 
 def test_draws_that_end_early_are_followed_by_others(monkeypatch):
     """What a draw has found when its time is up is used."""
-    from scenegen.worlds import layouts as tensors
+    from scenegen.play import layouts as tensors
 
     asked = []
 

@@ -7,16 +7,21 @@ repository; here they are rewritten to lead to the pages of the site.
 
 from __future__ import annotations
 
+import math
+import os
 import posixpath
 import re
 import tempfile
+import time
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+import scenegen
 from scenegen.errors.catalog import GROUPS, CatalogEntry, catalog
+from scenegen.resources import shipped_specs
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {
@@ -32,6 +37,14 @@ PAGES = {
 """A file or folder of the repository, and the page of the site that shows it."""
 
 EXPORTED, EXPORTED_SCENES = "table_setting", 120  # the page without a server that docs/view.md shows
+
+SHOWN_SCENES = int(os.environ.get("SHOWN_SCENES", "16"))  # of each shipped spec; their pictures take two CPU minutes
+SPECS = """# Gallery of specs to start from
+
+All commands take them by name: `scenegen sample table_setting --phi 0: -n 16`. `scenegen specs` lists them, and
+`scenegen specs NAME` prints one to start from. Pictures and times are those of the machine that made this site.
+
+"""
 
 ERRORS = """# Errors and warnings
 
@@ -57,8 +70,34 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """The pages that are not in docs/."""
     for source, name in PAGES.items():
         files.append(File.generated(config, name, content=text_of(ROOT / source)))
+    for name in shipped_specs():
+        shown, sheet = shipped(name)
+        page = files.get_file_from_path(PAGES["specs"])
+        page.content_string += shown
+        files.append(File.generated(config, f"images/specs/{name}.png", content=sheet))
     files.append(File.generated(config, f"pages/{EXPORTED}.html", content=exported(EXPORTED)))
     return files
+
+
+def shipped(name: str) -> tuple[str, bytes]:
+    """The section of a shipped spec on the page of specs: 16 scenes in which all labels hold, how long they took, the
+    text; and the picture of the scenes, a PNG."""
+    path = shipped_specs()[name]
+    spec = scenegen.load(path)
+    began = time.process_time()
+    scenes = scenegen.sample(spec, phi=dict.fromkeys(spec.labels, (0.0, None)), n=SHOWN_SCENES, seed=0)
+    seconds = time.process_time() - began
+    rare = 10.0 ** -scenes.header.sampler["log10_probability"]
+    words = f"1 in {rare:,.0f}" if rare < 1e6 else f"1 in 10^{math.log10(rare):.0f}"
+    with tempfile.TemporaryDirectory() as folder:
+        (sheet,) = scenes.figures(folder, "sheet", size=(160, 120))
+        picture = sheet.read_bytes()
+    caption = (
+        f"{SHOWN_SCENES} scenes in which {' and '.join(spec.labels)} hold, unselected: {seconds:.2f} s of CPU time. "
+        f"{words} of random scenes would do."
+    )
+    shown = f"![{SHOWN_SCENES} scenes of {name}](images/specs/{name}.png)\n\n{caption}"
+    return f"## {name}\n\n{shown}\n\n{_block(path, '')}\n", picture
 
 
 def exported(name: str) -> str:
@@ -86,12 +125,11 @@ def text_of(path: Path) -> str:
         return f"# The prelude\n\nEvery spec can use these definitions.\n\n{_block(path, '')}"
     if path.name == "explanations":
         return errors()
-    ending, title, language = {
-        "specs": ("*.spec", "Specs to start from", ""),
-        "examples": ("*.py", "Examples", "python"),
-    }[path.name]
-    parts = [f"## {one.stem}\n\n{_block(one, language)}" for one in sorted(path.glob(ending))]
-    return f"# {title}\n\n" + "\n".join(parts)
+    if path.name == "specs":
+        return SPECS
+    return "# Examples\n\n" + "\n".join(
+        f"## {one.stem}\n\n{_block(one, 'python')}" for one in sorted(path.glob("*.py"))
+    )
 
 
 def errors() -> str:

@@ -12,7 +12,7 @@ from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 
-__version__ = "0.1.0"  # the metadata of the package come from here
+__version__ = "0.2.0"
 
 PAGES = ("assets", "language", "language-models", "models", "not-here", "pictures", "time")  # as in pyproject.toml
 

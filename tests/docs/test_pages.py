@@ -4,6 +4,7 @@ docs/llms.txt is what `make llms` makes: short, and its examples check. docs/rel
 """
 
 import importlib.util
+import json
 import os
 import re
 import runpy
@@ -105,7 +106,7 @@ def test_what_is_loaded_from_elsewhere_is_noticed():
 @pytest.mark.slow
 def test_the_site_is_built_strictly_and_loads_nothing_from_elsewhere(tmp_path):
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
-    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "SHOWN_SCENES": "1"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr
     made = tmp_path / "site"
@@ -248,6 +249,17 @@ def test_example(example, tmp_path, warm):
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.long
+def test_the_notebook(tmp_path, warm):
+    """Its cells run one after the other, and it is stored without outputs."""
+    cells = json.loads((ROOT / "examples" / "first_scenes.ipynb").read_text())["cells"]
+    programs = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    assert programs and not any(cell.get("outputs") for cell in cells)
+    done = warm.run(["-c", "\n".join(programs)], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "did you mean `leftOf`?" in done.stdout
 
 
 @pytest.mark.long

@@ -10,8 +10,10 @@ import scenegen
 
 
 def releases(root):
-    """The headings of CHANGELOG.md: ("0.1.0", "(unreleased)" or "")."""
-    return re.findall(r"^## (\S+)(?: (\(unreleased\)))?$", (root / "CHANGELOG.md").read_text(), re.MULTILINE)
+    """The headings of CHANGELOG.md: ("0.1.0", "unreleased", a date or "")."""
+    return re.findall(
+        r"^## (\S+)(?: \((unreleased|\d{4}-\d\d-\d\d)\))?$", (root / "CHANGELOG.md").read_text(), re.MULTILINE
+    )
 
 
 def test_the_metadata_has_the_version_of_the_module(root):
@@ -25,8 +27,8 @@ def test_the_changelog_has_a_section_for_every_release(root):
     assert len(found) == len(re.findall(r"^## ", (root / "CHANGELOG.md").read_text(), re.MULTILINE))
     numbers = [tuple(map(int, name.split("."))) for name, _ in found]
     assert numbers == sorted(set(numbers), reverse=True)
-    assert all(not unreleased for _, unreleased in found[1:])
-    newest = next(name for name, unreleased in found if not unreleased)
+    assert all(when != "unreleased" for _, when in found[1:])
+    newest = next(name for name, when in found if when != "unreleased")
     assert newest == scenegen.__version__
 
 

@@ -7,22 +7,78 @@ import subprocess
 import sys
 import sysconfig
 import zipfile
+from email import message_from_bytes
+from importlib import metadata
+from pathlib import Path
 
 import pytest
 from hatchling.builders.sdist import SdistBuilder
+from packaging.requirements import Requirement
 
 FROM_RESOURCES = "from scenegen.resources import shipped_specs; print(shipped_specs()['first'])"
 
 
+def build_wheel(source, folder):
+    """The wheel of a checkout or of a source distribution, built offline."""
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    command += ["--disable-pip-version-check", "--wheel-dir", str(folder), str(source)]
+    subprocess.run(command, check=True, timeout=120)
+    (path,) = folder.glob("scenegen_dsl-*.whl")
+    return path
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory, pytestconfig):
-    """Built offline from the checkout."""
-    folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
-    command += ["--disable-pip-version-check", "--wheel-dir", str(folder), str(pytestconfig.rootpath)]
+    return build_wheel(pytestconfig.rootpath, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def wheel_of_source(tmp_path_factory, pytestconfig):
+    """The wheel of the source distribution."""
+    folder = tmp_path_factory.mktemp("source")
+    (source,) = SdistBuilder(str(pytestconfig.rootpath)).build(directory=str(folder), versions=["standard"])
+    return build_wheel(source, folder)
+
+
+def needed(requirements):
+    """The distributions that requirements without extras need, and those need in turn."""
+    found, todo = {}, list(requirements)
+    while todo:
+        requirement = Requirement(todo.pop())
+        if requirement.marker is not None and not requirement.marker.evaluate({"extra": ""}):
+            continue
+        distribution = metadata.distribution(requirement.name)
+        if distribution.name not in found:
+            found[distribution.name] = distribution
+            todo += distribution.requires or []
+    return list(found.values())
+
+
+def empty_environment(wheel, folder):
+    """An environment with a wheel and what it needs, and nothing else: a small install."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True, timeout=60)
+    (site,) = folder.glob("lib/python*/site-packages")
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        str(folder / "bin" / "python"),
+        "install",
+        "--quiet",
+        "--no-deps",
+    ]
+    command += ["--no-index", "--no-compile", "--disable-pip-version-check", str(wheel)]
     subprocess.run(command, check=True, timeout=120)
-    (path,) = folder.glob("scenegen-*.whl")
-    return path
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
+        requirements = message_from_bytes(archive.read(name)).get_all("Requires-Dist")
+    for distribution in needed(requirements):
+        for top in {file.parts[0] for file in distribution.files if ".." not in file.parts}:
+            target = Path(distribution.locate_file(top))
+            if target.exists() and not (site / top).exists():
+                (site / top).symlink_to(target)
+    return folder / "bin"
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +123,7 @@ def test_what_a_package_index_shows_leads_somewhere(wheel):
         (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
         head, _, text = archive.read(name).decode().partition("\n\n")
     assert "Description-Content-Type: text/markdown" in head
-    assert text.startswith("# scenegen\n") and "## Two commands" in text and "docs/formats.md" in text
+    assert text.startswith("# scenegen\n") and "## Two commands" in text
     assert "![" not in text and "<!--" not in text
     links = re.findall(r"\]\(([^)]*)\)", text)
     assert links and all(link.startswith("https://") for link in links)
@@ -92,6 +148,35 @@ def test_the_same_scenes_from_the_wheel_and_from_the_checkout(clean, tmp_path):
     assert outputs[0] == outputs[1]
     assert "table_setting " in run([clean / "bin" / "scenegen", "specs"], tmp_path).stdout
     assert list(tmp_path.iterdir()) == []
+
+
+SMALL = (
+    "check first",
+    "sample first --phi 0:0.2 -n 4 --out s.json",
+    "eval first s.json",
+    "range first",
+    "export s.json --to mjcf --out worlds",
+    "render s.json --out top --figure topview",
+    "suite check tabletop",
+)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("built", ["wheel", "wheel_of_source"])
+def test_a_small_install_draws_scenes(built, request, tmp_path):
+    """Without torch and PyBullet scenes are parsed, sampled, exported and drawn flat; pictures say what to install."""
+    programs = empty_environment(request.getfixturevalue(built), tmp_path / "venv")
+    program = (
+        "from importlib.util import find_spec; print([find_spec(one) for one in ('torch', 'pybullet', 'hypothesis')])"
+    )
+    assert run([programs / "python", "-c", program], tmp_path).stdout == "[None, None, None]\n"
+    for words in SMALL:
+        run([programs / "scenegen", *words.split()], tmp_path)
+    assert len(json.loads((tmp_path / "s.json").read_text())["scenes"]) == 4
+    drawn = subprocess.run(
+        [programs / "scenegen", "render", "s.json", "--out", "pictures"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert drawn.returncode == 1 and "error[not-installed]: pybullet" in drawn.stderr
 
 
 def test_the_editable_install_reads_the_checkout(root, tmp_path):

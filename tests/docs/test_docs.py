@@ -3,8 +3,8 @@
 `spec` blocks must pass the checker (`spec file=NAME` also writes them for later blocks of the page); `sh` blocks run
 line by line; `console` blocks are run by a shell and their output compared; `python` blocks are executed, with
 `needs=PACKAGE` only where that is installed: elsewhere the page's test runs the rest, and is reported as skipped;
-`toml` blocks must be TOML. The blocks of a page share a folder that holds `specs`. `golden` blocks are put to work by
-test_relations_page.py; `text` is not run. Links between pages must lead somewhere.
+`toml` blocks must be TOML. The blocks of a page share a folder that holds `specs` and `examples`. `golden` blocks are
+put to work by test_pages.py; `text` is not run. Links between pages must lead somewhere.
 """
 
 import os
@@ -68,7 +68,8 @@ def work_through(page, folder, warm, shorter):
     text = page.read_text()
     for long, short in shorter.items():
         text = text.replace(long, short)
-    (folder / "specs").symlink_to(ROOT / "specs")
+    for name in ("specs", "examples"):
+        (folder / name).symlink_to(ROOT / name)
     for language, options, body in BLOCK.findall(text):
         if language == "spec":
             check_text(body, name_of(page))

@@ -7,7 +7,6 @@ import importlib.util
 import math
 import time
 from collections.abc import Callable, Iterator
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +33,7 @@ from scenegen.learn.training.state import (
 )
 from scenegen.processes.pool import one_thread
 from scenegen.processes.process import stop_signals
+from scenegen.resources import __version__
 from scenegen.scenes.files import check_folder, check_writable, reported
 
 if TYPE_CHECKING:
@@ -199,7 +199,7 @@ def _begun(
 def _run_of(spec: CheckedSpec, config: TrainConfig) -> str:
     """All that the gathered scenes follow from."""
     asked = sorted(config.phi.items())
-    return repr((spec.sha256, config.data, config.scenes, config.seed, asked, version("scenegen"), np.__version__))
+    return repr((spec.sha256, config.data, config.scenes, config.seed, asked, __version__, np.__version__))
 
 
 def _held(out: Path, spec: CheckedSpec, epochs: int) -> TrainedModel | None:

@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 import torch
@@ -34,6 +33,7 @@ from scenegen.learn.training.config import DATASETS, TrainConfig
 from scenegen.learn.training.feed import Feed
 from scenegen.learn.training.state import Stream, TrainingState, save_state, state_path, stream
 from scenegen.pose import ANGLES, LENGTHS, TWO_PI, along
+from scenegen.resources import __version__
 from scenegen.scenes.data import WorkspaceData
 from scenegen.scenes.files import write_whole
 
@@ -295,7 +295,7 @@ class TrainingSession:
         space, model = self.spec.workspace, self.model
         ranges = zip(self.spec.labels, model.label_lowest.tolist(), model.label_highest.tolist(), strict=True)
         return ModelCard(
-            scenegen=version("scenegen"),
+            scenegen=__version__,
             model=self.config.model,
             recipe=self.config.recipe,
             layout=model.layout,

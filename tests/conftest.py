@@ -19,12 +19,13 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 
 from . import forks
+from .corpus import GOLDEN, read_corpus, write_message
 
 if TYPE_CHECKING:
     from .warm import Warm
 
 ROOT = Path(__file__).resolve().parent.parent
-GOLDEN = ROOT / "tests" / "golden"
+DERIVED = "`make derived` rewrites all that is derived: read the diff"
 REAL = {"engine", "packaging", "slow"}  # folders of tests whose workers are started as users' are
 
 
@@ -60,8 +61,23 @@ def golden(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
             return
-        assert path.exists(), f"no golden file {name}; make it with pytest --regenerate, and read it"
-        assert text == path.read_text(encoding="utf-8"), f"differs from tests/golden/{name}"
+        assert path.exists(), f"no golden file {name}: `make derived` writes it; read it"
+        assert text == path.read_text(encoding="utf-8"), f"differs from tests/golden/{name}; {DERIVED}"
+
+    return compare
+
+
+@pytest.fixture
+def message(request: pytest.FixtureRequest) -> Callable[[str, str, str], None]:
+    """message("lang/errors/names", "miscased", text) compares a text with the message of a case of a corpus."""
+
+    def compare(name: str, case: str, text: str) -> None:
+        if request.config.getoption("--regenerate"):
+            write_message(name, case, text.rstrip("\n"))
+            return
+        cases = read_corpus(name)
+        assert case in cases, f"no case {case} in tests/golden/{name}.txt: write its input there (tests/corpus.py)"
+        assert text.rstrip("\n") == cases[case].message, f"differs from {case} in tests/golden/{name}.txt; {DERIVED}"
 
     return compare
 

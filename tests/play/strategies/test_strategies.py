@@ -417,7 +417,7 @@ def test_bad_requests(golden):
         with pytest.raises(RequestError) as caught:
             strategy(name, space, np.random.default_rng(0), **settings)
         lines += [f"== {name} {space.low} {space.high} {settings}", str(caught.value), ""]
-    golden("play/environments/bad_strategies.txt", "\n".join(lines))
+    golden("play/strategies/bad_strategies.txt", "\n".join(lines))
 
 
 @pytest.mark.parametrize(
@@ -473,7 +473,7 @@ def test_schedules(golden):
         "linear, two labels, growing": made_promises("linear", labels=2, levels=3, episodes=6, grow=True),
     }
     blocks = ["\n".join([f"== {title}", *schedule(teacher, 8)]) for title, teacher in cases.items()]
-    golden("play/environments/schedules.txt", "\n\n".join(blocks) + "\n")
+    golden("play/strategies/schedules.txt", "\n\n".join(blocks) + "\n")
 
 
 def test_uniform_levels_are_even():

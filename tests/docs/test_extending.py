@@ -1,6 +1,6 @@
 """Each row of docs/extending.md: what it says is enough, tried on a copy of the project.
 
-The relation is in test_pages.py.
+The relation is in test_relations_page.py.
 """
 
 import re
@@ -184,7 +184,9 @@ def test_an_option_that_leaves_out_scenes(extended):
         scenegen(project, *words, "--workers", workers, "--out", f"s{workers}.jsonl")
     assert (project / "s1.jsonl").read_bytes() == (project / "s2.jsonl").read_bytes()
     program = "from scenegen.sampling.spaced import least_distance; import scenegen; "
-    program += "print(len(s := scenegen.read_scenes('s1.jsonl')), least_distance(s.rows).min() >= 0.3)"
+    program += (
+        "print(len(s := scenegen.read_scenes('s1.jsonl')), least_distance(s.poses.reshape(len(s), -1).T).min() >= 0.3)"
+    )
     assert python(project, "-c", program) == "3000 True\n"
 
 

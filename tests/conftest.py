@@ -19,7 +19,7 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 
 from . import forks
-from .corpus import GOLDEN, read_corpus, write_message
+from .corpus import read_corpus, write_message
 
 if TYPE_CHECKING:
     from .warm import Warm

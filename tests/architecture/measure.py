@@ -142,7 +142,8 @@ def checks_again(trees: Trees) -> list[str]:
 PARTICIPLES = set(
     "told seen held said drawn met begun found made given taken kept left shown written known gone done built sent "
     "lost spent bound bought brought caught chosen driven fallen felt grown heard led meant moved paid sought sold "
-    "slept stood stuck struck taught thought thrown torn understood won worn laid lain hidden broken spoken frozen".split()
+    "slept stood stuck struck taught thought thrown torn understood won worn laid lain hidden broken spoken "
+    "frozen".split()
 )
 PREPOSITIONS = set(
     "of at own each here apart aside one by to in on for with from about after before beside between beyond under over "

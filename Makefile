@@ -12,7 +12,7 @@ ALL    := not slow and not browser and not cluster and not robosuite and not man
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite test-maniskill test-fetch test-libero lint goldens docs llms pictures page-pictures tables bench experiments dataset suite model clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite test-maniskill test-fetch test-libero lint derived goldens docs llms relations pictures page-pictures tables bench experiments dataset suite model clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -114,8 +114,14 @@ lint: $(STAMP)   ## ruff, mypy --strict, import-linter
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-goldens: $(STAMP) ## rewrite every golden file; read the diff before you commit it
-	$(BIN)/python -m pytest -m "$(ALL)" --regenerate
+# One process, since tests of several files write into one corpus (tests/corpus.py).
+DERIVED = $(PYTEST) -m "derived and $(ALL)" --regenerate $$(grep -rlE '\b(derived|golden|message|refusal)\b' tests --include='test_*.py')
+derived: tables relations llms ## rewrite every derived file, in two minutes: goldens of help and errors, tables of options, reference pages, parser tables; read the diff
+	$(DERIVED)
+	$(BIN)/python -m tests.architecture.measure --record
+
+goldens: $(STAMP) ## rewrite the golden files and the tables in pages alone
+	$(DERIVED)
 
 docs: $(STAMP)   ## the site, into site/; no network needed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
@@ -124,15 +130,18 @@ docs: $(STAMP)   ## the site, into site/; no network needed
 llms: $(STAMP)   ## docs/llms.txt, the reference for prompts
 	$(BIN)/python docs/make_llms.py
 
-pictures: $(STAMP) ## docs/relations.md, and the pictures of all pages
+relations: $(STAMP) ## docs/relations.md and its pictures, in seconds
 	$(BIN)/python docs/make_relations.py
+
+pictures: $(STAMP) ## the pictures of all pages
 	$(BIN)/python docs/make_pictures.py
 
-page-pictures: $(STAMP) ## the pictures of the page of `scenegen view`; needs Chromium
+SPECS ?=
+page-pictures: $(STAMP) ## the pictures of the page of `scenegen view`, or only those of examples, SPECS="lunch_tray"; needs Chromium
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[browser]"
-	OMP_NUM_THREADS=1 $(BIN)/python docs/make_page_pictures.py
+	OMP_NUM_THREADS=1 $(BIN)/python docs/make_page_pictures.py $(SPECS)
 
-tables: $(STAMP) ## rebuild the parser tables after a change of grammar/spec.lark
+tables: $(STAMP) ## rebuild the parser tables of grammar/spec.lark
 	$(BIN)/python -m scenegen.lang.syntax.parse
 
 bench: $(STAMP)  ## benchmarks: ratios against a named baseline, never asserted

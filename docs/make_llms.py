@@ -1,4 +1,4 @@
-"""Writes docs/llms.txt: the whole reference on one page made for a prompt, `make llms`.
+"""Writes docs/llms.txt: the whole reference on one page made for a prompt, `make llms`, part of `make derived`.
 
 Relations and their meanings are those of the prelude, statements, operators and functions those of the tables in
 docs/language.md and docs/time.md, objects those of the library. A test holds the page to what this script makes, and
@@ -113,4 +113,4 @@ def page() -> str:
 
 if __name__ == "__main__":
     PAGE.write_text(page(), encoding="utf-8")
-    print(f"wrote {PAGE}: {len(page()):,} characters")
+    print(f"wrote {PAGE}: {len(page()):,} characters; up to 15,000 or so fit a prompt well")

@@ -98,12 +98,13 @@ def example(browser: Any, name: str) -> None:
     fitted.save(EXAMPLES / f"{name}.jpg", quality=76, optimize=True, progressive=True)
 
 
-def main() -> None:
+def main(names: list[str]) -> None:
+    """All pictures, or only those of the shipped specs of these names."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        for name in shipped_specs():
+        for name in names or shipped_specs():
             example(browser, name)
-        for name, (what, act) in SHOWN.items():
+        for name, (what, act) in SHOWN.items() if not names else ():
             with opened(browser, what, SIZE) as page:
                 act(page)
                 page.wait_for_function("!document.querySelector('.grid button[data-scene]:not(.drawn)')")
@@ -113,4 +114,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -73,10 +73,9 @@ def growth(folder: Path) -> None:
     import numpy as np
     from matplotlib import patches
     from matplotlib.figure import Figure
-    from scenegen.sampling.growth.insert import place
-    from scenegen.sampling.growth.particles import Particles, resample
 
-    from scenegen.sampling.growth.machine import make_machine
+    from scenegen.sampling.growth.insertion import place
+    from scenegen.sampling.growth.machine import Particles, make_machine, resample
     from scenegen.sampling.problem import make_problem
     from scenegen.sampling.request import Range, SampleRequest
 
@@ -87,7 +86,7 @@ def growth(folder: Path) -> None:
     particles = Particles.start(machine, cell, cell, rng)
     figure = Figure(figsize=(8.8, 2.35), dpi=100, layout="tight")
     for stage, thing in enumerate(machine.order):
-        boxes = machine.room(thing, stage, placing=True).boxes(particles.scenes, particles.cell, particles.chosen)
+        boxes = machine.room(thing, stage).boxes(particles.scenes, particles.cell, machine.effort)
         placed = place(particles, 64)
         scene = int((placed.weights > 0.0).argmax())
         low, width = boxes.low[:2, :, scene], boxes.width[:2, :, scene]

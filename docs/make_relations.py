@@ -2,7 +2,7 @@
 
 The meaning is the comment above the definition, the formula its body, and the pictures are the first two scenes of its
 golden file (tests/golden/lang/relations). A test holds the page and the pictures to what this script makes: `make
-pictures`.
+relations`, which is part of `make derived`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PAGE = DOCS / "relations.md"
 PICTURES = DOCS / "images" / "relations"
 INTRODUCTION = """# Relations
 
-<!-- made by `make pictures` from grammar/prelude.spec and tests/golden/lang/relations: do not edit -->
+<!-- made by `make derived` from grammar/prelude.spec and tests/golden/lang/relations: do not edit -->
 
 The relations of [the prelude](../grammar/prelude.spec), which every spec can use: meaning, formula and two scenes each,
 one that satisfies the relation and one that violates it. phi is the margin of the formula; phi >= 0 is satisfied. It is

@@ -1,4 +1,4 @@
-"""Shared by all tests: golden files that `--regenerate` rewrites (then read the diff before committing it)."""
+"""Shared by all tests: derived files, which `--regenerate` rewrites (then read the diff before committing it)."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 
 from . import forks
+from .corpus import read_corpus, write_message
 
 if TYPE_CHECKING:
     from .warm import Warm
 
 ROOT = Path(__file__).resolve().parent.parent
-GOLDEN = ROOT / "tests" / "golden"
+DERIVED = "`make derived` rewrites every such file: read the diff"
 REAL = {"engine", "packaging", "slow"}  # folders of tests whose workers are started as users' are
 
 
@@ -47,21 +48,53 @@ def pytest_collection() -> Iterator[None]:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--regenerate", action="store_true", help="rewrite golden files instead of comparing with them")
+    parser.addoption("--regenerate", action="store_true", help="rewrite derived files instead of comparing with them")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "derived: compares with a file that `make derived` rewrites")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests of files that are derived have the mark `derived`: `make derived` runs them with --regenerate."""
+    for item in items:
+        if {"derived", "message"} & set(getattr(item, "fixturenames", ())):
+            item.add_marker("derived")
 
 
 @pytest.fixture
-def golden(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
-    """golden("lang/trees/first.txt", text) compares a text with a file below tests/golden."""
+def derived(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
+    """derived("docs/llms.txt", text) compares a text with a file of the repository that is made, not written."""
 
     def compare(name: str, text: str) -> None:
-        path = GOLDEN / name
+        path = ROOT / name
         if request.config.getoption("--regenerate"):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
             return
-        assert path.exists(), f"no golden file {name}; make it with pytest --regenerate, and read it"
-        assert text == path.read_text(encoding="utf-8"), f"differs from tests/golden/{name}"
+        assert path.exists(), f"no file {name}; {DERIVED}"
+        assert text == path.read_text(encoding="utf-8"), f"{name} is not what is made now; {DERIVED}"
+
+    return compare
+
+
+@pytest.fixture
+def golden(derived: Callable[[str, str], None]) -> Callable[[str, str], None]:
+    """golden("lang/trees/first.txt", text) compares a text with a file below tests/golden."""
+    return lambda name, text: derived(f"tests/golden/{name}", text)
+
+
+@pytest.fixture
+def message(request: pytest.FixtureRequest) -> Callable[[str, str, str], None]:
+    """message("lang/errors/names", "miscased", text) compares a text with the message of a case of a corpus."""
+
+    def compare(name: str, case: str, text: str) -> None:
+        if request.config.getoption("--regenerate"):
+            write_message(name, case, text.rstrip("\n"))
+            return
+        cases = read_corpus(name)
+        assert case in cases, f"no case {case} in tests/golden/{name}.txt: write its input there (tests/corpus.py)"
+        assert text.rstrip("\n") == cases[case].message, f"differs from {case} in tests/golden/{name}.txt; {DERIVED}"
 
     return compare
 

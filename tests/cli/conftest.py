@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import functools
 import os
+import shlex
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
+
+from tests.corpus import read_corpus
 
 PLAIN = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
 
@@ -87,6 +91,20 @@ def refused(scenegen, here):
         _one_diagnostic(outcome.err)
         assert _snapshot(here) == before
         return outcome.err
+
+    return call
+
+
+@pytest.fixture
+def refusal(refused, message):
+    """refusal("requests", "phi_nan"): the command of that case of golden/cli/errors/requests.txt is refused with the
+    message beside it, which is returned. `shown` makes of it what is compared."""
+
+    def call(corpus: str, case: str, shown: Callable[[str], str] = str) -> str:
+        _, *words = shlex.split(read_corpus(f"cli/errors/{corpus}")[case].text)
+        said = shown(refused(*words))
+        message(f"cli/errors/{corpus}", case, said)
+        return said
 
     return call
 

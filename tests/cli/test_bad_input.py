@@ -5,9 +5,12 @@ random numbers of things on the command line.
 
 import json
 import math
+import re
 
 import pytest
 import safetensors.torch
+
+from tests.corpus import read_corpus
 
 
 @pytest.fixture
@@ -27,8 +30,8 @@ def scenes(here):
     return here / "s.json"
 
 
-def test_scenes_of_other_objects(refused, scenes, golden):
-    golden("cli/errors/scenes_of_other_objects.txt", refused("eval", "forks.spec", "s.json"))
+def test_scenes_of_other_objects(refusal, scenes):
+    refusal("files", "scenes_of_other_objects")
 
 
 def _later(data):
@@ -59,24 +62,23 @@ CHANGES = [_later, _other_format, _lost_object, _word_for_a_number, _no_scenes, 
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_changed_scenes_file(change, refused, scenes, golden):
+def test_changed_scenes_file(change, refused, refusal, scenes):
     data = json.loads(scenes.read_text())
     change(data)
     scenes.write_text(json.dumps(data))
-    said = refused("eval", "good.spec", "s.json")
-    golden(f"cli/errors/scenes{change.__name__}.txt", said)
+    refusal("files", f"scenes{change.__name__}")
     if change is not _other_labels:
         assert refused("render", "s.json", "--out", "pictures").startswith("error[")
 
 
-def test_garbage_truncated_and_missing_scenes_files(refused, scenes, here, golden):
+def test_garbage_truncated_and_missing_scenes_files(refused, refusal, scenes, here):
     # what a sampler says of itself changes from version to version: the cut comes before it
     whole = scenes.read_bytes()
     (here / "cut.json").write_bytes(whole[: whole.index(b'"sampler"') + 4])
     (here / "noise.json").write_bytes(bytes(range(255, 0, -1)))
     (here / "sub.json").mkdir()
     for name in ("cut", "noise", "sub", "ss"):
-        golden(f"cli/errors/scenes_{name}.txt", refused("eval", "good.spec", f"{name}.json"))
+        refusal("files", f"scenes_{name}")
     assert "--> cut.json:" in refused("render", "cut.json", "--out", "pictures")
 
 
@@ -93,10 +95,9 @@ def test_tampered_phi_is_noticed(scenegen, scenes, golden):
 
 
 @pytest.mark.parametrize("name", ["garbage", "cut", "empty", "version", "spec"])
-def test_model_file(name, refused, model, here, golden):
+def test_model_file(name, refusal, model, here):
     whole = model.read_bytes()
     bad = here / "bad.safetensors"
-    words = ["--out", "o.json"]
     if name == "version":
         with safetensors.safe_open(model, "pt") as file:
             envelope = json.loads(file.metadata()["scenegen"])
@@ -104,79 +105,61 @@ def test_model_file(name, refused, model, here, golden):
         bad.write_bytes(safetensors.torch.save(safetensors.torch.load(whole), {"scenegen": json.dumps(envelope)}))
     elif name == "spec":
         bad.write_bytes(whole)
-        words += ["--spec", "two.spec"]
     else:
         bad.write_bytes({"garbage": bytes(range(1, 256)) * 9, "cut": whole[:-500], "empty": b""}[name])
-    golden(f"cli/errors/model_{name}.txt", _without_sums(refused("sample", "bad.safetensors", *words)))
+    refusal("files", f"model_{name}", _without_sums)
 
 
-def test_resume_with_another_spec_or_options(refused, model, golden):
-    words = ["--model", "gan", "--recipe", "paper", "--out", "m.safetensors", "--resume", "--scenes", "64"]
-    said = refused("train", "two.spec", *words, "--epochs", "2")
-    golden("cli/errors/resume_other_spec.txt", said)
-    golden("cli/errors/resume_other_seed.txt", refused("train", "good.spec", *words, "--epochs", "2", "--seed", "4"))
+def test_resume_with_another_spec_or_options(refusal, model):
+    refusal("files", "resume_other_spec")
+    refusal("files", "resume_other_seed")
 
 
 def _without_sums(text):
     return "\n".join(line for line in text.splitlines() if "SHA-256" not in line) + "\n"
 
 
-TEXTS = {
-    "unknown_relation": ("object mug, plate\ntask: nextTo(mug, plate)\n", "2:7"),
-    "miscased_relation": ("object mug, plate\ntask: LeftOf(mug, plate)\n", "2:7"),
-    "too_few_arguments": ("task: leftOf(mug)\n", "1:7"),
-    "too_many_arguments": ("task: leftOf(mug, plate, cup)\n", "1:26"),
-    "undeclared_object": ("object mug, plate\ntask: leftOf(mug, fork)\n", "2:19"),
-    "missing_operator": ("task: leftOf(mug, plate) leftOf(plate, mug)\n", "1:26"),
-    "never_closed": ("task: (leftOf(mug, plate) & leftOf(plate, mug)\n", "1:7"),
-    "never_opened": ("task: leftOf(mug, plate))\n", "1:25"),
-    "empty": ("", "1:1"),
-    "only_comments": ("\n# a spec to be\n", "3:1"),
-    "number_for_an_object": ("task: leftOf(mug, 3)\n", "1:19"),
-    "object_for_a_number": ("object mug, plate, fork\ntask: closeTo(mug, plate, fork)\n", "2:27"),
-    "wide_characters": ("# Tasse und Teller, schön gedeckt\n\ttask: leftOf(mug, plate) & nextTö(mug)\n", "2:34"),
-}
+TEXTS = read_corpus("cli/errors/specs")
 BYTES = {
     "binary": bytes(range(256)),
     "not_utf8": "# café\ntask: leftOf(mug, plate)\n".encode("latin-1"),
 }
 
 
-@pytest.mark.parametrize("name", TEXTS)
-def test_a_mistake_in_the_text(name, refused, here, golden):
-    text, place = TEXTS[name]
-    (here / "my.spec").write_text(text)
+@pytest.mark.parametrize("name", [name for name in TEXTS if name != "three_mistakes"])
+def test_a_mistake_in_the_text(name, refused, here, message):
+    (here / "my.spec").write_text(TEXTS[name].text)
     said = refused("check", "my.spec")
-    assert said.splitlines()[1].strip() == f"--> my.spec:{place}"
-    golden(f"cli/errors/spec_{name}.txt", said)
+    assert re.fullmatch(r" +--> my\.spec:\d+:\d+", said.splitlines()[1])
+    message("cli/errors/specs", name, said)
 
 
 @pytest.mark.parametrize("command", ["sample", "train", "eval"])
 def test_every_command_reads_specs_alike(command, refused, here):
-    (here / "my.spec").write_text(TEXTS["unknown_relation"][0])
+    (here / "my.spec").write_text(TEXTS["unknown_relation"].text)
     more = {"sample": ["--out", "o.json"], "train": ["--model", "gan", "--out", "m.st"], "eval": ["scenes.json"]}
     assert "--> my.spec:2:7" in refused(command, "my.spec", *more[command])
 
 
 @pytest.mark.parametrize("name", BYTES)
-def test_not_a_text(name, refused, here, golden):
+def test_not_a_text(name, refusal, here):
     (here / "my.spec").write_bytes(BYTES[name])
-    golden(f"cli/errors/spec_{name}.txt", refused("check", "my.spec"))
+    refusal("files", f"spec_{name}")
 
 
-@pytest.mark.parametrize("name, path", [("missing", "godo.spec"), ("missing_alone", "x/y/z"), ("folder", "sub")])
-def test_not_a_file(name, path, refused, here, golden):
+@pytest.mark.parametrize("name", ["missing", "missing_alone", "folder"])
+def test_not_a_file(name, refusal, here):
     (here / "sub").mkdir()
-    golden(f"cli/errors/spec_{name}.txt", refused("check", path))
+    refusal("files", f"spec_{name}")
 
 
-def test_every_mistake_of_a_spec_is_told_in_the_order_of_the_text(scenegen, here, golden):
-    (here / "my.spec").write_text("object mug\nlater: nextTo(mug, cup)\nsooner: leftOf(mug, mug, mug)\n")
+def test_every_mistake_of_a_spec_is_told_in_the_order_of_the_text(scenegen, here, message):
+    (here / "my.spec").write_text(TEXTS["three_mistakes"].text)
     outcome = scenegen("check", "my.spec", "good.spec")
     assert outcome.status == 1
     assert outcome.err.count("error[") == 3
     assert outcome.out.startswith("\ngood.spec: ok") or outcome.out.startswith("good.spec: ok")
-    golden("cli/errors/spec_three_mistakes.txt", outcome.err)
+    message("cli/errors/specs", "three_mistakes", outcome.err)
 
 
 FORMULA = "(leftOf(fork, plate) | aboveOf(fork, plate)) & !closeTo(fork, plate, 0.15) & closeTo(spoon, fork, 0.3)"

@@ -55,14 +55,13 @@ def no_work(monkeypatch):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_folder_that_does_not_exist(command, refused, scenes, no_work, golden):
-    said = refused(*COMMANDS[command], f"no/such/thing{ENDING[command]}")
-    golden(f"cli/errors/output_{command}_no_folder.txt", said)
+def test_folder_that_does_not_exist(command, refusal, scenes, no_work):
+    refusal("files", f"output_{command}_no_folder")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_below_a_file(command, refused, scenes, no_work, golden):
-    golden(f"cli/errors/output_{command}_below_a_file.txt", refused(*COMMANDS[command], f"s.json/x{ENDING[command]}"))
+def test_below_a_file(command, refusal, scenes, no_work):
+    refusal("files", f"output_{command}_below_a_file")
 
 
 def test_a_folder_in_the_file_s_place(refused, here, no_work):
@@ -86,7 +85,7 @@ def test_a_kernel_that_refuses(command, refused, scenes, no_work):
 
 @pytest.mark.parametrize("code", [errno.EROFS, errno.EACCES], ids=errno.errorcode.get)
 @pytest.mark.parametrize("command", COMMANDS)
-def test_read_only(command, code, refused, here, scenes, no_work, monkeypatch, golden):
+def test_read_only(command, code, refusal, here, scenes, no_work, monkeypatch):
     (here / "shelf").mkdir()
     really = os.open
 
@@ -96,8 +95,7 @@ def test_read_only(command, code, refused, here, scenes, no_work, monkeypatch, g
         return really(path, flags, *rest, **named)
 
     monkeypatch.setattr(os, "open", refuse)
-    target = "shelf" if not ENDING[command] else f"shelf/x{ENDING[command]}"
-    golden(f"cli/errors/output_{command}_{errno.errorcode[code].lower()}.txt", refused(*COMMANDS[command], target))
+    refusal("files", f"output_{command}_{errno.errorcode[code].lower()}")
 
 
 class _Full:
@@ -129,7 +127,7 @@ class _Full:
 @pytest.mark.parametrize("there", [False, True], ids=["new", "there"])
 @pytest.mark.parametrize("command", COMMANDS)
 def test_disk_full_half_way(
-    command, there, snapshot, assert_one_diagnostic, scenegen, here, scenes, monkeypatch, golden
+    command, there, snapshot, assert_one_diagnostic, scenegen, here, scenes, monkeypatch, message
 ):
     target = f"x{ENDING[command]}"
     *words, last = COMMANDS[command]
@@ -144,7 +142,7 @@ def test_disk_full_half_way(
     assert (outcome.status, outcome.out, snapshot(here)) == (1, "", before)
     said = "".join(line for line in outcome.err.splitlines(True) if not line.startswith("gan: epoch"))
     assert_one_diagnostic(said)
-    golden(f"cli/errors/output_{command}_full.txt", said)
+    message("cli/errors/files", f"output_{command}_full", said)
 
 
 AS_ANOTHER = ["setpriv", "--reuid=12345", "--regid=12345", "--clear-groups"]

@@ -6,102 +6,31 @@ what a shell completes.
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 
 import pytest
 
-# name -> (the words of --phi, the place that the caret points to)
-RANGES = {
-    "reversed": (["0.2:0"], "1:1"),
-    "reversed_of_a_label": (["task=0.2:0"], "1:6"),
-    "not_a_number": (["low:0.5"], "1:1"),
-    "not_a_number_at_the_end": (["task=0.1:high"], "1:10"),
-    "nan": (["nan:1"], "1:1"),
-    "infinite": (["0:1e999"], "1:3"),
-    "single_value": (["0.1:0.1"], "1:1"),
-    "single_number": (["0.1"], "1:1"),
-    "word": (["easy"], "1:1"),
-    "nothing": ([""], "1:1"),
-    "open_at_both_ends": ([":"], "1:1"),
-    "three_ends": (["0:1:2"], "1:1"),
-    "misspelt_label": (["tsak=0:1"], "1:1"),
-    "unknown_label": (["difficulty=0:1"], "1:1"),
-    "no_label_before_the_sign": (["=0:1"], "1:1"),
-    "label_twice": (["task=0:1", "task=0:0.5"], "1:1"),
-    "out_of_reach": (["1.5:2"], "1:1"),
-    "out_of_reach_below": ([":-1.01"], "1:1"),
-}
-# name -> other words of `sample good.spec`
-OTHERS = {
-    "n_zero": ["-n", "0"],
-    "n_negative": ["-n", "-3"],
-    "n_enormous": ["-n", "100000000000"],
-    "n_no_number": ["-n", "abc"],
-    "n_fraction": ["-n", "1.5"],
-    "seed_negative": ["--seed", "-1"],
-    "seed_no_number": ["--seed", "x"],
-    "n_too_many_for_json": ["-n", "2000000"],
-    "workers_zero": ["--workers", "0"],
-    "workers_no_number": ["--workers", "all"],
-    "raw_and_resume": ["--raw", "--resume"],
-    "timeout_zero": ["--timeout", "0"],
-    "timeout_nan": ["--timeout", "nan"],
-    "timeout_no_number": ["--timeout", "soon"],
-    "method_misspelt": ["--method", "rejektion"],
-    "method_without_model": ["--method", "model"],
-    "raw_without_model": ["--raw"],
-    "spread_misspelt": ["--spread", "flatt"],
-    "spec_without_model": ["--spec", "two.spec"],
-    "ending_unknown": ["--out", "o.xlsx"],
-    "ending_misspelt": ["--out", "o.jsn"],
-    "ending_missing": ["--out", "scenes"],
-}
+from tests.corpus import read_corpus
+
+CASES = read_corpus("cli/errors/requests")
 
 
-@pytest.mark.parametrize("name", RANGES)
-def test_range(name, refused, golden):
-    texts, place = RANGES[name]
-    said = refused("sample", "good.spec", "--out", "o.json", *(word for text in texts for word in ("--phi", text)))
-    assert said.splitlines()[1].strip() == f"--> --phi:{place}"
-    golden(f"cli/errors/phi_{name}.txt", said)
+def cases(*commands):
+    """The cases whose names begin so."""
+    return [name for name in CASES if name.startswith(commands)]
 
 
-def test_a_range_needs_its_label_where_there_are_two(refused, golden):
-    said = refused("sample", "two.spec", "--phi", "0:0.1")
-    assert "--> --phi:1:1" in said
-    golden("cli/errors/phi_of_which_label.txt", said)
+@pytest.mark.parametrize("name", cases("phi_"))
+def test_range(name, refusal):
+    """The caret points at the end or the label that is wrong."""
+    assert re.fullmatch(r" +--> --phi:1:\d+", refusal("requests", name).splitlines()[1])
 
 
-def test_nothing_to_resume_on_standard_output(refused, golden):
-    golden("cli/errors/sample_resume_without_out.txt", refused("sample", "good.spec", "--resume"))
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_option(name, refused, golden):
-    golden(f"cli/errors/sample_{name}.txt", refused("sample", "good.spec", "--out", "o.json", *OTHERS[name]))
-
-
-TRAIN = {
-    "model": ["--model", "gann"],
-    "epochs": ["--epochs", "0"],
-    "epochs_no_number": ["--epochs", "many"],
-    "recipe": ["--recipe", "papr"],
-    "model_of_recipe": ["--recipe", "paper", "--model", "energy"],
-    "data": ["--data", "boostd"],
-    "device": ["--device", "gpu"],
-    "hyper": ["--hyper", "widht=64"],
-    "hyper_no_number": ["--hyper", "width=wide"],
-    "hyper_twice": ["--hyper", "width=64", "--hyper", "width=32"],
-    "hyper_range": ["--hyper", "width=0"],
-    "nothing_to_resume": ["--resume"],
-}
-
-
-@pytest.mark.parametrize("name", TRAIN)
-def test_train_option(name, refused, golden):
-    words = ["train", "good.spec", "--model", "gan", "--out", "m.safetensors", *TRAIN[name]]
-    golden(f"cli/errors/train_{name}.txt", refused(*words))
+@pytest.mark.parametrize("name", cases("sample_", "train_"))
+def test_option(name, refusal):
+    refusal("requests", name)
 
 
 @pytest.mark.parametrize("size", ["640", "640x", "axb", "0x0", "100000x5", "640X480x3"])
@@ -110,31 +39,18 @@ def test_render_size(size, refused, scenegen):
     refused("render", "s.json", "--out", "pictures", "--size", size)
 
 
-def test_render_size_points_at_the_option(refused, scenegen, golden):
+@pytest.mark.parametrize("name", cases("render_"))
+def test_render_option(name, refusal, scenegen):
     scenegen("sample", "good.spec", "-n", "1", "--out", "s.json")
-    golden("cli/errors/render_size.txt", refused("render", "s.json", "--out", "pictures", "--size", "wide"))
-    golden("cli/errors/render_size_small.txt", refused("render", "s.json", "--out", "pictures", "--size", "5x5"))
-    golden("cli/errors/render_workers.txt", refused("render", "s.json", "--out", "pictures", "--workers", "0"))
+    refusal("requests", name)
 
 
-USAGE = {
-    "unknown_option": ["sample", "good.spec", "--nonsense"],
-    "option_misspelt": ["check", "good.spec", "--jsn"],
-    "missing_argument": ["sample", "--phi", "0:1"],
-    "missing_second_argument": ["eval", "good.spec"],
-    "missing_option": ["train", "good.spec", "--model", "gan"],
-    "missing_value": ["sample", "good.spec", "-n"],
-    "extra_argument": ["eval", "good.spec", "a.json", "b.json"],
-    "unknown_command": ["sampel", "good.spec"],
-}
-
-
-@pytest.mark.parametrize("name", USAGE)
-def test_wrong_usage_is_status_2(name, scenegen, here, golden):
-    outcome = scenegen(*USAGE[name])
+@pytest.mark.parametrize("name", cases("usage_"))
+def test_wrong_usage_is_status_2(name, scenegen, here, message):
+    outcome = scenegen(*shlex.split(CASES[name].text)[1:])
     assert (outcome.status, outcome.out) == (2, "")
     assert sorted(path.name for path in here.iterdir()) == ["forks.spec", "good.spec", "two.spec"]
-    golden(f"cli/errors/usage_{name}.txt", outcome.err)
+    message("cli/errors/requests", name, outcome.err)
 
 
 def test_an_unknown_model_is_refused_before_anything_is_loaded(here):

@@ -12,6 +12,7 @@ import pybullet
 import pytest
 
 from scenegen.things import shape_of
+from tests.corpus import read_corpus
 from tests.worlds.physics.drops import settle_scenes
 
 SMALL = ["--size", "48x36", "--workers", "1"]
@@ -172,19 +173,9 @@ def test_usd_opens_what_is_written(scenegen, here, scenes_export):
     assert len(stage.GetDefaultPrim().GetVariantSet("scene").GetVariantNames()) == 3
 
 
-def test_what_is_refused(refused, scenes_export, here, golden):
-    said = [
-        refused("export", "s.json", "--out", "worlds"),
-        refused("export", "s.json", "--to", "mjfc", "--out", "worlds"),
-        refused("export", "s.json", "--to", "mjcf", "--out", "m.json"),
-        refused("export", "s.json", "--to", "sdf", "--out", "all.xml"),
-        refused("export", "s.json", "--to", "json", "--out", "s.jsonl"),
-        refused("export", "s.json", "--out", "s.json"),
-        refused("export", "t.json", "--out", "all.xml"),
-        refused("export", "good.spec", "--out", "all.xml"),
-        refused("sample", "good.spec", "--out", "all.xml"),
-    ]
-    golden("cli/errors/export.txt", "\n".join(said))
+@pytest.mark.parametrize("name", [name for name in read_corpus("cli/errors/requests") if name.startswith("export_")])
+def test_what_is_refused(name, refusal, scenes_export):
+    refusal("requests", name)
 
 
 def test_no_scenes(refused, scenes_export, here):

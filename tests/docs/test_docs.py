@@ -4,7 +4,7 @@
 line by line; `console` blocks are run by a shell and their output compared; `python` blocks are executed, with
 `needs=PACKAGE` only where that is installed: elsewhere the page's test runs the rest, and is reported as skipped;
 `toml` blocks must be TOML. The blocks of a page share a folder that holds `specs` and `examples`. `golden` blocks are
-put to work by test_pages.py; `text` is not run. Links between pages must lead somewhere.
+put to work by test_relations_page.py; `text` is not run. Links between pages must lead somewhere.
 """
 
 import os

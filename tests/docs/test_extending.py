@@ -4,6 +4,7 @@ The relation is in test_relations_page.py.
 """
 
 import re
+import shutil
 
 import pytest
 
@@ -57,13 +58,9 @@ def test_every_section_touches_what_its_row_names():
         named = [name for name in rows()[row] if "/" in name]
         for addition in additions:
             folder = addition.path.rpartition("/")[0]
-            new = f"{folder}/NAME.py"
-            linked = (
-                "docs/curriculum.md",
-                "docs/api.md",
-                "docs/sampling.md",
-                f"{folder}/registry.py",
-            )  # the last is beside a file it names
+            new = f"{folder}/NAME.{addition.path.rpartition('.')[2]}"
+            pages = [f"docs/{name}.md" for name in ("curriculum", "api", "sampling", "language")]
+            linked = (*pages, f"{folder}/registry.py")  # the last is beside a file it names
             assert (new if addition.new else addition.path) in (*named, *linked), (title, addition.path)
 
 
@@ -79,22 +76,29 @@ print(extent(np.array([[0.0], [0.0], [0.0], [2.0], [0.0], [0.0]])))
     assert python(project, "-c", program) == "1.0\n"
 
 
-@pytest.mark.slow
 def test_all_additions_go_together_and_are_tidy(tmp_path):
-    """ruff, over the files that are new or changed."""
-    project = copied(tmp_path)
+    """Every anchor of the page is there; ruff, over the files that are new or changed."""
     additions = [addition for section in SECTIONS.values() for addition in section]
+    for name in {"pyproject.toml", *(addition.path for addition in additions)}:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        if (ROOT / name).exists():
+            shutil.copy2(ROOT / name, tmp_path / name)
     for addition in additions:
-        addition.make(project)
+        addition.make(tmp_path)
     touched = sorted({addition.path for addition in additions if addition.path.endswith(".py")})
-    python(project, "-m", "ruff", "check", "--no-cache", *touched)
-    python(project, "-m", "ruff", "format", "--no-cache", "--check", *touched)
+    ours = 'lint.isort.known-first-party = ["scenegen", "experiments", "tests"]'  # most of it is not here
+    python(tmp_path, "-m", "ruff", "check", "--no-cache", "--config", ours, *touched)
+    python(tmp_path, "-m", "ruff", "format", "--no-cache", "--check", *touched)
 
 
 @pytest.mark.slow
 def test_a_primitive(extended):
     project = extended("A primitive")
     run_tests(project, "tests/geometry", "-k", "roughGap")
+    python(project, "docs/make_llms.py")
+    assert "- `roughGap(a, b)`: distance of two centres" in (project / "docs/llms.txt").read_text()
+    run_tests(project, "--regenerate", "tests/editors/grammars/test_grammar.py", "-k", "test_dialects_of_names")
+    assert "roughGap" in (project / "tests/golden/editors/grammars/mug.lark").read_text()
     (project / "my.spec").write_text("object fork, knife\ntask: roughGap(fork, knife) >= 10 cm\n")
     assert "roughGap(fork, knife)" in scenegen(project, "check", "my.spec")
     for method in ("rejection", "splitting"):
@@ -167,6 +171,36 @@ def test_an_option_of_sample(extended):
     scenegen(project, *words, "--inset", "0.05")
     assert python(project, "-c", lowest) == "True\n"
     python(project, "-c", "import scenegen; scenegen.sample(scenegen.load('specs/first.spec'), (0, 0.4), inset=0.1)")
+
+
+@pytest.mark.slow
+def test_an_option_that_leaves_out_scenes(extended):
+    project = extended("An option that leaves out scenes")
+    goldens = ("tests/cli/test_help.py", "tests/api/test_request.py", "-k", "test_command and sample or request")
+    run_tests(project, "--regenerate", *goldens)
+    run_tests(project, *goldens)
+    words = ("sample", "first", "--phi", "0:0.2", "-n", "3000", "--spaced", "0.3")
+    for workers in ("1", "2"):
+        scenegen(project, *words, "--workers", workers, "--out", f"s{workers}.jsonl")
+    assert (project / "s1.jsonl").read_bytes() == (project / "s2.jsonl").read_bytes()
+    program = "from scenegen.sampling.spaced import least_distance; import scenegen; "
+    program += (
+        "print(len(s := scenegen.read_scenes('s1.jsonl')), least_distance(s.poses.reshape(len(s), -1).T).min() >= 0.3)"
+    )
+    assert python(project, "-c", program) == "3000 True\n"
+
+
+@pytest.mark.slow
+def test_a_shipped_spec(extended):
+    project = extended("A shipped spec")
+    assert "lunch_tray" in scenegen(project, "specs")
+    scenegen(project, "fmt", "--check", "specs/lunch_tray.spec")
+    run_tests(project, "--regenerate", "tests/lang/test_layout.py", "-k", "lunch_tray")
+    run_tests(project, "tests/lang/test_layout.py", "-k", "lunch_tray")
+    pictures = project / "scenegen/page/static/examples"
+    shutil.copy(pictures / "tea_party.jpg", pictures / "lunch_tray.jpg")  # as `make page-pictures` would
+    run_tests(project, "tests/page/test_files.py", "-k", "every_shipped_spec")
+    scenegen(project, "sample", "lunch_tray", "--satisfied", "-n", "4", "--out", "s.json")
 
 
 @pytest.mark.slow

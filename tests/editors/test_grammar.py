@@ -45,11 +45,6 @@ def scopes_of(grammar, text):
     return found
 
 
-@pytest.mark.parametrize("name", sorted(shipped_specs()))
-def test_scopes_of_the_shipped_specs(name, grammar, golden):
-    golden(f"editors/{name}.txt", report(grammar.tokenize(shipped_specs()[name].read_text(encoding="utf-8"))))
-
-
 def test_scopes_of_everything(grammar, golden, everything):
     golden("editors/everything.txt", report(grammar.tokenize(everything)))
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..corpus import read_corpus
 from .generate import Case, generate
 from .judge import Fault, Hang, grammar_names, judge
 from .minimise import minimise
@@ -32,8 +33,9 @@ class Found:
 
 def corpus() -> list[str]:
     """The texts that mutations start from: shipped specs, the prelude, mistakes, and the accepted formulas."""
-    paths = [*(ROOT / "specs").glob("*.spec"), *(ROOT / "tests/golden/lang/errors").glob("*.spec")]
-    texts = [path.read_text(encoding="utf-8", errors="replace") for path in sorted(paths)]
+    texts = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "specs").glob("*.spec"))]
+    for path in sorted((ROOT / "tests/golden/lang/errors").glob("*.txt")):
+        texts += [case.text for case in read_corpus(f"lang/errors/{path.stem}").values()]
     prelude = (ROOT / "grammar" / "prelude.spec").read_text(encoding="utf-8")
     lines = (ROOT / "tests/golden/lang/formulas.txt").read_text(encoding="utf-8").splitlines()
     return [*texts, *[prelude] * 5, *(line for line in lines if line and not line.startswith("#"))]

@@ -1,4 +1,4 @@
-"""Every mistake a spec can hold and what the user reads about it: golden/lang/errors/NAME.spec beside NAME.txt. What
+"""Every mistake a spec can hold and what the user reads about it: the corpora of golden/lang/errors. What
 the checker lets pass, but not without a word; and where words would be out of place. Words of other languages get
 the right name: each help is what it should be, and what it says to write is a spec.
 """
@@ -15,36 +15,37 @@ from scenegen.lang.checker import check
 from scenegen.lang.syntax.foreign import BODY, COLOR, COUNTING, LYING, PRIOR, RELATIONS, SEEN, SIZES, of_relation, plain
 from scenegen.lang.syntax.parse import read_source
 
+from ..corpus import GOLDEN, read_corpus
 from .worth import warnings
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / "tests" / "golden" / "lang" / "errors"
-SPECS = sorted(FOLDER.glob("*.spec"))
+CORPORA = [f"lang/errors/{path.stem}" for path in sorted((GOLDEN / "lang" / "errors").glob("*.txt"))]
+CASES = [(name, case) for name in CORPORA for case in read_corpus(name).values()]
+SPECS = [case for _, case in CASES]
 
 
 @functools.cache
-def diagnostics(path):
+def diagnostics(case):
     with pytest.raises(SpecError) as refused:
-        check(read_source(path.name, path.read_bytes()))
+        check(read_source(f"{case.name}.spec", case.text.encode()))
     return refused.value
 
 
-@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
-def test_the_message(path, golden):
-    golden(f"lang/errors/{path.stem}.txt", f"{diagnostics(path)}\n")
+@pytest.mark.parametrize(("corpus", "case"), CASES, ids=[case.name for case in SPECS])
+def test_the_message(corpus, case, message):
+    message(corpus, case.name, str(diagnostics(case)))
 
 
-def test_no_expectation_is_left_over():
-    assert {path.stem for path in FOLDER.glob("*.txt")} == {path.stem for path in SPECS}
-    assert len(SPECS) >= 60
+def test_each_name_stands_for_one_case():
+    assert len(SPECS) == len({case.name for case in SPECS}) >= 465
 
 
 def test_every_message_has_a_place_inside_the_text_and_says_something_beside_its_title():
-    for path in SPECS:
-        for one in diagnostics(path).diagnostics:
-            assert one.span is not None, path.stem
-            assert 0 <= one.span.start <= one.span.end <= len(one.span.source.text), path.stem
-            assert one.span.source.name == path.name, path.stem
+    for case in SPECS:
+        for one in diagnostics(case).diagnostics:
+            assert one.span is not None, case.name
+            assert 0 <= one.span.start <= one.span.end <= len(one.span.source.text), case.name
+            assert one.span.source.name == f"{case.name}.spec", case.name
 
 
 def test_no_name_of_the_grammar_gets_out():
@@ -52,11 +53,11 @@ def test_no_name_of_the_grammar_gets_out():
     terminals = set(re.findall(r"^(_?[A-Z]+)(?:\.\d+)?:", grammar, re.MULTILINE)) - {"X"}
     assert {"NAME", "_AND", "QUANTITY", "LABEL"} <= terminals
     names = terminals | {"RPAR", "LPAR", "RSQB", "LSQB", "EQUAL", "COLON", "COMMA", "$END", "__ANON_0", "ladder"}
-    for path in SPECS:
-        own = set(re.findall(r"\w+", path.read_text(encoding="utf-8")))
-        for one in diagnostics(path).diagnostics:
+    for case in SPECS:
+        own = set(re.findall(r"\w+", case.text))
+        for one in diagnostics(case).diagnostics:
             said = set(re.findall(r"[$\w]+", f"{one.title} {one.label} {one.help} {one.note}"))
-            assert not (said & names) - own, path.stem
+            assert not (said & names) - own, case.name
 
 
 TASK = "task: leftOf(mug, plate)"

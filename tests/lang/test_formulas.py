@@ -1,8 +1,8 @@
 """The one loop over the tape: children first, every kind of node, values dropped when nobody needs them any more. The
 least clearance from few of them: the same bits, whatever may decide. The least of many gaps is the same to the bit,
 though most of them are not computed. Which atom decides: many scenes at once agree with one by one. Inputs that
-other tools drop, misread or crash on, and that are right here. Those that are mistakes are golden pairs:
-golden/lang/errors/neighbour_*.spec.
+other tools drop, misread or crash on, and that are right here. Those that are mistakes are
+the cases neighbour_* of golden/lang/errors.
 """
 
 from __future__ import annotations

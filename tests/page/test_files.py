@@ -376,9 +376,10 @@ def test_every_shipped_spec_has_a_topic_and_a_small_picture():
     text = (ROOT / "page" / "src" / "panels" / "Welcome.tsx").read_text()
     topics = text[text.index("const TOPICS") : text.index("];", text.index("const TOPICS"))]
     named = re.findall(r'"([a-z0-9_]+)"', topics)
-    assert sorted(named) == sorted(shipped_specs())
+    assert sorted(named) == sorted(shipped_specs()), "TOPICS of page/src/panels/Welcome.tsx, then `make page`"
     pictures = {one.stem: one.stat().st_size for one in (STATIC / "examples").iterdir()}
-    assert pictures.keys() == set(shipped_specs()) and max(pictures.values()) < 20_000
+    assert pictures.keys() == set(shipped_specs()), "`make page-pictures SPECS=NAME`"
+    assert max(pictures.values()) < 20_000
 
 
 def test_only_a_page_of_nothing_begins_with_them(tmp_path):

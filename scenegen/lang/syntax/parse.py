@@ -27,7 +27,7 @@ from scenegen.resources import grammar_file
 # Building an LALR parser from grammar/spec.lark takes Lark a quarter of a second, half of what `scenegen check` may
 # take in all; reading finished tables takes 10 ms. The tables are JSON beside the grammar, and are used only if they
 # were made from this very grammar text by this very version of Lark: otherwise the parser is built from the text.
-# `make tables` rewrites them and a test holds them equal to the grammar. See docs/adr/0001-parser-tables.md.
+# `make derived` rewrites them, and a test holds them equal to the grammar. See docs/adr/0001-parser-tables.md.
 
 
 TABLES = {False: "spec.tables.json", True: "time.tables.json"}  # without time, and with it

@@ -21,10 +21,6 @@ from scenegen.resources import note_input
 from scenegen.scenes.files import below, read_bytes
 from scenegen.things.library import RGB
 
-# --------------------------------------------------------------------------------------------------------------------
-# What stands in a render configuration for one part of a look: a value or a distribution -> how it is drawn.
-
-
 TRIES = 1000  # of a normal distribution, before the nearest value within its limits is taken
 FORMS = "{uniform = [a, b]}, {normal = [mean, sd], within = [a, b]} or {choice = [...]}"
 

@@ -189,10 +189,6 @@ class LookDistribution:
         return [self.at(seed, index, names) for index in range(count)]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `looks.jsonl`: the look of each scene, as it was drawn.
-
-
 LOOKS = "looks.jsonl"
 
 

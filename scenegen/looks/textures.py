@@ -163,10 +163,6 @@ def found_files(folder: Path, pattern: str) -> list[str]:
     return names
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The wood of the table: planks along x with grain, made of smooth noise, and the workspace's edge as a thin inlay.
-
-
 PLANKS = 6  # in the depth of the workspace
 WARMTH = np.array([0.35, 1.0, 1.75])  # how much more a dark streak reduces green and blue than red
 TABLE = 256  # side of the square of random numbers, a power of two

@@ -260,10 +260,6 @@ FIGURES: dict[str, Callable[[Job], dict[str, bytes]]] = {
 }
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Figures of motions: an animation, a strip of moments, phi over time.
-
-
 KINDS = ("gif", "mp4", "strip", "phi")
 MOVING = (".gif", ".mp4")  # endings of files with one motion
 

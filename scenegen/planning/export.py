@@ -32,10 +32,6 @@ from scenegen.planning.goal import GoalReader, PredicateFormula, TranslatedFormu
 from scenegen.planning.problem import Node, SExprAtom, SExprList
 from scenegen.planning.translation import CompiledProblem, carried, filled, resting
 
-# --------------------------------------------------------------------------------------------------------------------
-# Names as every planner reads them: letters, digits, `-` and `_`, no two alike when case is ignored.
-
-
 RESERVED = frozenset(  # words with a meaning where facts and types stand
     "and or not imply forall exists when either object number assign increase decrease scale-up scale-down preference "
     "always sometime within define".split()
@@ -172,10 +168,6 @@ def clean(said: str) -> str:
     return " ".join("".join(char if char.isprintable() else " " for char in said).split())
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Scenes as planning problems: which goal, which facts, and the texts of the files.
-
-
 Rows = npt.NDArray[np.float64]
 
 DOMAIN = "scenes"
@@ -255,10 +247,6 @@ def goal_labels(grounded: GroundedFacts, wanted: Sequence[str] | None) -> tuple[
         if name not in known:
             raise RequestError(UNKNOWN_CHOICE(what="label", name=name, known=known))
     return tuple(dict.fromkeys(wanted)) if wanted else (GOAL,) if GOAL in known else known
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Scenes of an imported problem, in its own words: its predicates, its names, its goal.
 
 
 BDDL_ONLY = ("forn", "forpairs", "fornpairs")
@@ -528,10 +516,6 @@ def _bddl(node: Node | None) -> bool:
 
 def _one_line(node: Node) -> str:
     return " ".join(re.sub(r";[^\n]*", " ", node.span.text).split())
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What of a goal PDDL has no words for, and where planners read it otherwise: told, once files are written.
 
 
 MOST_SAID = 3  # parts that are named; the domain has all

@@ -35,10 +35,6 @@ from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.planning.goal import relation as meaning
 
-# --------------------------------------------------------------------------------------------------------------------
-# Which relations become predicates: those of the prelude and of the spec, those of a map, and calls in a goal.
-
-
 THING, PLACE = "thing", "region"
 MOST_ARGUMENTS = 3  # of relations that are asked for by name
 OVER_PLACES = ("on", "inside", "restsOn", "insideOf")  # their second argument is a region, too, by default
@@ -176,10 +172,6 @@ def _number(lowering: Lowering, value: Value) -> str:
     scale, unit = {LENGTH: (100.0, "cm"), ANGLE: (180.0 / math.pi, "deg")}.get(value.unit, (1.0, ""))
     said = f"{amount * scale:.6g}{unit}".replace("+", "")
     return f"minus{said[1:]}" if said.startswith("-") else said
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Formulas over facts, as planners read them: literals joined by `and` and `or`.
 
 
 Truths = npt.NDArray[np.bool_]
@@ -410,8 +402,6 @@ class _Expansion:
             reason = problems[0].title
             raise RequestError(FACTS_MEAN_NOTHING(name=relation.name, formula=relation.comment, reason=reason))
 
-    # ---- facts
-
     def _add(self, fact: Fact, node: int, *, part: bool = True) -> int:
         """`part`: goals with this formula in them refer to this fact."""
         number = self._numbers[fact] = len(self.facts)
@@ -488,8 +478,6 @@ class _Expansion:
 
     def _frame(self, text: str) -> CallFrame:
         return CallFrame(Source("<facts>", text))
-
-    # ---- goals
 
     def _goal(self, node: int, depth: int) -> Formula | None:
         """A formula of the core over facts; None where it is too large to be written out."""

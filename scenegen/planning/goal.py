@@ -234,10 +234,6 @@ def negation(part: TranslatedFormula) -> TranslatedFormula:
     return TranslatedFormula({"true": "false", "false": "true"}.get(part.text, f"!({part.text})"))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Predicates -> relations of the language. `$1`, `$2` are arguments; matching ignores case, hyphens and underscores.
-
-
 Holds = Literal["on", "in", ""]
 
 
@@ -326,10 +322,6 @@ def relation(written: str) -> PredicateFormula:
             return PredicateFormula(
                 max((int(one) for one in re.findall(r"\$(\d)", formula)), default=0), f"({formula})"
             )
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# MAP.toml: what a user says of kinds of things and of predicates.
 
 
 MAX_BYTES = 1_000_000

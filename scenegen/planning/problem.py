@@ -17,10 +17,6 @@ from scenegen.errors.worlds import PDDL_FORM, PDDL_NO_PROBLEM, PDDL_TEXT, PDDL_T
 from scenegen.lang.syntax.parse import plain_breaks
 from scenegen.scenes.files import read_bytes
 
-# --------------------------------------------------------------------------------------------------------------------
-# Text -> s-expressions with places. One loop, no recursion, and limits that hostile text meets early.
-
-
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 200  # what reads the tree may recurse
 

@@ -21,14 +21,10 @@ from scenegen.planning.problem import Node, PddlProblem, PddlRegion, TypedName
 from scenegen.things.library import ALIASES, ASSETS, Shape
 from scenegen.things.surfaces import fits, surfaces_of
 
-# --------------------------------------------------------------------------------------------------------------------
 # What things look like: by category a shape of the language, or furniture that is held in place.
-#
 # Sizes are in metres and of our own choosing, after everyday things: a map of one's own takes their place. Furniture
 # has a body, which is solid, and sites, at which things can be: the top of the body, or a board at a height, in the
 # furniture's frame.
-
-
 Rectangle = tuple[float, float, float, float]
 
 

@@ -42,9 +42,6 @@ from scenegen.planning.problem import Node, PddlProblem, SExprAtom, SExprList
 from scenegen.planning.setting import Rectangle, Referent, Setting, category, shape_from, supports_of
 from scenegen.things.surfaces import reach_of
 
-# --------------------------------------------------------------------------------------------------------------------
-# Which pairs of a spec's bodies could share space: only these need a requirement, and phi stays cheap.
-
 
 def collisions(setting: Setting, options: dict[str, list[str]]) -> list[str]:
     """`require` statements for all pairs of things, furniture and boards whose boxes, seen from above, can meet.

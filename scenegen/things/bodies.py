@@ -87,10 +87,6 @@ def _corners(shape: Shape) -> Sequence[Point]:
     return corners_of(shape.footprint, RIM_SIDES, CORNERS)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The pieces of the library's objects, where the prism over the footprint would be too coarse.
-
-
 ROUND_SIDES = 20  # of solid round pieces
 DOME = ((0.0, 0.95), (0.18, 1.0), (0.6, 0.85), (1.0, 0.35))  # a mouse, in half its length, width and height
 

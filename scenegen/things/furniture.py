@@ -14,9 +14,6 @@ import numpy as np
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
 
-# --------------------------------------------------------------------------------------------------------------------
-# What furniture is made of: upright pieces, and surfaces. In the object's frame, with its front along +x; metres.
-
 
 @dataclass(frozen=True, slots=True)
 class DrawerPull:
@@ -87,10 +84,6 @@ class ShelfUnit:
         return (*sides, back, *(Slab(inner, level - self.board, level) for level in self.levels))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Things with room inside: vessels of revolution and crates, as convex pieces and as the rooms that they leave.
-
-
 Rooms = tuple[tuple[Circle | Box, float], ...]
 
 SIDES = 16  # of a vessel's wall
@@ -143,13 +136,9 @@ class RoundSolid:
     rows: Rows
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # A chest of drawers, each open by a share of its length; and one drawer alone.
-#
 # The carcass is one solid piece: what is in it can neither be seen nor reached. A drawer's surface is the part of its
 # floor that is out, clear of all that juts out above it: whatever stands there has free height above it.
-
-
 WIDTH = 0.440
 BODY = 0.320  # from the back to the fronts of closed drawers
 FRONT = 0.018  # how thick a drawer's front is; the top reaches as far
@@ -260,10 +249,6 @@ def _box(start: float, stop: float, low: float) -> tuple[Slab, ...]:
     y = _inner()
     sides = [Slab((start, at, stop, at + WALL), low + FLOOR, low + SIDE) for at in (-y - WALL, y)]
     return Slab((start, -y - WALL, stop, y + WALL), low, low + FLOOR), *sides
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A rack for bottles and glasses: six cells between low boards, and a bar to carry it by. Metres.
 
 
 CELL = 0.094  # the side of a cell

@@ -23,10 +23,6 @@ from scenegen.things.colored_mesh import FARTHEST, WHITE, ColoredMesh, MeshBudge
 from scenegen.things.library import RGB
 from scenegen.things.outline import Floats, Indices, MeshError
 
-# --------------------------------------------------------------------------------------------------------------------
-# A glTF file as JSON and buffers: items, arrays and images by their numbers, each checked before it is read.
-
-
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 MOST_JSON = 16_000_000  # bytes of JSON
 MOST_BYTES = 128_000_000  # of all buffers and images together

@@ -201,10 +201,6 @@ def ribbon(stations: Sequence[tuple[float, float, float, float, float]]) -> Mesh
     return loft(sections)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What a part is, and the few details that several objects share.
-
-
 CREAM: RGB = (0.96, 0.93, 0.84)
 WHITE: RGB = (0.97, 0.97, 0.96)
 STEEL: RGB = (0.70, 0.72, 0.75)
@@ -270,10 +266,6 @@ def pip(length: float, width: float, bottom: float, top: float) -> Mesh:
     """An arrow head in the plane that points along the heading: the mark of blocks and plain shapes."""
     x, y, tip = length / 2, width / 2, width * 0.06
     return prism([(-x, -y), (x, -tip), (x, tip), (-x, y)], bottom, top)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Plain shapes with sizes of their own: boxes, cylinders and prisms, with an arrow head on top for their heading.
 
 
 BEVEL = 0.05  # of the smallest size: what edges lose

@@ -37,9 +37,6 @@ GLTF = (".glb", ".gltf")
 
 Read = Callable[[str], bytes]  # the bytes of a file by its name, relative to the one that names it; raises MeshError
 
-# --------------------------------------------------------------------------------------------------------------------
-# Names of files, as descriptions write them.
-
 
 def ending_of(name: str) -> str:
     """`.obj` of `Meshes\\Vase.OBJ`."""
@@ -74,10 +71,6 @@ def local_name(name: str, folder: Path, root: Path) -> str:
             if (folder / path).is_file():
                 return path
     return inner
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Reading a file: as it is drawn, or its geometry alone.
 
 
 def mesh_surfaces(
@@ -152,10 +145,6 @@ def _numbers(rows: list[bytes]) -> Floats:
         raise MeshError("a vertex in it is not three numbers") from None
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Binary STL files, and those in words.
-
-
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 80  # bytes of a binary STL before the number of triangles
 
@@ -202,12 +191,8 @@ def _stl_in_words(text: bytes) -> Floats:
     return _numbers(corners)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Wavefront .obj files, with the colours and textures of their .mtl files.
-#
 # The format: http://www.martinreddy.net/gfx/3d/OBJ.spec and http://paulbourke.net/dataformats/mtl/.
-
-
 MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a text
 MOST_MATERIALS = 10_000
 WITHOUT = ("", "None", "(null)")  # names of exporters for no material

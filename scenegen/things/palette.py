@@ -77,10 +77,6 @@ def mix(color: RGB, other: RGB, share: float) -> RGB:
     return red, green, blue
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The colours of a scene's objects.
-
-
 def _family(name: str, asset: str) -> str | None:
     """What an object gets a shade of its colour with: the array of a plain shape, the library's objects of one name.
     None where its colour is its own."""

@@ -57,9 +57,6 @@ from scenegen.things.mesh import (
 )
 from scenegen.things.palette import mix
 
-# --------------------------------------------------------------------------------------------------------------------
-# What carries and holds: trays, cartons, boards, teapots.
-
 
 def crate_of(name: str) -> Crate:
     """The library's crate of that name."""
@@ -306,10 +303,6 @@ def bin(color: RGB) -> tuple[Part, ...]:
         Part(joined(lines), mix(color, DARK, 0.50)),
         Part(joined(slots), mix(color, DARK, 0.62)),
     )
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What holds other things in the pictures: shelf units, baskets, pots and their lids, stands.
 
 
 GROWN = 0.0004  # metres by which boards reach into the sides, so that no line of the table shows

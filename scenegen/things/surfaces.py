@@ -200,13 +200,9 @@ def rooms_of(shape: Shape) -> Rooms:
     return tuple(rooms)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What objects stand on: the table, or another object that carries their middle.
-#
 # Where a spec does not declare heights (docs/adr/0011-supports.md), this is how they are read from the poses (x, y,
 # theta), for pictures, for files of simulators and for settling alike.
-
-
 ROUNDING = 1e-9  # of a distance: far more than computing it can lose
 
 
@@ -307,13 +303,9 @@ def _centroid_at(footprint: Footprint, poses: Floats) -> tuple[Floats, Floats, F
     return x + cos * u - sin * v, y + sin * u + cos * v, theta
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # How things that taper stand in vessels whose walls slope: how deep they go, and how far they can then be moved.
-#
 # Both are taken as solids of revolution on one axis: how wide a thing is at each height, against how wide the vessel
 # is there. `rooms_of` has what fits as a prism; this is for what does not.
-
-
 SLACK = (
     0.0001  # metres to each side of what stands between sloping walls: where it fits exactly there is one place alone
 )
@@ -456,10 +448,6 @@ def _lowest(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 def _scaled(rows: Sequence[tuple[float, float]], wide: float, tall: float) -> Rows:
     return tuple((z * tall, radius * wide) for z, radius in rows)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Which objects of a scene stand in each other: what pictures show as one thing going through another.
 
 
 SEEN = 1e-3  # metres that two objects share at least, sideways and upwards

@@ -179,10 +179,6 @@ def apple(color: RGB) -> tuple[Part, ...]:
     return Part(body, color), Part(stalk, (0.36, 0.24, 0.15)), Part(leaf, (0.30, 0.55, 0.22))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Cutlery, boxes, books and blocks.
-
-
 def fork(color: RGB) -> tuple[Part, ...]:
     shaft = ribbon(
         [
@@ -300,10 +296,6 @@ def block(color: RGB) -> tuple[Part, ...]:
     return Part(box(0.050, 0.050, 0.0490, 0.0025), color), Part(pip(0.026, 0.026, 0.0480, 0.0500), mark)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Bananas, oranges and lemons.
-
-
 LEAF: RGB = (0.30, 0.55, 0.22)
 STALK: RGB = (0.38, 0.30, 0.16)
 
@@ -366,10 +358,6 @@ def lemon(color: RGB) -> tuple[Part, ...]:
     stalk = revolve([(0.0, 0.0415), (0.0038, 0.0425), (0.0030, 0.0448), (0.0, 0.0450)], 12).laid().moved(z=0.0288)
     shine = tube([(-0.016, 0.0562), (0.0, 0.0575), (0.014, 0.0563)], 0.0035, 0.0005, 8)
     return Part(body, color), Part(stalk, STALK), Part(shine, mix(color, (1.0, 1.0, 0.9), 0.5))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What lies on desks: laptops, phones, pens, scissors and the like.
 
 
 SCREEN: RGB = (0.20, 0.40, 0.62)

@@ -22,12 +22,8 @@ from scenegen.things.mesh import Mesh, box, disc, revolve
 from scenegen.things.meshfile import PLAIN, Read, beside, ending_of, mesh_points, mesh_surfaces
 from scenegen.things.outline import Floats, MeshError, Shadow
 
-# --------------------------------------------------------------------------------------------------------------------
 # XML from strangers: elements with their attributes, lines and short texts, nothing else.
-#
 # Document types are refused, and with them entities; size, depth and number of elements are limited.
-
-
 MOST_XML_BYTES = 8_000_000
 MOST_ELEMENTS = 20_000
 DEEPEST = 50
@@ -113,10 +109,6 @@ def elements(data: bytes) -> Element:
     except (LookupError, ValueError):  # of the codecs, for an encoding that expat does not know itself
         raise MeshError("it is not well-formed XML: its encoding is unknown") from None
     return document.children[0]
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The links of a URDF file with their poses, all joints at zero, and the numbers of its elements.
 
 
 FARTHEST = 1e6  # of any number in the file
@@ -294,10 +286,6 @@ class MeshFiles:
         return lambda other: self.read(beside(name, other))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Outlines.
-
-
 LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects, as in the language
 USUAL = 20.0  # metres: a file of something larger is in another unit
 ROBOT = ".urdf"
@@ -389,10 +377,6 @@ def _add(shadow: Shadow, shape: Element, pose: LinkFrame, by: float, files: Mesh
             scale = by * np.array(numbers_of(solid, "scale", 3, "1 1 1"))
             for points in files.points(solid.get("filename")):
                 shadow.points(pose.turn, pose.at, points * scale)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Drawings.
 
 
 ROUND = 40, 32, 16  # sides of a cylinder; of a sphere round and from pole to pole

@@ -42,14 +42,10 @@ from scenegen.things.urdf import (
     solid_of,
 )
 
-# --------------------------------------------------------------------------------------------------------------------
 # Convex pieces of a mesh, by CoACD (Wei et al. 2022, https://colin97.github.io/CoACD/): what it collides with.
-#
 # CoACD runs in a process of its own: what it makes of a damaged mesh, crashes and endless searches included, ends
 # there. The seed is fixed, so the same mesh gives the same pieces. They are kept for the next time, by the mesh's
 # content.
-
-
 # Fewer nodes and iterations of its search than the default: a closed bowl takes 7 s, an open box 23 s instead of 100 s.
 OPTIONS = {"threshold": 0.05, "max_convex_hull": 64, "mcts_nodes": 10, "mcts_iterations": 40, "seed": 0}
 MOST_TRIANGLES = 300_000  # of a mesh that is cut
@@ -312,10 +308,6 @@ def _friction(robot: Element, links: list[Element]) -> float | None:
     if any(one > MOST_FRICTION for one in said):
         raise MeshError(f"its friction of {max(said):g} is beyond {MOST_FRICTION:g}")
     return max(said) if said else None
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The bodies of a scene file's objects that are from files of one's own, read again from these files.
 
 
 def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> dict[str, OwnBody]:

@@ -96,14 +96,6 @@ def _one_of(what: str, value: object, known: tuple[str, ...]) -> None:
         raise RequestError(UNKNOWN_CHOICE(what=what, name=value, known=known))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The rules of whole answers: labels over given declarations.
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Rows of names as rules: which arguments may stand together, shared by all relations that take the same.
-
-
 Row = tuple[str, ...]
 
 
@@ -146,10 +138,6 @@ class Sets:
         name = f"{self.prefix}{len(self.rules) + 1}"
         self.rules[name] = part
         return RuleRef(name)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Statements as rules: one rule for each relation, with the arguments and numbers that it can have.
 
 
 MOST_NUMBER = 100  # in the unit's own suffix
@@ -321,10 +309,6 @@ def _timed(steps: int, inner: str, *, moving: bool) -> Part:
     return choice(options)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Scenes that meet what a spec requires: what can be said is held against them.
-
-
 SCENES = 512
 DRAWS = 12  # blocks of uniform scenes that are looked through
 ENOUGH = 64  # valid ones among them, or chains are run from those that there are
@@ -382,10 +366,6 @@ def _chains(core: Core, lowest: Array, highest: Array, start: Array, rng: np.ran
         good = _valid(core, moved)
         rows[:, good] = moved[:, good]
     return rows
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The part of a spec that an answer continues: its declarations, without its labels.
 
 
 BASES = ("goal", "aim", "target")  # what labels are called, whichever is free

@@ -118,10 +118,6 @@ def _same_length(low: str, high: str) -> list[tuple[tuple[str, str], ...]]:
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Grammars as text: GBNF, the dialect of llama.cpp; the Lark dialect of llguidance, and its JSON form.
-
-
 _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"})
 
 

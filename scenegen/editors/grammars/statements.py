@@ -29,10 +29,6 @@ from scenegen.lang.formula.interpret import evaluate, phi
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 
-# --------------------------------------------------------------------------------------------------------------------
-# What a formula over a spec can name, by kind, as a model writes it.
-
-
 OBJECT, REGION, POINT, LIST, HEADING = "object", "region", "point", "list", "heading"
 KINDS = (OBJECT, REGION, POINT, LIST, HEADING)
 HEADINGS = ("NORTH", "EAST", "SOUTH", "WEST", "45 deg", "135 deg", "225 deg", "315 deg")
@@ -187,14 +183,10 @@ def fits(form: PhraseForm, words: GrammarNames) -> bool:
     return form.kinds.count(OBJECT) < 3 or threes * len(words.names[OBJECT]) <= MOST_THREES
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What of all that could be said checks, and how phi of it varies over scenes that meet what the spec requires.
-#
 # Every formula is expanded by the checker itself, into one core; what it refuses, and what is the same in every
 # scene, is left out. A formula that some of the scenes satisfies can be satisfied: no proof to the contrary can be
 # found.
-
-
 PROBES = 16  # scenes in which an extra argument has to shift phi by as much
 EXACT = 1e-9  # what rounding may make of a shift
 LIVE = 1 << 23  # numbers that a look at some scenes may hold

@@ -108,10 +108,6 @@ class _AnalysisProcess:
                 self._process.kill()
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The program that such a process runs.
-
-
 def main() -> None:
     """Answer the questions of standard input until it ends."""
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")

@@ -29,9 +29,6 @@ from scenegen.lang.syntax.printer import format_source
 from scenegen.lang.syntax.tokens import KEYWORDS
 from scenegen.search import label_bounds
 
-# --------------------------------------------------------------------------------------------------------------------
-# Where names are declared and used: go to definition, the outline of a file, renaming.
-
 
 @dataclass(frozen=True, slots=True)
 class SourceLocation:
@@ -125,10 +122,6 @@ def _is_in_reach(document: Document, binding: Binding, name: str) -> bool:
     return any(one.start < mine.end and mine.start < one.end for one in others for mine in own)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Everything that is wrong with a text, or worth a warning, as an editor shows it.
-
-
 @dataclass(frozen=True, slots=True)
 class DocumentProblem:
     """Characters `start` to `end` of the open text, what to say about them, and the diagnostic's facts as JSON.
@@ -205,13 +198,9 @@ def _place(document: Document, name: str) -> tuple[int, int]:
     return (formula.start, formula.end) if formula is not None else (0, 0)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Places in a text: character offsets, and the lines and characters that editors count in.
-#
 # An editor's `character` counts UTF-16 code units unless client and server agreed on UTF-8 bytes or on UTF-32. Lines
 # end at `\n`; `\r\n` and `\r` count as one break too, so a text keeps its positions when its breaks are made plain.
-
-
 # encoding -> how many units one character takes
 _UNITS: Mapping[str, Callable[[str], int]] = {
     "utf-8": lambda char: len(char.encode("utf-8", "surrogatepass")),
@@ -249,10 +238,6 @@ class EncodedLines:
             if character < 0:
                 return start + place
         return start + len(words)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The text as `scenegen fmt` writes it, as one change to the lines that differ.
 
 
 @dataclass(frozen=True, slots=True)

@@ -177,9 +177,6 @@ def _files(document: Document, offset: int) -> Iterator[CompletionItem]:
             yield CompletionItem(path.name, "file", "", "", start, offset)
 
 
-# ---- what objects stand on
-
-
 def _in_support(tokens: tuple[Token, ...]) -> bool:
     """Whether the tokens of an `object` statement end in a clause `on ...`."""
     for at in range(len(tokens) - 1, 1, -1):
@@ -226,9 +223,6 @@ def _surfaces(binding: Binding) -> tuple[str, ...]:
     return tuple(one.name for one in surfaces_of(shape_of(word)))
 
 
-# ---- members
-
-
 def _members(here: _WordAtCursor) -> Iterator[CompletionItem]:
     binding = here.document.values.get(here.back(2))
     if binding is not None and binding.kind == "object" and not binding.is_array:
@@ -255,9 +249,6 @@ def _members_of(here: _WordAtCursor) -> tuple[str, ...]:
         return ()
     shape = binding.source.text[binding.end : binding.closes].lstrip("= \t\n").split("(")[0].strip()
     return {"circle": (*SIDES, *SIZES), "polygon": (*SIDES, "corners", *SIZES), "rect": MEMBERS}.get(shape, ())
-
-
-# ---- operands
 
 
 def _locals(here: _WordAtCursor, offset: int) -> dict[str, Binding]:

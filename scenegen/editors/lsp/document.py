@@ -67,8 +67,6 @@ class Document:
         """Where the spec may read from, with nothing read yet."""
         return EditedProject(self.path, self._root, open_texts=self.open_texts)
 
-    # ---- names
-
     @cached_property
     def index(self) -> NameIndex:
         return index(self.source, self.path)
@@ -168,8 +166,6 @@ class Document:
         at = [*self.index.between(offset - 1, offset + 1), *self.index.imports]
         touching = [one for one in at if one.start <= offset <= one.end]
         return touching[-1] if touching else None
-
-    # ---- meaning
 
     @cached_property
     def parsed(self) -> tuple[ast.Module | None, list[Diagnostic]]:

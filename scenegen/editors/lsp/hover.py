@@ -30,9 +30,7 @@ from scenegen.lang.syntax.tokens import Token
 from scenegen.search import node_bounds
 from scenegen.things import ASSETS, Shape, shape_of
 
-# --------------------------------------------------------------------------------------------------------------------
 # The value of the expression under the cursor, and the bounds of its phi.
-#
 # The core does not record the source of every sub-formula, so the statements that lead to the cursor are expanded
 # once more, by the checker's own code, and the results at the nodes around the cursor are kept. Inside a definition
 # or a quantifier one node has many results, one for each call and each iteration.
@@ -222,10 +220,6 @@ def _union(ends: Sequence[Interval]) -> tuple[float, float]:
     return min(float(one.lo) for one in ends), max(float(one.hi) for one in ends)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Facts about the declarations of a spec: sizes, places, values; as far as the text has no errors.
-
-
 SHOWN = 12  # names that a list of objects shows
 
 
@@ -307,10 +301,6 @@ def objects(document: Document) -> str:
     return ", ".join(f"`{one}`" for one in spec.objects[:SHOWN]) + more
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The text of a hover.
-
-
 LONGEST = 80  # characters of a formula that a hover repeats
 
 
@@ -359,9 +349,6 @@ def _place(document: Document, token: Token, found: Occurrence | None) -> int:
         if statement is not None and len(statement.tokens) > 2:
             return statement.tokens[2].start
     return token.start
-
-
-# ---- names
 
 
 def _about_name(document: Document, found: Occurrence, around: Sequence[Extent]) -> list[str]:
@@ -434,9 +421,6 @@ def _about_token(token: Token) -> list[str]:
             return [f"{token.text} = {amount:.6g} rad = {math.degrees(amount):.6g} deg"]
         return [f"{token.text} = {amount:.6g} m"] if unit == LENGTH and suffix != "m" else []
     return []
-
-
-# ---- numbers
 
 
 def _phi(extent: Extent, written: bool = False) -> str:

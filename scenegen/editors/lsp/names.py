@@ -283,10 +283,6 @@ class _Walk:
         return None if self.in_header else self.parameters.get(name)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The purpose of keywords, functions and definitions, in one line each.
-
-
 KEYWORDS_IN_WORDS: Mapping[str, str] = {
     "workspace": "the table: workspace [0, 1] x [0, 1], in metres",
     "object": "what stands on the table: object mug, block[7] = box(5 cm, 5 cm, 5 cm), tray at (0.5, 0.5)",

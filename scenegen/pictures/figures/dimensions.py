@@ -17,13 +17,9 @@ from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, children
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.pose import FLAT, THETA, X, Y, row_of, span_of
 
-# --------------------------------------------------------------------------------------------------------------------
 # Where a clearance is measured: the two points whose distance is gap(a, b) or room(a, b), for drawings.
-#
 # One scene at a time, in plain floats; the values themselves come from scenegen.geometry.clearance, and a test
 # compares the lengths with them. A circle is treated as its centre, expanded by its radius.
-
-
 Point = tuple[float, float]
 Pose = tuple[float, float, float]
 Segment = tuple[Point, Point]
@@ -114,10 +110,6 @@ def _onto(point: Point, polygon: Sequence[Point]) -> Point:
         if math.dist(foot, point) < math.dist(best, point):
             best = foot
     return best
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What a top view shows, as plain data: lengths in metres, angles in radians.
 
 
 @dataclass(frozen=True, slots=True)

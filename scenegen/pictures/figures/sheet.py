@@ -8,12 +8,12 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
+from scenegen.looks.paper import INK, PAPER, QUIET, WARM
 from scenegen.looks.stage import overlaps_of
 from scenegen.scenes.blocks import element
 from scenegen.scenes.data import CountData, SceneData, SceneFile
 
 SHOWN = 64  # maximum number of scenes
-PAPER, INK, QUIET, WARM = (250, 250, 249), (38, 40, 44), (112, 116, 124), (178, 58, 44)
 EDGE, GAP, LINE = 28, 18, 20  # pixels: margin of the sheet, space between pictures, height of a caption line
 CAPTION_LINES = 8
 WIDEST = 2000  # width in pixels of a sheet with one more column than necessary

@@ -115,13 +115,9 @@ def _below(
         draw.text((x + width - 1, y + 23), cut(note, small, left), WARM, small, anchor="ra")
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Pages of an animation as an MP4 file: H.264, which browsers, slides and viewers play.
-#
 # PyAV (https://pyav.basswood.io) brings the encoder. One thread and fixed settings: the same pages give the same
 # bytes with the same version of PyAV.
-
-
 ENCODER = "libx264"
 QUALITY = "18"  # constant rate factor: edges and small letters stay sharp
 BLOCK = 2  # pixels: colours of H.264 have half the resolution, so both sides are even

@@ -116,10 +116,6 @@ def _walk(spec: CheckedSpec, start: Array, label: str, targets: Array) -> list[A
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The moves of one scene.
-
-
 SOFT_STEPS, HARD_STEPS = 20, 20  # as in learn/refine.py, like all that follows but the last two
 BETA = 10.0
 LONGEST = 0.25

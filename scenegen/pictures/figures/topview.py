@@ -14,10 +14,6 @@ from xml.sax.saxutils import escape
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.pictures.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, placed
 
-# --------------------------------------------------------------------------------------------------------------------
-# Placement of text in a drawing: each label takes the candidate that covers least of the existing drawing.
-
-
 EM = 0.62  # width of a character in a sans-serif font such as DejaVu Sans, relative to the font size
 STEP = 3.0  # pixels between the points that represent a line
 

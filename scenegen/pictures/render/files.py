@@ -24,10 +24,6 @@ from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.palette import PALETTE
 from scenegen.validation import as_int, as_words
 
-# --------------------------------------------------------------------------------------------------------------------
-# A camera's picture, and the types of its arrays.
-
-
 Image = npt.NDArray[np.float32]
 Picture = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.uint16]
@@ -112,10 +108,6 @@ def _saved(image: Images.Image) -> bytes:
     out = io.BytesIO()
     image.save(out, format="PNG", compress_level=5)
     return out.getvalue()
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Checks of the renderer's arguments.
 
 
 SMALLEST, LARGEST = 16, 4096  # pixels along a side of a picture

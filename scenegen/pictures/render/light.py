@@ -24,10 +24,6 @@ from scenegen.pictures.render.files import GROUND, TABLE, Image, Mask, Picture, 
 from scenegen.things.library import RGB
 from scenegen.things.surfaces import reach_of
 
-# --------------------------------------------------------------------------------------------------------------------
-# Regions of the table, painted on it as thin cloths: they are part of the table's colour, so there is no z-fighting.
-
-
 # Widths, relative to the workspace's side; each is limited to a share of the region's size.
 BORDER, HEM, SEAM, THREAD = 0.0045, 0.0110, 0.0020, 0.0060
 OPAQUE, EDGE = 0.50, 0.85  # opacity of the cloth and of its border
@@ -94,10 +90,6 @@ def _left(a: tuple[float, float], b: tuple[float, float], x: Floats, y: Floats) 
     """Distance from the line through a and b, positive on the left of the way from a to b."""
     (ax, ay), (bx, by) = a, b
     return np.asarray(((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / math.hypot(bx - ax, by - ay))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What a picture shows beyond the table: the ground below it, and the walls of a room around both.
 
 
 GROUND_BELOW = 3.0  # thicknesses of the table top
@@ -198,14 +190,10 @@ def _backdrop(height: int, look: Look | None) -> Floats:
     return np.asarray(np.clip(floor, 0.0, 255.0))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Ambient light from the sky: corners and the table beside objects get less of it, so that objects look placed on the
 # table.
-#
 # Seen from above, the scene is a height map. Blurred over a distance `r`, it gives the height of a point's
 # surroundings; if these are `h` higher than the point, they hide the share h^2 / (h^2 + r^2) of the sky from it.
-
-
 SKY_MAP = 512  # pixels along a side of the height map
 SCALES = ((0.008, 0.40), (0.025, 0.35), (0.065, 0.25))  # distances in metres, and their weights
 STEEPEST = 3.0  # surroundings higher than so many distances hide no more

@@ -48,9 +48,6 @@ from scenegen.things.meshfile import mesh_surfaces
 from scenegen.things.outline import MeshError
 from scenegen.things.urdf import robot_surfaces
 
-# --------------------------------------------------------------------------------------------------------------------
-# `cameras.json`: how every view maps the world to pixels, and what the numbers in masks mean.
-
 
 def cameras_json(file: SceneFile, stage: PictureSetup, options: PictureOptions, looks: Sequence[Look] = ()) -> bytes:
     """The file's content. World: metres, x to the right, y away from the viewer, z up, 0 the table. Camera: x to the
@@ -90,10 +87,6 @@ def recorded(looks: Sequence[Look], seed: int, stage: PictureSetup, options: Pic
     own = VIEW in options.views
     cameras = [look.camera(stage.corners(), options.size) if own else None for look in looks]
     return looks_jsonl(looks, seed, files, cameras)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Draws pictures on several processes, in scene order.
 
 
 def draw(
@@ -246,10 +239,6 @@ def _small(data: bytes, size: tuple[int, int]) -> Image.Image:
     return sheet
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Pictures in memory, for figures that are composed of them.
-
-
 def pictures(
     file: SceneFile,
     view: str,
@@ -268,10 +257,6 @@ def pictures(
                 yield picture.convert("RGB")
             if progress is not None:
                 progress(number, total)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The meshes of a scene file's objects, read again from their files, to be drawn as they are.
 
 
 def still_outlines(file: SceneFile, folder: Path) -> tuple[str, ...]:

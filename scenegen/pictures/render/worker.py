@@ -27,10 +27,6 @@ if TYPE_CHECKING:
     from scenegen.pictures.render.painter import Painter
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Names on pictures, beside the blocks that represent objects which are not in the library.
-
-
 INK, PAPER = (38, 40, 44), (255, 255, 255)
 LEAST, SHARE = 10, 32  # minimum font size in pixels, and the height of a picture in lines
 
@@ -111,10 +107,6 @@ class DrawPixels(RenderJob):
     def __call__(self, places: Places) -> npt.NDArray[np.uint8]:  # type: ignore[override]  # pixels
         (view,) = self.options.views
         return np.ascontiguousarray(self._shots(places)[view].color[..., :3], dtype=np.uint8)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Pictures while a program runs: one process draws them all, a scene at a time.
 
 
 __all__ = ["LiveRenderer", "RenderJob", "check_request"]

@@ -21,10 +21,6 @@ from scenegen.worlds.export.meshes import drawn_obj
 from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, BodyForm, ConvexPiece, Patch, World, piece_of
 from scenegen.worlds.export.xml import Element, check_room, document, node, numbers, short
 
-# --------------------------------------------------------------------------------------------------------------------
-# How MJCF files look: light, cameras and the colours of table, floor and walls, as usual or by a look.
-
-
 GREY = "0.66 0.67 0.69 1"
 STIFFER = "scenegen"  # the class of what collides, and of all that is of it
 SLIPPERY = 0.01  # MuJoCo uses the larger friction of two: on the table, the object's

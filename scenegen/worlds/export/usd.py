@@ -328,10 +328,6 @@ def _vectors(rows: Floats) -> Any:
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(rows + 0.0, dtype=np.float32))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How USD files look: materials, lights and cameras.
-
-
 FOCUS, SHAPE = 24.0, 16.0 / 9.0  # mm; width to height of pictures
 FIELD = 45.0  # degrees, from the lower edge of a picture to the upper
 # Degrees about x and y. The sun is as bright as a new light in Isaac Sim; the other one brightens its shadows.
@@ -401,10 +397,6 @@ def cameras(stage: UsdStage, root: str, table: tuple[float, float, float, float]
     stage.camera(f"{root}/front", at=(x, y - 1.1 * side, 1.1 * side), turn=45.0, lens=lens)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Names of prims: identifiers of USD, made from names of any kind.
-
-
 # Newer versions of USD allow more letters; those of Isaac Sim before 5 do not.
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _OTHER = re.compile(r"[^A-Za-z0-9_]+")
@@ -435,10 +427,6 @@ def _plain(name: str) -> str:
     """An identifier with the letters and digits of a name."""
     word = _OTHER.sub("_", name).strip("_") or "object"
     return f"_{word}" if word[0].isdigit() else word
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The file of a form: one rigid body at the origin, which scenes refer to, and which can be used by itself.
 
 
 CONTACT = "contact"  # the name of the material for contacts
@@ -483,10 +471,6 @@ def body_file(body: Body) -> bytes:
         stage.collider(path, contact, hull=piece.box is None)
     stage.finish()
     return stage.text()
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The file of a scene, or of several: table, objects and environment.
 
 
 ROOT, AROUND = "/Scene", "/Environment"

@@ -41,10 +41,6 @@ if TYPE_CHECKING:
 
 FOLDER = "textures"
 
-# --------------------------------------------------------------------------------------------------------------------
-# Mass properties: centre and moments of closed meshes, by the divergence theorem.
-
-
 LEAST = 1e-19  # cubic metres
 
 
@@ -288,10 +284,6 @@ def piece_of(mesh: Mesh) -> ConvexPiece:
     full = float(np.prod(most - least))
     box = ((least + most) / 2).tolist(), (most - least).tolist()
     return ConvexPiece(mesh, None if mesh.volume < full * (1.0 - 1e-6) else box)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Pictures on objects from files of one's own, as simulators take them: PNG, and places from the lower edge.
 
 
 def paints_of(skins: Sequence[ColoredMesh]) -> dict[int, Paint]:

@@ -155,10 +155,6 @@ def _moments(corners: Sequence[Point]) -> tuple[float, float, float]:
     return along / (12.0 * area), across / (12.0 * area), mixed / (24.0 * area)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What touches in a scene before it is simulated, by pairs of objects.
-
-
 TABLE = -1  # takes the place of an object's index
 NEAR = 1e-4  # metres: what is closer counts as touching
 
@@ -181,10 +177,6 @@ def gathered(points: Iterable[tuple[int, int, float]]) -> tuple[Contact, ...]:
         pair = min(a, b), max(a, b)
         nearest[pair] = min(nearest.get(pair, NEAR), apart)
     return tuple(Contact(*pair, max(0.0, -apart)) for pair, apart in sorted(nearest.items()) if apart < NEAR)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# How far an object may move and still count as settled.
 
 
 FARTHEST = 0.01  # metres, of the centre of mass

@@ -233,9 +233,7 @@ def _motion(before: Where, now: Where) -> tuple[float, float]:
     return math.dist(before[0], now[0]), math.degrees(2.0 * math.atan2(sin, cos))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # A world in a running PyBullet.
-#
 # PyBullet reads the SDF that Gazebo does, but takes neither inertia nor friction from it, and rounds bodies off by a
 # millimetre: these are set afterwards. (It lets the rounding of convex pieces be set where these are STL files.)
 

@@ -37,9 +37,6 @@ from scenegen.worlds.export.world import NOTHING, Own, World, world_of
 from scenegen.worlds.physics.bodies import TABLE, Contact
 from scenegen.worlds.physics.simulation import ROUND, RestResult, check_simulator, resting, version_of
 
-# --------------------------------------------------------------------------------------------------------------------
-# Settled scenes as arrays, and in words.
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SettledScenes:
@@ -328,10 +325,6 @@ def _judged(
     return SettledBlock(rested.poses, shift, turn, moved, np.where(lost, np.nan, phi), contacts, chosen)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Settling scenes that differ in how many things there are: scenes of the same things together.
-
-
 AT_ONCE = 4096  # scenes: the processes start again for each number of things among so many
 
 
@@ -369,10 +362,6 @@ def _by_numbers(
             for scene, touches in zip(part.tolist(), found.contacts, strict=True):
                 contacts[scene] = touches
     return SettledBlock(poses, shift, turn, moved, phi, tuple(contacts), on)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A scene in a PyBullet that is running.
 
 
 def load_pybullet(

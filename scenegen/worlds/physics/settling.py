@@ -154,12 +154,8 @@ class Refusals:
         return UNSETTLED(summary=self.summary(), often=True if self.refused * 2 > self.scenes else None)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # A plan without the scenes that do not settle.
-#
 # Of motions the scene in which they begin is dropped.
-
-
 MOST = 256  # about how many scenes of a piece are dropped: a few seconds of one core
 AT_LEAST = 2  # of each cell
 

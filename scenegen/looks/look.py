@@ -12,9 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.looks.camera import Camera, Floats, at_angles, from_place
 from scenegen.resources import __version__
 from scenegen.things.library import RGB
+from scenegen.validation import as_int
 
 VIEW = "look"  # the view whose camera a look places
 SEEDS = 2**63  # one more than the largest seed
@@ -130,10 +133,7 @@ class Look:
         x, y = float(eye[0]), float(eye[1])
         low, high = (
             (min(x0 - away, x - behind), min(y0 - away, y - behind)),
-            (
-                max(x1 + away, x + behind),
-                max(y1 + away, y + behind),
-            ),
+            (max(x1 + away, x + behind), max(y1 + away, y + behind)),
         )
         return (*low, *high)
 
@@ -151,6 +151,13 @@ class Look:
             keys = ("hue", "saturation", "brightness")
             data["objects"] = {tint.name: {key: getattr(tint, key) for key in keys} for tint in self.tints}
         return {name: value for name, value in data.items() if value is not None}
+
+
+def check_seed(seed: int) -> int:
+    """Raises RequestError for a seed of looks that is no whole number from 0 to 2^63 - 1."""
+    if not 0 <= as_int("seed", seed) < SEEDS:
+        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted="from 0 to 2^63 - 1"))
+    return seed
 
 
 def field_of(focal_length: float) -> float:

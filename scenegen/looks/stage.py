@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scenegen.errors import DataError
 from scenegen.errors.files import OTHER_OBJECTS
 from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.looks.camera import PLACES
 from scenegen.pose import FLAT, THETA, TWO_PI, flat
 from scenegen.scenes.blocks import objects_of
 from scenegen.scenes.data import (
@@ -39,6 +40,10 @@ TALLEST = 0.60  # what the camera makes room for, in sides of the workspace
 TALLEST_DECLARED = 1.5  # likewise, where a spec says how high things stand
 FAR_OUT = 16.0  # sides of the workspace: how far from the origin it is drawn where it is
 WOOD: RGB = (0.83, 0.72, 0.58)
+USUAL_WIDTH = 640  # pixels: default width of the picture of a square workspace
+ASPECT_RATIOS = (0.75, 3.0)  # least and largest width over height of a default picture
+FILLED = 0.87  # share of the height of a 4:3 picture that a square table fills
+SIZE_STEP = 16  # pixels: sides of such pictures are multiples of it
 ABSENT = (math.nan,) * len(FLAT)
 
 
@@ -186,6 +191,27 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     tallest = max(float(tops.max(initial=0.0)), *boards, 0.0)
     height = min(tallest, (TALLEST_DECLARED if file.version == RAISED or any(boards) else TALLEST) * side)
     return PictureSetup(workspace, (table[0], table[1], table[2], table[3]), height, things, patches, declared)
+
+
+def usual_size(file: SceneFile, width: int = USUAL_WIDTH) -> tuple[int, int]:
+    """The default size in pixels for the table of a file's workspace: 4:3 for a square one, wider for a wide one.
+
+    It depends on the workspace and the objects' heights alone, so that all scenes of a spec get one size. All pictures
+    have about as many pixels as one of 4:3 that is `width` wide.
+    """
+    long, deep = (high - low for low, high in (file.workspace.x, file.workspace.y))
+    side = max(long, deep)
+    margin = MARGIN * side
+    if not (long > 0.0 and deep > 0.0 and math.isfinite(side + 2.0 * margin)):
+        return width, 3 * width // 4  # drawing reports the error of such a workspace
+    # Objects at the far edge rise above the table. A 4:3 picture has some space for this.
+    tallest = min(max((item.shape.height for item in file.objects), default=0.0), TALLEST * side)
+    above = max(tallest / math.tan(math.radians(PLACES["perspective"][1])) - margin, 0.0)
+    high = max(deep + 2.0 * margin, FILLED * (deep + 2.0 * margin + above))
+    shape = min(max(4.0 / 3.0 * (long + 2.0 * margin) / high, ASPECT_RATIOS[0]), ASPECT_RATIOS[1])
+    mean = width * math.sqrt(0.75)
+    sides = mean * math.sqrt(shape), mean / math.sqrt(shape)
+    return SIZE_STEP * round(sides[0] / SIZE_STEP), SIZE_STEP * round(sides[1] / SIZE_STEP)
 
 
 def overlaps_of(file: SceneFile) -> list[list[str]]:

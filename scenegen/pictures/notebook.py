@@ -45,7 +45,7 @@ def picture(file: SceneFile, rest: Array | None = None) -> bytes | None:
 
 
 def _drawn(file: SceneFile, width: int, rest: Array | None, *, sheet: bool) -> bytes:
-    from scenegen.pictures.render.files import usual_size
+    from scenegen.looks.stage import usual_size
     from scenegen.pictures.render.scenes import render_scenes
 
     size = usual_size(file, width)

@@ -29,7 +29,7 @@ from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec, combinations
-from scenegen.looks.stage import overlaps_of
+from scenegen.looks.stage import overlaps_of, usual_size
 from scenegen.needs import need
 from scenegen.pictures.figures import heatmap as heat
 from scenegen.pictures.figures.charts import phi_chart
@@ -83,7 +83,7 @@ def picture_style(
 ) -> PictureStyle:
     """How the pictures of figures are drawn, of `count` scenes or motions with the head `file`. Raises RequestError for
     what cannot be drawn, before anything is."""
-    from scenegen.pictures.render.files import check_request, usual_size
+    from scenegen.pictures.render.files import check_request
 
     size = usual_size(file) if size is None else size
     check_request((view,), size, workers)

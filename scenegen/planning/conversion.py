@@ -29,9 +29,8 @@ from scenegen.planning.goal import NameMap, read_map
 from scenegen.planning.problem import Domain, domain_of, problem_of, read
 from scenegen.planning.translation import CompiledProblem, Imported, compile_problem
 from scenegen.scenes.files import scene_name, whole_files
-from scenegen.scenes.formats.registry import is_motions
+from scenegen.scenes.formats.registry import check_out, is_motions, is_one_file
 from scenegen.validation import as_path
-from scenegen.worlds.exporting import check_out, is_file
 
 __all__ = ["Exported", "Imported", "export_problems", "import_problem"]
 
@@ -101,7 +100,7 @@ def _comment(scenes: SceneSet, place: int) -> str:
 
 def _write(out: Path, texts: Iterable[tuple[int, str]], words: str | None, count: int) -> Exported:
     """Writes texts, which come with the numbers of their scenes."""
-    together = is_file(out, "pddl")
+    together = is_one_file(out, "pddl")
     if together and count > 1:
         raise RequestError(ONE_PROBLEM_A_FILE(path=out, count=count))
     folder = out.parent if together else out

@@ -19,8 +19,8 @@ from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.errors.requests import NO_SCENES
 from scenegen.looks.camera import USUAL, frame
 from scenegen.looks.configuration import read_looks
-from scenegen.looks.look import LOOKS, VIEW, Look, looks_jsonl
-from scenegen.looks.stage import PictureSetup, places_of, poses_of, stage_of
+from scenegen.looks.look import LOOKS, VIEW, Look, check_seed, looks_jsonl
+from scenegen.looks.stage import PictureSetup, places_of, poses_of, stage_of, usual_size
 from scenegen.looks.textures import Textures
 from scenegen.needs import need
 from scenegen.pictures.figures.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
@@ -33,8 +33,6 @@ from scenegen.pictures.render.files import (
     PictureOptions,
     check_renderer,
     check_request,
-    check_seed,
-    usual_size,
 )
 from scenegen.pictures.render.worker import RenderJob
 from scenegen.pose import flat

@@ -12,8 +12,8 @@ import numpy as np
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES
 from scenegen.looks.camera import Camera
-from scenegen.looks.look import Look, Point, looks_jsonl
-from scenegen.looks.stage import PictureSetup, stage_of
+from scenegen.looks.look import Look, Point, check_seed, looks_jsonl
+from scenegen.looks.stage import PictureSetup, stage_of, usual_size
 from scenegen.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
 from scenegen.scenes.data import SceneFile
 from scenegen.things.library import RGB
@@ -179,7 +179,6 @@ def _wood(stage: PictureSetup, table: Rectangle) -> Pixels:
 def dressing_of(file: SceneFile, looks: str | Path, seed: int) -> SceneLooks:
     """The looks of scenes, with the cameras of their pictures. Raises RequestError, DataError."""
     from scenegen.looks.configuration import read_looks  # Pillow
-    from scenegen.pictures.render.files import check_seed, usual_size
 
     if not file.scenes:
         raise RequestError(NO_SCENES())

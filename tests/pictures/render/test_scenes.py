@@ -20,11 +20,11 @@ from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE
 from scenegen.geometry import Box, Circle, Polygon
 from scenegen.looks.camera import USUAL, frame
-from scenegen.looks.stage import overlaps_of, poses_of, stage_of
+from scenegen.looks.stage import overlaps_of, poses_of, stage_of, usual_size
 from scenegen.pictures.figures.heatmap import heatmap
 from scenegen.pictures.figures.sweep import sweep
 from scenegen.pictures.render import scenes
-from scenegen.pictures.render.files import FIRST, usual_size
+from scenegen.pictures.render.files import FIRST
 from scenegen.pictures.render.scenes import models_of, render_scenes, still_outlines
 from scenegen.processes import process
 from scenegen.scenes import files

@@ -15,13 +15,22 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, Val
 
 from scenegen.errors import DataError, Source, Span
 from scenegen.errors.files import BAD_LOOKS
-from scenegen.looks.look import Draw, LookDistribution, Random, field_of
-from scenegen.looks.textures import BUILT_IN, ENDINGS, MOST_BYTES, MOST_TOGETHER, PLAIN, WOOD, checked, found_files
+from scenegen.looks.look import WHITE, Draw, LookDistribution, Random, field_of
+from scenegen.looks.textures import (
+    IMAGE_ENDINGS,
+    MAX_TEXTURE_BYTES,
+    MAX_TEXTURES_BYTES,
+    PLAIN,
+    TEXTURE_NAMES,
+    WOOD,
+    checked,
+    found_files,
+)
 from scenegen.resources import note_input
 from scenegen.scenes.files import below, read_bytes
 from scenegen.things.library import RGB
 
-TRIES = 1000  # of a normal distribution, before the nearest value within its limits is taken
+MAX_NORMAL_DRAWS = 1000  # of a normal distribution, before the nearest value within its limits is taken
 FORMS = "{uniform = [a, b]}, {normal = [mean, sd], within = [a, b]} or {choice = [...]}"
 
 
@@ -104,7 +113,7 @@ def _pair(value: Any, low: float, high: float) -> tuple[float, float]:
 def _normal(mean: float, sd: float, low: float, high: float) -> Draw:
     def draw(rng: Random) -> float:
         value = mean
-        for _ in range(TRIES):
+        for _ in range(MAX_NORMAL_DRAWS):
             value = float(rng.normal(mean, sd))
             if low <= value <= high:
                 return value
@@ -125,10 +134,9 @@ def _rgb(value: Any) -> RGB:
 
 
 PRESET = "random"
-MAX_BYTES = 1_000_000
-WHITE: RGB = (1.0, 1.0, 1.0)
-REACH = 100.0  # metres: how far away a camera may be
-LOWEST = 0.05  # metres above the table: the least height of a camera
+MAX_LOOKS_BYTES = 1_000_000
+CAMERA_REACH = (-100.0, 100.0)  # metres: where a camera may be, along each axis
+CAMERA_HEIGHT = (0.05, 100.0)  # metres above the table
 PLACED = ("azimuth", "elevation", "distance")  # what a position takes the place of
 
 
@@ -148,10 +156,10 @@ class _Folder:
             except (OSError, ValueError) as error:
                 reason = getattr(error, "strerror", None) or str(error)
                 raise ValueError(f"cannot read {name}: {reason}") from None
-            if len(data) > MOST_BYTES:
-                raise ValueError(f"{name} has more than {MOST_BYTES:,} bytes")
-            if sum(map(len, self.files.values())) + len(data) > MOST_TOGETHER:
-                raise ValueError(f"the textures have more than {MOST_TOGETHER:,} bytes together")
+            if len(data) > MAX_TEXTURE_BYTES:
+                raise ValueError(f"{name} has more than {MAX_TEXTURE_BYTES:,} bytes")
+            if sum(map(len, self.files.values())) + len(data) > MAX_TEXTURES_BYTES:
+                raise ValueError(f"the textures have more than {MAX_TEXTURES_BYTES:,} bytes together")
             try:
                 self.files[name] = checked(data)
             except ValueError as error:
@@ -179,7 +187,7 @@ def _texture(*known: str) -> PlainValidator:
             return chosen([folder.read(name) for name in found_files(folder.path, value["files"])])
         items = choices(value)
         for item in [value] if items is None else items:
-            if isinstance(item, str) and item.lower().endswith(ENDINGS):
+            if isinstance(item, str) and item.lower().endswith(IMAGE_ENDINGS):
                 folder.read(item)
             elif item not in known:
                 near = difflib.get_close_matches(item, known, 1) if isinstance(item, str) else []
@@ -199,20 +207,20 @@ class _LookPart(BaseModel):
 
 class _Table(_LookPart):
     color: Color = None
-    texture: Annotated[Any, _texture(WOOD, *BUILT_IN)] = fixed(WOOD)
+    texture: Annotated[Any, _texture(WOOD, *TEXTURE_NAMES)] = fixed(WOOD)
     texture_size: Size = fixed(0.5)
 
 
 class _Ground(_LookPart):
     color: Color = None
-    texture: Annotated[Any, _texture(*BUILT_IN)] = fixed(PLAIN)
+    texture: Annotated[Any, _texture(*TEXTURE_NAMES)] = fixed(PLAIN)
     texture_size: Size = fixed(1.0)
 
 
 class _Walls(_LookPart):
     distance: Annotated[Any, _number(0.0, 20.0)] = fixed(0.6)
     color: Color = None
-    texture: Annotated[Any, _texture(*BUILT_IN)] = fixed(PLAIN)
+    texture: Annotated[Any, _texture(*TEXTURE_NAMES)] = fixed(PLAIN)
     texture_size: Size = fixed(1.0)
 
 
@@ -230,8 +238,8 @@ class _Camera(_LookPart):
     distance: Annotated[Any, _number(1.0, 5.0)] = fixed(1.0)
     fov: Annotated[Any, _number(5.0, 100.0)] = fixed(32.0)
     focal_length: Annotated[Any, _number(11.0, 250.0)] = None
-    position: Annotated[Any, _point((-REACH, REACH), (-REACH, REACH), (LOWEST, REACH))] = None
-    look_at: Annotated[Any, _point((-REACH, REACH), (-REACH, REACH), (-REACH, REACH))] = None
+    position: Annotated[Any, _point(CAMERA_REACH, CAMERA_REACH, CAMERA_HEIGHT)] = None
+    look_at: Annotated[Any, _point(CAMERA_REACH, CAMERA_REACH, CAMERA_REACH)] = None
     roll: Annotated[Any, _number(-180.0, 180.0)] = fixed(0.0)
 
     @model_validator(mode="after")
@@ -262,7 +270,7 @@ class _Config(_LookPart):
     objects: _Objects | None = None
 
 
-PARTS: dict[str, type[BaseModel]] = {
+LOOK_TABLES: dict[str, type[BaseModel]] = {
     "table": _Table,
     "ground": _Ground,
     "walls": _Walls,
@@ -271,7 +279,7 @@ PARTS: dict[str, type[BaseModel]] = {
     "objects": _Objects,
 }
 
-RANDOM = """
+RANDOM_LOOKS = """
 [table]
 color = {hsv = [[0.02, 0.14], [0.1, 0.55], [0.4, 0.92]]}
 texture = {choice = ["wood", "wood", "wood", "plain", "speckle"]}
@@ -307,9 +315,9 @@ def read_looks(source: str | Path) -> LookDistribution:
     """The distributions of a TOML file, or of the preset "random". Textures are found from the file's folder. Raises
     DataError."""
     if str(source) == PRESET:
-        return _parsed(PRESET, RANDOM, _Folder(Path()))
+        return _parsed(PRESET, RANDOM_LOOKS, _Folder(Path()))
     path = Path(source)
-    data = read_bytes(path, "looks", limit=MAX_BYTES)
+    data = read_bytes(path, "looks", limit=MAX_LOOKS_BYTES)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -352,7 +360,7 @@ def _said(source: Source, error: Any) -> Any:
     loc = [str(part) for part in error["loc"]]
     reason = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "extra_forbidden":
-        model = _Config if len(loc) == 1 else PARTS[loc[0]]
+        model = _Config if len(loc) == 1 else LOOK_TABLES[loc[0]]
         near = difflib.get_close_matches(loc[-1], model.model_fields, 1)
         known = ", ".join(model.model_fields)
         reason = "there is no such key; " + (f"did you mean `{near[0]}`?" if near else f"there are {known}")

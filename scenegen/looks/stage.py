@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scenegen.errors import DataError
 from scenegen.errors.files import OTHER_OBJECTS
 from scenegen.geometry import Box, Circle, Footprint, Polygon
-from scenegen.looks.camera import PLACES
+from scenegen.looks.camera import VIEW_ANGLES
 from scenegen.pose import FLAT, THETA, TWO_PI, flat
 from scenegen.scenes.blocks import objects_of
 from scenegen.scenes.data import (
@@ -26,16 +26,16 @@ from scenegen.scenes.data import (
 )
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, has_picture
 from scenegen.things.library import RGB
-from scenegen.things.outline import DRAWN, simplified
+from scenegen.things.outline import MAX_DRAWN_CORNERS, simplified
 from scenegen.things.palette import colors_of, of_regions, rgb_of
 from scenegen.things.surfaces import base_heights, overlapping
 
 Floats = npt.NDArray[np.float64]
 
-MARGIN = 0.07  # of the table round the workspace, in sides of the workspace
+TABLE_MARGIN = 0.07  # of the table round the workspace, in sides of the workspace
 RIM = 0.015  # of the table round what reaches beyond that, likewise
-BEYOND = 0.60  # how many sides of the workspace the table grows at most for what stands off it
-REGIONS = 0.25  # and for regions, which are cut off there
+MAX_TABLE_GROWTH = 0.60  # how many sides of the workspace the table grows at most for what stands off it
+MAX_REGION_GROWTH = 0.25  # and for regions, which are cut off there
 TALLEST = 0.60  # what the camera makes room for, in sides of the workspace
 TALLEST_DECLARED = 1.5  # likewise, where a spec says how high things stand
 FAR_OUT = 16.0  # sides of the workspace: how far from the origin it is drawn where it is
@@ -131,7 +131,7 @@ def _table(
     for axis, sign in ((0, -1.0), (1, -1.0), (0, 1.0), (1, 1.0)):
         edge = workspace[axis if sign < 0 else axis + 2]
         reached = max((_reach(footprint, poses, axis, sign) - sign * edge for footprint, poses in things), default=0.0)
-        table.append(edge + sign * min(max(reached + RIM * side, MARGIN * side), (MARGIN + most) * side))
+        table.append(edge + sign * min(max(reached + RIM * side, TABLE_MARGIN * side), (TABLE_MARGIN + most) * side))
     return table
 
 
@@ -182,7 +182,7 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     here = [poses[~np.isnan(poses[:, k, 0]), k] for k in range(len(shapes))]
     standing = [(shape.footprint, there) for shape, there in zip(shapes, here, strict=True) if len(there)]
     lying = [(patch.footprint, np.array([patch.pose])) for patch in patches]
-    inner, outer = _table(workspace, lying, REGIONS), _table(workspace, standing, BEYOND)
+    inner, outer = _table(workspace, lying, MAX_REGION_GROWTH), _table(workspace, standing, MAX_TABLE_GROWTH)
     table = [*map(min, inner[:2], outer[:2]), *map(max, inner[2:], outer[2:])]
     declared = _declared(file)
     tops = _bases(shapes, poses, declared) + np.array([shape.height for shape in shapes])
@@ -201,12 +201,12 @@ def usual_size(file: SceneFile, width: int = USUAL_WIDTH) -> tuple[int, int]:
     """
     long, deep = (high - low for low, high in (file.workspace.x, file.workspace.y))
     side = max(long, deep)
-    margin = MARGIN * side
+    margin = TABLE_MARGIN * side
     if not (long > 0.0 and deep > 0.0 and math.isfinite(side + 2.0 * margin)):
         return width, 3 * width // 4  # drawing reports the error of such a workspace
     # Objects at the far edge rise above the table. A 4:3 picture has some space for this.
     tallest = min(max((item.shape.height for item in file.objects), default=0.0), TALLEST * side)
-    above = max(tallest / math.tan(math.radians(PLACES["perspective"][1])) - margin, 0.0)
+    above = max(tallest / math.tan(math.radians(VIEW_ANGLES["perspective"][1])) - margin, 0.0)
     high = max(deep + 2.0 * margin, FILLED * (deep + 2.0 * margin + above))
     shape = min(max(4.0 / 3.0 * (long + 2.0 * margin) / high, ASPECT_RATIOS[0]), ASPECT_RATIOS[1])
     mean = width * math.sqrt(0.75)
@@ -251,7 +251,7 @@ def _patches(file: SceneFile) -> tuple[PictureRegion, ...]:
     for region, color in zip(file.regions, of_regions([region.name for region in file.regions]), strict=True):
         footprint = footprint_of(region.footprint)
         if isinstance(footprint, Polygon):  # every corner is looked at for every pixel
-            footprint = Polygon(simplified(footprint.vertices, DRAWN))
+            footprint = Polygon(simplified(footprint.vertices, MAX_DRAWN_CORNERS))
         patches.append(PictureRegion(footprint, _row(region.pose), color, region.height))
     return tuple(patches)
 

@@ -30,8 +30,8 @@ from scenegen.scenes.files import check_writable, write_whole
 from scenegen.scenes.formats.registry import check_ending
 from scenegen.scenes.motions import MotionFile
 
-SATISFIED = 0.4  # of the scenes: satisfy every label; the others are spread over what phi can be
-MOST_BYTES = 25_000_000
+SATISFIED_SHARE = 0.4  # of the scenes: satisfy every label; the others are spread over what phi can be
+MAX_PAGE_BYTES = 25_000_000
 
 
 def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str = "") -> int:
@@ -69,22 +69,22 @@ def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str 
         },
     }
     page = alone(finite(data)).encode()
-    if len(page) > MOST_BYTES:
+    if len(page) > MAX_PAGE_BYTES:
         raise RequestError(PAGE_LIMIT(size=len(page) / 1e6))
     write_whole(out, page)
     return len(page)
 
 
-T = TypeVar("T", SceneSet, MotionSet)
+SetT = TypeVar("T", SceneSet, MotionSet)
 Phi = dict[str, tuple[float | None, float | None]]
 
 
-def _drawn(spec: Spec, rare: SpecRarity, n: int, draw: Callable[[Phi, int], T], inset: float) -> list[T]:
+def _drawn(spec: Spec, rare: SpecRarity, n: int, draw: Callable[[Phi, int], SetT], inset: float) -> list[SetT]:
     """Some that satisfy all labels, where there are any, and others spread flat over the phi of the first label, but
     for the share `inset` at each of its ends."""
-    parts: list[T] = []
+    parts: list[SetT] = []
     with contextlib.suppress(RequestError):  # nothing satisfies it: all are spread
-        parts.append(draw(dict.fromkeys(spec.labels, (0.0, None)), max(1, round(SATISFIED * n))))
+        parts.append(draw(dict.fromkeys(spec.labels, (0.0, None)), max(1, round(SATISFIED_SHARE * n))))
     rest = n - sum(map(len, parts))
     if rest > 0:
         first = rare.labels[0]

@@ -28,7 +28,7 @@ from scenegen.learn.model import is_family, load_model
 from scenegen.needs import INSTALL, found
 from scenegen.page.jobs.evaluate import scene_set, shown
 from scenegen.page.jobs.source import with_numbers
-from scenegen.page.limits import MAX_FILES, MAX_TEXT, most_scenes
+from scenegen.page.limits import MAX_LISTED_SPECS, MAX_TEXT, most_scenes
 from scenegen.page.worker import dumps
 from scenegen.pose import as_poses, row_count
 from scenegen.resources import shipped_specs
@@ -36,11 +36,11 @@ from scenegen.sampling.request import METHODS
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import is_stream, read_stream, write_whole
 from scenegen.scenes.formats.registry import FORMATS, MOTION_FORMATS, is_motions
-from scenegen.worlds.exporting import EXPORTS, NEEDS, TITLES
+from scenegen.worlds.exporting import EXPORTS, FORMAT_TITLES, NEEDS
 
-MOST_NAME = 255  # bytes of the name of a file or folder
-MOST_DRAFTS = 200  # that are kept; the oldest go
-DEPTH = 3  # folders below the opened one that are looked into
+MAX_NAME_BYTES = 255  # bytes of the name of a file or folder
+MAX_DRAFTS = 200  # that are kept; the oldest go
+MAX_FOLDER_DEPTH = 3  # folders below the opened one that are looked into
 
 
 class FileRefused(Exception):  # noqa: N818 - the client learns why: no failure
@@ -72,7 +72,7 @@ class Folder:
         parts = found.relative_to(self.root).parts
         if any(part.startswith(".") for part in parts):
             raise FileRefused(400, "the page opens no hidden files")
-        if any(len(os.fsencode(part)) > MOST_NAME for part in parts):
+        if any(len(os.fsencode(part)) > MAX_NAME_BYTES for part in parts):
             raise FileRefused(400, "this name is too long for a file")
         return found
 
@@ -85,11 +85,11 @@ class Folder:
         for at, folders, names in os.walk(self.root):
             here = Path(at)
             deep = len(here.relative_to(self.root).parts)
-            folders[:] = sorted(one for one in folders if not one.startswith(".")) if deep < DEPTH else []
+            folders[:] = sorted(one for one in folders if not one.startswith(".")) if deep < MAX_FOLDER_DEPTH else []
             found += [self.relative(here / name) for name in sorted(names) if name.lower().endswith(".spec")]
-            if len(found) >= MAX_FILES:
+            if len(found) >= MAX_LISTED_SPECS:
                 break
-        return found[:MAX_FILES]
+        return found[:MAX_LISTED_SPECS]
 
     def read(self, path: str) -> tuple[str, str]:
         """The text of a spec and its hash. Raises FileRefused."""
@@ -136,7 +136,7 @@ class Folder:
             file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             draft = {"text": text, "was": was, "root": str(self.root), "name": name, "tab": tab}
             write_whole(file, json.dumps(draft).encode())
-            for old in _newest(file.parent.glob("*.json"))[MOST_DRAFTS:]:
+            for old in _newest(file.parent.glob("*.json"))[MAX_DRAFTS:]:
                 old.unlink(missing_ok=True)
         except OSError as error:
             raise FileRefused(403, f"what is not saved cannot be kept: {error.strerror or 'no permission'}") from None
@@ -239,7 +239,7 @@ def _shown(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
     return shown(spec, scene_set(spec, as_poses(rows[:count]), sampler, on), note)
 
 
-STARTER = "tidy_desk"  # the shipped spec that is shown where nothing was named
+FIRST_SPEC = "tidy_desk"  # the shipped spec that is shown where nothing was named
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,7 +297,7 @@ def methods_data() -> list[dict[str, Any]]:
     return [{"name": name, "motions": one.over_time, "model": one.proposes} for name, one in METHODS.items()]
 
 
-FILES = {".json": "JSON", ".jsonl": "JSON Lines", ".parquet": "Parquet"}  # what the page calls scene files
+FILE_TITLES = {".json": "JSON", ".jsonl": "JSON Lines", ".parquet": "Parquet"}  # what the page calls scene files
 
 
 def formats_data() -> list[dict[str, Any]]:
@@ -305,11 +305,11 @@ def formats_data() -> list[dict[str, Any]]:
     have it, too; `install` is what installs a library that it needs and that is missing, else None."""
     rows: list[tuple[str, str, bool, str | None]] = []
     for ending in FORMATS:
-        rows.append((ending[1:], FILES.get(ending, ending[1:]), ending in MOTION_FORMATS, None))
+        rows.append((ending[1:], FILE_TITLES.get(ending, ending[1:]), ending in MOTION_FORMATS, None))
     for name in EXPORTS:
         package = NEEDS.get(name)
         install = INSTALL[package] if package and not found(package) else None
-        rows.append((name, TITLES.get(name, name), False, install))
+        rows.append((name, FORMAT_TITLES.get(name, name), False, install))
     return [dict(zip(("name", "title", "motions", "install"), row, strict=True)) for row in rows]
 
 
@@ -322,7 +322,7 @@ def open_(what: Path | None) -> OpenProject:
         return _model(what)
     if what is None or what.is_dir():
         folder = Folder((what or Path.cwd()).resolve())
-        return OpenProject(folder, shipped_specs()[STARTER].read_text(encoding="utf-8"), STARTER, welcome=True)
+        return OpenProject(folder, shipped_specs()[FIRST_SPEC].read_text(encoding="utf-8"), FIRST_SPEC, welcome=True)
     ending = what.suffix.lower()
     if ending == ".safetensors":
         return _model(what)

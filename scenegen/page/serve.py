@@ -50,8 +50,8 @@ from scenegen.page.limits import (
     MAX_BODY,
     MAX_CONNECTIONS,
     MAX_MESSAGE,
+    MAX_PAGE_SCENES,
     MAX_REQUESTS,
-    MAX_SCENES,
     MAX_SESSIONS,
     MAX_TEXT,
 )
@@ -295,7 +295,7 @@ async def prelude(request: Request) -> Response:
     return JSONResponse({"text": grammar_file("prelude.spec").read_text(encoding="utf-8")})
 
 
-MOST = 4  # downloads that are made at a time
+MAX_DOWNLOADS = 4  # downloads that are made at a time
 
 
 class DownloadRequest(BaseModel):
@@ -306,8 +306,8 @@ class DownloadRequest(BaseModel):
     format: str = Field(max_length=20)
     text: str
     path: str | None = None
-    poses: list[Any] = Field(max_length=MAX_SCENES)
-    on: list[Any] | None = Field(None, max_length=MAX_SCENES)
+    poses: list[Any] = Field(max_length=MAX_PAGE_SCENES)
+    on: list[Any] | None = Field(None, max_length=MAX_PAGE_SCENES)
     request: dict[str, Any] = Field(default={}, max_length=20)
     sampler: dict[str, Any] = Field(default={}, max_length=40)
     counts: dict[str, int] = Field(default={}, max_length=64)
@@ -323,7 +323,7 @@ async def download(request: Request) -> Response:
         raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
     if wanted.path is not None:
         shared.opened.folder.inside(wanted.path)
-    if shared.downloads >= MOST:
+    if shared.downloads >= MAX_DOWNLOADS:
         raise FileRefused(429, "some files are being made already; try again in a moment")
     shared.downloads += 1
     try:
@@ -418,7 +418,7 @@ async def _broken(request: Request, error: Exception) -> Response:
 
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-HEAD = 32 * 1024  # bytes of the head of a request
+MAX_HEAD_BYTES = 32 * 1024  # bytes of the head of a request
 
 
 class BoundedHttpProtocol(H11Protocol):
@@ -511,7 +511,7 @@ def config_of(app: Gate) -> uvicorn.Config:
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE,
         ws_per_message_deflate=False,
-        h11_max_incomplete_event_size=HEAD,
+        h11_max_incomplete_event_size=MAX_HEAD_BYTES,
         timeout_keep_alive=int(IDLE_SECONDS),
         timeout_graceful_shutdown=1,
         log_level="critical",

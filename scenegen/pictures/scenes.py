@@ -34,9 +34,9 @@ from scenegen.needs import need
 from scenegen.pictures.figures import heatmap as heat
 from scenegen.pictures.figures.charts import phi_chart
 from scenegen.pictures.figures.dimensions import FigureObject, FigureScene, dimensions, short
-from scenegen.pictures.figures.sheet import SHOWN as MOST
+from scenegen.pictures.figures.sheet import MAX_THUMBNAILS as MOST
 from scenegen.pictures.figures.sheet import contact_sheet, thumbnail_size
-from scenegen.pictures.figures.strip import HELD, STEP, animation, pages, strip, video
+from scenegen.pictures.figures.strip import LAST_MS, PAGE_MS, animation, pages, strip, video
 from scenegen.pictures.figures.sweep import sweep
 from scenegen.pictures.figures.topview import topview
 from scenegen.pose import as_poses, as_rows, flat
@@ -48,8 +48,8 @@ from scenegen.validation import as_path, as_words
 
 Progress = Callable[[int, int], None]
 
-SHOWN = 6  # scenes of a strip
-FRAMES = 36  # scenes of an animation
+STRIP_SCENES = 6  # scenes of a strip
+ANIMATION_SCENES = 36  # scenes of an animation
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,9 +135,9 @@ class Job:
     @cached_property
     def moving(self) -> SweepFrames:
         """One layout from hard to solved; drawn once for the strip and the animation. Raises RequestError."""
-        frames, chosen = sweep(self.scenes, self.label, FRAMES)
+        frames, chosen = sweep(self.scenes, self.label, ANIMATION_SCENES)
         phi = [float(value) for value in frames.phi[chosen]]
-        picked = sorted({round(place) for place in np.linspace(0, len(frames) - 1, SHOWN)})
+        picked = sorted({round(place) for place in np.linspace(0, len(frames) - 1, STRIP_SCENES)})
         file = frames.file()
         if not {"gif", "mp4"} & {*self.kinds}:
             file = file.model_copy(update={"scenes": [file.scenes[place] for place in picked]})
@@ -209,7 +209,7 @@ def sweep_gif(job: Job) -> dict[str, bytes]:
 def sweep_mp4(job: Job) -> dict[str, bytes]:
     """The same as a video."""
     moving = job.moving
-    return {"sweep.mp4": video(pages(moving.drawn, moving.phi, moving.label, moving.notes), STEP, HELD)}
+    return {"sweep.mp4": video(pages(moving.drawn, moving.phi, moving.label, moving.notes), PAGE_MS, LAST_MS)}
 
 
 def heatmap(job: Job) -> dict[str, bytes]:
@@ -260,8 +260,8 @@ FIGURES: dict[str, Callable[[Job], dict[str, bytes]]] = {
 }
 
 
-KINDS = ("gif", "mp4", "strip", "phi")
-MOVING = (".gif", ".mp4")  # endings of files with one motion
+MOTION_FIGURES = ("gif", "mp4", "strip", "phi")
+MOTION_ENDINGS = (".gif", ".mp4")  # endings of files with one motion
 
 
 def motion_figures(
@@ -276,7 +276,7 @@ def motion_figures(
 ) -> tuple[Path, ...]:
     """See `MotionSet.figures`."""
     folder = as_path("out", out)
-    check_kinds(kinds, KINDS)
+    check_kinds(kinds, MOTION_FIGURES)
     look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
     spec = check_text(motions.header.spec.source, "the spec of these motions")
     chosen = chosen_label(spec.labels, label)
@@ -304,8 +304,8 @@ def animate(
     """See `MotionSet.animate`; `motion` counts from 1."""
     path = as_path("path", path)
     ending = path.suffix.lower()
-    if ending not in MOVING:
-        raise RequestError(UNKNOWN_CHOICE(what="ending", name=path.suffix, known=MOVING))
+    if ending not in MOTION_ENDINGS:
+        raise RequestError(UNKNOWN_CHOICE(what="ending", name=path.suffix, known=MOTION_ENDINGS))
     count = len(motions.poses)
     if motion is None and count > 1:
         raise RequestError(NOT_ONE_MOTION(path=path.name, count=count))
@@ -342,9 +342,9 @@ def _one(
     if "gif" in kinds:
         made[".gif"] = animation(drawn, values, label)
     if "mp4" in kinds:
-        made[".mp4"] = video(pages(drawn, values, label), STEP, HELD)
+        made[".mp4"] = video(pages(drawn, values, label), PAGE_MS, LAST_MS)
     if "strip" in kinds:
-        picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, SHOWN)})
+        picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, STRIP_SCENES)})
         small = round(look.size[0] * 0.5), round(look.size[1] * 0.5)
         shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
         shown_at = [f"t = {times[place]:g} s" for place in picked]

@@ -34,9 +34,9 @@ from scenegen.validation import as_path
 
 __all__ = ["Exported", "Imported", "export_problems", "import_problem"]
 
-ENDING = ".pddl"
-OF_SCENES = "the spec of the scenes"
-OF_MOTIONS = "its first moment, and its last one as the goal."
+PDDL_ENDING = ".pddl"
+SPEC_NAME = "the spec of the scenes"
+MOTION_COMMENT = "its first moment, and its last one as the goal."
 
 Own = Mapping[str, str] | None  # predicates and formulas of a map
 
@@ -68,7 +68,7 @@ def of_scenes(
     source = scenes.header.spec.source
     named: dict[tuple[str, int], str] = {}
     parts = [
-        (ground(source, OF_SCENES, facts, own, counts=numbers, parts=named), numbers, which)
+        (ground(source, SPEC_NAME, facts, own, counts=numbers, parts=named), numbers, which)
         for numbers, which in scenes.parts()
     ]
     words = vocabulary([grounded for grounded, _, _ in parts])
@@ -85,7 +85,7 @@ def of_scenes(
                 comments = {place + 1: _comment(scenes, place) for place in which.tolist()}
                 written = problems.of_scenes(first, comments)
             else:
-                comments = {place + 1: f"Motion {place + 1}: {OF_MOTIONS}" for place in which.tolist()}
+                comments = {place + 1: f"Motion {place + 1}: {MOTION_COMMENT}" for place in which.tolist()}
                 written = problems.of_pairs(first, last[0], comments)
             yield from zip(comments, written, strict=True)
 
@@ -104,11 +104,11 @@ def _write(out: Path, texts: Iterable[tuple[int, str]], words: str | None, count
     if together and count > 1:
         raise RequestError(ONE_PROBLEM_A_FILE(path=out, count=count))
     folder = out.parent if together else out
-    domain = f"{out.stem}_domain{ENDING}" if together else f"domain{ENDING}"
+    domain = f"{out.stem}_domain{PDDL_ENDING}" if together else f"domain{PDDL_ENDING}"
     written: dict[int, Path] = {}
     with whole_files(folder) as put:
         for number, text in texts:
-            name = out.name if together else f"{scene_name(number, count)}{ENDING}"
+            name = out.name if together else f"{scene_name(number, count)}{PDDL_ENDING}"
             put(name, text.encode())
             written[number] = folder / name
         if words is not None:
@@ -177,10 +177,10 @@ def _in_its_words(
 ) -> Exported:
     check_count(scenes)
     source = scenes.header.spec.source
-    checked = check_text(source, OF_SCENES)
+    checked = check_text(source, SPEC_NAME)
     refuse_other(reading, checked.objects, [one.name for one in checked.regions], file)
     rows = rows_of(checked, scenes)
-    originals = Originals(ground(source, OF_SCENES, explicit=candidates(reading, facts)), reading)
+    originals = Originals(ground(source, SPEC_NAME, explicit=candidates(reading, facts)), reading)
     texts = originals.texts(rows, [f"Scene {number}" for number in range(1, len(scenes) + 1)])
     made = _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
     return replace(made, warnings=undecided(originals, file))

@@ -16,8 +16,8 @@ from scenegen.errors.worlds import NO_GOAL_OVER_TIME, NOT_ITS_SCENES, PDDL_GOAL,
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.planning.facts import (
-    MOST_FACTS,
-    MOST_PARTS,
+    MAX_FACTS,
+    MAX_GOAL_PARTS,
     Fact,
     FactJunction,
     Formula,
@@ -288,8 +288,8 @@ def candidates(reading: CompiledProblem, wanted: Sequence[str] | None = None) ->
         found = reading.known(name)
         for count in sorted(arities[key]) if found is not None else ():
             assert found is not None
-            if len(things) ** min(count, 3) > MOST_FACTS:
-                raise RequestError(PDDL_TOO_LARGE(count=len(things) ** count, limit=MOST_FACTS))
+            if len(things) ** min(count, 3) > MAX_FACTS:
+                raise RequestError(PDDL_TOO_LARGE(count=len(things) ** count, limit=MAX_FACTS))
             for names in _choices(things, places, count):
                 if any(names[place] not in asked_of.get((key, place), ()) for place in _unread(found, count)):
                     continue
@@ -518,7 +518,7 @@ def _one_line(node: Node) -> str:
     return " ".join(re.sub(r";[^\n]*", " ", node.span.text).split())
 
 
-MOST_SAID = 3  # parts that are named; the domain has all
+MAX_NAMED_PARTS = 3  # parts that are named; the domain has all
 
 
 def unsaid(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
@@ -539,10 +539,10 @@ def unsaid(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
                 if fact.said:
                     parts[fact.predicate] = fact.said
     if long:
-        found.append(PDDL_GOAL(labels=tuple(long), limit=MOST_PARTS))
+        found.append(PDDL_GOAL(labels=tuple(long), limit=MAX_GOAL_PARTS))
     if parts:
-        said = ", ".join(f"{name} is `{text}`" for name, text in list(parts.items())[:MOST_SAID])
-        more = f" and {len(parts) - MOST_SAID:,} more" if len(parts) > MOST_SAID else ""
+        said = ", ".join(f"{name} is `{text}`" for name, text in list(parts.items())[:MAX_NAMED_PARTS])
+        more = f" and {len(parts) - MAX_NAMED_PARTS:,} more" if len(parts) > MAX_NAMED_PARTS else ""
         found.append(PDDL_GOAL(parts=said + more))
     count = sum(one.edge for one in problems)
     return (*found, PDDL_GOAL(edge=count)) if count else tuple(found)

@@ -36,9 +36,9 @@ from scenegen.lang.syntax.printer import print_expr
 from scenegen.planning.goal import relation as meaning
 
 THING, PLACE = "thing", "region"
-MOST_ARGUMENTS = 3  # of relations that are asked for by name
+MAX_ARGUMENTS = 3  # of relations that are asked for by name
 OVER_PLACES = ("on", "inside", "restsOn", "insideOf")  # their second argument is a region, too, by default
-LONGEST = 100  # characters of a definition in a comment
+MAX_DEFINITION_LENGTH = 100  # characters of a definition in a comment
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ def chosen(scope: Scope, wanted: Sequence[str] | None, own: Mapping[str, str] | 
         known = [name for name, written in own.items() if _formula(written)]
         _refuse_unknown(wanted, known)
         return tuple(one for name in known if wanted is None or name in wanted for one in _of_map(name, own[name]))
-    known = [name for name, one in scope.definitions.items() if _needed(one) <= MOST_ARGUMENTS]
+    known = [name for name, one in scope.definitions.items() if _needed(one) <= MAX_ARGUMENTS]
     _refuse_unknown(wanted, known)
     if wanted is None:
         wanted = [name for name in known if 1 <= _needed(scope.definitions[name]) <= 2]
@@ -100,7 +100,7 @@ def _comment(declared: Declared, scope: Scope) -> str:
             lines.insert(0, above.pop()[2:])
         return " ".join(lines)
     text = print_expr(declared.statement.body)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    return text if len(text) <= MAX_DEFINITION_LENGTH else f"{text[: MAX_DEFINITION_LENGTH - 3]}..."
 
 
 def _formula(written: str) -> str:
@@ -252,10 +252,10 @@ def _joined(kind: str, parts: Sequence[str], indent: int) -> str:
     return f"({kind}\n{' ' * indent}{inner})"
 
 
-MOST_FACTS = 60_000  # that could hold in a scene
-MOST_PARTS = 2_000  # of a goal that is written out; a larger one is the fact of its label
-DEEPEST = 60
-LIVE = 1 << 23  # numbers that a look at some scenes may hold
+MAX_FACTS = 60_000  # that could hold in a scene
+MAX_GOAL_PARTS = 2_000  # of a goal that is written out; a larger one is the fact of its label
+MAX_GOAL_DEPTH = 60
+MAX_TRUTH_NUMBERS = 1 << 23  # numbers that a look at some scenes may hold
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,7 +285,7 @@ class GroundedFacts:
         """Which facts hold, (F, m), in the m scenes of a slice of `rows` (3N, n): their phi is 0 or more."""
         if self.spec.timed is not None:  # a step in which nothing moves
             rows = np.concatenate([rows, rows])
-        block = max(1, LIVE // max(1, len(self.core.nodes) + len(self.facts)))
+        block = max(1, MAX_TRUTH_NUMBERS // max(1, len(self.core.nodes) + len(self.facts)))
         for start in range(0, rows.shape[1], block):
             here = slice(start, min(start + block, rows.shape[1]))
             found = np.zeros((len(self.facts), here.stop - here.start), dtype=np.bool_)
@@ -383,8 +383,8 @@ class _Expansion:
         count = len(self._lowering.scope.objects)
         places = len(self._lowering.areas)
         several = sum(math.prod(count if kind == THING else places for kind in one.kinds) for one in relations)
-        if several + len(self.facts) > MOST_FACTS:
-            raise RequestError(PDDL_TOO_LARGE(count=several, limit=MOST_FACTS))
+        if several + len(self.facts) > MAX_FACTS:
+            raise RequestError(PDDL_TOO_LARGE(count=several, limit=MAX_FACTS))
 
     def _refuse_unknown(self, relation: RelationTemplate) -> None:
         """Raises RequestError for a formula of a map that cannot be read, or names what there is not."""
@@ -482,7 +482,7 @@ class _Expansion:
     def _goal(self, node: int, depth: int) -> Formula | None:
         """A formula of the core over facts; None where it is too large to be written out."""
         self._parts += 1
-        if self._parts > MOST_PARTS or depth > DEEPEST:
+        if self._parts > MAX_GOAL_PARTS or depth > MAX_GOAL_DEPTH:
             return None
         turned = self._lowering.builder.negate(node)
         for one, holds in ((node, True), (turned, False)):

@@ -131,7 +131,7 @@ GROUNDS: dict[str, Rectangle] = {  # what the workspace is
     "coffee_table": (-0.35, -0.8, 0.35, 0.8),
     "floor": (-0.75, -0.75, 0.75, 0.75),
 }
-ROOM = (0.0, 0.0, 5.0, 4.0)  # the floor of a household, where furniture stands
+ROOM_FLOOR = (0.0, 0.0, 5.0, 4.0)  # the floor of a household, where furniture stands
 
 THINGS: dict[str, str] = {
     "akita_black_bowl": "bowl",
@@ -184,7 +184,7 @@ THINGS: dict[str, str] = {
 
 
 BODILESS = ("agent", "robot", "gripper", "arm", "hand", "room", "location", "waypoint")  # kinds without a place here
-STEP = 0.05  # metres between pieces of furniture that no region places
+FURNITURE_GAP = 0.05  # metres between pieces of furniture that no region places
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,8 +235,8 @@ class Setting:
             self.ids[name] = self._identifier(re.sub(r"\.n\.\d+", "", name, flags=re.IGNORECASE))
             if name in targets or (not targets and known in ("floor", "ground", "lawn", "driveway")):
                 self.grounds.append(name)
-                fallback = GROUNDS["kitchen_table"] if targets else ROOM
-                self.space = GROUNDS.get(known) or GROUNDS.get(name.lower()) or fallback if targets else ROOM
+                fallback = GROUNDS["kitchen_table"] if targets else ROOM_FLOOR
+                self.space = GROUNDS.get(known) or GROUNDS.get(name.lower()) or fallback if targets else ROOM_FLOOR
             elif (shape := _mapped(mapped, name, kind, known)) is not None:
                 self.shapes[name] = shape
                 shape_from(shape)
@@ -281,16 +281,16 @@ class Setting:
             return
         x = y = row = 0.0
         if self.furniture and not self.grounds:
-            self.space = ROOM
+            self.space = ROOM_FLOOR
         for name, made in self.furniture.items():
             boards = [one.outline for one in made.sites.values() if one is not None]
             body = made.body or (0.1, 0.1, 0.1)
             length = max([body[0], *(one[2] - one[0] for one in boards)])
             width = max([body[1], *(one[3] - one[1] for one in boards)])
             if x + length > self.space[2]:
-                x, y, row = 0.0, y + row + STEP, 0.0
+                x, y, row = 0.0, y + row + FURNITURE_GAP, 0.0
             self.poses[name] = (round(x + length / 2, 4), round(y + width / 2, 4), 0.0)
-            x, row = x + length + STEP, max(row, width)
+            x, row = x + length + FURNITURE_GAP, max(row, width)
         self.space = (*self.space[:3], max(self.space[3], y + row + 1.0))
 
     def place(self, name: str, region: PddlRegion) -> None:

@@ -27,8 +27,8 @@ from scenegen.geometry import Circle
 from scenegen.lang.checker import check_text
 from scenegen.lang.syntax.printer import format_source
 from scenegen.planning.goal import (
-    COMMON,
-    LIBERO,
+    COMMON_PREDICATES,
+    LIBERO_PREDICATES,
     NO_PLACE,
     GoalReader,
     NameMap,
@@ -88,15 +88,15 @@ def meet(one: Rectangle, other: Rectangle) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-LONGEST = 100  # characters of the source in a comment
+MAX_QUOTE_LENGTH = 100  # characters of the source in a comment
 OVER_ALL = ("reachableFromAbove", "others", "objects", "load", "stable", "noOverlap", "noCollision")  # take all things
 ADVICE = {  # where a spec fails for another reason than sizes, by code
     "constant-label": "the goal holds in every scene or in none, whatever the sizes: ask for less, or for more",
     "too-many-cases": "leave out some of the things, or of what the goal puts them on",
 }
 PROPOSED = {1: "reachableFromAbove($1)", 2: "restsOn($1, $2)", 3: "between($1, $2, $3)"}  # by number of arguments
-ALIKE = 0.81  # of difflib: a name of a map for others is seldom so like one of this problem
-TURN = math.radians(5.0)  # the least tolerance of a heading that a region gives
+MIN_SIMILARITY = 0.81  # of difflib: a name of a map for others is seldom so like one of this problem
+MIN_HEADING_TOLERANCE = math.radians(5.0)  # the least tolerance of a heading that a region gives
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +137,8 @@ class _Compiler:
 
     def line(self, node: Node) -> str:
         text = " ".join(node.span.text.split())
-        if len(text) > LONGEST:
-            text = f"{text[: LONGEST - 3]}..."
+        if len(text) > MAX_QUOTE_LENGTH:
+            text = f"{text[: MAX_QUOTE_LENGTH - 3]}..."
         return f"line {self.problem.source.position(node.span.start)[0]}: {text}"
 
     def lose(self, node: Node, why: str = NO_PLACE) -> TranslatedFormula:
@@ -152,7 +152,7 @@ class _Compiler:
         name = plain(name)
         if name in mapped:
             return relation(mapped[name])
-        return (LIBERO.get(name) if self.problem.regions else None) or COMMON.get(name)
+        return (LIBERO_PREDICATES.get(name) if self.problem.regions else None) or COMMON_PREDICATES.get(name)
 
     def atom(self, node: SExprList, names: Sequence[str], wanted: bool) -> TranslatedFormula:
         self.met[plain(node.head)] = max(len(names), self.met.get(plain(node.head), 0))
@@ -218,7 +218,7 @@ class _Compiler:
 
 
 def _unknown(node: SExprList, count: int) -> Diagnostic:
-    close = nearest(plain(node.head), {*LIBERO, *COMMON})
+    close = nearest(plain(node.head), {*LIBERO_PREDICATES, *COMMON_PREDICATES})
     near = [close] if close and close != plain(node.head) else []
     return UNKNOWN_PREDICATE(node.span, name=node.head, key=key(node.head), relation=PROPOSED.get(count), near=near)
 
@@ -315,7 +315,7 @@ def _unused(own: _Compiler) -> list[Diagnostic]:
         had, mapped = {alike(one) for one in known}, {alike(one) for one in names}
         free = {bare(one): one for one in sorted(known) if alike(one) not in mapped}
         for name in (one for one in names if alike(one) not in had):
-            close = get_close_matches(bare(name), free, 1, cutoff=ALIKE)
+            close = get_close_matches(bare(name), free, 1, cutoff=MIN_SIMILARITY)
             if close:
                 notes.append(MAP_NAMES_NOTHING(file="the map", names=[name], nearest=free[close[0]]))
             else:
@@ -432,7 +432,7 @@ def _initial(
     texts, place = [meaning.text], problem.regions.get(names[-1]) if names else None
     if len(new) == 1 and place is not None and place.yaw and name in setting.shapes:
         low, high = place.yaw[0]
-        half = max(abs(high - low) / 2, TURN)
+        half = max(abs(high - low) / 2, MIN_HEADING_TOLERANCE)
         if half < math.pi and not isinstance(shape_from(setting.shapes[name]).footprint, Circle):
             middle = math.degrees((low + high) / 2)
             texts.append(f"angle({setting.ids[name]}, {middle:.6g} deg, {math.degrees(half):.6g} deg)")

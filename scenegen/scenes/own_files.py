@@ -14,7 +14,7 @@ from scenegen.resources import note_input
 from scenegen.scenes.data import ShapeData, footprint_of
 from scenegen.things.indexed import AssetEntry, IndexFileError, fitted, read_index
 from scenegen.things.library import INDEX
-from scenegen.things.meshfile import GLTF, PLAIN, ending_of, local_name
+from scenegen.things.meshfile import GLTF, MESH_FILES, ending_of, local_name
 from scenegen.things.outline import Floats, MeshError
 from scenegen.things.urdf import measured, mesh_shadow, robot_shadow
 
@@ -44,7 +44,7 @@ def is_read(shape: ShapeData, folder: Path) -> bool:
     if shape.asset == "asset":
         return _entry(folder, shape.path)[1].is_read
     if shape.asset == "mesh":
-        return ending_of(shape.path) in (*GLTF, *PLAIN)
+        return ending_of(shape.path) in (*GLTF, *MESH_FILES)
     return shape.asset == "urdf" and bool(shape.path)
 
 

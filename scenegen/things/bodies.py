@@ -14,16 +14,16 @@ from importlib import import_module
 from itertools import pairwise
 
 from scenegen.geometry.footprint import Point, Polygon, signed_area
-from scenegen.things.furniture import SIDES, Crate, RoundSolid, Slab, Vessel
+from scenegen.things.furniture import WALL_SIDES, Crate, RoundSolid, Slab, Vessel
 from scenegen.things.library import ASSETS, PLAIN, RGB, UNKNOWN, Asset, Shape, entry_of, own_size, stretch_of
 from scenegen.things.mesh import Mesh, Part, box, loft, plain, prism
 from scenegen.things.outline import corners_of
-from scenegen.things.surfaces import GRIP, slabs_of
+from scenegen.things.surfaces import HANDLE_WIDTH, slabs_of
 
 DENSITY = 500.0  # kg/m^3 of what is not in the library: of wood, and of tableware that is half air
 FRICTION = 0.5  # of what is not in the library
 RIM_SIDES = 24  # of prisms that stand for round things
-CORNERS = 64  # of a prism at most
+MAX_COLLISION_CORNERS = 64  # of a prism at most
 
 
 def parts_of_asset(asset: Asset, color: RGB | None = None) -> tuple[Part, ...]:
@@ -84,7 +84,7 @@ def collision_of(shape: Shape) -> tuple[Mesh, ...]:
 
 
 def _corners(shape: Shape) -> Sequence[Point]:
-    return corners_of(shape.footprint, RIM_SIDES, CORNERS)
+    return corners_of(shape.footprint, RIM_SIDES, MAX_COLLISION_CORNERS)
 
 
 ROUND_SIDES = 20  # of solid round pieces
@@ -94,7 +94,7 @@ DOME = ((0.0, 0.95), (0.18, 1.0), (0.6, 0.85), (1.0, 0.35))  # a mouse, in half 
 def _pieces(asset: Asset) -> tuple[Mesh, ...] | None:
     match asset.form:
         case None:
-            return PIECES[asset.name]() if asset.name in PIECES else None
+            return PIECES_OF[asset.name]() if asset.name in PIECES_OF else None
         case Vessel():
             return _walled(asset.form)
         case Crate():
@@ -120,16 +120,16 @@ def _ring(radius: float, z: float, sides: int) -> list[list[float]]:
 
 
 def _walled(vessel: Vessel) -> tuple[Mesh, ...]:
-    """The solid bottom of a vessel, its wall cut into `SIDES` sectors, and its handle."""
+    """The solid bottom of a vessel, its wall cut into `WALL_SIDES` sectors, and its handle."""
     out = []
     for (z0, outer0, inner0), (z1, outer1, inner1) in pairwise(vessel.rows):
         if z1 == z0:
             continue
         if inner0 == inner1 == 0.0:
-            out.append(loft([_ring(outer0, z0, SIDES), _ring(outer1, z1, SIDES)]))
+            out.append(loft([_ring(outer0, z0, WALL_SIDES), _ring(outer1, z1, WALL_SIDES)]))
             continue
-        for k in range(SIDES):
-            a, b = (math.tau * turn / SIDES for turn in (k, k + 1))
+        for k in range(WALL_SIDES):
+            a, b = (math.tau * turn / WALL_SIDES for turn in (k, k + 1))
             out.append(loft([_sector(inner0, outer0, a, b, z0), _sector(inner1, outer1, a, b, z1)]))
     return (*out, *(_handle(*vessel.handle) if vessel.handle else ()))
 
@@ -150,7 +150,7 @@ def _boxed(crate: Crate) -> tuple[Mesh, ...]:
 
 def _handle(inner: float, outer: float, low: float, high: float) -> tuple[Mesh, ...]:
     """The ear of a mug: three bars from the wall at x = `inner` to x = `outer`."""
-    thick, wide = 0.008, GRIP
+    thick, wide = 0.008, HANDLE_WIDTH
     bar = box(outer - inner, wide, thick).moved(x=(inner + outer) / 2.0)
     upright = box(thick, wide, high - low).moved(x=outer - thick / 2.0, z=low)
     return upright, bar.moved(z=low), bar.moved(z=high - thick)
@@ -178,7 +178,7 @@ def _slab_mesh(one: Slab) -> Mesh:
     return box(x1 - x0, y1 - y0, one.high - one.low).moved(**middle)
 
 
-PIECES: dict[str, Callable[[], tuple[Mesh, ...]]] = {  # of what has no form
+PIECES_OF: dict[str, Callable[[], tuple[Mesh, ...]]] = {  # of what has no form
     "teapot": _teapot,
     "laptop": _laptop,
     "mouse": lambda: tuple(part.scaled(0.0575, 0.031, 0.038) for part in _round(*DOME)),

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Polygon, centroid
 from scenegen.things.library import RGB
-from scenegen.things.outline import DRAWN, Floats, Indices, simplified
+from scenegen.things.outline import MAX_DRAWN_CORNERS, Floats, Indices, simplified
 from scenegen.things.palette import mix
 
 CREASE = math.radians(35.0)  # edges sharper than this are drawn as edges, flatter ones as a smooth surface
@@ -202,9 +202,9 @@ def ribbon(stations: Sequence[tuple[float, float, float, float, float]]) -> Mesh
 
 
 CREAM: RGB = (0.96, 0.93, 0.84)
-WHITE: RGB = (0.97, 0.97, 0.96)
+CHINA: RGB = (0.97, 0.97, 0.96)
 STEEL: RGB = (0.70, 0.72, 0.75)
-DARK: RGB = (0.20, 0.18, 0.18)
+SOOT: RGB = (0.20, 0.18, 0.18)
 COFFEE: RGB = (0.28, 0.17, 0.11)
 
 
@@ -269,19 +269,19 @@ def pip(length: float, width: float, bottom: float, top: float) -> Mesh:
 
 
 BEVEL = 0.05  # of the smallest size: what edges lose
-RAISED = 0.02  # of the smallest size: how far the mark stands out
-LARGEST_MARK = 0.06  # metres
+MARK_HEIGHT = 0.02  # of the smallest size: how far the mark stands out
+MAX_MARK = 0.06  # metres
 
 
 def plain(footprint: Footprint, height: float, color: RGB) -> tuple[Part, ...]:
     """Footprint x height as closed meshes: the body in its colour, and the mark. Sizes in metres."""
     light = sum(color) / 3 > 0.55
-    ink = mix(color, DARK, 0.55) if light else mix(color, WHITE, 0.65)
+    ink = mix(color, SOOT, 0.55) if light else mix(color, CHINA, 0.65)
     match footprint:
         case Circle(radius):
             smallest = min(2.0 * radius, height)
-            body = _round(radius, height - RAISED * smallest, BEVEL * smallest)
-            long = wide = min(radius, LARGEST_MARK)
+            body = _round(radius, height - MARK_HEIGHT * smallest, BEVEL * smallest)
+            long = wide = min(radius, MAX_MARK)
             x, y = 0.0, 0.0
         case Box(length, width):
             smallest = min(length, width, height)
@@ -289,16 +289,16 @@ def plain(footprint: Footprint, height: float, color: RGB) -> tuple[Part, ...]:
             half = np.array(corners) / 2.0
             body = _upright(half, 1.0 - 2.0 * BEVEL * smallest / np.array([length, width]), height, smallest)
             # In the middle of a cube, at the front of what is longer or larger.
-            long = wide = min(0.5 * min(length, width), LARGEST_MARK)
+            long = wide = min(0.5 * min(length, width), MAX_MARK)
             x, y = length / 2.0 - 0.25 * min(length, width) - long / 2.0, 0.0
         case Polygon(vertices):
-            outline = simplified(vertices, DRAWN)
+            outline = simplified(vertices, MAX_DRAWN_CORNERS)
             x, y, room = _middle(outline)
             smallest = min(2.0 * room, height)
             centred = np.array(outline) - (x, y)
             body = _upright(centred, np.full(2, 1.0 - BEVEL * smallest / room), height, smallest).moved(x, y)
-            long = wide = min(room, LARGEST_MARK)
-    raised = RAISED * smallest
+            long = wide = min(room, MAX_MARK)
+    raised = MARK_HEIGHT * smallest
     mark = pip(long, wide, height - 2.0 * raised, height).moved(x, y)
     return Part(body, color), Part(mark, ink)
 
@@ -318,7 +318,7 @@ def _round(radius: float, height: float, bevel: float) -> Mesh:
 
 def _upright(outline: Floats, inset: Floats, height: float, smallest: float) -> Mesh:
     """A convex outline (K, 2) round the origin, extruded; `inset` scales it at its bevelled ends."""
-    bevel, top = BEVEL * smallest, height - RAISED * smallest
+    bevel, top = BEVEL * smallest, height - MARK_HEIGHT * smallest
     levels = [(0.0, inset), (bevel, np.ones(2)), (top - bevel, np.ones(2)), (top, inset)]
     return loft(np.stack([np.column_stack([outline * scale, np.full(len(outline), z)]) for z, scale in levels]))
 

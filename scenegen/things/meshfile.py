@@ -18,21 +18,13 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from scenegen.things import gltf
-from scenegen.things.colored_mesh import (
-    FARTHEST,
-    WHITE,
-    ColoredMesh,
-    MeshBudget,
-    refuse_layers,
-    tidy,
-    used,
-)
+from scenegen.things.colored_mesh import MAX_COORDINATE, WHITE, ColoredMesh, MeshBudget, refuse_layers, tidy, used
 from scenegen.things.library import RGB
 from scenegen.things.outline import Floats, Indices, MeshError
 
-LEAST_MASS, MOST_MASS = 1e-6, 1e6  # kg
-MOST_FRICTION = 100.0  # coefficient of sliding friction
-PLAIN = (".obj", ".stl")
+MIN_MASS, MAX_MASS = 1e-6, 1e6  # kg
+MAX_FRICTION = 100.0  # coefficient of sliding friction
+MESH_FILES = (".obj", ".stl")
 GLTF = (".glb", ".gltf")
 
 Read = Callable[[str], bytes]  # the bytes of a file by its name, relative to the one that names it; raises MeshError
@@ -116,14 +108,14 @@ def vertices(name: str, data: bytes) -> Floats:
 def _finite(found: Floats) -> Floats:
     if not len(found):
         raise MeshError("it has no vertices")
-    if not np.isfinite(found).all() or np.abs(found).max() > FARTHEST:
+    if not np.isfinite(found).all() or np.abs(found).max() > MAX_COORDINATE:
         raise MeshError("a coordinate in it is no number, or beyond all measure")
     return found
 
 
 def _geometry(name: str, data: bytes) -> tuple[Floats, Indices]:
     """All vertices and triangles of an .obj or .stl file."""
-    if ending_of(name) not in PLAIN:
+    if ending_of(name) not in MESH_FILES:
         kind = f"{ending_of(name)} files" if ending_of(name) else "a file without an ending"
         known = "convert it to .glb, .gltf, .obj or .stl, or give the outline beside it"
         raise MeshError(f"{kind} cannot be read here: {known}")
@@ -164,7 +156,7 @@ def _stl(data: bytes) -> Floats:
     size = start + _TRIANGLE.itemsize * count
     # A binary file may open with the word `solid`, too: its length decides. Four letters as a count mean 7 GB and more.
     if count < 0 or len(data) < size:
-        if data.removeprefix(MARK).lstrip()[:5].lower() == b"solid" and b"\0" not in data:
+        if data.removeprefix(BYTE_ORDER_MARK).lstrip()[:5].lower() == b"solid" and b"\0" not in data:
             return _stl_in_words(_text(data))
         raise MeshError("it is cut short" if count >= 0 else "it is no STL file")
     triangles = np.frombuffer(data, dtype=_TRIANGLE, count=count, offset=start)
@@ -193,12 +185,12 @@ def _stl_in_words(text: bytes) -> Floats:
 
 # Wavefront .obj files, with the colours and textures of their .mtl files.
 # The format: http://www.martinreddy.net/gfx/3d/OBJ.spec and http://paulbourke.net/dataformats/mtl/.
-MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a text
-MOST_MATERIALS = 10_000
-WITHOUT = ("", "None", "(null)")  # names of exporters for no material
-# Options of a texture: how many numbers or words follow at most. Those with a place in `MOVES` shift or stretch it.
-OPTIONS = {f"-{one}": 1 for one in "blendu blendv boost bm clamp imfchan texres".split()} | {"-o": 3, "-s": 3}
-MOVES = ("-o", "-s")
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a text
+MAX_MATERIALS = 10_000
+NO_MATERIAL = ("", "None", "(null)")  # names of exporters for no material
+# Options of a texture: how many numbers or words follow at most. Those in `SHIFTS` shift or stretch it.
+MAP_OPTIONS = {f"-{one}": 1 for one in "blendu blendv boost bm clamp imfchan texres".split()} | {"-o": 3, "-s": 3}
+SHIFTS = ("-o", "-s")
 
 
 @dataclass(slots=True)
@@ -212,7 +204,7 @@ class _Material:
 
 def _text(data: bytes) -> bytes:
     """A file in words: without a byte order mark, and its lines end with a newline, whatever ended them."""
-    text = data.removeprefix(MARK)
+    text = data.removeprefix(BYTE_ORDER_MARK)
     return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
 
 
@@ -339,7 +331,7 @@ def _painted(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
                 firsts.append(place)
             corners[place] = known[key]
         budget.add_vertices(len(firsts))
-        if name not in materials and libraries and name not in WITHOUT:
+        if name not in materials and libraries and name not in NO_MATERIAL:
             line = faces.line(next(start for start, row in _rows(text, b"usemtl") if _words(row) == name))
             raise MeshError(f"{line}: material `{name[:60]}` is not in {', '.join(libraries)[:100]}")
         material = materials.get(name, _Material(""))
@@ -378,8 +370,8 @@ def _libraries(faces: _ObjFaces, read: Read, budget: MeshBudget) -> tuple[dict[s
             libraries.append(name)
             for title, material in _materials(name, data):
                 materials.setdefault(title, material)
-            if len(materials) > MOST_MATERIALS:
-                raise MeshError(f"{line}: its files have more than {MOST_MATERIALS:,} materials together")
+            if len(materials) > MAX_MATERIALS:
+                raise MeshError(f"{line}: its files have more than {MAX_MATERIALS:,} materials together")
     return materials, libraries
 
 
@@ -416,7 +408,7 @@ def _floats(words: list[bytes], place: str) -> list[float]:
         values = [float(word) for word in words]
     except ValueError:
         raise MeshError(f"{place}: here must be numbers") from None
-    if not all(abs(value) <= FARTHEST for value in values):  # nor nan
+    if not all(abs(value) <= MAX_COORDINATE for value in values):  # nor nan
         raise MeshError(f"{place}: a number is none, or beyond all measure")
     return values
 
@@ -447,13 +439,13 @@ def _texture(material: _Material, text: str, place: str) -> None:
     """The options and file of a `map_Kd`."""
     words = text.split()
     at = 0
-    while at < len(words) and words[at] in OPTIONS:
-        option, most = words[at], OPTIONS[words[at]]
+    while at < len(words) and words[at] in MAP_OPTIONS:
+        option, most = words[at], MAP_OPTIONS[words[at]]
         at += 1
         given = 0
-        while given < most and at + given < len(words) - 1 and (option not in MOVES or _is_number(words[at + given])):
+        while given < most and at + given < len(words) - 1 and (option not in SHIFTS or _is_number(words[at + given])):
             given += 1
-        if option in MOVES:
+        if option in SHIFTS:
             values = _floats([word.encode() for word in words[at : at + given]], place)
             rest = 1.0 if option == "-s" else 0.0
             pair = values[0], values[1] if len(values) > 1 else rest

@@ -10,14 +10,15 @@ from scenegen.things.furniture import (
     BAR,
     BASE,
     BOARD,
-    BODY,
+    CABINET_DEPTH,
+    CABINET_WIDTH,
     CLOSED,
+    DRAWER_FRONT,
     FLOOR,
-    FRONT,
-    FULL,
-    GRIP,
     HANDLE,
+    HANDLE_DEPTH,
     LOW,
+    MAX_PULL,
     PITCH,
     PLINTH,
     POST,
@@ -28,7 +29,6 @@ from scenegen.things.furniture import (
     THICK,
     TOP,
     WALL,
-    WIDTH,
     Cabinet,
     Crate,
     Drawer,
@@ -38,10 +38,10 @@ from scenegen.things.furniture import (
 )
 from scenegen.things.library import ASSETS, RGB
 from scenegen.things.mesh import (
+    CHINA,
     CREAM,
-    DARK,
+    SOOT,
     STEEL,
-    WHITE,
     Mesh,
     Part,
     box,
@@ -83,11 +83,11 @@ def tray(color: RGB) -> tuple[Part, ...]:
     ]
     slots = [box(0.0125, 0.090, 0.012).moved(x=s * 0.19365, z=0.024) for s in (-1.0, 1.0)]
     return (
-        Part(floor, mix(color, WHITE, 0.12)),
+        Part(floor, mix(color, CHINA, 0.12)),
         Part(frame(crate, 0.0, 0.0, crate.height, crate.wall), color),
-        Part(inlay, mix(color, WHITE, 0.30)),
-        Part(joined(slots), mix(color, DARK, 0.65)),
-        Part(joined(stripes), mix(color, WHITE, 0.75)),
+        Part(inlay, mix(color, CHINA, 0.30)),
+        Part(joined(slots), mix(color, SOOT, 0.65)),
+        Part(joined(stripes), mix(color, CHINA, 0.75)),
     )
 
 
@@ -101,10 +101,10 @@ def carton(color: RGB) -> tuple[Part, ...]:
     seam = box(crate.length - 0.02, 0.046, 0.0006).moved(z=crate.floor)
     return (
         Part(outside, color),
-        Part(floor, mix(color, DARK, 0.10)),
-        Part(lining, mix(color, DARK, 0.28)),
+        Part(floor, mix(color, SOOT, 0.10)),
+        Part(lining, mix(color, SOOT, 0.28)),
         Part(tape, mix(color, CREAM, 0.70)),
-        Part(joined(arrows), mix(color, DARK, 0.60)),
+        Part(joined(arrows), mix(color, SOOT, 0.60)),
         Part(seam, mix(color, CREAM, 0.45)),
     )
 
@@ -123,8 +123,8 @@ def board(color: RGB) -> tuple[Part, ...]:
     return (
         Part(slab, color),
         Part(joined(strips), mix(color, CREAM, 0.22)),
-        Part(ring, mix(color, DARK, 0.35)),
-        Part(hole, mix(color, DARK, 0.80)),
+        Part(ring, mix(color, SOOT, 0.35)),
+        Part(hole, mix(color, SOOT, 0.80)),
     )
 
 
@@ -146,13 +146,13 @@ def teapot(color: RGB) -> tuple[Part, ...]:
     bow = [0.5 * math.pi + math.pi * s for s in np.linspace(0.04, 0.96, 13)]
     grip = tube([(-0.058 + 0.047 * math.cos(a), 0.064 + 0.034 * math.sin(a)) for a in bow], 0.0075, 0.0050, 10)
     band = revolve([(0.0665, 0.050), (0.0672, 0.052), (0.0672, 0.058), (0.0662, 0.060)], 56).moved(x=-0.002)
-    pale = mix(color, WHITE, 0.75)
+    pale = mix(color, CHINA, 0.75)
     return (
         Part(body, color),
-        Part(lid, mix(color, DARK, 0.12)),
+        Part(lid, mix(color, SOOT, 0.12)),
         Part(knob, STEEL),
         Part(spout, color),
-        Part(grip, mix(color, DARK, 0.12)),
+        Part(grip, mix(color, SOOT, 0.12)),
         Part(band, pale),
     )
 
@@ -185,7 +185,7 @@ def _block(x0: float, y0: float, x1: float, y1: float, z0: float, z1: float, bev
 def _handle(front: float, low: float) -> Mesh:
     """A round bar on two feet, from a drawer's front at x = `front` outwards."""
     radius = (HANDLE[1] - HANDLE[0]) / 2.0
-    middle, x = low + HANDLE[0] + radius, front + GRIP - radius
+    middle, x = low + HANDLE[0] + radius, front + HANDLE_DEPTH - radius
     bar = disc(radius, -BAR / 2.0, BAR / 2.0, 16).tipped().moved(x=x, z=middle)
     feet = [_block(front, y - 0.004, x, y + 0.004, middle - 0.004, middle + 0.004) for y in (-BAR * 0.36, BAR * 0.36)]
     return joined([bar, *feet])
@@ -193,7 +193,7 @@ def _handle(front: float, low: float) -> Mesh:
 
 def _tray(back: float, front: float, low: float) -> tuple[Mesh, Mesh]:
     """A drawer without its front, between two x: its walls, and its floor."""
-    y = WIDTH / 2.0 - BOARDS - WALL
+    y = CABINET_WIDTH / 2.0 - BOARDS - WALL
     walls = [_block(back, side, front, side + WALL, low, low + SIDE) for side in (-y - WALL, y)]
     walls.append(_block(back, -y, back + WALL, y, low, low + SIDE))
     return joined(walls), _block(back + WALL, -y, front, y, low, low + FLOOR)
@@ -202,9 +202,9 @@ def _tray(back: float, front: float, low: float) -> tuple[Mesh, Mesh]:
 def cabinet(color: RGB, open: tuple[float, ...] = CLOSED) -> tuple[Part, ...]:
     """With a top of oak, painted fronts, and drawers of pale wood in those that are open."""
     made = Cabinet(open)
-    back, y, high = made.back, WIDTH / 2.0, made.height - TOP
+    back, y, high = made.back, CABINET_WIDTH / 2.0, made.height - TOP
     inner = y - BOARDS
-    body = back + BODY
+    body = back + CABINET_DEPTH
     case = [_block(back, side, body, side + BOARDS, 0.0, high) for side in (-y, inner)]
     case.append(_block(back, -inner, back + 0.008, inner, 0.0, high))
     foot = _block(body - 0.040, -inner, body - 0.024, inner, 0.0, PLINTH)
@@ -215,19 +215,19 @@ def cabinet(color: RGB, open: tuple[float, ...] = CLOSED) -> tuple[Part, ...]:
     fronts, handles, walls, floors = [], [], [], []
     for number, front in enumerate(made.fronts()):
         low = PLINTH + number * PITCH
-        fronts.append(_block(front, SEAM - y, front + FRONT, y - SEAM, low + SEAM, low + PITCH - SEAM, 0.002))
-        fronts.append(_panel(front + FRONT, low))
-        handles.append(_handle(front + FRONT, low))
+        fronts.append(_block(front, SEAM - y, front + DRAWER_FRONT, y - SEAM, low + SEAM, low + PITCH - SEAM, 0.002))
+        fronts.append(_panel(front + DRAWER_FRONT, low))
+        handles.append(_handle(front + DRAWER_FRONT, low))
         if open[number] > 0.0:
-            sides, floor = _tray(front - FULL, front, low + SUNK)
+            sides, floor = _tray(front - MAX_PULL, front, low + SUNK)
             walls.append(sides)
             floors.append(floor)
-    drawers = (Part(joined(walls), PALE), Part(joined(floors), mix(PALE, WHITE, 0.30))) if walls else ()
+    drawers = (Part(joined(walls), PALE), Part(joined(floors), mix(PALE, CHINA, 0.30))) if walls else ()
     return (
         Part(joined(case), color),
-        Part(_block(back, -y, body + FRONT, y, high, made.height, 0.003), OAK),
-        Part(joined([foot, *rails]), mix(color, DARK, 0.55)),
-        Part(joined(fronts), mix(color, WHITE, 0.14)),
+        Part(_block(back, -y, body + DRAWER_FRONT, y, high, made.height, 0.003), OAK),
+        Part(joined([foot, *rails]), mix(color, SOOT, 0.55)),
+        Part(joined(fronts), mix(color, CHINA, 0.14)),
         Part(joined(handles), BRASS),
         *drawers,
     )
@@ -235,7 +235,7 @@ def cabinet(color: RGB, open: tuple[float, ...] = CLOSED) -> tuple[Part, ...]:
 
 def _panel(front: float, low: float) -> Mesh:
     """The raised frame on a drawer's front, thinner than a sheet of card."""
-    y, z0, z1, wide = WIDTH / 2.0 - SEAM - 0.004, low + SEAM + 0.004, low + PITCH - SEAM - 0.004, 0.014
+    y, z0, z1, wide = CABINET_WIDTH / 2.0 - SEAM - 0.004, low + SEAM + 0.004, low + PITCH - SEAM - 0.004, 0.014
     x = front + 0.0016
     bars = [_block(front - 0.001, -y, x, y, z, z + wide) for z in (z0, z1 - wide)]
     bars += [_block(front - 0.001, side, x, side + wide, z0 + wide, z1 - wide) for side in (-y, y - wide)]
@@ -244,14 +244,14 @@ def _panel(front: float, low: float) -> Mesh:
 
 def drawer(color: RGB) -> tuple[Part, ...]:
     made = Drawer()
-    back, front, y = -made.length / 2.0, made.length / 2.0 - GRIP - FRONT, made.width / 2.0
+    back, front, y = -made.length / 2.0, made.length / 2.0 - HANDLE_DEPTH - DRAWER_FRONT, made.width / 2.0
     walls, floor = _tray(back, front, 0.0)
-    panel = _block(front, -y, front + FRONT, y, 0.0, made.height, 0.002)
+    panel = _block(front, -y, front + DRAWER_FRONT, y, 0.0, made.height, 0.002)
     return (
         Part(walls, mix(color, PALE, 0.45)),
-        Part(floor, mix(mix(color, PALE, 0.45), WHITE, 0.30)),
-        Part(joined([panel, _panel(front + FRONT, -SEAM)]), color),
-        Part(_handle(front + FRONT, 0.0), BRASS),
+        Part(floor, mix(mix(color, PALE, 0.45), CHINA, 0.30)),
+        Part(joined([panel, _panel(front + DRAWER_FRONT, -SEAM)]), color),
+        Part(_handle(front + DRAWER_FRONT, 0.0), BRASS),
     )
 
 
@@ -271,11 +271,11 @@ def rack(color: RGB) -> tuple[Part, ...]:
     plate = prism([(-0.055, 0.038), (0.055, 0.038), (0.055, 0.072), (-0.055, 0.072)], 0.0, 0.0012)
     label = Mesh(plate.vertices[:, [2, 0, 1]] * (1.0, 1.0, 1.0), plate.faces).moved(x=x - 0.0012)
     return (
-        Part(_block(*floor.box, 0.0, BASE), mix(color, DARK, 0.22)),
+        Part(_block(*floor.box, 0.0, BASE), mix(color, SOOT, 0.22)),
         Part(joined([*(one for one in sides)]), color),
-        Part(joined(inside), mix(color, WHITE, 0.18)),
-        Part(joined([_outwards(one) for one in turned]), mix(color, DARK, 0.10)),
-        Part(bar, mix(color, DARK, 0.35)),
+        Part(joined(inside), mix(color, CHINA, 0.18)),
+        Part(joined([_outwards(one) for one in turned]), mix(color, SOOT, 0.10)),
+        Part(bar, mix(color, SOOT, 0.35)),
         Part(_outwards(label), mix(color, CREAM, 0.75)),
     )
 
@@ -296,16 +296,16 @@ def bin(color: RGB) -> tuple[Part, ...]:
     slots = [_block(-0.034, s * 0.0966 - 0.0006, 0.034, s * 0.0966 + 0.0006, 0.092, 0.108) for s in (-1.0, 1.0)]
     return (
         Part(frame(slim, 0.0, 0.0, crate.height - 0.010, slim.wall), color),
-        Part(rim, mix(color, WHITE, 0.14)),
-        Part(lining, mix(color, DARK, 0.22)),
-        Part(floor, mix(color, DARK, 0.12)),
+        Part(rim, mix(color, CHINA, 0.14)),
+        Part(lining, mix(color, SOOT, 0.22)),
+        Part(floor, mix(color, SOOT, 0.12)),
         Part(label, CREAM),
-        Part(joined(lines), mix(color, DARK, 0.50)),
-        Part(joined(slots), mix(color, DARK, 0.62)),
+        Part(joined(lines), mix(color, SOOT, 0.50)),
+        Part(joined(slots), mix(color, SOOT, 0.62)),
     )
 
 
-GROWN = 0.0004  # metres by which boards reach into the sides, so that no line of the table shows
+BOARD_OVERLAP = 0.0004  # metres by which boards reach into the sides, so that no line of the table shows
 
 
 def _slab(one: Slab) -> tuple[float, float, float, float, float, float]:
@@ -318,8 +318,8 @@ def shelfunit(color: RGB) -> tuple[Part, ...]:
     assert isinstance(unit, ShelfUnit)
     left, right, back, *boards = unit.slabs()
     made = []
-    for group, shade in (((left, right), color), ((back,), mix(color, DARK, 0.18)), (boards, mix(color, WHITE, 0.16))):
-        grown = GROWN if group is boards else 0.0
+    for group, shade in (((left, right), color), ((back,), mix(color, SOOT, 0.18)), (boards, mix(color, CHINA, 0.16))):
+        grown = BOARD_OVERLAP if group is boards else 0.0
         meshes = []
         for length, width, height, x, y, z in map(_slab, group):
             meshes.append(box(length, width + grown, height).moved(x=x, y=y, z=z))
@@ -333,9 +333,9 @@ def basket(color: RGB) -> tuple[Part, ...]:
     bands = [revolve([(0.1495, z), (0.1500, z), (0.1500, z + 0.010), (0.1495, z + 0.010)], 64) for z in (0.018, 0.048)]
     return (
         Part(body, color),
-        Part(lining(inside), mix(color, WHITE, 0.35)),
-        Part(joined(bands), mix(color, DARK, 0.30)),
-        Part(crescent([(0.1435, 0.0745), (0.1435, 0.0300)], 1.8), mix(color, DARK, 0.35)),
+        Part(lining(inside), mix(color, CHINA, 0.35)),
+        Part(joined(bands), mix(color, SOOT, 0.30)),
+        Part(crescent([(0.1435, 0.0745), (0.1435, 0.0300)], 1.8), mix(color, SOOT, 0.35)),
     )
 
 
@@ -343,7 +343,7 @@ def pot(color: RGB) -> tuple[Part, ...]:
     inside = [(0.0, 0.008), (0.104, 0.008), (0.104, 0.109)]
     body = revolve([(0.0, 0.0), (0.106, 0.0), (0.110, 0.005), (0.110, 0.110), (0.105, 0.110), *reversed(inside)], 64)
     mark = crescent([(0.1035, 0.1040), (0.1035, 0.0500)], 1.8)
-    return Part(body, color), Part(lining(inside), mix(color, WHITE, 0.45)), Part(mark, color)
+    return Part(body, color), Part(lining(inside), mix(color, CHINA, 0.45)), Part(mark, color)
 
 
 def lid(color: RGB) -> tuple[Part, ...]:
@@ -357,7 +357,7 @@ def lid(color: RGB) -> tuple[Part, ...]:
     knob = revolve([(0.0, 0.020), (0.008, 0.022), (0.008, 0.033), (0.017, 0.039), (0.016, 0.046), (0.0, 0.048)], 32)
     ring = revolve([(0.104, 0.0070), (0.1085, 0.0062), (0.1085, 0.0085), (0.104, 0.0098)], 64)
     vent = disc(0.0055, 0.0140, 0.0178, 18).moved(x=0.070)
-    return Part(dome, color), Part(knob, DARK), Part(ring, mix(color, STEEL, 0.55)), Part(vent, mix(color, DARK, 0.85))
+    return Part(dome, color), Part(knob, SOOT), Part(ring, mix(color, STEEL, 0.55)), Part(vent, mix(color, SOOT, 0.85))
 
 
 def stand(color: RGB) -> tuple[Part, ...]:
@@ -371,5 +371,5 @@ def stand(color: RGB) -> tuple[Part, ...]:
     )  # fmt: skip
     ring = revolve([(0.092, 0.1380), (0.1005, 0.1380), (0.1005, 0.1400), (0.092, 0.1400)], 64)
     mark = patch(0.1005, 0.0160, 0.1385, 0.1399, 0.34)
-    ink = mix(color, DARK, 0.40)
-    return Part(body, color), Part(ring, mix(color, DARK, 0.28)), Part(mark, ink)
+    ink = mix(color, SOOT, 0.40)
+    return Part(body, color), Part(ring, mix(color, SOOT, 0.28)), Part(mark, ink)

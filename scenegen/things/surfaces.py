@@ -18,7 +18,7 @@ from scenegen.geometry import MATH, NUMPY, POINT, PRIMITIVES, Box, Circle, Footp
 from scenegen.geometry.footprint import area, centroid
 from scenegen.pose import flat, places
 from scenegen.things.furniture import (
-    SIDES,
+    WALL_SIDES,
     Cabinet,
     Crate,
     Drawer,
@@ -35,7 +35,7 @@ from scenegen.things.library import PLAIN, Shape, entry_of, stretch_of
 
 Floats = npt.NDArray[np.float64]
 
-TURNS = 180  # headings that are tried where a footprint has to fit between walls
+TRIED_HEADINGS = 180  # headings that are tried where a footprint has to fit between walls
 
 
 def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[SupportSurface, ...]:
@@ -142,7 +142,7 @@ def fits(upper: Footprint, outline: Footprint) -> bool:
     """Whether a footprint fits into an outline at one heading or another, its centre in the outline's middle."""
     x, y = _middle(outline)
     room = PRIMITIVES["room"].evaluate
-    headings = (0.0, math.pi / 2.0, *(math.pi * turn / TURNS for turn in range(TURNS)))
+    headings = (0.0, math.pi / 2.0, *(math.pi * turn / TRIED_HEADINGS for turn in range(TRIED_HEADINGS)))
     return any(room(MATH, upper, outline, x, y, theta, 0.0, 0.0, 0.0) >= 0.0 for theta in headings)
 
 
@@ -154,8 +154,8 @@ def narrowest(upper: Footprint, width: float) -> float | None:
         return 2.0 * upper.radius if 2.0 * upper.radius <= width else None
     corners = upper.vertices if isinstance(upper, Polygon) else _corners(upper)
     found = []
-    for turn in range(2 * TURNS):  # of a polygon, half a turn is enough as well
-        cos, sin = math.cos(math.pi * turn / (2 * TURNS)), math.sin(math.pi * turn / (2 * TURNS))
+    for turn in range(2 * TRIED_HEADINGS):  # of a polygon, half a turn is enough as well
+        cos, sin = math.cos(math.pi * turn / (2 * TRIED_HEADINGS)), math.sin(math.pi * turn / (2 * TRIED_HEADINGS))
         xs, ys = zip(*((cos * x - sin * y, sin * x + cos * y) for x, y in corners), strict=True)
         if max(ys) - min(ys) <= width:
             found.append(max(xs) - min(xs))
@@ -203,7 +203,7 @@ def rooms_of(shape: Shape) -> Rooms:
 # What objects stand on: the table, or another object that carries their middle.
 # Where a spec does not declare heights (docs/adr/0011-supports.md), this is how they are read from the poses (x, y,
 # theta), for pictures, for files of simulators and for settling alike.
-ROUNDING = 1e-9  # of a distance: far more than computing it can lose
+DISTANCE_ROUNDING = 1e-9  # of a distance: far more than computing it can lose
 
 
 def base_heights(
@@ -246,7 +246,7 @@ def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
     for place, upper in enumerate(order):
         u, v, _ = _centroid_at(shapes[upper].footprint, poses[:, upper])
         apart = (x[:, :place] - u[:, None]) ** 2 + (y[:, :place] - v[:, None]) ** 2
-        scenes, lower = np.nonzero(apart <= (reach[:place] * (1.0 + ROUNDING)) ** 2)
+        scenes, lower = np.nonzero(apart <= (reach[:place] * (1.0 + DISTANCE_ROUNDING)) ** 2)
         for kind in np.unique(kinds[lower]):
             some, below = (numbers[kinds[lower] == kind] for numbers in (scenes, lower))
             carrier = shapes[order[below[0]]]
@@ -306,15 +306,13 @@ def _centroid_at(footprint: Footprint, poses: Floats) -> tuple[Floats, Floats, F
 # How things that taper stand in vessels whose walls slope: how deep they go, and how far they can then be moved.
 # Both are taken as solids of revolution on one axis: how wide a thing is at each height, against how wide the vessel
 # is there. `rooms_of` has what fits as a prism; this is for what does not.
-SLACK = (
-    0.0001  # metres to each side of what stands between sloping walls: where it fits exactly there is one place alone
-)
-NARROWEST = 0.001  # metres that a foot overlaps a rim on which it stands
-UNSURE = 0.0018  # metres by which a height may be off: walls are flat pieces, so it depends on how both are turned
-TILT = math.tan(math.radians(2.2))  # that what is no solid of revolution may lean by
-GRIP = 0.013  # how wide a handle is
-COME_IN = math.cos(math.pi / SIDES)  # how far the pieces of a wall come in
-STEPS = 60  # of a bisection
+WALL_SLACK = 0.0001  # metres to each side of what stands between sloping walls: an exact fit leaves one place alone
+MIN_RIM_OVERLAP = 0.001  # metres that a foot overlaps a rim on which it stands
+HEIGHT_TOLERANCE = 0.0018  # metres: walls are flat pieces, so heights depend on how both are turned
+MAX_TILT = math.tan(math.radians(2.2))  # that what is no solid of revolution may lean by
+HANDLE_WIDTH = 0.013  # how wide a handle is
+COME_IN = math.cos(math.pi / WALL_SIDES)  # how far the pieces of a wall come in
+BISECTION_STEPS = 60  # of a bisection
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,7 +339,7 @@ def profile_of(shape: Shape) -> Profile:
             if handle is None:
                 return Profile(body)
             _, end, low, high = handle
-            return Profile(body, ((low * z, high * z, math.hypot(end, GRIP / 2.0) * max(x, y)),))
+            return Profile(body, ((low * z, high * z, math.hypot(end, HANDLE_WIDTH / 2.0) * max(x, y)),))
         case _:
             reach = reach_of(shape.footprint)
             return Profile(((0.0, reach), (shape.height, reach)))
@@ -365,16 +363,16 @@ def nested(lower: Shape, upper: Shape) -> SupportSurface | None:
         return None
     profile, (floor, _), (rim, mouth) = profile_of(upper), walls[0], walls[-1]
     free = _leeway(walls, profile, floor)
-    if free >= SLACK:
+    if free >= WALL_SLACK:
         return _surface("inside", upper, floor, free)
-    if profile.foot >= mouth + NARROWEST:
+    if profile.foot >= mouth + MIN_RIM_OVERLAP:
         return _on_rim(upper, profile.foot * COME_IN - mouth, mouth * COME_IN, rim)
-    high = _lowest(lambda height: _of_body(walls, profile, height, COME_IN) >= SLACK, floor, rim)
+    high = _lowest(lambda height: _of_body(walls, profile, height, COME_IN) >= WALL_SLACK, floor, rim)
     low = _lowest(lambda height: _of_body(walls, profile, height, 1.0) >= 0.0, floor, rim)
-    height = high if high - low <= UNSURE / 2.0 else (low + high) / 2.0
-    held = _of_body(walls, profile, high, COME_IN) >= SLACK and _of_ears(walls, profile, low) >= SLACK
-    held = held and high - height <= UNSURE and _lies_level(upper, high - low)
-    return _surface("inside", upper, height, SLACK) if held else None
+    height = high if high - low <= HEIGHT_TOLERANCE / 2.0 else (low + high) / 2.0
+    held = _of_body(walls, profile, high, COME_IN) >= WALL_SLACK and _of_ears(walls, profile, low) >= WALL_SLACK
+    held = held and high - height <= HEIGHT_TOLERANCE and _lies_level(upper, high - low)
+    return _surface("inside", upper, height, WALL_SLACK) if held else None
 
 
 def _lies_level(upper: Shape, unsure: float) -> bool:
@@ -382,12 +380,12 @@ def _lies_level(upper: Shape, unsure: float) -> bool:
     if isinstance(upper.footprint, Circle):
         return True
     entry = entry_of(upper)
-    return not (entry is not None and entry.bulging) and unsure <= TILT * min(upper.footprint.extent)
+    return not (entry is not None and entry.bulging) and unsure <= MAX_TILT * min(upper.footprint.extent)
 
 
 def _on_rim(upper: Shape, free: float, mouth: float, height: float) -> SupportSurface | None:
     """On a ring: a foot that covers all of it, the middle over the mouth."""
-    if free < SLACK or not isinstance(upper.footprint, Circle):
+    if free < WALL_SLACK or not isinstance(upper.footprint, Circle):
         return None
     if free < mouth:
         return _surface("rim", upper, height, free)
@@ -440,7 +438,7 @@ def _at(rows: Rows, z: float, pick: Callable[[Iterable[float]], float]) -> float
 
 def _lowest(holds: Callable[[float], bool], low: float, high: float) -> float:
     """The least number between two from which on something holds."""
-    for _ in range(STEPS):
+    for _ in range(BISECTION_STEPS):
         middle = (low + high) / 2.0
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
@@ -450,7 +448,7 @@ def _scaled(rows: Sequence[tuple[float, float]], wide: float, tall: float) -> Ro
     return tuple((z * tall, radius * wide) for z, radius in rows)
 
 
-SEEN = 1e-3  # metres that two objects share at least, sideways and upwards
+SHARED = 1e-3  # metres that two objects share at least, sideways and upwards
 
 
 def overlapping(
@@ -474,7 +472,7 @@ def overlapping(
             rest = slice(a + 1, None)
             near = np.hypot(x[:, a, None] - x[:, rest], y[:, a, None] - y[:, rest]) < reach[a] + reach[rest]
             near &= (
-                np.minimum(tops[:, a, None], tops[:, rest]) - np.maximum(bottoms[:, a, None], bottoms[:, rest]) > SEEN
+                np.minimum(tops[:, a, None], tops[:, rest]) - np.maximum(bottoms[:, a, None], bottoms[:, rest]) > SHARED
             )
             scenes, others = np.nonzero(near)
             others += a + 1
@@ -496,7 +494,7 @@ def _seen(
     lower, upper = carrier_first(shapes, a, b)
     below, above = (first, second) if lower == a else (second, first)
     carried = carries(shapes[lower], shapes[upper], below, above)
-    return np.asarray((_apart(shapes[a], shapes[b], first, second, low, lowest) < -SEEN) & ~carried)
+    return np.asarray((_apart(shapes[a], shapes[b], first, second, low, lowest) < -SHARED) & ~carried)
 
 
 def _apart(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats, lowest: Floats) -> Floats:
@@ -507,7 +505,7 @@ def _apart(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats,
         for b, begin, end in _prisms(other):
             apart = gap(NUMPY, a, b, *first.T, *second.T)
             shared = np.minimum(low + stop, lowest + end) - np.maximum(low + start, lowest + begin)
-            found = np.where(shared > SEEN, np.minimum(found, apart), found)
+            found = np.where(shared > SHARED, np.minimum(found, apart), found)
     return found
 
 

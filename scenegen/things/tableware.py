@@ -9,11 +9,11 @@ import numpy as np
 
 from scenegen.things.library import RGB
 from scenegen.things.mesh import (
+    CHINA,
     COFFEE,
     CREAM,
-    DARK,
+    SOOT,
     STEEL,
-    WHITE,
     Mesh,
     Part,
     box,
@@ -56,7 +56,7 @@ def bowl(color: RGB) -> tuple[Part, ...]:
             (0.0785, 0.060), (0.0765, 0.060), *reversed(inside),
         ]
     )  # fmt: skip
-    inner = mix(color, WHITE, 0.72)
+    inner = mix(color, CHINA, 0.72)
     mark = crescent([(0.0755, 0.0585), (0.067, 0.0400), (0.058, 0.0290)], 3.6, 0.0012)
     return Part(body, color), Part(lining(inside), inner), Part(mark, color)
 
@@ -69,7 +69,7 @@ def mug(color: RGB) -> tuple[Part, ...]:
     return (
         Part(body, color),
         Part(handle(0.037, 0.062, 0.022, 0.076), color),
-        Part(lining(inside), mix(color, WHITE, 0.80)),
+        Part(lining(inside), mix(color, CHINA, 0.80)),
         Part(disc(0.0318, 0.060, 0.074), COFFEE),
     )
 
@@ -86,7 +86,7 @@ def cup(color: RGB) -> tuple[Part, ...]:
     return (
         Part(body, color),
         Part(handle(0.038, 0.060, 0.028, 0.062), color),
-        Part(lining(inside), mix(color, WHITE, 0.80)),
+        Part(lining(inside), mix(color, CHINA, 0.80)),
         Part(tea, (0.66, 0.38, 0.14)),
     )
 
@@ -97,7 +97,7 @@ def glass(color: RGB) -> tuple[Part, ...]:
     rind, lemon = (disc(radius, 0.098, top, 24).moved(x=0.014) for radius, top in ((0.0155, 0.1025), (0.0128, 0.1030)))
     return (
         Part(water, mix(color, (0.25, 0.52, 0.72), 0.60)),
-        Part(rim, mix(color, WHITE, 0.35)),
+        Part(rim, mix(color, CHINA, 0.35)),
         Part(rind, (0.95, 0.78, 0.16)),
         Part(lemon, (0.98, 0.93, 0.58)),
     )
@@ -113,7 +113,7 @@ def bottle(color: RGB) -> tuple[Part, ...]:
     return (
         Part(body, color),
         Part(patch(0.0357, 0.003, 0.035, 0.105, 3.6), CREAM),
-        Part(patch(0.0360, 0.0045, 0.058, 0.082, 1.4), mix(color, DARK, 0.15)),
+        Part(patch(0.0360, 0.0045, 0.058, 0.082, 1.4), mix(color, SOOT, 0.15)),
         Part(
             revolve([(0.0, 0.205), (0.0145, 0.205), (0.0145, 0.229), (0.0135, 0.230), (0.0, 0.230)]), (0.80, 0.62, 0.24)
         ),
@@ -133,9 +133,9 @@ def can(color: RGB) -> tuple[Part, ...]:
     return (
         Part(body, color),
         Part(ends, STEEL),
-        Part(patch(0.0330, 0.003, 0.045, 0.075, 2.4), WHITE),
-        Part(mouth, DARK),
-        Part(tab, mix(STEEL, DARK, 0.35)),
+        Part(patch(0.0330, 0.003, 0.045, 0.075, 2.4), CHINA),
+        Part(mouth, SOOT),
+        Part(tab, mix(STEEL, SOOT, 0.35)),
     )
 
 
@@ -144,7 +144,7 @@ def jar(color: RGB) -> tuple[Part, ...]:
         [(0.0, 0.0), (0.036, 0.0), (0.0395, 0.004), (0.0395, 0.086), (0.036, 0.094), (0.033, 0.098), (0.0, 0.098)]
     )
     lid = revolve([(0.0, 0.096), (0.0365, 0.096), (0.0365, 0.117), (0.035, 0.1188), (0.0, 0.1188)])
-    ink = mix(color, DARK, 0.15)
+    ink = mix(color, SOOT, 0.15)
     seal = joined(
         [box(0.050, 0.014, 0.0012).moved(x=0.0125, z=0.1185), box(0.0015, 0.014, 0.030).moved(x=0.037, z=0.0897)]
     )
@@ -152,7 +152,7 @@ def jar(color: RGB) -> tuple[Part, ...]:
         Part(body, color),
         Part(lid, CREAM),
         Part(patch(0.0397, 0.003, 0.025, 0.072, 2.6), CREAM),
-        Part(patch(0.0400, 0.0025, 0.040, 0.058, 1.2), mix(color, DARK, 0.30)),
+        Part(patch(0.0400, 0.0025, 0.040, 0.058, 1.2), mix(color, SOOT, 0.30)),
         Part(seal, ink),
     )
 
@@ -215,7 +215,7 @@ def knife(color: RGB) -> tuple[Part, ...]:
         ]
     )  # fmt: skip
     rivets = [disc(0.0026, 0.0, 0.0100, 12).moved(x=x) for x in (-0.085, -0.035)]
-    return Part(grip, DARK), Part(blade, color), *(Part(rivet, STEEL) for rivet in rivets)
+    return Part(grip, SOOT), Part(blade, color), *(Part(rivet, STEEL) for rivet in rivets)
 
 
 def spoon(color: RGB) -> tuple[Part, ...]:
@@ -241,7 +241,7 @@ def spoon(color: RGB) -> tuple[Part, ...]:
     ]
     bowl = revolve(dish).scaled(0.028, 0.019, 1.0).moved(x=0.062)
     shadow = revolve(hollow).scaled(0.028, 0.019, 1.0).moved(x=0.062)
-    return Part(shaft, color), Part(bowl, color), Part(shadow, mix(color, DARK, 0.22))
+    return Part(shaft, color), Part(bowl, color), Part(shadow, mix(color, SOOT, 0.22))
 
 
 def napkin(color: RGB) -> tuple[Part, ...]:
@@ -249,8 +249,8 @@ def napkin(color: RGB) -> tuple[Part, ...]:
     fold = prism([(-0.073, -0.073), (0.020, -0.073), (0.020, 0.073), (-0.073, 0.073)], 0.0, 0.0040)
     stripe = prism([(0.046, -0.0745), (0.056, -0.0745), (0.056, 0.0745), (0.046, 0.0745)], 0.0, 0.0028)
     thin = prism([(0.061, -0.0745), (0.064, -0.0745), (0.064, 0.0745), (0.061, 0.0745)], 0.0, 0.0028)
-    pale = mix(color, WHITE, 0.75)
-    return Part(sheet, mix(color, WHITE, 0.18)), Part(fold, color), Part(stripe, pale), Part(thin, pale)
+    pale = mix(color, CHINA, 0.75)
+    return Part(sheet, mix(color, CHINA, 0.18)), Part(fold, color), Part(stripe, pale), Part(thin, pale)
 
 
 def crackerbox(color: RGB) -> tuple[Part, ...]:
@@ -267,7 +267,7 @@ def crackerbox(color: RGB) -> tuple[Part, ...]:
         Part(belt, CREAM),
         *(Part(biscuit, gold) for biscuit in biscuits),
         Part(emblem, (0.98, 0.80, 0.22)),
-        Part(cap, mix(color, DARK, 0.18)),
+        Part(cap, mix(color, SOOT, 0.18)),
         Part(seal, (0.98, 0.80, 0.22)),
     )
 
@@ -286,13 +286,13 @@ def book(color: RGB) -> tuple[Part, ...]:
         Part(spine, color),
         Part(title, gilt),
         Part(line, gilt),
-        Part(joint, mix(color, DARK, 0.45)),
+        Part(joint, mix(color, SOOT, 0.45)),
     )
 
 
 def block(color: RGB) -> tuple[Part, ...]:
     light = sum(color) / 3 > 0.55
-    mark = mix(color, DARK, 0.55) if light else mix(color, WHITE, 0.65)
+    mark = mix(color, SOOT, 0.55) if light else mix(color, CHINA, 0.65)
     return Part(box(0.050, 0.050, 0.0490, 0.0025), color), Part(pip(0.026, 0.026, 0.0480, 0.0500), mark)
 
 
@@ -310,7 +310,7 @@ def banana(color: RGB) -> tuple[Part, ...]:
     body = _bow(stations, bend, middle)
     stalk = _bow([(0.70, 0.0062), (0.80, 0.0046), (0.855, 0.0050)], bend, middle)
     tip = _bow([(-0.835, 0.0030), (-0.79, 0.0056)], bend, middle)
-    return Part(body, color), Part(stalk, mix(color, (0.50, 0.48, 0.16), 0.75)), Part(tip, mix(color, DARK, 0.75))
+    return Part(body, color), Part(stalk, mix(color, (0.50, 0.48, 0.16), 0.75)), Part(tip, mix(color, SOOT, 0.75))
 
 
 def _bow(stations: list[tuple[float, float]], bend: float, height: float) -> Mesh:
@@ -391,13 +391,13 @@ def laptop(color: RGB) -> tuple[Part, ...]:
     return (
         Part(deck, color),
         Part(_lid(0.0, 0.0075, 0.165, 0.0, 1.0), color),
-        Part(_lid(0.0070, 0.0080, 0.158, 0.07, 0.965), DARK),
+        Part(_lid(0.0070, 0.0080, 0.158, 0.07, 0.965), SOOT),
         Part(_lid(0.0076, 0.0085, 0.150, 0.14, 0.93), SCREEN),
-        Part(page, mix(SCREEN, WHITE, 0.85)),
-        Part(joined(lines), mix(SCREEN, WHITE, 0.45)),
-        Part(bed, mix(color, DARK, 0.45)),
-        Part(joined([*keys, space]), DARK),
-        Part(pad, mix(color, DARK, 0.22)),
+        Part(page, mix(SCREEN, CHINA, 0.85)),
+        Part(joined(lines), mix(SCREEN, CHINA, 0.45)),
+        Part(bed, mix(color, SOOT, 0.45)),
+        Part(joined([*keys, space]), SOOT),
+        Part(pad, mix(color, SOOT, 0.22)),
     )
 
 
@@ -420,7 +420,7 @@ def keyboard(color: RGB) -> tuple[Part, ...]:
             group = marks if (row == 5 and column % 5 == 0) or (row == 2 and column == 14) else keys
             group.append(box(0.0155, 0.0168, 0.0039).moved(x=x, y=-0.1995 + 0.0210 * column, z=top - 0.0006))
     keys.append(box(0.0155, 0.1218, 0.0032).moved(x=-0.052, y=-0.0420, z=0.0133))
-    return (Part(body, color), Part(joined(keys), mix(color, WHITE, 0.72)), Part(joined(marks), (0.85, 0.45, 0.20)))
+    return (Part(body, color), Part(joined(keys), mix(color, CHINA, 0.72)), Part(joined(marks), (0.85, 0.45, 0.20)))
 
 
 def mouse(color: RGB) -> tuple[Part, ...]:
@@ -431,9 +431,9 @@ def mouse(color: RGB) -> tuple[Part, ...]:
     wheel = disc(0.0075, -0.0032, 0.0032, 24).tipped().moved(x=0.030, z=0.0290)
     return (
         Part(body, color),
-        Part(slit, mix(color, DARK, 0.85)),
+        Part(slit, mix(color, SOOT, 0.85)),
         Part(wheel, (0.80, 0.82, 0.85)),
-        Part(disc(0.0035, 0.0360, 0.0380, 16).moved(x=-0.012), mix(color, WHITE, 0.55)),
+        Part(disc(0.0035, 0.0360, 0.0380, 16).moved(x=-0.012), mix(color, CHINA, 0.55)),
     )
 
 
@@ -462,10 +462,10 @@ def phone(color: RGB) -> tuple[Part, ...]:
     eye = disc(0.0024, 0.0081, 0.0090, 14).moved(x=0.0685)
     return (
         Part(body, color),
-        Part(glass, mix(color, DARK, 0.8)),
+        Part(glass, mix(color, SOOT, 0.8)),
         Part(view, SCREEN),
-        Part(joined(dots), mix(SCREEN, WHITE, 0.70)),
-        Part(bar, mix(SCREEN, WHITE, 0.40)),
+        Part(joined(dots), mix(SCREEN, CHINA, 0.70)),
+        Part(bar, mix(SCREEN, CHINA, 0.40)),
         Part(eye, STEEL),
     )
 
@@ -483,7 +483,7 @@ def remote(color: RGB) -> tuple[Part, ...]:
         Part(body, color),
         Part(joined(buttons), (0.62, 0.64, 0.67)),
         Part(pad, (0.62, 0.64, 0.67)),
-        Part(disc(0.0065, 0.0186, 0.0194, 24).moved(x=0.040), DARK),
+        Part(disc(0.0065, 0.0186, 0.0194, 24).moved(x=0.040), SOOT),
         Part(power, (0.85, 0.20, 0.18)),
     )
 
@@ -500,7 +500,7 @@ def stapler(color: RGB) -> tuple[Part, ...]:
         ]
     )  # fmt: skip
     rail = ribbon([(-0.060, -0.0095, 0.0095, 0.011, 0.020), (0.0735, -0.0095, 0.0095, 0.020, 0.029)])
-    return Part(foot, mix(color, DARK, 0.55)), Part(plate, STEEL), Part(rail, STEEL), Part(arm, color)
+    return Part(foot, mix(color, SOOT, 0.55)), Part(plate, STEEL), Part(rail, STEEL), Part(arm, color)
 
 
 def pen(color: RGB) -> tuple[Part, ...]:
@@ -524,10 +524,10 @@ def marker(color: RGB) -> tuple[Part, ...]:
     cap = revolve([(0.0, 0.023), (0.0098, 0.023), (0.0098, 0.058), (0.0080, 0.0660), (0.0, 0.0675)], 28)
     clip = box(0.034, 0.0040, 0.0012).moved(x=0.042, z=0.0188)
     return (
-        Part(barrel.laid().moved(z=0.0098), mix(color, WHITE, 0.86)),
+        Part(barrel.laid().moved(z=0.0098), mix(color, CHINA, 0.86)),
         Part(band.laid().moved(z=0.0098), color),
         Part(cap.laid().moved(z=0.0098), color),
-        Part(clip, mix(color, DARK, 0.35)),
+        Part(clip, mix(color, SOOT, 0.35)),
     )
 
 
@@ -551,4 +551,4 @@ def scissors(color: RGB) -> tuple[Part, ...]:
     shanks = [shank.turned(s * 0.52).moved(x=-0.004, y=-s * 0.006, z=0.0035) for s in (1.0, -1.0)]
     eyes = [eye.turned(s * 0.10).moved(x=-0.0575, y=-s * 0.0215) for s in (1.0, -1.0)]
     pivot = disc(0.0042, 0.0045, 0.0125, 20).moved(x=0.004)
-    return Part(blades, STEEL), Part(joined([*shanks, *eyes]), color), Part(pivot, DARK)
+    return Part(blades, STEEL), Part(joined([*shanks, *eyes]), color), Part(pivot, SOOT)

@@ -19,15 +19,15 @@ from scenegen.geometry import Box, Circle, Footprint
 from scenegen.things.colored_mesh import WHITE, ColoredMesh, MeshBudget, refuse_layers
 from scenegen.things.library import RGB
 from scenegen.things.mesh import Mesh, box, disc, revolve
-from scenegen.things.meshfile import PLAIN, Read, beside, ending_of, mesh_points, mesh_surfaces
+from scenegen.things.meshfile import MESH_FILES, Read, beside, ending_of, mesh_points, mesh_surfaces
 from scenegen.things.outline import Floats, MeshError, Shadow
 
 # XML from strangers: elements with their attributes, lines and short texts, nothing else.
 # Document types are refused, and with them entities; size, depth and number of elements are limited.
-MOST_XML_BYTES = 8_000_000
-MOST_ELEMENTS = 20_000
-DEEPEST = 50
-LONGEST = 200  # characters of text that are kept of an element
+MAX_XML_BYTES = 8_000_000
+MAX_ELEMENTS = 20_000
+MAX_XML_DEPTH = 50
+MAX_ELEMENT_TEXT = 200  # characters of text that are kept of an element
 
 
 @dataclass(slots=True)
@@ -65,8 +65,8 @@ class Element:
 
 def elements(data: bytes) -> Element:
     """The outermost element of an XML document. Raises MeshError."""
-    if len(data) > MOST_XML_BYTES:
-        raise MeshError(f"it is larger than {MOST_XML_BYTES:,} bytes")
+    if len(data) > MAX_XML_BYTES:
+        raise MeshError(f"it is larger than {MAX_XML_BYTES:,} bytes")
     parser = expat.ParserCreate()
     document = Element("", {}, 0)
     path = [document]
@@ -78,10 +78,10 @@ def elements(data: bytes) -> Element:
         count += 1
         if tag.startswith("xacro:"):
             raise MeshError(f"line {line}: it is a xacro file; expand it first: xacro in.xacro > out.urdf")
-        if count > MOST_ELEMENTS:
-            raise MeshError(f"it has more than {MOST_ELEMENTS:,} elements")
-        if len(path) > DEEPEST:
-            raise MeshError(f"line {line}: it is nested more than {DEEPEST} deep")
+        if count > MAX_ELEMENTS:
+            raise MeshError(f"it has more than {MAX_ELEMENTS:,} elements")
+        if len(path) > MAX_XML_DEPTH:
+            raise MeshError(f"line {line}: it is nested more than {MAX_XML_DEPTH} deep")
         element = Element(tag, attributes, line)
         path[-1].children.append(element)
         path.append(element)
@@ -94,8 +94,8 @@ def elements(data: bytes) -> Element:
 
     def characters(text: str) -> None:
         here = path[-1]
-        if not here.children and len(here.text) < LONGEST:
-            here.text += text[:LONGEST]
+        if not here.children and len(here.text) < MAX_ELEMENT_TEXT:
+            here.text += text[:MAX_ELEMENT_TEXT]
 
     parser.buffer_text = True
     parser.CharacterDataHandler = characters
@@ -111,8 +111,8 @@ def elements(data: bytes) -> Element:
     return document.children[0]
 
 
-FARTHEST = 1e6  # of any number in the file
-KINDS = ("box", "cylinder", "sphere", "mesh")
+MAX_URDF_NUMBER = 1e6  # of any number in the file
+SOLIDS = ("box", "cylinder", "sphere", "mesh")
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +185,7 @@ def origin_of(element: Element) -> LinkFrame:
 def solid_of(shape: Element) -> Element:
     """The box, cylinder, sphere or mesh of a <visual> or <collision>. Raises MeshError."""
     geometry = shape.one("geometry")
-    if len(geometry.children) != 1 or geometry.children[0].tag not in KINDS:
+    if len(geometry.children) != 1 or geometry.children[0].tag not in SOLIDS:
         found = " and ".join(f"<{child.tag}>" for child in geometry.children[:3]) or "nothing"
         raise MeshError(f"{geometry.place}: a shape is one box, cylinder, sphere or mesh; here is {found}")
     return geometry.children[0]
@@ -200,7 +200,7 @@ def numbers_of(element: Element, name: str, count: int, default: str = "") -> li
     if len(values) != count or len(text.split()) != count:
         wanted = "a number" if count == 1 else f"{count} numbers"
         raise MeshError(f'{element.place}: {name}="{text[:40]}" is not {wanted}')
-    if not all(abs(value) <= FARTHEST for value in values):  # nor nan
+    if not all(abs(value) <= MAX_URDF_NUMBER for value in values):  # nor nan
         raise MeshError(f'{element.place}: {name}="{text[:40]}" is beyond all measure')
     return values
 
@@ -275,7 +275,7 @@ class MeshFiles:
         return self.outlines[name]
 
     def _data(self, name: str) -> bytes:
-        if ending_of(name) not in PLAIN:
+        if ending_of(name) not in MESH_FILES:
             why = "only .obj and .stl meshes are read in a URDF file: convert it, or give the outline beside it"
             raise MeshError(f"mesh {name[:60]}: {why}")
         data = self.read(name)
@@ -286,9 +286,9 @@ class MeshFiles:
         return lambda other: self.read(beside(name, other))
 
 
-LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects, as in the language
-USUAL = 20.0  # metres: a file of something larger is in another unit
-ROBOT = ".urdf"
+MAX_URDF_SIZE, MIN_URDF_SIZE = 1e3, 1e-6  # metres: sizes of objects, as in the language
+USUAL_URDF_SIZE = 20.0  # metres: a file of something larger is in another unit
+URDF_ENDING = ".urdf"
 
 
 def outline(data: bytes, read_mesh: Read) -> tuple[Footprint, float]:
@@ -352,13 +352,13 @@ def measured(shadow: Shadow, hint: str = "") -> tuple[Footprint, float]:
     footprint = shadow.footprint()
     height = round(shadow.top - shadow.bottom, 9)
     size = max(*footprint.extent, height)
-    if hint and size > USUAL:
+    if hint and size > USUAL_URDF_SIZE:
         raise MeshError(f"it would measure {size:,.4g} m; if its numbers are millimetres, {hint}")
-    if size > LARGEST:
-        raise MeshError(f"it is larger than {LARGEST:,.0f} m")
-    least = min(footprint.extent) if isinstance(footprint, Box | Circle) else SMALLEST
-    if min(least, height) < SMALLEST:
-        raise MeshError("it covers no area of the table" if least < SMALLEST else "it has no height")
+    if size > MAX_URDF_SIZE:
+        raise MeshError(f"it is larger than {MAX_URDF_SIZE:,.0f} m")
+    least = min(footprint.extent) if isinstance(footprint, Box | Circle) else MIN_URDF_SIZE
+    if min(least, height) < MIN_URDF_SIZE:
+        raise MeshError("it covers no area of the table" if least < MIN_URDF_SIZE else "it has no height")
     return footprint, height
 
 
@@ -379,7 +379,7 @@ def _add(shadow: Shadow, shape: Element, pose: LinkFrame, by: float, files: Mesh
                 shadow.points(pose.turn, pose.at, points * scale)
 
 
-ROUND = 40, 32, 16  # sides of a cylinder; of a sphere round and from pole to pole
+SOLID_SIDES = 40, 32, 16  # sides of a cylinder; of a sphere round and from pole to pole
 
 
 def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
@@ -420,7 +420,7 @@ def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
 def _drawn(solid: Element, files: MeshFiles) -> tuple[ColoredMesh, ...]:
     """A shape in its own frame."""
     if solid.tag != "mesh":
-        mesh = solid_mesh(solid, *ROUND)
+        mesh = solid_mesh(solid, *SOLID_SIDES)
         with placed_error(solid):
             files.budget.add_vertices(len(mesh.vertices))
             files.budget.add_triangles(len(mesh.faces))

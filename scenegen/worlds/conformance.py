@@ -26,7 +26,7 @@ task: inside(mug, mat)
 task: leftOf(cup[1], plate)
 """,
 )
-COUNT = 3  # scenes of each
+SCENES_EACH = 3  # scenes of each
 FOLDER = "meshes"
 DIGITS, NEAR = 1e-4, 1e-6  # by which numbers in files may differ from those of the world, as a share and beside it
 NUMBER = re.compile(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -96,7 +96,7 @@ def _worlds() -> Iterator[World]:
     from scenegen.api.spec import parse
 
     for text in SPECS:
-        scenes = sample(parse(text), n=COUNT, seed=0, workers=1)
+        scenes = sample(parse(text), n=SCENES_EACH, seed=0, workers=1)
         whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
         for bare in worlds_of(scenes.header, whole):
             yield replace(recorded(bare, scenes.header, whole, tuple(scenes.phi)))

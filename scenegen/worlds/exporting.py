@@ -26,7 +26,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.declarations import ONE_FILE_MANY_NUMBERS
 from scenegen.errors.files import NO_FORMAT, WRONG_ENDING
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, UNKNOWN_CHOICE
-from scenegen.looks.look import LOOKS
+from scenegen.looks.look import LOOKS_FILE
 from scenegen.needs import load_plugin, need, plugins
 from scenegen.scenes.blocks import Block, joined
 from scenegen.scenes.data import SceneFile
@@ -34,8 +34,7 @@ from scenegen.scenes.files import check_writable, ending_of, scene_name, whole_f
 from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.registry import ENDINGS, FORMATS, check_out, is_one_file
 from scenegen.things.outline import Floats
-from scenegen.worlds.export.world import FOLDER as TEXTURES
-from scenegen.worlds.export.world import Own, recorded, worlds_of
+from scenegen.worlds.export.world import TEXTURES, Own, recorded, worlds_of
 
 if TYPE_CHECKING:
     from scenegen.worlds.export.looks import SceneLooks
@@ -45,7 +44,7 @@ EXPORTS: dict[str, str] = {
     "sdf": "scenegen.worlds.export.sdf",
     "usd": "scenegen.worlds.export.usd",
 }
-TITLES = {"mjcf": "MuJoCo", "sdf": "SDF (Gazebo)", "usd": "USD (Isaac Sim)"}  # on the page; else the name itself
+FORMAT_TITLES = {"mjcf": "MuJoCo", "sdf": "SDF (Gazebo)", "usd": "USD (Isaac Sim)"}  # on the page; else the name itself
 NEEDS = {"usd": "pxr"}  # packages that only an extra of scenegen installs
 PLANNERS, PROBLEMS = "pddl", "scenegen.planning.conversion"  # the format, and the module of it
 SCENE_FORMATS = {ending.removeprefix("."): ending for ending in FORMATS}
@@ -53,7 +52,7 @@ KNOWN = (*EXPORTS, PLANNERS, *SCENE_FORMATS)
 CRATES = (".usd", ".usdc")  # endings of files that are binary: `files` gives their text
 EXPORTERS, WHAT = "scenegen.exporters", "export format"  # entry points of other packages: name -> such a module
 CONTRACT = ("ENDING", "meshes", "files")
-MESHES = "meshes"
+MESHES_FOLDER = "meshes"
 WITH_LOOKS = ("mjcf", "usd")
 
 
@@ -108,7 +107,7 @@ def write_worlds(
     together = is_one_file(out, to, own_ending(to))
     if together and header.counts:
         raise RequestError(ONE_FILE_MANY_NUMBERS(path=out, format=to))
-    folder, meshes = (out.parent, f"{out.stem}_{MESHES}") if together else (out, MESHES)
+    folder, meshes = (out.parent, f"{out.stem}_{MESHES_FOLDER}") if together else (out, MESHES_FOLDER)
     written: dict[int, Path] = {}
     with whole_files(folder) as put:
         put_already = set[str]()
@@ -130,7 +129,7 @@ def write_worlds(
         if dressing is not None:
             for name, data in dressing.textures():
                 put(f"{TEXTURES}/{name}", data)
-            put(LOOKS, dressing.record([path.name for _, path in sorted(written.items())]))
+            put(LOOKS_FILE, dressing.record([path.name for _, path in sorted(written.items())]))
     return tuple(path for _, path in sorted(written.items()))
 
 

@@ -26,7 +26,7 @@ from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.own_files import is_read, own_file, reason_of
 from scenegen.things.colored_mesh import ColoredMesh, check_texture
 from scenegen.things.mesh import Mesh, joined
-from scenegen.things.meshfile import LEAST_MASS, MOST_FRICTION, MOST_MASS, Read, mesh_surfaces
+from scenegen.things.meshfile import MAX_FRICTION, MAX_MASS, MIN_MASS, Read, mesh_surfaces
 from scenegen.things.outline import Floats, Indices, MeshError
 from scenegen.things.urdf import (
     Element,
@@ -47,12 +47,12 @@ from scenegen.things.urdf import (
 # there. The seed is fixed, so the same mesh gives the same pieces. They are kept for the next time, by the mesh's
 # content.
 # Fewer nodes and iterations of its search than the default: a closed bowl takes 7 s, an open box 23 s instead of 100 s.
-OPTIONS = {"threshold": 0.05, "max_convex_hull": 64, "mcts_nodes": 10, "mcts_iterations": 40, "seed": 0}
-MOST_TRIANGLES = 300_000  # of a mesh that is cut
-SECONDS = 300.0  # that cutting one mesh may take
-SMALL = 3_000  # triangles up to which it is seen whether a mesh is convex
-FLAT = 1e-6  # relative: how far a convex mesh may be from that, and which share of the box a piece must fill
-LEAST_PIECE = 1e-6  # of the box round a mesh: what is less is left out
+COACD_OPTIONS = {"threshold": 0.05, "max_convex_hull": 64, "mcts_nodes": 10, "mcts_iterations": 40, "seed": 0}
+MAX_CUT_TRIANGLES = 300_000  # of a mesh that is cut
+MAX_CUT_SECONDS = 300.0  # that cutting one mesh may take
+MAX_CONVEX_TEST = 3_000  # triangles up to which it is seen whether a mesh is convex
+CONVEX_TOLERANCE = 1e-6  # relative: how far a convex mesh may be from that
+MIN_PIECE_SHARE = 1e-6  # of the box round a mesh: what is less is left out
 
 
 def convex_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
@@ -69,19 +69,19 @@ def convex_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
     whole = Mesh(points, faces)
     if not len(faces) or not (np.ptp(points, axis=0) > 0.0).all():
         raise MeshError("it has no volume")
-    if len(faces) <= SMALL and whole.closed:
+    if len(faces) <= MAX_CONVEX_TEST and whole.closed:
         if whole.volume < 0.0:
             whole = Mesh(points, faces[:, ::-1].copy())
         if _is_convex(whole):
             return (whole,)
-    if len(faces) > MOST_TRIANGLES:
-        raise MeshError(f"it has more than {MOST_TRIANGLES:,} triangles to be cut into convex pieces: simplify it")
+    if len(faces) > MAX_CUT_TRIANGLES:
+        raise MeshError(f"it has more than {MAX_CUT_TRIANGLES:,} triangles to be cut into convex pieces: simplify it")
     found = _pieces(whole.vertices.tobytes(), whole.faces.astype("<i8").tobytes())
     least, most = points.min(axis=0), points.max(axis=0)
     pieces = []
     for vertices, corners in found:
         piece = Mesh(np.clip(vertices, least, most), corners)  # CoACD's own rounding, and its remeshing, reach outside
-        if abs(piece.volume) > LEAST_PIECE * float(np.prod(most - least)):
+        if abs(piece.volume) > MIN_PIECE_SHARE * float(np.prod(most - least)):
             pieces.append(piece if piece.volume > 0.0 else Mesh(piece.vertices, corners[:, ::-1].copy()))
     if not pieces:
         raise MeshError("it has no volume")
@@ -93,13 +93,13 @@ def _is_convex(mesh: Mesh) -> bool:
     across = np.cross(b - a, c - a)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
     beyond = mesh.vertices @ across.T - (across * a).sum(axis=1)
-    return mesh.volume > 0.0 and bool(beyond.max() <= FLAT * np.ptp(mesh.vertices, axis=0).max())
+    return mesh.volume > 0.0 and bool(beyond.max() <= CONVEX_TOLERANCE * np.ptp(mesh.vertices, axis=0).max())
 
 
 @lru_cache(maxsize=64)
 def _pieces(vertices: bytes, faces: bytes) -> tuple[tuple[Floats, Indices], ...]:
     need("coacd", "to cut meshes into convex pieces")
-    name = hashlib.sha256(repr((_version(), OPTIONS, len(vertices))).encode() + vertices + faces).hexdigest()
+    name = hashlib.sha256(repr((_version(), COACD_OPTIONS, len(vertices))).encode() + vertices + faces).hexdigest()
     path = _folder() / f"{name}.npz"
     kept = _kept(path)
     if kept is None:
@@ -117,13 +117,13 @@ def _version() -> str:
 
 def _cut(vertices: Floats, faces: Indices) -> tuple[tuple[Floats, Indices], ...]:
     answers: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()
-    cutter = WorkerProcess("CoACD", pickle.dumps(cut, protocol=5), answers, (0, (vertices, faces, OPTIONS)))
+    cutter = WorkerProcess("CoACD", pickle.dumps(cut, protocol=5), answers, (0, (vertices, faces, COACD_OPTIONS)))
     try:
-        made = answers.get(timeout=SECONDS)
+        made = answers.get(timeout=MAX_CUT_SECONDS)
         if made.ready and made.status == DONE:
-            made = answers.get(timeout=SECONDS)
+            made = answers.get(timeout=MAX_CUT_SECONDS)
     except queue.Empty:
-        raise MeshError(f"cutting it into convex pieces takes more than {SECONDS:.0f} s: simplify it") from None
+        raise MeshError(f"cutting it into convex pieces takes more than {MAX_CUT_SECONDS:.0f} s: simplify it") from None
     finally:
         said = cutter.end()
     if made.status != DONE:
@@ -187,8 +187,8 @@ def _keep(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
                 raise
 
 
-ROUND = 24, 24, 8  # sides of a cylinder; of a sphere round and from pole to pole
-MOST_PIECES = 1_000
+PIECE_SIDES = 24, 24, 8  # sides of a cylinder; of a sphere round and from pole to pole
+MAX_OWN_PIECES = 1_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -263,13 +263,13 @@ class _PieceReader:
         """Raises MeshError, with line and element."""
         found = self._pieces(solid)
         self.count += len(found)
-        if self.count > MOST_PIECES:
-            raise MeshError(f"{solid.place}: it has more than {MOST_PIECES:,} convex pieces")
+        if self.count > MAX_OWN_PIECES:
+            raise MeshError(f"{solid.place}: it has more than {MAX_OWN_PIECES:,} convex pieces")
         return found
 
     def _pieces(self, solid: Element) -> tuple[Mesh, ...]:
         if solid.tag != "mesh":
-            return (solid_mesh(solid, *ROUND),)
+            return (solid_mesh(solid, *PIECE_SIDES),)
         key = name, scale = solid.get("filename"), tuple(numbers_of(solid, "scale", 3, "1 1 1"))
         if key not in self.meshes:
             with placed_error(solid):
@@ -288,8 +288,8 @@ def _mass(links: list[Element]) -> float | None:
         for inertial in link.all("inertial")[:1]:
             (mass,) = sizes_of(inertial.one("mass"), "value", 1)
             total += mass
-    if total and not LEAST_MASS <= total <= MOST_MASS:
-        raise MeshError(f"its mass of {total:g} kg is beyond {LEAST_MASS:g} to {MOST_MASS:g} kg")
+    if total and not MIN_MASS <= total <= MAX_MASS:
+        raise MeshError(f"its mass of {total:g} kg is beyond {MIN_MASS:g} to {MAX_MASS:g} kg")
     return total or None
 
 
@@ -305,8 +305,8 @@ def _friction(robot: Element, links: list[Element]) -> float | None:
             # Both <mu1>0.8</mu1> and <mu1 value="0.8"/> are written.
             given = one if "value" in one.attributes else Element(one.tag, {"value": one.text.strip()}, one.line)
             said += sizes_of(given, "value", 1)
-    if any(one > MOST_FRICTION for one in said):
-        raise MeshError(f"its friction of {max(said):g} is beyond {MOST_FRICTION:g}")
+    if any(one > MAX_FRICTION for one in said):
+        raise MeshError(f"its friction of {max(said):g} is beyond {MAX_FRICTION:g}")
     return max(said) if said else None
 
 

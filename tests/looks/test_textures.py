@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenegen.looks.configuration import read_looks
-from scenegen.looks.textures import BUILT_IN, PATTERNS, Textures, checked, found_files, image_of, mean_of
+from scenegen.looks.textures import PATTERNS, TEXTURE_NAMES, Textures, checked, found_files, image_of, mean_of
 from tests.looks.pictures import four_colors
 
 RED, GREEN, BLUE, WHITE = (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)
@@ -50,7 +50,7 @@ def test_patterns_are_greys_that_darken_a_little_and_repeat_without_a_seam(name)
 
 def test_plain_is_without_a_texture():
     assert (Textures({}).shares("plain", 1.0, np.zeros(3), np.zeros(3), np.ones(3)) == 1.0).all()
-    assert "plain" in BUILT_IN and Textures({}).mean("plain") == (1.0, 1.0, 1.0)
+    assert "plain" in TEXTURE_NAMES and Textures({}).mean("plain") == (1.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize("data", [b"", b"no picture", b"GIF89a" + bytes(40)])

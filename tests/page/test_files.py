@@ -23,7 +23,7 @@ from scenegen.page.export import export_page
 from scenegen.page.jobs import sample
 from scenegen.page.jobs.source import refusal, spec_of
 from scenegen.page.limits import FIELDS, MAX_TEXT, control, without_command_line
-from scenegen.page.project import STARTER, STATIC, FileRefused, Folder, digest, open_, shipped
+from scenegen.page.project import FIRST_SPEC, STATIC, FileRefused, Folder, digest, open_, shipped
 from scenegen.resources import shipped_specs
 from scenegen.sampling.request import METHODS
 from scenegen.worlds.exporting import EXPORTS
@@ -173,7 +173,7 @@ def test_specs_folders_and_names(tmp_path, monkeypatch):
     found = open_(tmp_path / "two.spec")
     assert (found.text, found.path, found.folder.root) == (TEXT, "two.spec", tmp_path.resolve())
     assert open_(tmp_path.__class__("two")).path == "two.spec"
-    assert open_(tmp_path).name == STARTER and open_(None).folder.root == tmp_path.resolve()
+    assert open_(tmp_path).name == FIRST_SPEC and open_(None).folder.root == tmp_path.resolve()
     shipped = open_(tmp_path.__class__("sort_3"))
     assert shipped.path is None and shipped.folder.root == tmp_path.resolve()
 

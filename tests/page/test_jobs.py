@@ -19,8 +19,8 @@ import scenegen
 from scenegen.cli.eval import as_json
 from scenegen.errors import DataError, RequestError, SpecError
 from scenegen.errors.program import PAGE_LIMIT
-from scenegen.page.jobs import TABLE, job_of, source
-from scenegen.page.limits import SECONDS
+from scenegen.page.jobs import JOBS, job_of, source
+from scenegen.page.limits import JOB_SECONDS
 from scenegen.page.worker import dumps
 from scenegen.resources import shipped_specs
 
@@ -40,8 +40,8 @@ def do(job, tmp_path, **fields):
 
 
 def test_every_job_has_a_time_limit():
-    assert set(TABLE) == set(SECONDS)
-    assert all(callable(job_of(name)) for name in TABLE)
+    assert set(JOBS) == set(JOB_SECONDS)
+    assert all(callable(job_of(name)) for name in JOBS)
 
 
 def test_check_describes_a_spec_and_lists_its_problems(tmp_path):

@@ -13,7 +13,7 @@ from scenegen.geometry import Box, Polygon
 from scenegen.lang.checker import check_file
 from scenegen.pictures.render.scenes import models_of, still_outlines
 from scenegen.things import Shape, shape_of
-from scenegen.things.indexed import UPRIGHT, AssetEntry, IndexFileError, categories, fitted, read_index
+from scenegen.things.indexed import UPRIGHTS, AssetEntry, IndexFileError, categories, fitted, read_index
 from scenegen.things.mesh import Mesh, box, disc, prism, revolve, shaded, tube
 from scenegen.things.outline import MeshError
 from scenegen.things.surfaces import overlapping
@@ -94,7 +94,7 @@ def test_meshes_are_scaled_and_turned_upright():
     assert sizes(**box, up="z") == (0.2, 0.3, 0.1)
 
 
-@pytest.mark.parametrize("up", UPRIGHT)
+@pytest.mark.parametrize("up", UPRIGHTS)
 def test_the_axis_that_is_up_becomes_z_without_a_mirror(up):
     axis = np.eye(3)["xyz".index(up[-1])] * (-1.0 if up[0] == "-" else 1.0)
     turn = AssetEntry(name="a", file="a.obj", up=up).matrix

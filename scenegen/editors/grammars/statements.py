@@ -30,10 +30,10 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 
 OBJECT, REGION, POINT, LIST, HEADING = "object", "region", "point", "list", "heading"
-KINDS = (OBJECT, REGION, POINT, LIST, HEADING)
-HEADINGS = ("NORTH", "EAST", "SOUTH", "WEST", "45 deg", "135 deg", "225 deg", "315 deg")
-FEW = 8  # objects up to which points of regions, groups of three and fine steps of numbers take part
-SIDES = ("left", "right", "top", "bottom")
+ARGUMENT_KINDS = (OBJECT, REGION, POINT, LIST, HEADING)
+HEADING_WORDS = ("NORTH", "EAST", "SOUTH", "WEST", "45 deg", "135 deg", "225 deg", "315 deg")
+FEW_THINGS = 8  # objects up to which points of regions, groups of three and fine steps of numbers take part
+MIDPOINTS = ("left", "right", "top", "bottom")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class GrammarNames:
     @property
     def few(self) -> bool:
         """Whether there are so few objects that there is room for more to say of each."""
-        return len(self.names[OBJECT]) <= FEW
+        return len(self.names[OBJECT]) <= FEW_THINGS
 
 
 def vocabulary(lowering: Lowering) -> GrammarNames:
@@ -81,16 +81,16 @@ def vocabulary(lowering: Lowering) -> GrammarNames:
     surfaces = dict.fromkeys(
         f"{objects[one.carrier]}.{one.name}" for one in lowering.supports.values() if one.carrier in carriers
     )
-    points = tuple(f"{region}.{side}" for region in regions for side in SIDES) if len(objects) <= FEW else ()
+    points = tuple(f"{region}.{side}" for region in regions for side in MIDPOINTS) if len(objects) <= FEW_THINGS else ()
     lists = (*(("objects",) if len(objects) > 1 else ()), *scope.arrays)
     taken = {*scope.values(), *scope.functions()}
     free = [name for name in chain("pqrstuvw", (f"p{k}" for k in range(len(taken) + 2))) if name not in taken]
     own = frozenset(name for name, one in scope.definitions.items() if one.source is not scope.prelude)
-    names = {OBJECT: objects, REGION: (*regions, *surfaces), POINT: points, LIST: lists, HEADING: HEADINGS}
+    names = {OBJECT: objects, REGION: (*regions, *surfaces), POINT: points, LIST: lists, HEADING: HEADING_WORDS}
     return GrammarNames(names, (free[0], free[1]), own, scope.timed)
 
 
-MOST_THREES = 1500  # ways to fill three arguments; of more, the third is no object
+MAX_TRIPLES = 1500  # ways to fill three arguments; of more, the third is no object
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class PhraseForm:
 def calls(relation: str, count: int, own: bool) -> Iterator[PhraseForm]:
     """Calls with so many arguments, of every kind that each may have. The first is never a place: goals are about
     objects."""
-    for kinds in product(KINDS, repeat=count):
+    for kinds in product(ARGUMENT_KINDS, repeat=count):
         if kinds and kinds[0] in (REGION, POINT, HEADING):
             continue
         if count > 2 and (POINT in kinds or kinds[0] != OBJECT):
@@ -180,7 +180,7 @@ def samples(form: PhraseForm, words: GrammarNames) -> list[tuple[str, ...]]:
 def fits(form: PhraseForm, words: GrammarNames) -> bool:
     """Whether a form is small enough to be filled in in all ways."""
     threes = len(words.names[OBJECT]) ** 2
-    return form.kinds.count(OBJECT) < 3 or threes * len(words.names[OBJECT]) <= MOST_THREES
+    return form.kinds.count(OBJECT) < 3 or threes * len(words.names[OBJECT]) <= MAX_TRIPLES
 
 
 # What of all that could be said checks, and how phi of it varies over scenes that meet what the spec requires.
@@ -189,8 +189,8 @@ def fits(form: PhraseForm, words: GrammarNames) -> bool:
 # found.
 PROBES = 16  # scenes in which an extra argument has to shift phi by as much
 EXACT = 1e-9  # what rounding may make of a shift
-LIVE = 1 << 23  # numbers that a look at some scenes may hold
-MOST_SLOTS = 3  # arguments that relations can have here
+MAX_PHI_NUMBERS = 1 << 23  # numbers that a look at some scenes may hold
+MAX_SLOTS = 3  # arguments that relations can have here
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +250,7 @@ def _reached(core: Core, scenes: Array) -> Array:
     """The least and the largest value of each label over scenes, (L, 2)."""
     places = list(core.labels.values())
     ends = np.tile([np.inf, -np.inf], (len(places), 1))
-    block = max(32, LIVE // max(1, len(core.nodes)))
+    block = max(32, MAX_PHI_NUMBERS // max(1, len(core.nodes)))
     for start in range(0, scenes.shape[1], block):
         values = evaluate(core, list(scenes[:, start : start + block]), NUMPY)
         for end, place in zip(ends, places, strict=True):
@@ -303,7 +303,7 @@ class _Trial:
             if signature.needed < 2 and isinstance(first, ListValue | RegionValue | PointValue):
                 counts.append(signature.needed + 1)
             for count in counts:
-                if count > MOST_SLOTS:
+                if count > MAX_SLOTS:
                     continue
                 for form in calls(name, count, name in words.own):
                     made = self._looked_at(form)
@@ -335,7 +335,7 @@ class _Trial:
                 continue
             before = (", " if count else "") + ("" if place == count else f"{name} = ")
             if name == "heading":
-                found.append(Extra(before, None, HEADINGS))
+                found.append(Extra(before, None, HEADING_WORDS))
             elif value.unit in MEASURES:
                 found.append(Extra(before, MEASURES[value.unit]))
         return found

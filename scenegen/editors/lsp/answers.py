@@ -202,7 +202,7 @@ def _place(document: Document, name: str) -> tuple[int, int]:
 # An editor's `character` counts UTF-16 code units unless client and server agreed on UTF-8 bytes or on UTF-32. Lines
 # end at `\n`; `\r\n` and `\r` count as one break too, so a text keeps its positions when its breaks are made plain.
 # encoding -> how many units one character takes
-_UNITS: Mapping[str, Callable[[str], int]] = {
+_CODE_UNITS: Mapping[str, Callable[[str], int]] = {
     "utf-8": lambda char: len(char.encode("utf-8", "surrogatepass")),
     "utf-16": lambda char: 1 + (char > "\uffff"),
     "utf-32": lambda char: 1,
@@ -214,7 +214,7 @@ class EncodedLines:
 
     def __init__(self, text: str, encoding: str = "utf-16") -> None:
         self.text, self.encoding = text, encoding
-        self._units = _UNITS[encoding]
+        self._units = _CODE_UNITS[encoding]
         self._starts = [0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1])]
 
     def position(self, offset: int) -> tuple[int, int]:
@@ -272,7 +272,7 @@ def formatted(document: Document) -> Change | None:
 Json = dict[str, Any]
 
 ERROR, WARNING, UNNECESSARY = 1, 2, 1  # DiagnosticSeverity, DiagnosticTag
-LOG = logging.getLogger("scenegen.editors.lsp")
+LSP_LOG = logging.getLogger("scenegen.editors.lsp")
 
 # CompletionItemKind
 _ITEMS: Mapping[str, int] = {
@@ -333,7 +333,7 @@ def answer(page: Page, question: Question) -> Any:
     except RequestRefused:
         raise
     except Exception as error:  # no text may end the server
-        LOG.exception("%s of %s failed", question.feature, page.uri)
+        LSP_LOG.exception("%s of %s failed", question.feature, page.uri)
         return failure(f"{type(error).__name__}: {error}") if question.feature == "diagnostics" else None
 
 

@@ -91,7 +91,7 @@ def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
         yield from _members(here)
     elif last is not None and last.kind == "number":
         if not last.text[-1:].isalpha() and here.document.text[last.end : here.start].strip(" \t") == "":
-            yield from (here.item(unit, "unit", about=words) for unit, words in vocabulary.UNITS.items())
+            yield from (here.item(unit, "unit", about=words) for unit, words in vocabulary.UNIT_TEXTS.items())
         yield from _after_operand(here, kind)
     elif kind == "object" and _opens_support(here):
         yield from _supports(here)
@@ -147,7 +147,7 @@ def _after_operand(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
         yield from _keywords(here, "at")
         words = ("by area",) if _in_support(here.before) else ("on", "of")
         for word in words:
-            yield here.item(word, "keyword", about=vocabulary.CLAUSES[word])
+            yield here.item(word, "keyword", about=vocabulary.CLAUSE_TEXTS[word])
     elif kind in ("label", "def", "require", "formula"):
         waiting = [one.text for one in here.before if one.text in ("forall", "exists", "∀", "∃", ":")]
         if waiting[-1:] not in ([], [":"]) and here.back(1) != "in":
@@ -198,7 +198,7 @@ def _opens_support(here: _WordAtCursor) -> bool:
 def _supports(here: _WordAtCursor) -> Iterator[CompletionItem]:
     """What can carry an object: other objects with a surface, regions, the table."""
     if here.back(1) == "on":
-        yield here.item("any of", "keyword", about=vocabulary.CLAUSES["any of"])
+        yield here.item("any of", "keyword", about=vocabulary.CLAUSE_TEXTS["any of"])
     tokens = here.before
     mine = [
         after.text
@@ -210,7 +210,7 @@ def _supports(here: _WordAtCursor) -> Iterator[CompletionItem]:
             continue
         if binding.kind == "region" or (binding.kind == "object" and _surfaces(binding)):
             yield here.item(name, binding.kind, *here.document.notes[binding])
-    yield here.item("workspace", "keyword", about=vocabulary.BUILT_IN["workspace"])
+    yield here.item("workspace", "keyword", about=vocabulary.BUILT_IN_TEXTS["workspace"])
 
 
 def _surfaces(binding: Binding) -> tuple[str, ...]:
@@ -229,7 +229,7 @@ def _members(here: _WordAtCursor) -> Iterator[CompletionItem]:
         for name in _surfaces(binding):
             yield here.item(name, "member", about="a surface that things can stand on")
     for name in _members_of(here):
-        yield here.item(name, "member", about=vocabulary.MEMBERS[name])
+        yield here.item(name, "member", about=vocabulary.MEMBER_TEXTS[name])
 
 
 def _members_of(here: _WordAtCursor) -> tuple[str, ...]:
@@ -274,7 +274,7 @@ def _operands(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
             continue  # an object that nothing declares, but the word that is being written
         yield here.item(name, binding.kind, *document.notes[binding])
     for name in BUILT_IN:
-        yield here.item(name, "keyword", about=vocabulary.BUILT_IN[name])
+        yield here.item(name, "keyword", about=vocabulary.BUILT_IN_TEXTS[name])
     if not constant:
         for name, binding in sorted(document.functions.items()):
             if not name.startswith("_"):

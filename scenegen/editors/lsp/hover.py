@@ -220,7 +220,7 @@ def _union(ends: Sequence[Interval]) -> tuple[float, float]:
     return min(float(one.lo) for one in ends), max(float(one.hi) for one in ends)
 
 
-SHOWN = 12  # names that a list of objects shows
+MAX_LISTED_OBJECTS = 12  # names that a list of objects shows
 
 
 def _spec(document: Document) -> CheckedSpec | None:
@@ -297,11 +297,11 @@ def objects(document: Document) -> str:
     spec = _spec(document)
     if spec is None:
         return ""
-    more = f", ... ({len(spec.objects)} in all)" if len(spec.objects) > SHOWN else ""
-    return ", ".join(f"`{one}`" for one in spec.objects[:SHOWN]) + more
+    more = f", ... ({len(spec.objects)} in all)" if len(spec.objects) > MAX_LISTED_OBJECTS else ""
+    return ", ".join(f"`{one}`" for one in spec.objects[:MAX_LISTED_OBJECTS]) + more
 
 
-LONGEST = 80  # characters of a formula that a hover repeats
+MAX_FORMULA_LENGTH = 80  # characters of a formula that a hover repeats
 
 
 @dataclass(frozen=True, slots=True)
@@ -356,13 +356,13 @@ def _about_name(document: Document, found: Occurrence, around: Sequence[Extent])
     own = next((one for one in around if _stands_for(one.node, found)), None)
     value = [_number(own)] if own is not None and own.kind != "formula" else []
     match found.role:
-        case "member" if found.name in names.MEMBERS:
-            return [f"`.{found.name}`: {names.MEMBERS[found.name]}", *value]
+        case "member" if found.name in names.MEMBER_TEXTS:
+            return [f"`.{found.name}`: {names.MEMBER_TEXTS[found.name]}", *value]
         case "asset":
             return [f"**asset** `{found.name}`", asset(found.name)]
-        case "value" if binding is None and found.name in names.BUILT_IN:
+        case "value" if binding is None and found.name in names.BUILT_IN_TEXTS:
             facts_ = workspace(document) if found.name == "workspace" else objects(document)
-            return [f"**built in** `{found.name}`: {names.BUILT_IN[found.name]}", facts_]
+            return [f"**built in** `{found.name}`: {names.BUILT_IN_TEXTS[found.name]}", facts_]
         case "call" if binding is None and found.name in names.functions():
             usage, meaning = names.functions()[found.name]
             return [_code(usage), meaning, *value]
@@ -450,4 +450,4 @@ def _code(text: str) -> str:
 
 
 def _shortened(text: str) -> str:
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return text if len(text) <= MAX_FORMULA_LENGTH else text[: MAX_FORMULA_LENGTH - 3] + "..."

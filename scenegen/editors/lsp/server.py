@@ -29,8 +29,8 @@ from scenegen.editors.lsp.document import Document
 from scenegen.processes.process import exit_status
 
 PAUSE, LONGEST_PAUSE = 0.05, 1.0  # seconds without a further change after which a text is checked
-WATCH = 2.0  # seconds between two looks at the client's process
-LARGEST = 1 << 26  # bytes of a line of a message's head
+WATCH_SECONDS = 2.0  # seconds between two looks at the client's process
+MAX_HEADER_BYTES = 1 << 26  # bytes of a line of a message's head
 LOG = logging.getLogger("scenegen.editors.lsp")
 
 _IMPORT = re.compile(r'\bimport\s*"')
@@ -246,7 +246,7 @@ class Server(LanguageServer):
 
     async def converse(self, stream: BinaryIO, out: BinaryIO) -> None:
         """Answer a client until it goes away. Raises SystemExit when it says goodbye."""
-        loop, self._reader = asyncio.get_running_loop(), (reader := MessageReader(LARGEST))
+        loop, self._reader = asyncio.get_running_loop(), (reader := MessageReader(MAX_HEADER_BYTES))
 
         def read() -> None:  # in a thread that nobody waits for: pygls's own would outlive Ctrl-C
             with contextlib.suppress(RuntimeError):  # the loop has ended before the stream
@@ -272,7 +272,7 @@ class Server(LanguageServer):
 
     async def _watch(self, pid: int) -> None:
         while not has_ended(pid):
-            await asyncio.sleep(WATCH)
+            await asyncio.sleep(WATCH_SECONDS)
         self._reader.feed_eof()
 
 

@@ -137,7 +137,7 @@ def mesh_key(thing: PictureObject) -> str:
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
 
 
-STEPS = 32767  # of the largest coordinate: positions are 16-bit numbers
+POSITION_STEPS = 32767  # of the largest coordinate: positions are 16-bit numbers
 
 
 def meshes_of(spec: Spec, have: Collection[str]) -> dict[str, Any]:
@@ -157,7 +157,7 @@ def packed_mesh(shape: Shape, color: tuple[float, float, float]) -> dict[str, An
         normals.append(normal)
         colors.append(np.tile(np.array(part.color), (len(vertices), 1)))
     position = np.concatenate(positions)
-    scale = max(float(np.abs(position).max()), 1e-9) / STEPS
+    scale = max(float(np.abs(position).max()), 1e-9) / POSITION_STEPS
     table = np.concatenate(
         [
             np.round(position / scale),

@@ -21,7 +21,7 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.interpret import deciding_atom, is_constant, settled_atoms
 from scenegen.lang.formula.interpret import evaluate as interpret
-from scenegen.page.jobs.source import MOST_NODES, Json, decided, line_of, spec_of, stage_of_spec, tree_of
+from scenegen.page.jobs.source import MAX_LINE_NODES, Json, decided, line_of, spec_of, stage_of_spec, tree_of
 from scenegen.page.limits import MAX_POSES
 from scenegen.scenes.data import RequestData, SceneFile, heights_of
 from scenegen.things.surfaces import base_heights, overlapping
@@ -157,7 +157,7 @@ class Trees:
 
     def _line(self, part: OutlinePart, least: bool) -> tuple[Json, list[OutlinePart]]:
         number = len(self.groups)
-        self.groups.append(part.nodes[:MOST_NODES])
+        self.groups.append(part.nodes[:MAX_LINE_NODES])
         self.least.append(least)
         return line_of(self.core, part, number), self._folded.children(part)
 

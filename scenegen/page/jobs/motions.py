@@ -19,8 +19,8 @@ from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.program import NO_MESSAGE, PAGE_LIMIT
 from scenegen.lang.formula.core import REQUIRE, BoundedUntil, Everywhere, Junction, Moment, Window
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimedValues, over_time
-from scenegen.page.jobs.source import MOST_NODES, Json, decided, line_of, stage_of_spec, tree_of
-from scenegen.page.limits import MAX_MOMENTS, MAX_MOTION, MAX_SCENES
+from scenegen.page.jobs.source import MAX_LINE_NODES, Json, decided, line_of, stage_of_spec, tree_of
+from scenegen.page.limits import MAX_MOMENTS, MAX_MOTION, MAX_PAGE_SCENES
 from scenegen.sampling.motions.scores import TraceScores
 from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.formats.motions import facts_of
@@ -28,7 +28,7 @@ from scenegen.scenes.motions import MotionRequestData, TimeData
 from scenegen.search import node_bounds
 from scenegen.things.surfaces import base_heights, overlapping
 
-MOST_VALUES = 40_000  # lines times moments whose values are all sent; of longer motions those that count
+MAX_TREE_VALUES = 40_000  # lines times moments whose values are all sent; of longer motions those that count
 
 
 def motions_of(spec: Spec, poses: object) -> Array:
@@ -87,7 +87,7 @@ def reasons(spec: Spec, motion: Array, *, everything: bool = True) -> dict[str, 
         "signals": {name: row.tolist() for name, row in signals.items()},
         "values": values[np.arange(len(values)), at].tolist(),
         "at": at,
-        "over": _short(values) if everything and values.size <= MOST_VALUES else None,
+        "over": _short(values) if everything and values.size <= MAX_TREE_VALUES else None,
         "decides": {label: _decides(spec, label, scored, motion, at) for label in labels},
         "overlaps": [[spec.objects[a], spec.objects[b]] for a, b in overlapping(shapes, motion[-1:], None)[0]],
     }
@@ -202,7 +202,7 @@ class TimedTrees:
                     return self._over_time(part, "time", node.text), [arg]
                 case Everywhere(holds):
                     return self._over_time(part, "atom", "true" if holds else "false"), []
-        number = self._take(LineNodes(place if isinstance(place, int) else None, part.nodes[:MOST_NODES], least))
+        number = self._take(LineNodes(place if isinstance(place, int) else None, part.nodes[:MAX_LINE_NODES], least))
         found = line_of(self.timed.state, part, number)
         self.lines.append(found)
         return found, list(self._folded.children(part))
@@ -294,7 +294,7 @@ def timed_of(spec: Spec) -> Timed:
 def most_of(spec: Spec) -> int:
     """How many motions of a spec the page shows; 0 where a single one is too long."""
     size = timed_of(spec).horizon.moments * max(1, len(spec.objects))
-    return 0 if size > MAX_MOTION else min(MAX_SCENES, MAX_MOMENTS // size)
+    return 0 if size > MAX_MOTION else min(MAX_PAGE_SCENES, MAX_MOMENTS // size)
 
 
 def too_long(spec: Spec) -> Diagnostic:

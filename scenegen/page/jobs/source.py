@@ -114,13 +114,13 @@ def stage_of_spec(spec: Spec) -> PictureSetup:
     return stage_of(header_of(spec))
 
 
-T = TypeVar("T")
+Result = TypeVar("T")
 
 NICE = 10  # of 19: how far work gives way that nobody waits for
 SLIGHTLY = 2  # and work that somebody waits for, after a first look
 
 
-def calmly(work: Callable[[], T], nice: int = NICE) -> T:
+def calmly(work: Callable[[], Result], nice: int = NICE) -> Result:
     """Do work in a thread of its own that gives way to other processes. A process could not take that back afterwards,
     and its next job may be urgent; on Linux a thread has a priority of its own. Raises what the work raises."""
     _own()
@@ -170,8 +170,8 @@ def decided(
     }
 
 
-MOST = 300  # lines of one label
-MOST_NODES = 400  # nodes of one line whose values are looked at
+MAX_TREE_LINES = 300  # lines of one label
+MAX_LINE_NODES = 400  # nodes of one line whose values are looked at
 
 Json = dict[str, Any]
 
@@ -189,7 +189,7 @@ def tree_of(root: Part, line_of: Callable[[Part, bool], tuple[Json, list[Part]]]
         least = line["kind"] != "one"
         for part in parts:
             count += 1
-            if count > MOST:
+            if count > MAX_TREE_LINES:
                 line["more"] = line.get("more", 0) + 1
                 continue
             one, further = line_of(part, least)

@@ -16,7 +16,7 @@ Point = tuple[float, float]
 WIDTH, HEIGHT = 900, 360  # pixels of a panel
 LEFT, RIGHT, HEAD, FOOT = 76, 28, 74, 46  # margins of a panel's axes
 TITLE, TEXT = 20, 14  # font sizes
-DEEPEST = -1.0  # an axis extends at least down to this log10
+FLOOR_LOG10 = -1.0  # an axis extends at least down to this log10
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ def _curves(draw: ImageDraw.ImageDraw, panel: RarityPanel, top: int, title: str)
     low, high = panel.bounds
     if not low < high:
         low, high = low - 0.5, high + 0.5
-    floor = min([DEEPEST, *(math.floor(y) for _, y in points)])
+    floor = min([FLOOR_LOG10, *(math.floor(y) for _, y in points)])
 
     def place(phi: float, log10: float) -> tuple[float, float]:
         x = LEFT + (phi - low) / (high - low) * (WIDTH - LEFT - RIGHT)

@@ -15,7 +15,7 @@ from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.pictures.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, placed
 
 EM = 0.62  # width of a character in a sans-serif font such as DejaVu Sans, relative to the font size
-STEP = 3.0  # pixels between the points that represent a line
+LINE_POINT_GAP = 3.0  # pixels between the points that represent a line
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Labels:
 
     def line(self, a: tuple[float, float], b: tuple[float, float], cost: float = 4.0) -> None:
         """Keep labels away from the visible part of a line."""
-        steps = max(1, round(max(abs(b[0] - a[0]), abs(b[1] - a[1])) / STEP))
+        steps = max(1, round(max(abs(b[0] - a[0]), abs(b[1] - a[1])) / LINE_POINT_GAP))
         for step in range(steps + 1):
             x, y = a[0] + step / steps * (b[0] - a[0]), a[1] + step / steps * (b[1] - a[1])
             point = Rect(x - 1.5, y - 1.5, x + 1.5, y + 1.5)
@@ -88,8 +88,8 @@ ZONE, ZONE_EDGE = "#f3f1e9", "#b9b199"
 FONT = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif"
 TYPE, SMALL = 11, 10  # pixels
 MARGIN, LINE = 12, 15
-FAR = 20_000.0  # pixels: maximum distance of anything drawn from the upper left corner
-MOST_LINES = 30  # maximum number of grid lines in one direction
+MAX_PIXEL = 20_000.0  # pixels: maximum distance of anything drawn from the upper left corner
+MAX_GRID_LINES = 30  # maximum number of grid lines in one direction
 
 
 def topview(*views: FigureScene, width: int = 240) -> str:
@@ -132,7 +132,7 @@ class _Panel:
     def at(self, point: Point) -> Point:
         """Pixels of a place; very distant places are moved to a limit that drawing programs can handle."""
         x, y = MARGIN + (point[0] - self.left) * self.scale, MARGIN + (self.top - point[1]) * self.scale
-        return max(-FAR, min(x, FAR)), max(-FAR, min(y, FAR))
+        return max(-MAX_PIXEL, min(x, MAX_PIXEL)), max(-MAX_PIXEL, min(y, MAX_PIXEL))
 
     def svg(self, shift: int) -> list[str]:
         view = self.view
@@ -187,7 +187,7 @@ class _Panel:
         """The workspace with its grid."""
         (left, right), (bottom, top) = self.view.x, self.view.y
         step = 0.1
-        while max(right - left, top - bottom) / step > MOST_LINES:
+        while max(right - left, top - bottom) / step > MAX_GRID_LINES:
             step *= 10.0
         x, y = self.at((left, top))
         size = f'width="{_n((right - left) * self.scale)}" height="{_n((top - bottom) * self.scale)}"'

@@ -16,7 +16,7 @@ from scenegen.errors import RequestError, quoted
 from scenegen.errors.program import NO_EGL
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.looks.camera import VIEWS
-from scenegen.looks.look import VIEW
+from scenegen.looks.look import LOOK_VIEW
 from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.palette import PALETTE
 from scenegen.validation import as_int, as_words
@@ -27,7 +27,7 @@ Mask = npt.NDArray[np.uint16]
 Model = tuple[ColoredMesh, ...]  # an object as its own files show it
 Rows = npt.NDArray[np.intp] | slice  # indices of pixels of a picture, row by row
 
-GROUND, TABLE, FIRST = 0, 1, 2  # in masks: the ground, the table, the first object
+GROUND_ID, TABLE_ID, FIRST_ID = 0, 1, 2  # in masks: the ground, the table, the first object
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class RenderedView:
 
 
 RENDERERS = ("software", "egl")
-STEP = 1e-4  # metres: the unit of depth in PNG files, 6.5 m at most
+DEPTH_UNIT = 1e-4  # metres: the unit of depth in PNG files, 6.5 m at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def encode(shot: RenderedView, options: PictureOptions, ids: int) -> Sequence[by
     files = [png(shot.color)]
     arrays: dict[str, Any] = {}
     if options.depth:
-        ticks = np.clip(np.rint(shot.depth / STEP), 0, 65535).astype(np.uint16)
+        ticks = np.clip(np.rint(shot.depth / DEPTH_UNIT), 0, 65535).astype(np.uint16)
         files.append(_saved(Images.fromarray(ticks)))
         arrays["depth"] = shot.depth
     if options.masks:
@@ -107,12 +107,12 @@ def _saved(image: Images.Image) -> bytes:
     return out.getvalue()
 
 
-SMALLEST, LARGEST = 16, 4096  # pixels along a side of a picture
+MIN_PICTURE_SIDE, MAX_PICTURE_SIDE = 16, 4096  # pixels along a side of a picture
 
 
 def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None, *, looks: bool = False) -> None:
     """Raises RequestError for invalid views, an invalid size in pixels, or an invalid number of processes."""
-    known = (*VIEWS, VIEW) if looks else VIEWS
+    known = (*VIEWS, LOOK_VIEW) if looks else VIEWS
     views = as_words("views", views, '("top",)')
     if not views:
         wanted = f"at least one view; there are {quoted(known)}"
@@ -124,8 +124,8 @@ def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | 
         wanted = "width and height in pixels, as (640, 480)"
         raise RequestError(WRONG_VALUE(argument="size", value=repr(size), wanted=wanted))
     size = as_int("width", size[0]), as_int("height", size[1])
-    if not all(SMALLEST <= side <= LARGEST for side in size):
-        wanted = f"from {SMALLEST} to {LARGEST} pixels wide and high"
+    if not all(MIN_PICTURE_SIDE <= side <= MAX_PICTURE_SIDE for side in size):
+        wanted = f"from {MIN_PICTURE_SIDE} to {MAX_PICTURE_SIDE} pixels wide and high"
         raise RequestError(OUT_OF_RANGE(argument="size", value=f"{size[0]} x {size[1]}", wanted=wanted))
     if workers is not None and as_int("workers", workers) < 1:
         raise RequestError(OUT_OF_RANGE(argument="workers", value=workers, wanted="1 or more"))

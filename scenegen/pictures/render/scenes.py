@@ -17,18 +17,18 @@ from PIL import Image
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.errors.requests import NO_SCENES
-from scenegen.looks.camera import USUAL, frame
+from scenegen.looks.camera import USUAL_VIEWS, frame
 from scenegen.looks.configuration import read_looks
-from scenegen.looks.look import LOOKS, VIEW, Look, check_seed, looks_jsonl
+from scenegen.looks.look import LOOK_VIEW, LOOKS_FILE, Look, check_seed, looks_jsonl
 from scenegen.looks.stage import PictureSetup, places_of, poses_of, stage_of, usual_size
 from scenegen.looks.textures import Textures
 from scenegen.needs import need
-from scenegen.pictures.figures.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
+from scenegen.pictures.figures.sheet import MAX_THUMBNAILS, PAPER, contact_sheet, thumbnail_size
 from scenegen.pictures.render.files import (
-    FIRST,
-    GROUND,
-    STEP,
-    TABLE,
+    DEPTH_UNIT,
+    FIRST_ID,
+    GROUND_ID,
+    TABLE_ID,
     Model,
     PictureOptions,
     check_renderer,
@@ -53,7 +53,7 @@ def cameras_json(file: SceneFile, stage: PictureSetup, options: PictureOptions, 
     middle of the first pixel is (0.5, 0.5)."""
     views: dict[str, Any] = {}
     for view in options.views:
-        if view == VIEW:  # a camera for each picture: looks.jsonl has them
+        if view == LOOK_VIEW:  # a camera for each picture: looks.jsonl has them
             continue
         camera = frame(view, stage.corners(), options.size)
         kind = "orthographic" if camera.orthographic else "perspective"
@@ -62,16 +62,16 @@ def cameras_json(file: SceneFile, stage: PictureSetup, options: PictureOptions, 
             "intrinsics": camera.intrinsics(),
             "world_to_camera": [[round(value, 12) + 0.0 for value in row] for row in camera.extrinsics().tolist()],
         }
-    ids = {GROUND: "ground and walls" if any(look.walls_distance for look in looks) else "ground", TABLE: "table"}
+    ids = {GROUND_ID: "ground and walls" if any(look.walls_distance for look in looks) else "ground", TABLE_ID: "table"}
     boards = [region.name for region in file.regions if region.height]
-    ids |= dict(enumerate([*(item.name for item in file.objects), *boards], FIRST))
+    ids |= dict(enumerate([*(item.name for item in file.objects), *boards], FIRST_ID))
     data = {
         "size": list(options.size),
         "formula": {
             "perspective": "u = fx x / z + cx, v = fy y / z + cy",
             "orthographic": "u = fx x + cx, v = fy y + cy",
         },
-        "depth": {"png_unit_in_metres": STEP, "of": "z of the camera's frame at the middle of each pixel"},
+        "depth": {"png_unit_in_metres": DEPTH_UNIT, "of": "z of the camera's frame at the middle of each pixel"},
         "views": views,
         "ids": {str(number): name for number, name in ids.items()},
     }
@@ -82,7 +82,7 @@ def recorded(looks: Sequence[Look], seed: int, stage: PictureSetup, options: Pic
     """`looks.jsonl`: each scene's pictures and look, with the camera of the view "look" if that is drawn."""
     names = [f"{scene_name(number, len(looks))}_" for number in range(1, len(looks) + 1)]
     files = [("pictures", [f"{name}{view}.png" for view in options.views]) for name in names]
-    own = VIEW in options.views
+    own = LOOK_VIEW in options.views
     cameras = [look.camera(stage.corners(), options.size) if own else None for look in looks]
     return looks_jsonl(looks, seed, files, cameras)
 
@@ -114,8 +114,8 @@ def draw(
 
 
 SHEET, CAMERAS = "contact_sheet.png", "cameras.json"
-FACES = (
-    VIEW,
+SHEET_VIEWS = (
+    LOOK_VIEW,
     "perspective",
     "three-quarter",
     "front",
@@ -183,7 +183,7 @@ def render_scenes(
     """
     size = usual_size(file) if size is None else size
     if views is None:
-        views = USUAL if looks is None else (VIEW,)
+        views = USUAL_VIEWS if looks is None else (LOOK_VIEW,)
     check_request(views, size, workers, looks=looks is not None)
     given = None if looks is None else read_looks(looks)
     names_of_things = [item.name for item in file.objects]
@@ -200,7 +200,7 @@ def render_scenes(
     models = () if meshes is None else models_of(file, meshes)
     textures = None if given is None else Textures(given.files)
     total = len(file.scenes)
-    shown_view = next(view for view in FACES if view in views)
+    shown_view = next(view for view in SHEET_VIEWS if view in views)
     small = thumbnail_size(size, total)
     thumbnails: list[Image.Image] = []
     names: list[str] = []
@@ -214,14 +214,14 @@ def render_scenes(
                     name = f"{scene_name(number, total)}_{view}{ending}"
                     put(name, data)
                     (names if ending == ".png" else beside).append(name)
-                if number <= SHOWN:
+                if number <= MAX_THUMBNAILS:
                     thumbnails.append(_small(files[shown_view, ".png"], small))
                 if progress is not None:
                     progress(number, total)
         put(SHEET, contact_sheet(file, thumbnails, planned=rest is None))
         put(CAMERAS, cameras_json(file, stage, options, drawn or ()))
         if drawn is not None:
-            put(LOOKS, recorded(drawn, seed, stage, options))
+            put(LOOKS_FILE, recorded(drawn, seed, stage, options))
     paths, more = (tuple(out / name for name in some) for some in (names, beside))
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
 

@@ -19,7 +19,7 @@ from scenegen.looks.look import Look
 from scenegen.looks.stage import PictureSetup, places_of, stage_of
 from scenegen.looks.textures import Textures
 from scenegen.needs import need
-from scenegen.pictures.render.files import FIRST, Model, Picture, PictureOptions, RenderedView, check_request, encode
+from scenegen.pictures.render.files import FIRST_ID, Model, Picture, PictureOptions, RenderedView, check_request, encode
 from scenegen.processes.pool import Pool
 from scenegen.scenes.data import SceneFile
 
@@ -77,7 +77,7 @@ class RenderJob:
         shots = self._shots(*item)
         files: dict[tuple[str, str], bytes] = {}
         for view in self.options.views:
-            made = encode(shots[view], self.options, FIRST + len(self.stage.things))
+            made = encode(shots[view], self.options, FIRST_ID + len(self.stage.things))
             files |= {(view, ending): data for ending, data in zip(self.options.endings, made, strict=True)}
         return files
 

@@ -18,8 +18,8 @@ from scenegen.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
 from scenegen.scenes.data import SceneFile
 from scenegen.things.library import RGB
 
-SIDE = 1024  # pixels along the longer side of a wooden table
-HIGH = 3.0  # metres: walls, from the floor
+WOOD_PIXELS = 1024  # pixels along the longer side of a wooden table
+WALL_HEIGHT = 3.0  # metres: walls, from the floor
 
 Rectangle = tuple[float, float, float, float]
 
@@ -76,7 +76,7 @@ class SceneLook:
             ((x0, (y0 + y1) / 2.0), (1.0, 0.0), y1 - y0, table[0] - x0, -across),
             ((x1, (y0 + y1) / 2.0), (-1.0, 0.0), y1 - y0, x1 - table[2], across),
         ):
-            high = min(HIGH, max(gap, 0.0) / light - floor) if light > 0.0 else HIGH
+            high = min(WALL_HEIGHT, max(gap, 0.0) / light - floor) if light > 0.0 else WALL_HEIGHT
             yield Wall((*at, floor + high / 2.0), (-inwards[1], inwards[0], 0.0), width, high)
 
 
@@ -166,7 +166,7 @@ def _encoded(image: Pixels) -> bytes:
 def _wood(stage: PictureSetup, table: Rectangle) -> Pixels:
     """(h, w, 3): the wood of a whole table, from above."""
     x0, y0, x1, y1 = table
-    pixel = max(x1 - x0, y1 - y0) / SIDE
+    pixel = max(x1 - x0, y1 - y0) / WOOD_PIXELS
     across, along = (max(round(length / pixel), 1) for length in (x1 - x0, y1 - y0))
     x = x0 + (np.arange(across) + 0.5) / across * (x1 - x0)
     y = y1 - (np.arange(along) + 0.5) / along * (y1 - y0)

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from scenegen.worlds.export.looks import SceneLook, SceneLooks
     from scenegen.worlds.own_body import OwnBody
 
-FOLDER = "textures"
+TEXTURES = "textures"
 
-LEAST = 1e-19  # cubic metres
+MIN_VOLUME = 1e-19  # cubic metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ def inertia(meshes: Sequence[Mesh]) -> Inertia:
         second += (
             np.einsum("t,ti,tj->ij", det, total, total) + np.einsum("t,tki,tkj->ij", det, corners, corners)
         ) / 120
-    if not volume > LEAST:
+    if not volume > MIN_VOLUME:
         raise ValueError("a solid without volume")
     center = first / volume
     spread = second / volume - np.outer(center, center)
@@ -85,7 +85,7 @@ def _clean(values: Floats, size: float) -> Floats:
 
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
-STILL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 def principal(moments: Floats) -> tuple[tuple[float, float, float], Quaternion]:
@@ -96,7 +96,7 @@ def principal(moments: Floats) -> tuple[tuple[float, float, float], Quaternion]:
     """
     if not (moments - np.diag(np.diag(moments))).any():
         xx, yy, zz = np.diag(moments).tolist()
-        return (xx, yy, zz), STILL
+        return (xx, yy, zz), NO_TURN
     values, vectors = np.linalg.eigh(moments)
     best, closest = -math.inf, np.eye(3)
     order: tuple[int, ...] = (0, 1, 2)
@@ -118,8 +118,8 @@ def _quaternion(turn: Floats) -> Quaternion:
 
 
 THICK, LEG, TALL = 0.03, 0.05, 0.72  # metres: the table top, its legs' width, its height above the floor
-LEAST_MASS, LEAST_MOMENT = 1e-6, 1e-12  # kg and kg m^2: MuJoCo treats less as zero
-LEAST_SHARE = 1e-6  # minimum ratio of the smallest moment to the largest: less would be lost to rounding
+MIN_BODY_MASS, MIN_MOMENT = 1e-6, 1e-12  # kg and kg m^2: MuJoCo treats less as zero
+MIN_MOMENT_RATIO = 1e-6  # minimum ratio of the smallest moment to the largest: less would be lost to rounding
 WOODEN: RGB = (0.80, 0.68, 0.53)
 
 
@@ -171,7 +171,7 @@ class Body:
         simulators can handle."""
         moments = self.mass * self.form.inertia.moments
         least, _, most = np.linalg.eigvalsh(moments).tolist()
-        lacking: float = max(LEAST_MOMENT, LEAST_SHARE * most) - least
+        lacking: float = max(MIN_MOMENT, MIN_MOMENT_RATIO * most) - least
         return np.asarray(moments + max(lacking, 0.0) * np.eye(3))
 
 
@@ -308,14 +308,14 @@ def _without_alpha(data: bytes) -> bytes:
     return out.getvalue()
 
 
-MARGIN = 0.07  # metres of table beyond what is on it
-FARTHEST = 100.0  # maximum extent of a table beyond the workspace, in metres
+WORLD_MARGIN = 0.07  # metres of table beyond what is on it
+MAX_TABLE_REACH = 100.0  # maximum extent of a table beyond the workspace, in metres
 SHEET = 0.0004  # metres: the thickness of the first region
-WIDE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
-DRAWN = 32  # corners of a round region
+MAX_OUTLINE_SIZE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
+ROUND_CORNERS = 32  # corners of a round region
 Own: TypeAlias = "Mapping[str, OwnBody]"  # by the objects' names
 NOTHING: Own = {}
-LEAST_SHEET = 1e-9  # square metres: smaller parts of a region are left out
+MIN_SHEET_AREA = 1e-9  # square metres: smaller parts of a region are left out
 
 
 def worlds_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> Iterator[World]:
@@ -366,7 +366,7 @@ def world_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> World:
     """
     names = [one.name for one in header.objects]
     check_names(names)
-    check_sizes(header, WIDE)
+    check_sizes(header, MAX_OUTLINE_SIZE)
     shapes = [_shape(one.shape) for one in header.objects]
     bodies = _bodies(header, own)
     rows = scenes.rows[: row_count(len(names))]
@@ -391,7 +391,7 @@ def bodies_of(
             name,
             forms[shape, own.get(name)],
             _colors(shape, color, own.get(name)),
-            max(_mass(shape, own.get(name)), LEAST_MASS),
+            max(_mass(shape, own.get(name)), MIN_BODY_MASS),
             _friction(shape, own.get(name)),
             name in fixed,
         )
@@ -454,7 +454,7 @@ def boards_of(regions: Sequence[Region]) -> tuple[Patch, ...]:
 def _corners(footprint: Footprint, pose: tuple[float, float, float]) -> list[tuple[float, float]]:
     x, y, theta = pose
     cos, sin = math.cos(theta), math.sin(theta)
-    return [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in corners_of(footprint, DRAWN)]
+    return [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in corners_of(footprint, ROUND_CORNERS)]
 
 
 def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ...]:
@@ -463,7 +463,7 @@ def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ..
     for region, color in zip(regions, of_regions([region.name for region in regions]), strict=True):
         pose = (region.pose.x, region.pose.y, region.pose.theta)
         lying = clipped(_corners(footprint_of(region.footprint), pose), table)
-        if len(lying) >= 3 and signed_area(lying) > LEAST_SHEET:
+        if len(lying) >= 3 and signed_area(lying) > MIN_SHEET_AREA:
             top = region.height
             sheet = min(BOARD, top) if top else SHEET * (1.0 + 0.25 * len(patches))
             patches.append(Patch(lying, color, sheet, top))
@@ -478,11 +478,11 @@ def _table(header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], pla
         if not len(place):
             continue
         away = np.maximum(place[:, :2] - (x1, y1), (x0, y0) - place[:, :2]).max(axis=1)
-        if away.max() > FARTHEST:
-            facts = {"distance": away.max(), "scene": int(away.argmax()) + 1, "limit": FARTHEST}
+        if away.max() > MAX_TABLE_REACH:
+            facts = {"distance": away.max(), "scene": int(away.argmax()) + 1, "limit": MAX_TABLE_REACH}
             raise DataError(NO_WORLD(name=name, **facts))
-        reach = max(math.hypot(u, v) for u, v in corners_of(shape.footprint, DRAWN))
+        reach = max(math.hypot(u, v) for u, v in corners_of(shape.footprint, ROUND_CORNERS))
         least = np.minimum(least, place[:, :2].min(axis=0) - reach)
         most = np.maximum(most, place[:, :2].max(axis=0) + reach)
-    (left, front), (right, back) = (least - MARGIN).tolist(), (most + MARGIN).tolist()
+    (left, front), (right, back) = (least - WORLD_MARGIN).tolist(), (most + WORLD_MARGIN).tolist()
     return left, front, right, back

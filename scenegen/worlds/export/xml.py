@@ -10,7 +10,7 @@ from scenegen.errors.files import NO_WORLD, TOO_LARGE_TO_WRITE
 
 Element = ElementTree.Element
 
-MOST_BYTES = 1 << 29  # of memory for a file with many scenes
+MAX_DOCUMENT_BYTES = 1 << 29  # of memory for a file with many scenes
 
 
 def node(parent: Element, tag: str, text: str | None = None, **attributes: str) -> Element:
@@ -50,15 +50,15 @@ def gathered(root: Element, children: Iterable[Element]) -> bytes:
         ElementTree.indent(child, level=1)
         parts.append(ElementTree.tostring(child, encoding="utf-8"))
         size += len(parts[-1])
-        if size > MOST_BYTES:
+        if size > MAX_DOCUMENT_BYTES:
             raise RequestError(_too_many(len(parts) - 1))
     return head + b"\n  ".join(parts) + foot
 
 
 def check_room(scenes: int, size: int) -> None:
     """Refuse too many scenes in one file if each takes about `size` bytes of memory. Raises RequestError."""
-    if scenes * size > MOST_BYTES:
-        raise RequestError(_too_many(MOST_BYTES // size))
+    if scenes * size > MAX_DOCUMENT_BYTES:
+        raise RequestError(_too_many(MAX_DOCUMENT_BYTES // size))
 
 
 def _too_many(most: int) -> Diagnostic:

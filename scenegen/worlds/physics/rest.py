@@ -35,7 +35,7 @@ from scenegen.scenes.formats.settled import MM, POSE, SettledBlock, Touch, write
 from scenegen.validation import as_path, as_seconds
 from scenegen.worlds.export.world import NOTHING, Own, World, world_of
 from scenegen.worlds.physics.bodies import TABLE, Contact
-from scenegen.worlds.physics.simulation import ROUND, RestResult, check_simulator, resting, version_of
+from scenegen.worlds.physics.simulation import ROUND_SCENES, RestResult, check_simulator, resting, version_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,7 +142,7 @@ class Summary:
 
 Told = Callable[[int, int | None], None]  # scenes simulated so far, and of how many, if that is known
 
-SECONDS = 2.0
+SETTLE_SECONDS = 2.0
 MAX_SHIFT = 0.002  # metres
 MAX_TURN = 2.0  # degrees
 
@@ -151,7 +151,7 @@ def settle(
     scenes: SceneSet,
     simulator: str = "mujoco",
     *,
-    seconds: float = SECONDS,
+    seconds: float = SETTLE_SECONDS,
     max_shift: float = MAX_SHIFT,
     max_turn: float = MAX_TURN,
     meshes: str | Path | None = None,
@@ -199,7 +199,7 @@ def settle_file(
     out: Path,
     simulator: str,
     *,
-    seconds: float = SECONDS,
+    seconds: float = SETTLE_SECONDS,
     max_shift: float = MAX_SHIFT,
     max_turn: float = MAX_TURN,
     meshes: str | Path | None = None,
@@ -270,8 +270,8 @@ def _blocks(
         yield from _same_objects(spec, scenes, header, blocks, own, workers)
         return
     for block in blocks:
-        for start in range(0, block.count, AT_ONCE):
-            yield _by_numbers(spec, scenes, header, block.part(start, start + AT_ONCE), own, workers)
+        for start in range(0, block.count, SCENES_AT_ONCE):
+            yield _by_numbers(spec, scenes, header, block.part(start, start + SCENES_AT_ONCE), own, workers)
 
 
 def _same_objects(
@@ -287,9 +287,9 @@ def _same_objects(
         for block in blocks:
             poses = world_of(scenes, block).poses
             planned, on = as_poses(block.rows[:placed]), block.rows[placed:].T
-            for start in range(0, block.count, ROUND):
-                waiting.append((planned[start : start + ROUND], on[start : start + ROUND]))
-                yield poses[start : start + ROUND][..., [0, 1, 3, 2]]
+            for start in range(0, block.count, ROUND_SCENES):
+                waiting.append((planned[start : start + ROUND_SCENES], on[start : start + ROUND_SCENES]))
+                yield poses[start : start + ROUND_SCENES][..., [0, 1, 3, 2]]
 
     simulator = header.simulator
     with resting(bare, simulator.name, simulator.seconds, workers) as rest, closing(rest(rounds())) as rested:
@@ -325,7 +325,7 @@ def _judged(
     return SettledBlock(rested.poses, shift, turn, moved, np.where(lost, np.nan, phi), contacts, chosen)
 
 
-AT_ONCE = 4096  # scenes: the processes start again for each number of things among so many
+SCENES_AT_ONCE = 4096  # scenes: the processes start again for each number of things among so many
 
 
 def _by_numbers(

@@ -34,13 +34,13 @@ from scenegen.things import Shape
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export import sdf
 from scenegen.worlds.export.world import Patch, boards_of, bodies_of
-from scenegen.worlds.physics.bodies import FRICTION, board_of, piece_files, prism_of, whole_of, within
-from scenegen.worlds.physics.simulation import ROUND, DropJob, PybulletSetup
+from scenegen.worlds.physics.bodies import PRISM_FRICTION, board_of, piece_files, prism_of, whole_of, within
+from scenegen.worlds.physics.simulation import ROUND_SCENES, DropJob, PybulletSetup
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-ROUGH = math.sqrt(FRICTION)  # the table's friction where bodies are prisms
+PRISM_TABLE_FRICTION = math.sqrt(PRISM_FRICTION)  # the table's friction where bodies are prisms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,12 +89,12 @@ class Settler:
         self._opened = ExitStack()
         if not declared:
             bodies = [prism_of(shape, fixed=which in fixed) for which, shape in enumerate(shapes)]
-            bodies += [board_of(board, ROUGH) for board in boards]
-            made = PybulletSetup(bodies, None, len(boards), ROUGH)
+            bodies += [board_of(board, PRISM_TABLE_FRICTION) for board in boards]
+            made = PybulletSetup(bodies, None, len(boards), PRISM_TABLE_FRICTION)
         else:
             names = [f"{which}" for which in range(len(shapes))]
             bodies = [whole_of(one) for one in bodies_of(names, shapes, {f"{which}" for which in fixed})]
-            bodies += [board_of(board, sdf.ROUGH) for board in boards]
+            bodies += [board_of(board, sdf.TABLE_FRICTION) for board in boards]
             made = PybulletSetup(bodies, self._opened.enter_context(piece_files(bodies)), len(boards))
         self._pool: Pool[Floats, Floats] = Pool(
             DropJob(made), workers, what="a process that drops scenes", unit="round"
@@ -118,7 +118,7 @@ class Settler:
         heights = base_heights(self._shapes, poses, solid=True, declared=heights)
         places = np.concatenate([flat(poses), heights[..., None]], axis=2)
         motions = np.empty((*poses.shape[:2], 2))
-        rounds = [slice(start, start + ROUND) for start in range(0, len(poses), ROUND)]
+        rounds = [slice(start, start + ROUND_SCENES) for start in range(0, len(poses), ROUND_SCENES)]
         with closing(self._pool.map([places[part] for part in rounds])) as found:
             for part, motion in zip(rounds, found, strict=True):
                 motions[part] = motion
@@ -156,8 +156,8 @@ class Refusals:
 
 # A plan without the scenes that do not settle.
 # Of motions the scene in which they begin is dropped.
-MOST = 256  # about how many scenes of a piece are dropped: a few seconds of one core
-AT_LEAST = 2  # of each cell
+MAX_PIECE_DROPS = 256  # about how many scenes of a piece are dropped: a few seconds of one core
+MIN_CELL_DROPS = 2  # of each cell
 
 
 @dataclass(slots=True)
@@ -204,7 +204,7 @@ class Settling(Selection):
         """The number of scenes of a cell that a piece drops: 1.5 times the requested number, since some will not
         settle."""
         cells = len(self.reached)
-        return max(AT_LEAST, min(math.ceil(1.5 * self.wanted / cells), MOST // cells))
+        return max(MIN_CELL_DROPS, min(math.ceil(1.5 * self.wanted / cells), MAX_PIECE_DROPS // cells))
 
     def account(self, tally: Tally) -> Account:
         """The plan's own account, of scenes before they are dropped; a warning counts those that did not settle."""

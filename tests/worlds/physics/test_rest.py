@@ -30,8 +30,8 @@ from scenegen.worlds.export import mjcf, sdf
 from scenegen.worlds.export.world import world_of
 from scenegen.worlds.physics.bodies import (
     DENSITY,
-    MOST_PIECES,
-    SIDES,
+    MAX_ARRAY_PIECES,
+    PRISM_SIDES,
     TABLE,
     Contact,
     InertialBody,
@@ -43,7 +43,7 @@ from scenegen.worlds.physics.bodies import (
 )
 from scenegen.worlds.physics.bullet import PybulletWorld
 from scenegen.worlds.physics.rest import settle_file
-from scenegen.worlds.physics.simulation import FINE, SIMULATORS, MujocoSetup, PybulletSetup, RestJob
+from scenegen.worlds.physics.simulation import FINE_STEP, SIMULATORS, MujocoSetup, PybulletSetup, RestJob
 from tests.worlds.export.worlds import scenes_of, tower
 
 from ...laws import examples
@@ -72,9 +72,9 @@ def rested(scenes, simulator, seconds):
     places = world.poses[..., [0, 1, 3, 2]]
     if simulator == "mujoco":
         return RestJob(MujocoSetup(mjcf.bench(world).decode()), seconds)(places)
-    bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.ROUGH) for board in world.boards)]
+    bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.TABLE_FRICTION) for board in world.boards)]
     with piece_files(bodies) as files:
-        return RestJob(PybulletSetup(bodies, files, len(world.boards), step=FINE), seconds)(places)
+        return RestJob(PybulletSetup(bodies, files, len(world.boards), step=FINE_STEP), seconds)(places)
 
 
 def test_what_stands_in_and_on_things_rests(simulator_rest):
@@ -376,7 +376,7 @@ def test_the_outline_lies_where_the_footprint_does():
 def test_a_round_body_stays_inside_its_footprint():
     """So that round things that just do not overlap are not pushed apart."""
     body = prism_of(Shape("cylinder", Circle(0.1), 0.1))
-    assert len(outline(body)) == SIDES
+    assert len(outline(body)) == PRISM_SIDES
     assert max(math.hypot(x, y) for x, y in outline(body)) <= 0.1 * (1 + 1e-12)
 
 
@@ -394,7 +394,7 @@ def body(pieces, mass):
 
 
 @pytest.mark.parametrize("piece", [box(SIDE, SIDE, SIDE), disc(SIDE / 2, 0.0, SIDE, 8)], ids=["box", "hull"])
-@pytest.mark.parametrize("count", [MOST_PIECES, MOST_PIECES + 1, 40])
+@pytest.mark.parametrize("count", [MAX_ARRAY_PIECES, MAX_ARRAY_PIECES + 1, 40])
 def test_the_last_piece_of_a_body_carries(piece, count):
     row = [piece.moved(x=0.2 * k, z=0.1 - SIDE) for k in range(count)]
     block = box(SIDE, SIDE, SIDE).moved(z=-SIDE / 2)

@@ -206,7 +206,7 @@ def at_angles(
     back -= (distance - 1.0) * (float(ahead.min() + ahead.max()) / 2.0 - back)
     eye = at_x * right + at_y * up + back * forward
     near, far = float(ahead.min()) - back, float(ahead.max()) - back
-    view = _view(eye, *_rolled(right, up, roll), forward)
+    view = _view(eye, *_roll(right, up, roll), forward)
     return Camera(view, _perspective(tan_x, tan_y, 0.5 * near, 1.5 * far), size)
 
 
@@ -224,11 +224,11 @@ def from_place(
     ahead = (points - eye) @ forward
     far = max(float(ahead.max()), 0.1)
     near = min(max(0.5 * float(ahead.min()), NEAR_PLANE_SHARE * far), 0.5 * far)
-    view = _view(eye, *_rolled(right, up, roll), forward)
+    view = _view(eye, *_roll(right, up, roll), forward)
     return Camera(view, _perspective(tan_y * size[0] / size[1], tan_y, near, 1.5 * far), size)
 
 
-def _rolled(right: Floats, up: Floats, roll: float) -> tuple[Floats, Floats]:
+def _roll(right: Floats, up: Floats, roll: float) -> tuple[Floats, Floats]:
     if not roll:
         return right, up
     cos, sin = math.cos(math.radians(roll)), math.sin(math.radians(roll))

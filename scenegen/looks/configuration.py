@@ -23,8 +23,8 @@ from scenegen.looks.textures import (
     PLAIN,
     TEXTURE_NAMES,
     WOOD,
-    checked,
-    found_files,
+    check_image,
+    list_files,
 )
 from scenegen.resources import note_input
 from scenegen.scenes.files import below, read_bytes
@@ -34,15 +34,15 @@ MAX_NORMAL_DRAWS = 1000  # of a normal distribution, before the nearest value wi
 FORMS = "{uniform = [a, b]}, {normal = [mean, sd], within = [a, b]} or {choice = [...]}"
 
 
-def fixed(value: Any) -> Draw:
+def constant_draw(value: Any) -> Draw:
     return lambda rng: value
 
 
-def chosen(values: list[Any]) -> Draw:
+def choice_draw(values: list[Any]) -> Draw:
     return lambda rng: values[int(rng.integers(len(values)))]
 
 
-def choices(value: Any) -> list[Any] | None:
+def choice_items(value: Any) -> list[Any] | None:
     """The items of {choice = [...]}, None for anything else. Raises ValueError."""
     if not (isinstance(value, dict) and set(value) == {"choice"}):
         return None
@@ -52,13 +52,13 @@ def choices(value: Any) -> list[Any] | None:
     return items
 
 
-def number(value: Any, low: float, high: float) -> Draw:
+def number_draw(value: Any, low: float, high: float) -> Draw:
     """A number within limits. Raises ValueError."""
-    items = choices(value)
+    items = choice_items(value)
     if items is not None:
-        return chosen([_real(item, low, high) for item in items])
+        return choice_draw([_real(item, low, high) for item in items])
     if not isinstance(value, dict):
-        return fixed(_real(value, low, high))
+        return constant_draw(_real(value, low, high))
     if set(value) == {"uniform"}:
         a, b = _pair(value["uniform"], low, high)
         return lambda rng: float(rng.uniform(a, b))
@@ -71,21 +71,21 @@ def number(value: Any, low: float, high: float) -> Draw:
     raise ValueError(f"expected a number, or {FORMS}")
 
 
-def point(value: Any, limits: tuple[tuple[float, float], ...]) -> Draw:
+def point_draw(value: Any, limits: tuple[tuple[float, float], ...]) -> Draw:
     """A point [x, y, z], each a number within its limits. Raises ValueError."""
     if not (isinstance(value, list) and len(value) == len(limits)):
         raise ValueError("expected [x, y, z] in metres, each a number or a distribution")
-    draws = [number(item, low, high) for item, (low, high) in zip(value, limits, strict=True)]
+    draws = [number_draw(item, low, high) for item, (low, high) in zip(value, limits, strict=True)]
     return lambda rng: tuple(draw(rng) for draw in draws)
 
 
-def color(value: Any) -> Draw:
+def color_draw(value: Any) -> Draw:
     """A colour. Raises ValueError."""
-    items = choices(value)
+    items = choice_items(value)
     if items is not None:
-        return chosen([_rgb(item) for item in items])
+        return choice_draw([_rgb(item) for item in items])
     if not (isinstance(value, dict) and set(value) == {"hsv"}):
-        return fixed(_rgb(value))
+        return constant_draw(_rgb(value))
     if not (isinstance(value["hsv"], list) and len(value["hsv"]) == 3):
         raise ValueError("hsv takes three ranges from 0 to 1: hue, saturation and value")
     box = [_pair(item, 0.0, 1.0) for item in value["hsv"]]
@@ -161,18 +161,18 @@ class _Folder:
             if sum(map(len, self.files.values())) + len(data) > MAX_TEXTURES_BYTES:
                 raise ValueError(f"the textures have more than {MAX_TEXTURES_BYTES:,} bytes together")
             try:
-                self.files[name] = checked(data)
+                self.files[name] = check_image(data)
             except ValueError as error:
                 raise ValueError(f"cannot use {name}: {error}") from None
         return name
 
 
 def _number(low: float, high: float) -> PlainValidator:
-    return PlainValidator(lambda value: number(value, low, high))
+    return PlainValidator(lambda value: number_draw(value, low, high))
 
 
 def _point(*limits: tuple[float, float]) -> PlainValidator:
-    return PlainValidator(lambda value: point(value, limits))
+    return PlainValidator(lambda value: point_draw(value, limits))
 
 
 def _texture(*known: str) -> PlainValidator:
@@ -184,20 +184,20 @@ def _texture(*known: str) -> PlainValidator:
         folder = info.context
         assert isinstance(folder, _Folder)
         if isinstance(value, dict) and set(value) == {"files"} and isinstance(value["files"], str):
-            return chosen([folder.read(name) for name in found_files(folder.path, value["files"])])
-        items = choices(value)
+            return choice_draw([folder.read(name) for name in list_files(folder.path, value["files"])])
+        items = choice_items(value)
         for item in [value] if items is None else items:
             if isinstance(item, str) and item.lower().endswith(IMAGE_ENDINGS):
                 folder.read(item)
             elif item not in known:
                 near = difflib.get_close_matches(item, known, 1) if isinstance(item, str) else []
                 raise ValueError(wanted + (f"; did you mean `{near[0]}`?" if near else ""))
-        return fixed(value) if items is None else chosen(items)
+        return constant_draw(value) if items is None else choice_draw(items)
 
     return PlainValidator(read)
 
 
-Color = Annotated[Any, PlainValidator(color)]
+Color = Annotated[Any, PlainValidator(color_draw)]
 Size = Annotated[Any, _number(0.01, 100.0)]
 
 
@@ -207,40 +207,40 @@ class _LookPart(BaseModel):
 
 class _Table(_LookPart):
     color: Color = None
-    texture: Annotated[Any, _texture(WOOD, *TEXTURE_NAMES)] = fixed(WOOD)
-    texture_size: Size = fixed(0.5)
+    texture: Annotated[Any, _texture(WOOD, *TEXTURE_NAMES)] = constant_draw(WOOD)
+    texture_size: Size = constant_draw(0.5)
 
 
 class _Ground(_LookPart):
     color: Color = None
-    texture: Annotated[Any, _texture(*TEXTURE_NAMES)] = fixed(PLAIN)
-    texture_size: Size = fixed(1.0)
+    texture: Annotated[Any, _texture(*TEXTURE_NAMES)] = constant_draw(PLAIN)
+    texture_size: Size = constant_draw(1.0)
 
 
 class _Walls(_LookPart):
-    distance: Annotated[Any, _number(0.0, 20.0)] = fixed(0.6)
+    distance: Annotated[Any, _number(0.0, 20.0)] = constant_draw(0.6)
     color: Color = None
-    texture: Annotated[Any, _texture(*TEXTURE_NAMES)] = fixed(PLAIN)
-    texture_size: Size = fixed(1.0)
+    texture: Annotated[Any, _texture(*TEXTURE_NAMES)] = constant_draw(PLAIN)
+    texture_size: Size = constant_draw(1.0)
 
 
 class _Light(_LookPart):
-    azimuth: Annotated[Any, _number(-360.0, 360.0)] = fixed(-52.0)
-    elevation: Annotated[Any, _number(35.0, 90.0)] = fixed(65.0)
-    color: Color = fixed(WHITE)
-    intensity: Annotated[Any, _number(0.0, 2.0)] = fixed(0.46)
-    ambient: Annotated[Any, _number(0.0, 2.0)] = fixed(0.60)
+    azimuth: Annotated[Any, _number(-360.0, 360.0)] = constant_draw(-52.0)
+    elevation: Annotated[Any, _number(35.0, 90.0)] = constant_draw(65.0)
+    color: Color = constant_draw(WHITE)
+    intensity: Annotated[Any, _number(0.0, 2.0)] = constant_draw(0.46)
+    ambient: Annotated[Any, _number(0.0, 2.0)] = constant_draw(0.60)
 
 
 class _Camera(_LookPart):
-    azimuth: Annotated[Any, _number(-360.0, 360.0)] = fixed(0.0)
-    elevation: Annotated[Any, _number(5.0, 89.0)] = fixed(50.0)
-    distance: Annotated[Any, _number(1.0, 5.0)] = fixed(1.0)
-    fov: Annotated[Any, _number(5.0, 100.0)] = fixed(32.0)
+    azimuth: Annotated[Any, _number(-360.0, 360.0)] = constant_draw(0.0)
+    elevation: Annotated[Any, _number(5.0, 89.0)] = constant_draw(50.0)
+    distance: Annotated[Any, _number(1.0, 5.0)] = constant_draw(1.0)
+    fov: Annotated[Any, _number(5.0, 100.0)] = constant_draw(32.0)
     focal_length: Annotated[Any, _number(11.0, 250.0)] = None
     position: Annotated[Any, _point(CAMERA_REACH, CAMERA_REACH, CAMERA_HEIGHT)] = None
     look_at: Annotated[Any, _point(CAMERA_REACH, CAMERA_REACH, CAMERA_REACH)] = None
-    roll: Annotated[Any, _number(-180.0, 180.0)] = fixed(0.0)
+    roll: Annotated[Any, _number(-180.0, 180.0)] = constant_draw(0.0)
 
     @model_validator(mode="after")
     def _fits(self) -> _Camera:
@@ -256,9 +256,9 @@ class _Camera(_LookPart):
 
 
 class _Objects(_LookPart):
-    hue: Annotated[Any, _number(-1.0, 1.0)] = fixed(0.0)
-    saturation: Annotated[Any, _number(0.0, 4.0)] = fixed(1.0)
-    brightness: Annotated[Any, _number(0.0, 4.0)] = fixed(1.0)
+    hue: Annotated[Any, _number(-1.0, 1.0)] = constant_draw(0.0)
+    saturation: Annotated[Any, _number(0.0, 4.0)] = constant_draw(1.0)
+    brightness: Annotated[Any, _number(0.0, 4.0)] = constant_draw(1.0)
 
 
 class _Config(_LookPart):
@@ -315,7 +315,7 @@ def read_looks(source: str | Path) -> LookDistribution:
     """The distributions of a TOML file, or of the preset "random". Textures are found from the file's folder. Raises
     DataError."""
     if str(source) == PRESET:
-        return _parsed(PRESET, RANDOM_LOOKS, _Folder(Path()))
+        return _parse(PRESET, RANDOM_LOOKS, _Folder(Path()))
     path = Path(source)
     data = read_bytes(path, "looks", limit=MAX_LOOKS_BYTES)
     try:
@@ -324,15 +324,15 @@ def read_looks(source: str | Path) -> LookDistribution:
         raise DataError(
             BAD_LOOKS(Span(Source(str(path), ""), 0, 0), reason=f"it is not UTF-8: {error.reason}")
         ) from None
-    return _parsed(str(path), text, _Folder(path.parent))
+    return _parse(str(path), text, _Folder(path.parent))
 
 
-def _parsed(name: str, text: str, folder: _Folder) -> LookDistribution:
+def _parse(name: str, text: str, folder: _Folder) -> LookDistribution:
     source = Source(name, text)
     try:
         config = _Config.model_validate(tomllib.loads(text), context=folder)
     except ValidationError as error:
-        raise DataError(*[_said(source, one) for one in error.errors()]) from None
+        raise DataError(*[_diagnostic(source, one) for one in error.errors()]) from None
     except (ValueError, RecursionError) as error:
         found = re.search(r"at line (\d+), column (\d+)", str(error))
         lines = text.splitlines(keepends=True)
@@ -348,14 +348,14 @@ def _fields(config: _Config) -> dict[str, Draw]:
         part = dict(getattr(config, table))
         drawn |= {f"{table}_{key}": draw for key, draw in part.items() if draw is not None}
     for table in ("table", "ground", "walls"):  # Looks.at: their colour depends on the texture
-        drawn.setdefault(f"{table}_color", fixed(None))
+        drawn.setdefault(f"{table}_color", constant_draw(None))
     focal_length = drawn.pop("camera_focal_length", None)
     if focal_length is not None:
         drawn["camera_fov"] = lambda rng: field_of(focal_length(rng))
     return drawn
 
 
-def _said(source: Source, error: Any) -> Any:
+def _diagnostic(source: Source, error: Any) -> Any:
     """The diagnostic of one of pydantic's errors, at the line of its key."""
     loc = [str(part) for part in error["loc"]]
     reason = str(error["msg"]).removeprefix("Value error, ")

@@ -26,8 +26,8 @@ from scenegen.scenes.data import (
 )
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, has_picture
 from scenegen.things.library import RGB
-from scenegen.things.outline import MAX_DRAWN_CORNERS, simplified
-from scenegen.things.palette import colors_of, of_regions, rgb_of
+from scenegen.things.outline import MAX_DRAWN_CORNERS, simplify
+from scenegen.things.palette import object_colors, parse_rgb, region_colors
 from scenegen.things.surfaces import base_heights, overlapping
 
 Floats = npt.NDArray[np.float64]
@@ -168,8 +168,8 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     ]
     named = [(item.name, asset) for item, asset in zip(file.objects, known, strict=True)]
     colors = [
-        rgb_of(item.shape.color) if item.shape.color else usual
-        for item, usual in zip(file.objects, colors_of(named, distinct=distinct), strict=True)
+        parse_rgb(item.shape.color) if item.shape.color else usual
+        for item, usual in zip(file.objects, object_colors(named, distinct=distinct), strict=True)
     ]
     # A block that stands for something the library does not know says what.
     labels = [
@@ -184,7 +184,7 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     lying = [(patch.footprint, np.array([patch.pose])) for patch in patches]
     inner, outer = _table(workspace, lying, MAX_REGION_GROWTH), _table(workspace, standing, MAX_TABLE_GROWTH)
     table = [*map(min, inner[:2], outer[:2]), *map(max, inner[2:], outer[2:])]
-    declared = _declared(file)
+    declared = _declared_heights(file)
     tops = _bases(shapes, poses, declared) + np.array([shape.height for shape in shapes])
     tops = tops[~np.isnan(poses[..., 0])]
     boards = [patch.height for patch in patches]
@@ -219,7 +219,9 @@ def overlaps_of(file: SceneFile) -> list[list[str]]:
     shapes = [thing.shape for thing in stage_of(file).things]
     names = [item.name for item in file.objects]
     poses = poses_of(file)
-    found = overlapping(shapes, flat(poses), _bases(shapes, poses, _declared(file)) if file.version == RAISED else None)
+    found = overlapping(
+        shapes, flat(poses), _bases(shapes, poses, _declared_heights(file)) if file.version == RAISED else None
+    )
     return [[f"{names[a]} overlaps {names[b]}" for a, b in pairs] for pairs in found]
 
 
@@ -230,7 +232,7 @@ def places_of(stage: PictureSetup, poses: Floats) -> Floats:
     return np.concatenate([flat(poses), heights[..., None], poses[..., len(FLAT) + 1 :]], axis=2)
 
 
-def _declared(file: SceneFile) -> tuple[float, ...]:
+def _declared_heights(file: SceneFile) -> tuple[float, ...]:
     """The heights that hold in every scene; none where they differ, or where poses say them."""
     if varying(file):
         return ()
@@ -248,10 +250,10 @@ def _bases(shapes: list[Shape], poses: Floats, declared: tuple[float, ...]) -> F
 def _patches(file: SceneFile) -> tuple[PictureRegion, ...]:
     """The regions, each in a pale colour of its own."""
     patches: list[PictureRegion] = []
-    for region, color in zip(file.regions, of_regions([region.name for region in file.regions]), strict=True):
+    for region, color in zip(file.regions, region_colors([region.name for region in file.regions]), strict=True):
         footprint = footprint_of(region.footprint)
         if isinstance(footprint, Polygon):  # every corner is looked at for every pixel
-            footprint = Polygon(simplified(footprint.vertices, MAX_DRAWN_CORNERS))
+            footprint = Polygon(simplify(footprint.vertices, MAX_DRAWN_CORNERS))
         patches.append(PictureRegion(footprint, _row(region.pose), color, region.height))
     return tuple(patches)
 

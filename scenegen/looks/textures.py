@@ -29,7 +29,7 @@ Pixels = npt.NDArray[np.uint8]
 Level = npt.NDArray[np.float32]  # (h, w, 3), from 0 to 1
 
 
-def checked(data: bytes) -> bytes:
+def check_image(data: bytes) -> bytes:
     """A PNG or JPEG file that can be decoded. Raises ValueError."""
     from PIL import Image  # loaded only where there are textures
 
@@ -46,7 +46,7 @@ def checked(data: bytes) -> bytes:
 
 
 def image_of(name: str, files: Mapping[str, bytes]) -> Pixels:
-    """(h, w, 3): a pattern, or the picture of a file that `checked` has passed, with its upper row first."""
+    """(h, w, 3): a pattern, or the picture of a file that `check_image` has passed, with its upper row first."""
     if name in PATTERNS:
         return _pattern(name)
     from PIL import Image
@@ -106,12 +106,12 @@ class Textures:
                 del self._pyramids[next(iter(self._pyramids))]
             levels = [image_of(name, self.files).astype(np.float32) / np.float32(255.0)]
             while max(levels[-1].shape[:2]) > 1:
-                levels.append(_halved(_halved(levels[-1], 0), 1))
+                levels.append(_halve(_halve(levels[-1], 0), 1))
             self._pyramids[name] = levels
         return self._pyramids[name]
 
 
-def _halved(image: Level, axis: int) -> Level:
+def _halve(image: Level, axis: int) -> Level:
     """Means of two pixels each along an axis, if there are two."""
     half = image.shape[axis] // 2
     if not half:
@@ -149,7 +149,7 @@ def _pattern(name: str) -> Pixels:
     return np.repeat(np.rint(255.0 * grey).astype(np.uint8)[..., None], 3, axis=2)
 
 
-def found_files(folder: Path, pattern: str) -> list[str]:
+def list_files(folder: Path, pattern: str) -> list[str]:
     """The names, relative to `folder`, of the pictures that match `pattern`, in order. Raises ValueError."""
     if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
         raise ValueError("files takes a pattern of files below the folder of this file")
@@ -189,9 +189,9 @@ def wood(stage: PictureSetup, x: Floats, y: Floats, pixels: tuple[Floats, Floats
     fibre = _noise(chances, 11.0 * u, 46.0 * v) - 0.5
     pores = _noise(chances, 26.0 * u, 88.0 * v) ** 6
     dark = 0.065 * (chance - 0.5)
-    dark += 0.055 * (streaks**2 - 0.4) * _seen(pixel_y, 22.0 * PLANKS / 6.0)
-    dark += 0.060 * fibre * _seen(pixel_y, 46.0 * PLANKS)
-    dark += 0.220 * pores * _seen(pixel_y, 88.0 * PLANKS)
+    dark += 0.055 * (streaks**2 - 0.4) * _visible_share(pixel_y, 22.0 * PLANKS / 6.0)
+    dark += 0.060 * fibre * _visible_share(pixel_y, 46.0 * PLANKS)
+    dark += 0.220 * pores * _visible_share(pixel_y, 88.0 * PLANKS)
     lines = 0.130 * _line(np.abs(lane - np.round(lane)) / PLANKS, SEAM, pixel_y)
     x0, y0, x1, y1 = stage.workspace
     outside = np.maximum(np.maximum(x0 - x, x - x1), np.maximum(y0 - y, y - y1)) / side
@@ -200,7 +200,7 @@ def wood(stage: PictureSetup, x: Floats, y: Floats, pixels: tuple[Floats, Floats
     return np.asarray(1.0 - dark[..., None] * WARMTH - lines[..., None])
 
 
-def _seen(pixel: Floats, waves: float) -> Floats:
+def _visible_share(pixel: Floats, waves: float) -> Floats:
     """1 if pixels are small compared to waves of that number per side, falling to 0 if they are as large."""
     return np.clip(1.6 - 2.2 * pixel * waves, 0.0, 1.0)
 

@@ -20,7 +20,7 @@ from scenegen.lang.checker import check_file
 from scenegen.page.jobs import motions
 from scenegen.page.jobs.check import rarity_data
 from scenegen.page.jobs.describe import describe, mesh_key, numbers_data, packed_mesh
-from scenegen.page.jobs.evaluate import reasons, scene_set, shown
+from scenegen.page.jobs.evaluate import reasons, scene_set, scenes_json
 from scenegen.page.jobs.source import stage_of_spec, wanted_counts, with_numbers
 from scenegen.page.project import OpenProject, alone
 from scenegen.page.worker import finite
@@ -79,7 +79,7 @@ SetT = TypeVar("T", SceneSet, MotionSet)
 Phi = dict[str, tuple[float | None, float | None]]
 
 
-def _drawn(spec: Spec, rare: SpecRarity, n: int, draw: Callable[[Phi, int], SetT], inset: float) -> list[SetT]:
+def _draw_parts(spec: Spec, rare: SpecRarity, n: int, draw: Callable[[Phi, int], SetT], inset: float) -> list[SetT]:
     """Some that satisfy all labels, where there are any, and others spread flat over the phi of the first label, but
     for the share `inset` at each of its ends."""
     parts: list[SetT] = []
@@ -105,12 +105,12 @@ def _scenes(
         def draw(phi: Phi, count: int) -> SceneSet:
             return sample(spec, phi, count, seed=seed, workers=1, keep_partial=True)
 
-        parts = _drawn(spec, rare, n, draw, inset=0.02)
+        parts = _draw_parts(spec, rare, n, draw, inset=0.02)
         on = np.concatenate([one.on for one in parts if one.on is not None]) if spec.checked.choices else None
         scenes = scene_set(spec, np.concatenate([one.poses for one in parts]), {"method": "exact", "seed": seed}, on)
-    reports = [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))]
+    reports = [_round_values(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))]
     own = {name: opened.scenes[name] for name in ("together", "warnings")} if opened.scenes else {}
-    return {**shown(spec, scenes), **own}, reports, scenes.header
+    return {**scenes_json(spec, scenes), **own}, reports, scenes.header
 
 
 def _motions(
@@ -126,24 +126,24 @@ def _motions(
         def draw(phi: Phi, count: int) -> MotionSet:
             return sample_motions(spec, phi, count, seed=seed, workers=1, keep_partial=True)
 
-        parts = _drawn(spec, rare, min(n, motions.most_of(spec)), draw, inset=0.0)
+        parts = _draw_parts(spec, rare, min(n, motions.most_of(spec)), draw, inset=0.0)
         poses, sampler = np.concatenate([one.poses for one in parts]), {"method": "exact", "seed": seed}
     header = motions.motion_set(spec, poses, sampler, SampleRequest(n=len(poses))).header
-    reports = [_shortened(motions.reasons(spec, one, everything=False)) for one in poses]
-    return motions.shown(spec, poses, sampler), reports, header
+    reports = [_shorten_signals(motions.reasons(spec, one, everything=False)) for one in poses]
+    return motions.motions_json(spec, poses, sampler), reports, header
 
 
-def _shortened(found: dict[str, Any]) -> dict[str, Any]:
+def _shorten_signals(found: dict[str, Any]) -> dict[str, Any]:
     """Every number over time to six digits."""
     decides = {name: one and {**one, "signal": _six(one["signal"])} for name, one in found["decides"].items()}
     signals = {name: _six(row) for name, row in found["signals"].items()}
-    return {**_rounded(found), "signals": signals, "decides": decides}
+    return {**_round_values(found), "signals": signals, "decides": decides}
 
 
 def _six(values: list[float]) -> list[float]:
     return [float(f"{one:.6g}") for one in values]
 
 
-def _rounded(found: dict[str, Any]) -> dict[str, Any]:
+def _round_values(found: dict[str, Any]) -> dict[str, Any]:
     """Values to six digits: they colour a tree, and there are many."""
     return {**found, "values": _six(found["values"])}

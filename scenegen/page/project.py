@@ -26,7 +26,7 @@ from scenegen.lang.spec import combinations, written
 from scenegen.lang.syntax.parse import read_source
 from scenegen.learn.model import is_family, load_model
 from scenegen.needs import INSTALL, found
-from scenegen.page.jobs.evaluate import scene_set, shown
+from scenegen.page.jobs.evaluate import scene_set, scenes_json
 from scenegen.page.jobs.source import with_numbers
 from scenegen.page.limits import MAX_LISTED_SPECS, MAX_TEXT, most_scenes
 from scenegen.page.worker import dumps
@@ -195,7 +195,7 @@ def _at_most(handle: int, size: int) -> bytes:
     return b"".join(parts)
 
 
-def shipped() -> list[dict[str, str]]:
+def shipped_json() -> list[dict[str, str]]:
     """Name, title and text of the specs that ship with scenegen."""
     found = []
     for name, path in shipped_specs().items():
@@ -227,16 +227,16 @@ def stored_scenes(file: Path, together: int = 1) -> tuple[list[Part], Spec, Scen
         there = f" with {names[tuple(numbers.values())]}" if numbers else ""
         note = f"{len(some):,} of the {len(which):,} scenes{there} of {file.name}"
         cut = [{"code": "", "title": f"the first {note}"}] if len(some) < len(which) else []
-        scenes.append((numbers, {**_shown(member, some, note), "together": together, "warnings": cut}))
+        scenes.append((numbers, {**_scenes_json(member, some, note), "together": together, "warnings": cut}))
     return scenes, spec, found.header
 
 
-def _shown(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
+def _scenes_json(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
     rows = rows_of(spec.checked, scenes)  # in the order of the spec, whatever the file's is
     count = row_count(len(spec.objects))
     on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
     sampler = scenes.header.sampler
-    return shown(spec, scene_set(spec, as_poses(rows[:count]), sampler, on), note)
+    return scenes_json(spec, scene_set(spec, as_poses(rows[:count]), sampler, on), note)
 
 
 FIRST_SPEC = "tidy_desk"  # the shipped spec that is shown where nothing was named
@@ -371,7 +371,7 @@ def _scenes(file: Path) -> OpenProject:
 
 def _motions(file: Path, found: MotionSet) -> OpenProject | None:
     """None for motions of a spec without `time`, such as pairs of a start and a goal: their moments are scenes."""
-    from scenegen.page.jobs.motions import most_of, motions_of, shown, too_long
+    from scenegen.page.jobs.motions import most_of, motions_json, motions_of, too_long
 
     text = found.header.spec.source
     spec = parse(text, file.name)
@@ -386,7 +386,7 @@ def _motions(file: Path, found: MotionSet) -> OpenProject | None:
     poses = motions_of(spec, found.poses[:most][:, :, order])
     note = f"{len(poses):,} of the {len(found):,} motions of {file.name}"
     cut = [{"code": "", "title": f"the first {note}"}] if len(poses) < len(found) else []
-    motions = {**shown(spec, poses, found.header.sampler, note), "warnings": cut}
+    motions = {**motions_json(spec, poses, found.header.sampler, note), "warnings": cut}
     asked = found.header.request.model_dump(mode="json")
     request = {"phi": asked["phi"], "n": min(asked["n"], most)}
     return OpenProject(Folder(file.resolve().parent), text, file.stem, scenes=motions, request=request)
@@ -424,7 +424,7 @@ _PAGE = """<!doctype html>
 def html(data: dict[str, Any]) -> str:
     """The page as a server sends it; `data` is what it shows first."""
     head = '<link rel="stylesheet" href="/static/page.css">\n<link rel="icon" href="/static/icon.svg">'
-    return _filled(data, head, '<script type="module" src="/static/page.js"></script>')
+    return _fill_page(data, head, '<script type="module" src="/static/page.js"></script>')
 
 
 def alone(data: dict[str, Any]) -> str:
@@ -437,10 +437,10 @@ def alone(data: dict[str, Any]) -> str:
     )
     head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{css}</style>'
     safe = js.replace("</script", "<\\/script").replace("<!--", "<\\!--")
-    return _filled(data, head, f'<script type="module">{safe}</script>')
+    return _fill_page(data, head, f'<script type="module">{safe}</script>')
 
 
-def _filled(data: dict[str, Any], head: str, script: str) -> str:
+def _fill_page(data: dict[str, Any], head: str, script: str) -> str:
     text = dumps(data).decode().replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
     title = markup.escape(f"{data.get('name') or 'scenegen'} · scenegen view")
     page = _PAGE.replace("{title}", title).replace("{head}", head).replace("{script}", script)

@@ -55,7 +55,7 @@ from scenegen.page.limits import (
     MAX_SESSIONS,
     MAX_TEXT,
 )
-from scenegen.page.project import STATIC, FileRefused, OpenProject, digest, html, shipped, state_folder
+from scenegen.page.project import STATIC, FileRefused, OpenProject, digest, html, shipped_json, state_folder
 from scenegen.page.session import Lane, PageSession, PageWorkerEnded, TooManyWorkers, Workers
 from scenegen.processes.process import ENDING, exit_status
 from scenegen.resources import grammar_file
@@ -118,14 +118,14 @@ class Gate:
             await self.app(scope, receive, send)
             return
 
-        async def guarded(message: MutableMapping[str, Any]) -> None:
+        async def send_guarded(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
                 message["headers"] = [*message.get("headers", ()), *HEADERS, *([] if counted else [REVALIDATE])]
             await send(message)
 
         self.under_way += counted
         try:
-            await self.app(scope, receive, guarded)
+            await self.app(scope, receive, send_guarded)
         finally:
             self.under_way -= counted
 
@@ -201,7 +201,7 @@ async def json_body(request: Request) -> dict[str, Any]:
 
 
 async def page(request: Request) -> Response:
-    shared = _shared(request)
+    shared = _shared_state(request)
     opened = await run_in_threadpool(shared.opened.now)
     draft = await run_in_threadpool(opened.folder.draft, opened.path or opened.name, shared.tabs)
     return HTMLResponse(html({**opened.data(), "draft": draft}), headers={"cache-control": "no-store"})
@@ -214,15 +214,15 @@ async def proof(request: Request) -> Response:
 
 
 async def files(request: Request) -> Response:
-    shared = _shared(request)
+    shared = _shared_state(request)
     folder = shared.opened.folder
-    found = {"specs": await run_in_threadpool(folder.specs), "shipped": await run_in_threadpool(shipped)}
+    found = {"specs": await run_in_threadpool(folder.specs), "shipped": await run_in_threadpool(shipped_json)}
     return JSONResponse({**found, "lost": await run_in_threadpool(folder.lost, shared.tabs)})
 
 
 async def file(request: Request) -> Response:
     """A spec of the folder, read or saved."""
-    folder = _shared(request).opened.folder
+    folder = _shared_state(request).opened.folder
     if request.method == "GET":
         path = request.query_params.get("path", "")
         text, sha = await run_in_threadpool(folder.read, path)
@@ -250,7 +250,7 @@ class DraftRequest(BaseModel):
 
 async def draft(request: Request) -> Response:
     """What was written and not saved."""
-    shared = _shared(request)
+    shared = _shared_state(request)
     folder = shared.opened.folder
     if request.method == "GET":
         name = request.query_params.get("name", "")
@@ -274,7 +274,7 @@ def _check_whole(text: str) -> None:
         raise FileRefused(400, "the text holds half of a character") from None
 
 
-def _shared(request: HTTPConnection) -> Shared:
+def _shared_state(request: HTTPConnection) -> Shared:
     shared: Shared = request.app.state.shared
     return shared
 
@@ -314,7 +314,7 @@ class DownloadRequest(BaseModel):
 
 
 async def download(request: Request) -> Response:
-    shared = _shared(request)
+    shared = _shared_state(request)
     try:
         wanted = DownloadRequest.model_validate(await json_body(request))
     except ValidationError:
@@ -327,12 +327,12 @@ async def download(request: Request) -> Response:
         raise FileRefused(429, "some files are being made already; try again in a moment")
     shared.downloads += 1
     try:
-        return await _made(shared, wanted)
+        return await _make_download(shared, wanted)
     finally:
         shared.downloads -= 1
 
 
-async def _made(shared: Shared, wanted: DownloadRequest) -> Response:
+async def _make_download(shared: Shared, wanted: DownloadRequest) -> Response:
     into = Path(tempfile.mkdtemp(prefix="scenegen-view-"))
     lane = Lane(shared.workers)
     found: dict[str, bytes] = {}
@@ -357,7 +357,7 @@ async def _made(shared: Shared, wanted: DownloadRequest) -> Response:
 
 
 async def socket_of_page(websocket: WebSocket) -> None:
-    shared = _shared(websocket)
+    shared = _shared_state(websocket)
     if len(shared.tabs) >= MAX_SESSIONS:
         reason = "as many pages are open as this server takes; close one of them"
         await refuse(websocket.scope, websocket._send, 429, reason)
@@ -398,22 +398,22 @@ def make_app(opened: OpenProject, token: str, hosts: frozenset[str]) -> Gate:
         finally:
             await shared.workers.close()
 
-    handlers: Any = {FileRefused: _refused, 404: _missing, 405: _missing, 500: _broken}
+    handlers: Any = {FileRefused: _answer_refusal, 404: _answer_missing, 405: _answer_missing, 500: _answer_failure}
     app = Starlette(routes=ROUTES, lifespan=lifespan, exception_handlers=handlers)
     app.state.shared = shared
     app.state.token = token
     return Gate(app, token, hosts, shared)
 
 
-async def _refused(request: Request, error: FileRefused) -> Response:
+async def _answer_refusal(request: Request, error: FileRefused) -> Response:
     return PlainTextResponse(f"{error}\n", error.status)
 
 
-async def _missing(request: Request, error: Exception) -> Response:
+async def _answer_missing(request: Request, error: Exception) -> Response:
     return PlainTextResponse("there is nothing under this address\n", getattr(error, "status_code", 404))
 
 
-async def _broken(request: Request, error: Exception) -> Response:
+async def _answer_failure(request: Request, error: Exception) -> Response:
     return PlainTextResponse(f"scenegen itself failed: {type(error).__name__}\n", 500)
 
 

@@ -259,7 +259,7 @@ class PageSession:
                 if text is None:
                     self._say('{"error":"send text, not bytes"}')
                     continue
-                self._hear(text)
+                self._receive(text)
         except (WebSocketDisconnect, RuntimeError):  # dropped in the midst of a message
             return
         finally:
@@ -269,7 +269,7 @@ class PageSession:
             for lane in self._lanes.values():
                 lane.close()
 
-    def _hear(self, text: str) -> None:
+    def _receive(self, text: str) -> None:
         try:
             data = json.loads(text)
             if isinstance(data, dict) and "stop" in data:

@@ -32,19 +32,19 @@ NOTEBOOK_LINES = 40  # of the formula of a label
 def sheet(file: SceneFile, rest: Array | None = None) -> bytes | None:
     """The contact sheet of a scene file as PNG, None for one without scenes; `rest` as SceneArrays has it. Raises
     DataError."""
-    return _drawn(file, SHEET_WIDTH, rest, sheet=True) if file.scenes else None
+    return _render(file, SHEET_WIDTH, rest, sheet=True) if file.scenes else None
 
 
 def picture(file: SceneFile, rest: Array | None = None) -> bytes | None:
     """A file's only scene in perspective, as PNG; None where it cannot be drawn: notebooks then show its `repr`. `rest`
     (N, 7) as Scene has it."""
     try:
-        return _drawn(file, PICTURE_WIDTH, None if rest is None else rest[None], sheet=False)
+        return _render(file, PICTURE_WIDTH, None if rest is None else rest[None], sheet=False)
     except ScenegenError:
         return None
 
 
-def _drawn(file: SceneFile, width: int, rest: Array | None, *, sheet: bool) -> bytes:
+def _render(file: SceneFile, width: int, rest: Array | None, *, sheet: bool) -> bytes:
     from scenegen.looks.stage import usual_size
     from scenegen.pictures.render.scenes import render_scenes
 
@@ -96,14 +96,17 @@ def spec_page(spec: SpecHolder) -> str:
 
     outline = Outline(spec)
     title = html.escape(spec.checked.title)
-    parts = [f"<p><b>{title}</b></p>" if title else "", f"<p>objects: {html.escape(_listed(spec.checked.objects))}</p>"]
+    parts = [
+        f"<p><b>{title}</b></p>" if title else "",
+        f"<p>objects: {html.escape(_name_list(spec.checked.objects))}</p>",
+    ]
     for label in outline.labels:
         lines, more = outline.lines(label, most=NOTEBOOK_LINES)
         rows = ["<tr><th>formula</th><th>margin</th><th>phi in</th></tr>"]
         for line in lines:
             indent = f"padding-left: {0.5 + 1.5 * line.depth:g}em; text-align: left"
             bounds = f"[{line.low:.4g}, {line.high:.4g}] {line.unit}".rstrip()
-            cells = [f'<td style="{indent}">{html.escape(line.text)}</td>', _left(line.margin), _left(bounds)]
+            cells = [f'<td style="{indent}">{html.escape(line.text)}</td>', _cell(line.margin), _cell(bounds)]
             rows.append(f"<tr>{''.join(cells)}</tr>")
         parts.append(f"<p><b>{html.escape(label)}</b></p><table>{''.join(rows)}</table>")
         if more:
@@ -111,9 +114,9 @@ def spec_page(spec: SpecHolder) -> str:
     return "<div>" + "".join(parts) + "</div>"
 
 
-def _left(text: str) -> str:
+def _cell(text: str) -> str:
     return f'<td style="text-align: left">{html.escape(text)}</td>'
 
 
-def _listed(names: Sequence[str]) -> str:
+def _name_list(names: Sequence[str]) -> str:
     return ", ".join(names[:MAX_NAMES]) + (f" and {len(names) - MAX_NAMES:,} more" if len(names) > MAX_NAMES else "")

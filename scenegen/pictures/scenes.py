@@ -283,7 +283,9 @@ def motion_figures(
     made: dict[str, bytes] = {}
     for number in range(len(motions.poses)):
         name = f"motion_{number + 1:0{max(4, len(str(len(motions.poses))))}d}"
-        made |= {f"{name}{end}": data for end, data in _one(motions, number, spec, chosen, kinds, look).items()}
+        made |= {
+            f"{name}{end}": data for end, data in _motion_files(motions, number, spec, chosen, kinds, look).items()
+        }
     with whole_files(folder) as put:
         for name, data in made.items():
             put(name, data)
@@ -316,11 +318,11 @@ def animate(
     look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
     check_writable(path)
     spec = check_text(motions.header.spec.source, "the spec of these motions")
-    write_whole(path, _one(motions, number - 1, spec, chosen_label(spec.labels, label), kinds, look)[ending])
+    write_whole(path, _motion_files(motions, number - 1, spec, chosen_label(spec.labels, label), kinds, look)[ending])
     return path
 
 
-def _one(
+def _motion_files(
     motions: MotionArrays, number: int, spec: CheckedSpec, label: str, kinds: tuple[str, ...], look: PictureStyle
 ) -> dict[str, bytes]:
 

@@ -19,9 +19,9 @@ from scenegen.planning.export import (
     Problems,
     candidates,
     goal_labels,
+    goal_notes,
     refuse_other,
-    undecided,
-    unsaid,
+    undecided_notes,
     vocabulary,
 )
 from scenegen.planning.facts import ground
@@ -90,7 +90,7 @@ def of_scenes(
             yield from zip(comments, written, strict=True)
 
     files = _write(out, texts(), made[0].domain, len(scenes))
-    return replace(files, warnings=unsaid(made))
+    return replace(files, warnings=goal_notes(made))
 
 
 def _comment(scenes: SceneSet, place: int) -> str:
@@ -183,7 +183,7 @@ def _in_its_words(
     originals = Originals(ground(source, SPEC_NAME, explicit=candidates(reading, facts)), reading)
     texts = originals.texts(rows, [f"Scene {number}" for number in range(1, len(scenes) + 1)])
     made = _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
-    return replace(made, warnings=undecided(originals, file))
+    return replace(made, warnings=undecided_notes(originals, file))
 
 
 def read_for_planning(path: Path) -> SceneSet | MotionSet:

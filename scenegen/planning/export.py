@@ -23,14 +23,14 @@ from scenegen.planning.facts import (
     Formula,
     GroundedFacts,
     Literal,
-    asked_for,
     facts_of,
-    text,
-    value,
+    formula_text,
+    holding_part,
+    truth_of,
 )
 from scenegen.planning.goal import GoalReader, PredicateFormula, TranslatedFormula
 from scenegen.planning.problem import Node, SExprAtom, SExprList
-from scenegen.planning.translation import CompiledProblem, carried, filled, resting
+from scenegen.planning.translation import CompiledProblem, carried_formula, fill_arguments, resting_formula
 
 RESERVED = frozenset(  # words with a meaning where facts and types stand
     "and or not imply forall exists when either object number assign increase decrease scale-up scale-down preference "
@@ -159,7 +159,7 @@ def problem_text(
             lines.append(f"    {made} - {kind}" + (f" ; {clean(one)}" if made != one else ""))
     lines += ["  )", "  (:init"]
     lines += [f"    {words.fact(facts[number])}" for number in np.flatnonzero(truths).tolist()]
-    lines += ["  )", f"  (:goal {text(goal, lambda number: words.fact(facts[number]))}))", ""]
+    lines += ["  )", f"  (:goal {formula_text(goal, lambda number: words.fact(facts[number]))}))", ""]
     return "\n".join(lines)
 
 
@@ -205,7 +205,7 @@ class Problems:
         goal, numbers = self.goal, list(comments.items())
         for here, truths in self.grounded.truths(rows):
             wanted = np.all([truths[self.grounded.labels[label]] for label in self.labels], axis=0)
-            self.edge += int((value(goal, truths) != wanted).sum())
+            self.edge += int((truth_of(goal, truths) != wanted).sum())
             for offset, said in enumerate(numbers[here]):
                 yield self._text(truths[:, offset], goal, *said)
 
@@ -219,7 +219,7 @@ class Problems:
                 if self.whole_goal or not self.labels:
                     goal: Formula = FactJunction("and", tuple(Literal(int(one)) for one in np.flatnonzero(then[:, 0])))
                 else:
-                    goal = asked_for(self.goal, then)
+                    goal = holding_part(self.goal, then)
                 yield self._text(truths[:, offset], goal, *said)
 
     def _text(self, truths: npt.NDArray[np.bool_], goal: Formula, number: int, comment: str) -> str:
@@ -318,14 +318,14 @@ def _formula(reading: CompiledProblem, found: PredicateFormula, names: tuple[str
     assert node is not None
     refs = [setting.resolve(name, node) for name in names]
     if not found.holds:
-        return filled(found.formula, [one.argument for one in refs])
+        return fill_arguments(found.formula, [one.argument for one in refs])
     if len(refs) != 2:
         return ""
     if refs[1].kind != "thing":
-        return resting(refs[0].argument, refs[1])
+        return resting_formula(refs[0].argument, refs[1])
     owner = refs[1].owner
     off = setting.off(names[0], owner, inside=found.holds == "in") if owner != names[0] else None
-    return "" if off is None else carried(found, refs[0].argument, refs[1].argument, off)
+    return "" if off is None else carried_formula(found, refs[0].argument, refs[1].argument, off)
 
 
 def refuse_other(reading: CompiledProblem, objects: Sequence[str], regions: Sequence[str], file: str) -> None:
@@ -388,7 +388,7 @@ class Originals:
         names = [*problem.things, *(kind for one in problem.things.values() for kind in one.kinds)]
         self.plain = not (problem.regions or problem.fixtures or _bddl(problem.goal)) and all(map(fits, names))
         geometric = {(one.predicate.lower(), one.arguments) for one in grounded.facts}
-        self.kept = [one for one in problem.init if not _replaced(one, geometric)]
+        self.kept = [one for one in problem.init if not _is_replaced(one, geometric)]
         self._lost: dict[str, None] = {}
         self._goal, self._goal_facts = _goal(reading, self._lost)
         self._words = _ProblemText(self) if not self.plain else None
@@ -477,7 +477,7 @@ class _ProblemText:
             name: replace(one, kinds=tuple(self.types[kind.lower()] for kind in one.kinds)).kind
             for name, one in things.items()
         }
-        goal = text(owner._goal, lambda at: self.fact(*owner._goal_facts[at]))
+        goal = formula_text(owner._goal, lambda at: self.fact(*owner._goal_facts[at]))
         lines = [f"(define (problem scene-{number})", "  (:domain scenes)", "  (:objects"]
         lines += [f"    {made} - {kinds.get(one, self.region)}" for one, made in self.things.items()]
         lines += ["  )", "  (:init", *(f"    {self.fact(*one)}" for one in self.kept)]
@@ -493,10 +493,10 @@ def _call(node: Node) -> Call | None:
     return (node.items[0].span.text, names) if len(names) == len(node.rest) else None
 
 
-def _replaced(node: Node, geometric: set[Call]) -> bool:
+def _is_replaced(node: Node, geometric: set[Call]) -> bool:
     """Whether an initial fact is one that scenes decide, or that such a fact does not hold."""
     if isinstance(node, SExprList) and node.head == "not" and len(node.rest) == 1:
-        return _replaced(node.rest[0], geometric)
+        return _is_replaced(node.rest[0], geometric)
     found = _call(node)
     return found is not None and (found[0].lower(), found[1]) in geometric
 
@@ -521,7 +521,7 @@ def _one_line(node: Node) -> str:
 MAX_NAMED_PARTS = 3  # parts that are named; the domain has all
 
 
-def unsaid(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
+def goal_notes(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
     """Notes on problems that share a domain."""
     found: list[Diagnostic] = []
     timed = problems[0].grounded.spec.timed
@@ -548,7 +548,7 @@ def unsaid(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
     return (*found, PDDL_GOAL(edge=count)) if count else tuple(found)
 
 
-def undecided(originals: Originals, file: str) -> tuple[Diagnostic, ...]:
+def undecided_notes(originals: Originals, file: str) -> tuple[Diagnostic, ...]:
     """Notes on scenes in the words of a problem."""
     names = originals.undecided
     return (PDDL_GOAL(facts=names, file=file),) if names else ()

@@ -54,21 +54,25 @@ class RelationTemplate:
     required: bool = False
 
 
-def chosen(scope: Scope, wanted: Sequence[str] | None, own: Mapping[str, str] | None) -> tuple[RelationTemplate, ...]:
+def templates(
+    scope: Scope, wanted: Sequence[str] | None, own: Mapping[str, str] | None
+) -> tuple[RelationTemplate, ...]:
     """The relations whose facts are written. Raises RequestError for an unknown name."""
     if own is not None:
         known = [name for name, written in own.items() if _formula(written)]
         _refuse_unknown(wanted, known)
-        return tuple(one for name in known if wanted is None or name in wanted for one in _of_map(name, own[name]))
-    known = [name for name, one in scope.definitions.items() if _needed(one) <= MAX_ARGUMENTS]
+        return tuple(
+            one for name in known if wanted is None or name in wanted for one in _map_templates(name, own[name])
+        )
+    known = [name for name, one in scope.definitions.items() if _arity(one) <= MAX_ARGUMENTS]
     _refuse_unknown(wanted, known)
     if wanted is None:
-        wanted = [name for name in known if 1 <= _needed(scope.definitions[name]) <= 2]
+        wanted = [name for name in known if 1 <= _arity(scope.definitions[name]) <= 2]
         wanted.sort(key=lambda name: scope.definitions[name].source is scope.prelude)
     found: list[RelationTemplate] = []
     for name in dict.fromkeys(wanted):
         declared = scope.definitions[name]
-        needed, comment = _needed(declared), _comment(declared, scope)
+        needed, comment = _arity(declared), _comment(declared, scope)
         found.append(RelationTemplate(name, _call(name, needed), (THING,) * needed, comment))
         if name in OVER_PLACES and declared.source is scope.prelude:
             found.append(RelationTemplate(name, _call(name, 2), (THING, PLACE), comment))
@@ -81,7 +85,7 @@ def _refuse_unknown(wanted: Sequence[str] | None, known: Sequence[str]) -> None:
             raise RequestError(UNKNOWN_CHOICE(what="relation", name=name, known=known))
 
 
-def _needed(declared: Declared) -> int:
+def _arity(declared: Declared) -> int:
     assert isinstance(declared.statement, ast.Definition)
     return signature_of(declared.statement).needed
 
@@ -109,7 +113,7 @@ def _formula(written: str) -> str:
     return {"on": "restsOn($1, $2)", "in": "insideOf($1, $2)"}.get(found.holds, found.formula)
 
 
-def _of_map(name: str, written: str) -> Iterator[RelationTemplate]:
+def _map_templates(name: str, written: str) -> Iterator[RelationTemplate]:
     text = _formula(written)
     count = max((int(one) for one in re.findall(r"\$(\d)", text)), default=0)
     text = re.sub(r"\$(\d)", lambda one: f"_slot{int(one[1]) - 1}", text)
@@ -119,7 +123,7 @@ def _of_map(name: str, written: str) -> Iterator[RelationTemplate]:
         yield RelationTemplate(name, text, (THING, PLACE), written)
 
 
-def of_calls(
+def call_templates(
     lowering: Lowering, node: Callable[[str, Mapping[str, Value]], int | None]
 ) -> dict[int, tuple[RelationTemplate, tuple[str, ...]]]:
     """The calls of definitions that were expanded so far and whose arguments are things, regions and fixed numbers: the
@@ -140,7 +144,7 @@ def of_calls(
         count = next((place for place, one in enumerate(arguments) if not one), len(given))
         if not count or any(not one for one in texts[count:]):
             continue
-        needed = _needed(declared)
+        needed = _arity(declared)
         env = {f"_slot{place}": one for place, one in enumerate(given)}
         last = next(
             (last for last in range(max(count, needed), len(given)) if node(_call(name, last), env) == value.node),
@@ -196,19 +200,19 @@ class FactJunction:
 Formula = Literal | FactJunction
 
 
-def value(formula: Formula, truths: Truths) -> Truths:
+def truth_of(formula: Formula, truths: Truths) -> Truths:
     """Whether it holds in each of n scenes, (n,), where facts hold as in `truths` (F, n)."""
     if isinstance(formula, Literal):
         found: Truths = truths[formula.fact]
         return found if formula.holds else ~found
     start = np.full(truths.shape[1], formula.kind == "and")
     for part in formula.parts:
-        found = value(part, truths)
+        found = truth_of(part, truths)
         start = start & found if formula.kind == "and" else start | found
     return start
 
 
-def asked_for(formula: Formula, truths: Truths) -> Formula:
+def holding_part(formula: Formula, truths: Truths) -> Formula:
     """What a formula asks for, as it is in one scene (`truths` (F, 1)): a conjunction of literals that hold there. Of a
     disjunction these are the parts that hold. Where the formula does not hold, what it asks for and the scene has."""
     kept: dict[Literal, None] = {}
@@ -216,7 +220,7 @@ def asked_for(formula: Formula, truths: Truths) -> Formula:
     while stack:
         one = stack.pop()
         if isinstance(one, FactJunction):
-            stack += [part for part in reversed(one.parts) if one.kind == "and" or value(part, truths)[0]]
+            stack += [part for part in reversed(one.parts) if one.kind == "and" or truth_of(part, truths)[0]]
         elif truths[one.fact, 0] == one.holds:
             kept[one] = None
     return FactJunction("and", tuple(kept))
@@ -235,16 +239,16 @@ def facts_of(formula: Formula) -> tuple[int, ...]:
     return tuple(found)
 
 
-def text(formula: Formula, fact: Callable[[int], str], indent: int = 4) -> str:
+def formula_text(formula: Formula, fact: Callable[[int], str], indent: int = 4) -> str:
     """The formula as PDDL; `fact` writes a fact. Long ones stand on several lines."""
     if isinstance(formula, Literal):
         said = fact(formula.fact)
         return said if formula.holds else f"(not {said})"
-    parts = [text(part, fact, indent + 2) for part in formula.parts]
-    return _joined(formula.kind, parts, indent)
+    parts = [formula_text(part, fact, indent + 2) for part in formula.parts]
+    return _join(formula.kind, parts, indent)
 
 
-def _joined(kind: str, parts: Sequence[str], indent: int) -> str:
+def _join(kind: str, parts: Sequence[str], indent: int) -> str:
     line = f"({kind} {' '.join(parts)})" if parts else f"({kind})"
     if len(line) <= 100 and "\n" not in line:
         return line
@@ -338,25 +342,25 @@ class _Expansion:
     _parsed: dict[str, ast.Expr] = field(default_factory=dict)
     _calls: dict[int, tuple[RelationTemplate, tuple[str, ...]]] = field(default_factory=dict)
     _parts: int = 0
-    _said: Counter[str] = field(default_factory=Counter)
+    _described: Counter[str] = field(default_factory=Counter)
 
     def __call__(self, lowering: Lowering) -> None:
         self._lowering = lowering
         noticed, used = list(lowering.noticed), set(lowering.used)
         labels = {} if lowering.scope.timed else self._labels()
-        self._calls = of_calls(lowering, self.node)
+        self._calls = call_templates(lowering, self.node)
         if self.explicit:
             for fact, text in self.explicit:
                 node = self.node(text, {})
                 if node is not None:
                     self._add(fact, node)
         else:
-            relations = chosen(lowering.scope, self.wanted, self.own)
+            relations = templates(lowering.scope, self.wanted, self.own)
             self._check_size(relations)
             count = len(lowering.scope.objects)
             for relation in relations:
                 self._refuse_unknown(relation)
-                if not self._all(relation) and relation.required and count >= len(relation.kinds):
+                if not self._add_relation(relation) and relation.required and count >= len(relation.kinds):
                     raise RequestError(FACTS_MEAN_NOTHING(name=relation.name, formula=relation.comment))
         self.labels = {name: self._add(Fact(name, said=name), node, part=False) for name, node in labels.items()}
         for name, node in labels.items():
@@ -421,7 +425,7 @@ class _Expansion:
         found = self._lowering.builder.nodes[node]
         return found.margin if isinstance(found, Atom) else node
 
-    def _all(self, relation: RelationTemplate) -> bool:
+    def _add_relation(self, relation: RelationTemplate) -> bool:
         """Adds all facts of a relation; whether there are any."""
         scope = self._lowering.scope
         names = {THING: tuple(scope.objects), PLACE: tuple(self._lowering.areas)}
@@ -486,7 +490,7 @@ class _Expansion:
             return None
         turned = self._lowering.builder.negate(node)
         for one, holds in ((node, True), (turned, False)):
-            if self._same(one) in self._nodes or self._named(one):
+            if self._same(one) in self._nodes or self._add_call(one):
                 return Literal(self._nodes[self._same(one)], holds)
         inner = self._lowering.builder.nodes[node]
         if isinstance(inner, Junction):
@@ -498,13 +502,13 @@ class _Expansion:
                 parts.append(part)
             return FactJunction("and" if inner.kind == "min" else "or", tuple(parts))
         assert isinstance(inner, Atom)
-        said = self._told(inner)
-        name = self.parts.setdefault((said, self._said[said]), f"part-{len(self.parts) + 1}")
-        self._said[said] += 1
+        said = self._describe(inner)
+        name = self.parts.setdefault((said, self._described[said]), f"part-{len(self.parts) + 1}")
+        self._described[said] += 1
         self.comments[name] = said
         return Literal(self._add(Fact(name, said=said), node))
 
-    def _told(self, atom: Atom) -> str:
+    def _describe(self, atom: Atom) -> str:
         """The text of an atom, with its things where these are not in it: heights are written out as numbers."""
         builder, stack, things = self._lowering.builder, [atom.margin], dict[str, None]()
         while stack:
@@ -515,13 +519,13 @@ class _Expansion:
         told = dict.fromkeys(one.partition(".")[0] for one in things)  # `mug.on` is the surface of `mug`
         return atom.text if not told or any(one in atom.text for one in told) else f"{atom.text}, of {', '.join(told)}"
 
-    def _named(self, node: int) -> bool:
+    def _add_call(self, node: int) -> bool:
         """Whether a node is a call of a definition over things and numbers: then all facts of it are added."""
         if node not in self._calls:
             return False
         relation, arguments = self._calls[node]
         self._check_size([relation])
-        self._all(relation)
+        self._add_relation(relation)
         number = self._numbers.get(Fact(relation.name, arguments))
         if number is None:
             return False

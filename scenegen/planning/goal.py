@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.errors import DataError
 from scenegen.errors.worlds import BAD_MAP, PDDL_FORM, PDDL_TOO_LARGE, PDDL_UNKNOWN_NAME
-from scenegen.planning.problem import Node, PddlProblem, SExprAtom, SExprList, typed
+from scenegen.planning.problem import Node, PddlProblem, SExprAtom, SExprList, typed_names
 from scenegen.scenes.files import read_bytes
 
 MAX_INSTANCES = 20_000  # instances of a formula
@@ -74,7 +74,7 @@ class GoalReader:
             raise DataError(PDDL_FORM(node.span, wanted="a formula", reason="(PREDICATE ...) belongs here"))
         match node.head:
             case "and":
-                return both(self._until("false", node.rest, names, wanted))
+                return all_hold(self._until("false", node.rest, names, wanted))
             case "or":
                 return self._whole(node, either(self._until("true", node.rest, names, wanted)))
             case "not":
@@ -88,7 +88,7 @@ class GoalReader:
             case "forall" | "exists":
                 variables, body = self._parts(node, 2)
                 found = [self.read(body, {**names, **one}, wanted) for one in self._choices(variables)]
-                return both(found) if node.head == "forall" else self._whole(node, either(found))
+                return all_hold(found) if node.head == "forall" else self._whole(node, either(found))
             case "forn":
                 count, variables, body = self._parts(node, 3)
                 found = [self.read(body, {**names, **one}, wanted) for one in self._choices(variables)]
@@ -141,7 +141,7 @@ class GoalReader:
     def _choices(self, variables: Node) -> list[dict[str, str]]:
         if not isinstance(variables, SExprList):
             raise DataError(PDDL_FORM(variables.span, wanted="a list of variables", reason="(?x - TYPE) belongs here"))
-        kinds = {name: found.kinds for name, found in typed(variables.items)}
+        kinds = {name: found.kinds for name, found in typed_names(variables.items)}
         for kind in (kind for several in kinds.values() for kind in several):
             self._refuse_unknown("type", kind.lower(), self.problem.types, variables)
         known = [[one for one in self.problem.things if self.problem.is_a(one, each)] for each in kinds.values()]
@@ -159,13 +159,13 @@ class GoalReader:
         least, most = self._least(count, found, node), negation(self._least(count + 1, found, node))
         if least.text is not None and most.more:
             self.lose(node, KEPT_AS_AT_LEAST)
-        return both([least, most])
+        return all_hold([least, most])
 
     def _least(self, count: int, found: Sequence[TranslatedFormula], node: SExprList) -> TranslatedFormula:
         """At least `count` of them hold: some subset of that size does."""
         if math.comb(len(found), min(count, len(found))) * max(count, 1) > MAX_INSTANCES:
             raise DataError(PDDL_TOO_LARGE(node.span, what="this count", limit=MAX_INSTANCES))
-        return either([both(one) for one in itertools.combinations(found, count)])
+        return either([all_hold(one) for one in itertools.combinations(found, count)])
 
     def _pairs(
         self, count: int | None, one: Node, other: Node, body: Node, names: Names, wanted: bool, node: SExprList
@@ -189,21 +189,21 @@ class GoalReader:
         if math.comb(len(rows), count) * math.perm(len(columns), count) * count <= MAX_PAIRED:
             return either(
                 [
-                    both([table[row][column] for row, column in zip(chosen, partners, strict=True)])
+                    all_hold([table[row][column] for row, column in zip(chosen, partners, strict=True)])
                     for chosen in itertools.combinations(range(len(rows)), count)
                     for partners in itertools.permutations(range(len(columns)), count)
                 ]
             )
         by_row, by_column = [either(each) for each in table], [either(each) for each in zip(*table, strict=True)]
         partly = self.lose(node, KEPT_IN_PART)
-        return both([self._least(count, by_row, node), self._least(count, by_column, node), partly])
+        return all_hold([self._least(count, by_row, node), self._least(count, by_column, node), partly])
 
 
 def _is_number(text: str) -> bool:
     return re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text) is not None
 
 
-def both(parts: Sequence[TranslatedFormula]) -> TranslatedFormula:
+def all_hold(parts: Sequence[TranslatedFormula]) -> TranslatedFormula:
     """All of them, as far as they are about places."""
     texts = list(dict.fromkeys(one.text for one in parts if one.text is not None and one.text != "true"))
     whole = all(one.whole for one in parts)

@@ -180,11 +180,11 @@ def domain_of(source: Source, nodes: Sequence[Node]) -> Domain:
     for one in sections:
         match one.head:
             case ":types":
-                for name, found in typed(one.rest):
+                for name, found in typed_names(one.rest):
                     above = (kind.lower() for kind in found.kinds)
                     parents[name.lower()] = tuple(dict.fromkeys((*parents.get(name.lower(), ()), *above)))
             case ":constants":
-                _declare(constants, typed(one.rest))
+                _declare(constants, typed_names(one.rest))
             case ":predicates":
                 for each in _flat(one.rest):
                     if isinstance(each, SExprList) and each.head:
@@ -209,7 +209,7 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> PddlPro
             case ":language":
                 language = _words(one.rest)
             case ":objects" | ":fixtures":
-                found = _declare(things, typed(one.rest))
+                found = _declare(things, typed_names(one.rest))
                 if one.head == ":fixtures":
                     fixtures.update(found)
             case ":regions":
@@ -275,7 +275,7 @@ def _flat(nodes: Iterable[Node]) -> list[Node]:
     ]
 
 
-def typed(nodes: Sequence[Node]) -> list[tuple[str, TypedName]]:
+def typed_names(nodes: Sequence[Node]) -> list[tuple[str, TypedName]]:
     """`a b - block c - (either cup mug) d` as names with their types, in order; a name can come twice. What has no type
     is an `object`. Raises DataError."""
     found: list[tuple[str, TypedName]] = []

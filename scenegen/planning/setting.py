@@ -237,7 +237,7 @@ class Setting:
                 self.grounds.append(name)
                 fallback = GROUNDS["kitchen_table"] if targets else ROOM_FLOOR
                 self.space = GROUNDS.get(known) or GROUNDS.get(name.lower()) or fallback if targets else ROOM_FLOOR
-            elif (shape := _mapped(mapped, name, kind, known)) is not None:
+            elif (shape := _map_entry(mapped, name, kind, known)) is not None:
                 self.shapes[name] = shape
                 shape_from(shape)
             elif known in BODILESS:
@@ -258,13 +258,13 @@ class Setting:
             raise DataError(*problems)
         for region in self.problem.regions.values():  # the sizes of grounds are ours: regions lie on them
             if region.target in self.grounds:
-                self.space = _around(self.space, region.ranges)
+                self.space = _enclosing(self.space, region.ranges)
         self._lay_out()
 
     def _kind(self, thing: TypedName, mapped: Mapping[str, str]) -> tuple[str, str]:
         """A thing's type and its category; of several types the first of which a size is known."""
         kinds = [(kind, category(kind)) for kind in thing.kinds]
-        sized = (one for one in kinds if _mapped(mapped, *one) or one[1] in (THINGS | FURNITURE) or _asset(one[1]))
+        sized = (one for one in kinds if _map_entry(mapped, *one) or one[1] in (THINGS | FURNITURE) or _asset(one[1]))
         return next(sized, kinds[0])
 
     def _identifier(self, name: str) -> str:
@@ -350,7 +350,7 @@ class Setting:
             left, right, bottom, top = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
             right, top = max(right, left + 0.001), max(top, bottom + 0.001)
             box = (left, bottom, right, top)
-            self.used[made] = PddlArea(f"region {made} = rect({', '.join(map(_n, box))})", _rounded(box))
+            self.used[made] = PddlArea(f"region {made} = rect({', '.join(map(_number_text, box))})", _round(box))
             line = self.problem.source.position(region.node.span.start)[0]
             self.notes[made] = f"line {line}: (:ranges ...) of {region.name}"
             names.append(made)
@@ -380,7 +380,7 @@ def category(kind: str) -> str:
     return re.sub(r"_?\d+$", "", re.sub(r"\.n\.\d+.*$", "", kind.lower())).replace("-", "_")
 
 
-def _mapped(table: Mapping[str, str], *names: str) -> str | None:
+def _map_entry(table: Mapping[str, str], *names: str) -> str | None:
     """What a map, whose keys are in lower case, says of the first of some names that it has."""
     return next((table[name.lower()] for name in names if name.lower() in table), None)
 
@@ -406,7 +406,7 @@ def _asset(name: str) -> str | None:
     return None
 
 
-def _around(space: Rectangle, rows: Sequence[Sequence[float]]) -> Rectangle:
+def _enclosing(space: Rectangle, rows: Sequence[Sequence[float]]) -> Rectangle:
     """The rectangle round another and some ranges."""
     xs = [space[0], space[2], *(one for row in rows for one in row[0::2])]
     ys = [space[1], space[3], *(one for row in rows for one in row[1::2])]
@@ -416,9 +416,9 @@ def _around(space: Rectangle, rows: Sequence[Sequence[float]]) -> Rectangle:
 def _solid(shape: Shape) -> str:
     match shape.footprint:
         case Circle(radius):
-            return f"cylinder({_n(radius)}, {_n(shape.height)})"
+            return f"cylinder({_number_text(radius)}, {_number_text(shape.height)})"
         case Box(length, width):
-            return f"box({_n(length)}, {_n(width)}, {_n(shape.height)})"
+            return f"box({_number_text(length)}, {_number_text(width)}, {_number_text(shape.height)})"
         case _:
             return "block"
 
@@ -429,21 +429,21 @@ def _area(name: str, board: Board, pose: tuple[float, float, float]) -> PddlArea
     x0, y0, x1, y1 = board.outline
     corners = [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
     xs, ys = zip(*corners, strict=True)
-    height = f"at {_n(board.height)} m"
+    height = f"at {_number_text(board.height)} m"
     if abs(math.sin(2 * turn)) < 1e-6:
         box = (min(xs), min(ys), max(xs), max(ys))
-        return PddlArea(f"region {name} = rect({', '.join(map(_n, box))}) {height}", _rounded(box), board=True)
-    outline = ", ".join(f"({_n(u)}, {_n(v)})" for u, v in corners)
+        return PddlArea(f"region {name} = rect({', '.join(map(_number_text, box))}) {height}", _round(box), board=True)
+    outline = ", ".join(f"({_number_text(u)}, {_number_text(v)})" for u, v in corners)
     return PddlArea(f"region {name} = polygon([{outline}]) {height}", None, board=True)
 
 
-def _rounded(box: Rectangle) -> Rectangle:
+def _round(box: Rectangle) -> Rectangle:
     """As the text has it."""
-    x0, y0, x1, y1 = (float(_n(one)) for one in box)
+    x0, y0, x1, y1 = (float(_number_text(one)) for one in box)
     return x0, y0, x1, y1
 
 
-def _n(value: float) -> str:
+def _number_text(value: float) -> str:
     return f"{round(value, 4) + 0.0:.10g}"
 
 

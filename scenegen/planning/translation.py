@@ -54,16 +54,16 @@ def collisions(setting: Setting, options: dict[str, list[str]]) -> list[str]:
     for name, made in setting.furniture.items():
         if made.body is not None:
             x, y, _ = setting.poses.get(name, (0.0, 0.0, 0.0))
-            boxes[setting.ids[name]] = grown((x, y, x, y), max(made.body[:2]) * 0.75)
+            boxes[setting.ids[name]] = grow((x, y, x, y), max(made.body[:2]) * 0.75)
             fixed.add(setting.ids[name])
     for name, shape in setting.shapes.items():
         reach = reach_of(shape_from(shape).footprint)
         places = [_box(setting, one, boxes) for one in options.get(name) or ["workspace"]]
-        boxes[setting.ids[name]] = grown(around(places), reach)
+        boxes[setting.ids[name]] = grow(enclosing(places), reach)
     return [
         f"require apart({one}, {other}) >= 0"
         for (one, first), (other, second) in itertools.combinations({**boxes, **boards}.items(), 2)
-        if not (one in fixed and other in fixed) and meet(first, second)
+        if not (one in fixed and other in fixed) and overlap(first, second)
     ]
 
 
@@ -75,16 +75,16 @@ def _box(setting: Setting, surface: str, boxes: dict[str, Rectangle]) -> Rectang
     return boxes.get(surface, setting.space)
 
 
-def grown(box: Rectangle, by: float) -> Rectangle:
+def grow(box: Rectangle, by: float) -> Rectangle:
     return box[0] - by, box[1] - by, box[2] + by, box[3] + by
 
 
-def around(boxes: Sequence[Rectangle]) -> Rectangle:
+def enclosing(boxes: Sequence[Rectangle]) -> Rectangle:
     left, bottom, right, top = zip(*boxes, strict=True)
     return min(left), min(bottom), max(right), max(top)
 
 
-def meet(one: Rectangle, other: Rectangle) -> bool:
+def overlap(one: Rectangle, other: Rectangle) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
@@ -185,16 +185,16 @@ class _Compiler:
         if len({arguments[place] for place in found.places}) < len(found.places):
             return "false"  # nothing is in a relation with itself
         if not found.holds:
-            return filled(found.formula, arguments)
+            return fill_arguments(found.formula, arguments)
         upper, lower = refs[:2]
         if wanted:
             self.wanted.append((upper.owner, lower, names[1]))
         else:
             self.unwanted.append((names[0], names[1]))
         if lower.kind != "thing":
-            return resting(upper.argument, lower)
+            return resting_formula(upper.argument, lower)
         off = self.setting.carries(upper.owner, lower.owner, inside=found.holds == "in")
-        return carried(found, upper.argument, lower.argument, off)
+        return carried_formula(found, upper.argument, lower.argument, off)
 
     def _is_mapped(self, name: str, count: int) -> bool:
         """Whether the map has a predicate. Raises DataError for a formula that has not the arguments of its facts."""
@@ -223,7 +223,7 @@ def _unknown(node: SExprList, count: int) -> Diagnostic:
     return UNKNOWN_PREDICATE(node.span, name=node.head, key=key(node.head), relation=PROPOSED.get(count), near=near)
 
 
-def filled(formula: str, arguments: Sequence[str]) -> str:
+def fill_arguments(formula: str, arguments: Sequence[str]) -> str:
     """A relation's formula with its arguments, in parentheses."""
     text = re.sub(
         r"\$(\d)", lambda one: arguments[int(one[1]) - 1] if 1 <= int(one[1]) <= len(arguments) else one[0], formula
@@ -231,7 +231,7 @@ def filled(formula: str, arguments: Sequence[str]) -> str:
     return text if text.startswith("(") else f"({text})"
 
 
-def resting(upper: str, lower: Referent) -> str:
+def resting_formula(upper: str, lower: Referent) -> str:
     """That a thing stands on the ground, or on a region."""
     if lower.kind == "ground":
         return f"z({upper}) <= EPS_LEVEL"
@@ -239,7 +239,7 @@ def resting(upper: str, lower: Referent) -> str:
     return parts[0] if len(parts) == 1 else f"({' | '.join(parts)})"
 
 
-def carried(found: PredicateFormula, upper: str, lower: str, off: float) -> str:
+def carried_formula(found: PredicateFormula, upper: str, lower: str, off: float) -> str:
     """That one thing carries another, whose height may be `off` by so many metres."""
     if found.holds == "in":
         return f"insideOf({upper}, {lower})"
@@ -264,8 +264,8 @@ def compile_problem(problem: PddlProblem, table: NameMap) -> Imported:
     goal_lines, own.said = own.said, []
     if meaning.text is None:
         raise DataError(_no_places(own, problem.goal))
-    lines = _written(own, meaning.text, list(dict.fromkeys(goal_lines)))
-    unused = _unused(own)
+    lines = _spec_lines(own, meaning.text, list(dict.fromkeys(goal_lines)))
+    unused = _unused_names(own)
     text = "\n".join(lines) + "\n"
     try:
         text = format_source(Source(problem.source.name, text))
@@ -295,14 +295,14 @@ def _refuse_formulas(own: _Compiler) -> None:
         things = [f"thing_{number}" for number in range(1, count + 1)]
         formula = own.table.predicates[name]
         try:
-            check_text(f"object {', '.join(things)}\ngoal: {filled(formula, things)}\n")
+            check_text(f"object {', '.join(things)}\ngoal: {fill_arguments(formula, things)}\n")
         except SpecError as error:
             first = error.diagnostics[0]
             if first.code != "constant-label":
                 raise DataError(FACTS_MEAN_NOTHING(formula=formula, name=name, reason=first.title)) from None
 
 
-def _unused(own: _Compiler) -> list[Diagnostic]:
+def _unused_names(own: _Compiler) -> list[Diagnostic]:
     """Notes on what a map has and this problem has not: it may serve several problems, or be misspelt."""
     words = {one for name, thing in own.problem.things.items() for one in (name, *thing.kinds)}
     words |= {one.partition(".")[0] for one in words} | {category(one) for one in words}
@@ -323,7 +323,7 @@ def _unused(own: _Compiler) -> list[Diagnostic]:
     return notes + ([MAP_NAMES_NOTHING(file="the map", names=others)] if others else [])
 
 
-def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
+def _spec_lines(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
     setting, problem = own.setting, own.problem
     edges: dict[str, list[str]] = {}
     options: dict[str, list[str]] = {}

@@ -12,11 +12,11 @@ import numpy as np
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.resources import note_input
 from scenegen.scenes.data import ShapeData, footprint_of
-from scenegen.things.indexed import AssetEntry, IndexFileError, fitted, read_index
+from scenegen.things.indexed import AssetEntry, IndexFileError, fit_asset, read_index
 from scenegen.things.library import INDEX
 from scenegen.things.meshfile import GLTF, MESH_FILES, ending_of, local_name
 from scenegen.things.outline import Floats, MeshError
-from scenegen.things.urdf import measured, mesh_shadow, robot_shadow
+from scenegen.things.urdf import footprint_and_height, mesh_shadow, robot_shadow
 
 MOST_BYTES = 64_000_000  # of a file, as specs read it
 SAME = 1e-6  # metres by which an outline may differ from the one that the scenes were made with
@@ -67,12 +67,12 @@ def own_file(folder: Path, shape: ShapeData) -> OwnFile:
 
     is_robot, matrix = shape.asset == "urdf", np.eye(3)
     if entry is not None:
-        fit = fitted(entry, data, beside)
+        fit = fit_asset(entry, data, beside)
         is_robot = entry.is_robot
         footprint, height, matrix, offset = fit.footprint, fit.height, entry.matrix, fit.offset
     else:
         shadow = robot_shadow(data, beside) if is_robot else mesh_shadow(name, data, beside)
-        footprint, height = measured(shadow)
+        footprint, height = footprint_and_height(shadow)
         offset = np.array([0.0, 0.0, -shadow.bottom])
     if not _same(footprint, footprint_of(shape.footprint)) or abs(height - shape.height) > SAME:
         raise MeshError("its outline is not that of the scenes: the file has changed, or it is another one")

@@ -96,9 +96,9 @@ def _pieces(asset: Asset) -> tuple[Mesh, ...] | None:
         case None:
             return PIECES_OF[asset.name]() if asset.name in PIECES_OF else None
         case Vessel():
-            return _walled(asset.form)
+            return _vessel_pieces(asset.form)
         case Crate():
-            return _boxed(asset.form)
+            return _crate_pieces(asset.form)
         case RoundSolid(rows):
             return _round(*rows)
         case furniture:
@@ -119,7 +119,7 @@ def _ring(radius: float, z: float, sides: int) -> list[list[float]]:
     return [[radius * math.cos(turn), radius * math.sin(turn), z] for turn in turns]
 
 
-def _walled(vessel: Vessel) -> tuple[Mesh, ...]:
+def _vessel_pieces(vessel: Vessel) -> tuple[Mesh, ...]:
     """The solid bottom of a vessel, its wall cut into `WALL_SIDES` sectors, and its handle."""
     out = []
     for (z0, outer0, inner0), (z1, outer1, inner1) in pairwise(vessel.rows):
@@ -138,7 +138,7 @@ def _sector(inner: float, outer: float, a: float, b: float, z: float) -> list[li
     return [[r * math.cos(turn), r * math.sin(turn), z] for r, turn in ((inner, a), (outer, a), (outer, b), (inner, b))]
 
 
-def _boxed(crate: Crate) -> tuple[Mesh, ...]:
+def _crate_pieces(crate: Crate) -> tuple[Mesh, ...]:
     """The floor of a crate and its four walls."""
     long, wide, tall = crate.length, crate.width, crate.height - crate.floor
     side, end = box(long, crate.wall, tall), box(crate.wall, wide - 2.0 * crate.wall, tall)

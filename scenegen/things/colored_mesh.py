@@ -114,14 +114,14 @@ def used(points: Floats, faces: Indices) -> Indices:
 
 def pixels_of(data: bytes, what: str) -> int:
     """How many pixels a PNG or JPEG file announces; they are not read. Raises MeshError."""
-    with _opened(data, f"{what} is neither PNG nor JPEG") as image:
+    with _open_texture(data, f"{what} is neither PNG nor JPEG") as image:
         return image.width * image.height
 
 
 def check_texture(data: bytes, what: str, *, quick: bool = False) -> None:
     """Raises MeshError for a picture that ends early or is damaged; what it announces has been checked. `quick`: by the
     checksums of a PNG file, or an eighth of the pixels of a JPEG file."""
-    with _opened(data, f"{what} is damaged or cut short") as image:
+    with _open_texture(data, f"{what} is damaged or cut short") as image:
         if quick and image.format == "PNG":
             image.verify()
             return
@@ -131,7 +131,7 @@ def check_texture(data: bytes, what: str, *, quick: bool = False) -> None:
 
 
 @contextmanager
-def _opened(data: bytes, otherwise: str) -> Iterator[Image.Image]:
+def _open_texture(data: bytes, otherwise: str) -> Iterator[Image.Image]:
     """A PNG or JPEG file. Raises MeshError, also where the block finds damage."""
     from PIL import Image  # only objects with textures need it
 

@@ -277,14 +277,14 @@ class _GltfReader:
         seen = set(roots)
         if len(seen) < len(roots):
             raise MeshError("its scene names a node twice")
-        found = [(document.item("nodes", root), _placed(document.item("nodes", root))) for root in roots]
+        found = [(document.item("nodes", root), _node_matrix(document.item("nodes", root))) for root in roots]
         for node, turn in found:  # grows while it is walked
             for child in node.indices("children"):
                 if child in seen:
                     raise MeshError(f"node {child} has two parents, or is its own")
                 seen.add(child)
                 one = document.item("nodes", child)
-                found.append((one, turn @ _placed(one)))
+                found.append((one, turn @ _node_matrix(one)))
         return found
 
     def _surface(self, part: GltfItem, turn: Floats) -> ColoredMesh | None:
@@ -391,7 +391,7 @@ def _faces(order: Indices, mode: int) -> Indices:
     return faces
 
 
-def _placed(node: GltfItem) -> Floats:
+def _node_matrix(node: GltfItem) -> Floats:
     """The (4, 4) matrix of a node in its parent's frame."""
     if "matrix" in node.data:
         return node.numbers("matrix", 16, ()).reshape(4, 4).T

@@ -113,11 +113,11 @@ class AssetEntry(BaseModel):
         own = "y" if ending_of(self.file) in GLTF else "z"
         turn = np.array(UPRIGHTS[self.up or own], dtype=np.float64) @ np.array(UPRIGHTS[own], dtype=np.float64).T
         for axis, degrees in enumerate((self.roll, self.pitch, self.yaw)):
-            turn = _about(axis, degrees) @ turn
+            turn = _rotation(axis, degrees) @ turn
         return turn
 
 
-def _about(axis: int, degrees: float) -> Floats:
+def _rotation(axis: int, degrees: float) -> Floats:
     quarters, rest = divmod(degrees, 90.0)
     angle = math.radians(degrees)
     exact = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarters) % 4]
@@ -145,7 +145,7 @@ def read_index(data: bytes) -> Mapping[str, AssetEntry]:
     except UnicodeDecodeError:
         raise IndexFileError("it is not UTF-8") from None
     except ValidationError as error:
-        raise IndexFileError(_said(text, error.errors()[0])) from None
+        raise IndexFileError(_error_text(text, error.errors()[0])) from None
     except (ValueError, RecursionError) as error:
         reason = "it is nested too deeply" if isinstance(error, RecursionError) else str(error).splitlines()[0]
         raise IndexFileError(f"it is not TOML: {reason[:200]}") from None
@@ -174,7 +174,7 @@ def _where(text: str, place: int) -> str:
     return f"asset {place + 1}{line}"
 
 
-def _said(text: str, error: Any) -> str:
+def _error_text(text: str, error: Any) -> str:
     """One of pydantic's errors in a line."""
     where = [part for part in error["loc"] if part != "asset"]
     reason = str(error["msg"]).removeprefix("Value error, ")
@@ -207,7 +207,7 @@ class FittedAsset:
     offset: Floats
 
 
-def fitted(entry: AssetEntry, data: bytes, read: Read) -> FittedAsset:
+def fit_asset(entry: AssetEntry, data: bytes, read: Read) -> FittedAsset:
     """The asset whose file has these bytes; `read` gives those of a file that a glTF or URDF names. Raises MeshError,
     AssetSizeError where it is far too large or small for a thing on a table, and what `read` raises."""
     if not entry.is_read:

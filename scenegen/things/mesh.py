@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Polygon, centroid
 from scenegen.things.library import RGB
-from scenegen.things.outline import MAX_DRAWN_CORNERS, Floats, Indices, simplified
+from scenegen.things.outline import MAX_DRAWN_CORNERS, Floats, Indices, simplify
 from scenegen.things.palette import mix
 
 CREASE = math.radians(35.0)  # edges sharper than this are drawn as edges, flatter ones as a smooth surface
@@ -31,12 +31,12 @@ class Mesh:
     def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
         return Mesh(self.vertices + np.array([x, y, z]), self.faces)
 
-    def tipped(self) -> Mesh:
+    def tip(self) -> Mesh:
         """Turned by a quarter about the x axis: what pointed up points along -y."""
         x, y, z = self.vertices.T
         return Mesh(np.column_stack([x, -z, y]), self.faces)
 
-    def laid(self) -> Mesh:
+    def lay(self) -> Mesh:
         """Turned by a quarter about the y axis: what pointed up points along +x."""
         x, y, z = self.vertices.T
         return Mesh(np.column_stack([z, y, -x]), self.faces)
@@ -65,7 +65,7 @@ class Mesh:
         return len(forward) == len(edges) and all((b, a) in forward for a, b in forward)
 
 
-def shaded(mesh: Mesh) -> tuple[Floats, Floats, Indices]:
+def shade_mesh(mesh: Mesh) -> tuple[Floats, Floats, Indices]:
     """Vertices, unit normals (both (3F, 3)) and indices (3F,) with one corner each: smooth but for creases."""
     corners = mesh.vertices[mesh.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -88,7 +88,7 @@ def shaded(mesh: Mesh) -> tuple[Floats, Floats, Indices]:
     return corners.reshape(-1, 3), normals, np.arange(flat.size)
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
+def join(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
@@ -292,7 +292,7 @@ def plain(footprint: Footprint, height: float, color: RGB) -> tuple[Part, ...]:
             long = wide = min(0.5 * min(length, width), MAX_MARK)
             x, y = length / 2.0 - 0.25 * min(length, width) - long / 2.0, 0.0
         case Polygon(vertices):
-            outline = simplified(vertices, MAX_DRAWN_CORNERS)
+            outline = simplify(vertices, MAX_DRAWN_CORNERS)
             x, y, room = _middle(outline)
             smallest = min(2.0 * room, height)
             centred = np.array(outline) - (x, y)

@@ -35,7 +35,7 @@ def ending_of(name: str) -> str:
     return PurePosixPath(name.replace("\\", "/")).suffix.lower()
 
 
-def beside(name: str, other: str) -> str:
+def sibling_name(name: str, other: str) -> str:
     """The name of a file that the file `name` names, as `name` is written."""
     folder = name.replace("\\", "/").rpartition("/")[0]
     return f"{folder}/{other}" if folder else other
@@ -78,7 +78,7 @@ def mesh_surfaces(
     if ending in GLTF:
         found = gltf.surfaces(name, data, read)
     elif ending == ".obj" and painted:
-        found = tuple(map(tidy, _painted(data, read, budget)))
+        found = tuple(map(tidy, _material_surfaces(data, read, budget)))
     else:
         points, faces = _geometry(name, data)
         if not len(faces):
@@ -295,7 +295,7 @@ def _fans(corners: Indices, sizes: Indices, faces: Indices) -> Indices:
     return found
 
 
-def _painted(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
+def _material_surfaces(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
     """A surface for each material, coloured by its Kd and map_Kd. A material without a colour, and faces without a
     material, get none. A surface has `uv` where all its corners name places in a texture."""
     text = _plain(data)
@@ -340,7 +340,7 @@ def _painted(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
             line = faces.line_of(firsts[bare[0]])
             raise MeshError(f"{line}: a face has a texture, but no places in it (1/2 names the second vt)")
         if material.image and material.image not in images:
-            image = _beside(material.image, material.place, read, budget)
+            image = _read_sibling(material.image, material.place, read, budget)
             budget.add_texture(image, f"{material.place}: {material.image}")
             images[material.image] = image
         uv = None
@@ -360,12 +360,12 @@ def _libraries(faces: _ObjFaces, read: Read, budget: MeshBudget) -> tuple[dict[s
     for start, row in _rows(faces.text, b"mtllib"):
         names, line = _words(row), faces.line(start)
         try:
-            found = [(names, _beside(names, line, read, budget))]
+            found = [(names, _read_sibling(names, line, read, budget))]
         except MeshError:
             parts = names.split()
             if len(parts) < 2:
                 raise
-            found = [(part, _beside(part, line, read, budget)) for part in parts]
+            found = [(part, _read_sibling(part, line, read, budget)) for part in parts]
         for name, data in found:
             libraries.append(name)
             for title, material in _materials(name, data):
@@ -375,7 +375,7 @@ def _libraries(faces: _ObjFaces, read: Read, budget: MeshBudget) -> tuple[dict[s
     return materials, libraries
 
 
-def _beside(name: str, place: str, read: Read, budget: MeshBudget) -> bytes:
+def _read_sibling(name: str, place: str, read: Read, budget: MeshBudget) -> bytes:
     try:
         data = read(name.replace("\\", "/"))
     except MeshError as error:

@@ -63,7 +63,7 @@ class Shadow:
         if tilt < SAME_SIZE:
             self.discs.append((float(at[0]), float(at[1]), radius))
             return
-        ring = np.array(_around(0.0, 0.0, radius))
+        ring = np.array(_circle_corners(0.0, 0.0, radius))
         rims = np.concatenate([np.column_stack([ring, np.full(len(ring), z)]) for z in (-length / 2, length / 2)])
         self.corners.append((rims @ turn.T + at)[:, :2])
 
@@ -92,14 +92,14 @@ class Shadow:
         reach += [float(np.hypot(points[:, 0], points[:, 1]).max())] if len(points) else []
         if center and max(reach) <= center * (1.0 + SAME_SIZE):
             return Circle(round(center, OUTLINE_DIGITS))
-        rings = [corner for disc in self.discs for corner in _around(*disc)]
+        rings = [corner for disc in self.discs for corner in _circle_corners(*disc)]
         corners = tuple((float(x), float(y)) for x, y in [*points.tolist(), *rings])
         hull = _hull(corners)
         diameter = max((math.dist(hull[0], corner) for corner in hull), default=0.0)
         if not hull or signed_area(hull) < MIN_THICKNESS * max(diameter, MIN_THICKNESS):
             raise MeshError("it covers no area of the table")
         x, y = (max(abs(corner[axis]) for corner in hull) for axis in (0, 1))
-        outline = simplified(hull, MAX_OUTLINE_CORNERS)
+        outline = simplify(hull, MAX_OUTLINE_CORNERS)
         slack = SAME_SIZE * max(x, y)
         if len(outline) == 4 and all(abs(abs(u) - x) <= slack and abs(abs(v) - y) <= slack for u, v in outline):
             return Box(round(2.0 * x, OUTLINE_DIGITS), round(2.0 * y, OUTLINE_DIGITS))
@@ -109,7 +109,7 @@ class Shadow:
         return Polygon(rounded)
 
 
-def _around(x: float, y: float, radius: float) -> list[Point]:
+def _circle_corners(x: float, y: float, radius: float) -> list[Point]:
     """Corners of a regular polygon drawn round a circle; it touches the circle at the ends of both axes."""
     far = radius / math.cos(math.pi / OUTLINE_SIDES)
     turns = [(k + 0.5) * math.tau / OUTLINE_SIDES for k in range(OUTLINE_SIDES)]
@@ -151,10 +151,10 @@ def corners_of(footprint: Footprint, sides: int, most: int | None = None) -> Seq
             x, y = length / 2.0, width / 2.0
             return [(-x, -y), (x, -y), (x, y), (-x, y)]
         case Polygon(vertices):
-            return vertices if most is None else simplified(vertices, most)
+            return vertices if most is None else simplify(vertices, most)
 
 
-def simplified(corners: Sequence[Point], most: int) -> tuple[Point, ...]:
+def simplify(corners: Sequence[Point], most: int) -> tuple[Point, ...]:
     """A convex polygon with at most `most` >= 4 corners round one with more, both counter-clockwise.
 
     Corners that do not stand out go first. Then, as long as there are too many, the edge goes whose neighbours, drawn

@@ -47,7 +47,7 @@ from scenegen.things.mesh import (
     box,
     crescent,
     disc,
-    joined,
+    join,
     lining,
     loft,
     patch,
@@ -71,7 +71,7 @@ def frame(crate: Crate, inset: float, low: float, high: float, thick: float) -> 
     side, end = box(long, thick, high - low), box(thick, wide - 2.0 * thick, high - low)
     y, x = (wide - thick) / 2.0, (long - thick) / 2.0
     bars = [side.moved(y=s * y, z=low) for s in (-1.0, 1.0)] + [end.moved(x=s * x, z=low) for s in (-1.0, 1.0)]
-    return joined(bars)
+    return join(bars)
 
 
 def tray(color: RGB) -> tuple[Part, ...]:
@@ -86,8 +86,8 @@ def tray(color: RGB) -> tuple[Part, ...]:
         Part(floor, mix(color, CHINA, 0.12)),
         Part(frame(crate, 0.0, 0.0, crate.height, crate.wall), color),
         Part(inlay, mix(color, CHINA, 0.30)),
-        Part(joined(slots), mix(color, SOOT, 0.65)),
-        Part(joined(stripes), mix(color, CHINA, 0.75)),
+        Part(join(slots), mix(color, SOOT, 0.65)),
+        Part(join(stripes), mix(color, CHINA, 0.75)),
     )
 
 
@@ -104,7 +104,7 @@ def carton(color: RGB) -> tuple[Part, ...]:
         Part(floor, mix(color, SOOT, 0.10)),
         Part(lining, mix(color, SOOT, 0.28)),
         Part(tape, mix(color, CREAM, 0.70)),
-        Part(joined(arrows), mix(color, SOOT, 0.60)),
+        Part(join(arrows), mix(color, SOOT, 0.60)),
         Part(seam, mix(color, CREAM, 0.45)),
     )
 
@@ -112,7 +112,7 @@ def carton(color: RGB) -> tuple[Part, ...]:
 def _upright_arrow(y: float) -> Mesh:
     """ "This side up" on the front of a carton."""
     head = loft([[[x, y - 0.018, 0.075], [x, y + 0.018, 0.075], [x, y, 0.105]] for x in (0.0, 0.0011)])
-    return joined([head, box(0.0011, 0.012, 0.040).moved(x=0.00055, y=y, z=0.036)])
+    return join([head, box(0.0011, 0.012, 0.040).moved(x=0.00055, y=y, z=0.036)])
 
 
 def board(color: RGB) -> tuple[Part, ...]:
@@ -122,7 +122,7 @@ def board(color: RGB) -> tuple[Part, ...]:
     ring = revolve([(0.014, 0.0172), (0.018, 0.0172), (0.018, 0.0178), (0.014, 0.0178)], 28).moved(x=0.140)
     return (
         Part(slab, color),
-        Part(joined(strips), mix(color, CREAM, 0.22)),
+        Part(join(strips), mix(color, CREAM, 0.22)),
         Part(ring, mix(color, SOOT, 0.35)),
         Part(hole, mix(color, SOOT, 0.80)),
     )
@@ -142,7 +142,7 @@ def teapot(color: RGB) -> tuple[Part, ...]:
     knob = revolve([(0.0, 0.128), (0.006, 0.130), (0.010, 0.139), (0.008, 0.147), (0.0, 0.150)], 24).moved(x=-0.002)
     turns = np.linspace(0.0, 1.0, 9)
     line = [(0.050 + 0.052 * s, 0.038 + 0.066 * s**1.4 + 0.006 * math.sin(math.pi * s)) for s in turns]
-    spout = _tapered(line, 0.0165, 0.0075)
+    spout = _taper(line, 0.0165, 0.0075)
     bow = [0.5 * math.pi + math.pi * s for s in np.linspace(0.04, 0.96, 13)]
     grip = tube([(-0.058 + 0.047 * math.cos(a), 0.064 + 0.034 * math.sin(a)) for a in bow], 0.0075, 0.0050, 10)
     band = revolve([(0.0665, 0.050), (0.0672, 0.052), (0.0672, 0.058), (0.0662, 0.060)], 56).moved(x=-0.002)
@@ -157,7 +157,7 @@ def teapot(color: RGB) -> tuple[Part, ...]:
     )
 
 
-def _tapered(line: list[tuple[float, float]], first: float, last: float) -> Mesh:
+def _taper(line: list[tuple[float, float]], first: float, last: float) -> Mesh:
     """A round spout along (x, z) points in the plane y = 0, its radius falling from `first` to `last`."""
     points = np.array(line)
     tangent = np.gradient(points, axis=0)
@@ -186,9 +186,9 @@ def _handle(front: float, low: float) -> Mesh:
     """A round bar on two feet, from a drawer's front at x = `front` outwards."""
     radius = (HANDLE[1] - HANDLE[0]) / 2.0
     middle, x = low + HANDLE[0] + radius, front + HANDLE_DEPTH - radius
-    bar = disc(radius, -BAR / 2.0, BAR / 2.0, 16).tipped().moved(x=x, z=middle)
+    bar = disc(radius, -BAR / 2.0, BAR / 2.0, 16).tip().moved(x=x, z=middle)
     feet = [_block(front, y - 0.004, x, y + 0.004, middle - 0.004, middle + 0.004) for y in (-BAR * 0.36, BAR * 0.36)]
-    return joined([bar, *feet])
+    return join([bar, *feet])
 
 
 def _tray(back: float, front: float, low: float) -> tuple[Mesh, Mesh]:
@@ -196,7 +196,7 @@ def _tray(back: float, front: float, low: float) -> tuple[Mesh, Mesh]:
     y = CABINET_WIDTH / 2.0 - BOARDS - WALL
     walls = [_block(back, side, front, side + WALL, low, low + SIDE) for side in (-y - WALL, y)]
     walls.append(_block(back, -y, back + WALL, y, low, low + SIDE))
-    return joined(walls), _block(back + WALL, -y, front, y, low, low + FLOOR)
+    return join(walls), _block(back + WALL, -y, front, y, low, low + FLOOR)
 
 
 def cabinet(color: RGB, open: tuple[float, ...] = CLOSED) -> tuple[Part, ...]:
@@ -222,13 +222,13 @@ def cabinet(color: RGB, open: tuple[float, ...] = CLOSED) -> tuple[Part, ...]:
             sides, floor = _tray(front - MAX_PULL, front, low + SUNK)
             walls.append(sides)
             floors.append(floor)
-    drawers = (Part(joined(walls), PALE), Part(joined(floors), mix(PALE, CHINA, 0.30))) if walls else ()
+    drawers = (Part(join(walls), PALE), Part(join(floors), mix(PALE, CHINA, 0.30))) if walls else ()
     return (
-        Part(joined(case), color),
+        Part(join(case), color),
         Part(_block(back, -y, body + DRAWER_FRONT, y, high, made.height, 0.003), OAK),
-        Part(joined([foot, *rails]), mix(color, SOOT, 0.55)),
-        Part(joined(fronts), mix(color, CHINA, 0.14)),
-        Part(joined(handles), BRASS),
+        Part(join([foot, *rails]), mix(color, SOOT, 0.55)),
+        Part(join(fronts), mix(color, CHINA, 0.14)),
+        Part(join(handles), BRASS),
         *drawers,
     )
 
@@ -239,7 +239,7 @@ def _panel(front: float, low: float) -> Mesh:
     x = front + 0.0016
     bars = [_block(front - 0.001, -y, x, y, z, z + wide) for z in (z0, z1 - wide)]
     bars += [_block(front - 0.001, side, x, side + wide, z0 + wide, z1 - wide) for side in (-y, y - wide)]
-    return joined(bars)
+    return join(bars)
 
 
 def drawer(color: RGB) -> tuple[Part, ...]:
@@ -250,7 +250,7 @@ def drawer(color: RGB) -> tuple[Part, ...]:
     return (
         Part(walls, mix(color, PALE, 0.45)),
         Part(floor, mix(mix(color, PALE, 0.45), CHINA, 0.30)),
-        Part(joined([panel, _panel(front + DRAWER_FRONT, -SEAM)]), color),
+        Part(join([panel, _panel(front + DRAWER_FRONT, -SEAM)]), color),
         Part(_handle(front + DRAWER_FRONT, 0.0), BRASS),
     )
 
@@ -267,14 +267,14 @@ def rack(color: RGB) -> tuple[Part, ...]:
         arch += [(0.012, made.height), (-0.012, made.height), (-POST / 2.0, made.height - 0.014)]
         posts.append(prism([(u, -z) for u, z in reversed(arch)], end, end + BOARD))
     turned = [Mesh(one.vertices[:, [0, 2, 1]] * (1.0, 1.0, -1.0), one.faces) for one in posts]
-    bar = disc(THICK / 2.0, BOARD - y, y - BOARD, 20).tipped().moved(z=made.height - 0.006 - THICK / 2.0)
+    bar = disc(THICK / 2.0, BOARD - y, y - BOARD, 20).tip().moved(z=made.height - 0.006 - THICK / 2.0)
     plate = prism([(-0.055, 0.038), (0.055, 0.038), (0.055, 0.072), (-0.055, 0.072)], 0.0, 0.0012)
     label = Mesh(plate.vertices[:, [2, 0, 1]] * (1.0, 1.0, 1.0), plate.faces).moved(x=x - 0.0012)
     return (
         Part(_block(*floor.box, 0.0, BASE), mix(color, SOOT, 0.22)),
-        Part(joined([*(one for one in sides)]), color),
-        Part(joined(inside), mix(color, CHINA, 0.18)),
-        Part(joined([_outwards(one) for one in turned]), mix(color, SOOT, 0.10)),
+        Part(join([*(one for one in sides)]), color),
+        Part(join(inside), mix(color, CHINA, 0.18)),
+        Part(join([_outwards(one) for one in turned]), mix(color, SOOT, 0.10)),
         Part(bar, mix(color, SOOT, 0.35)),
         Part(_outwards(label), mix(color, CREAM, 0.75)),
     )
@@ -300,8 +300,8 @@ def bin(color: RGB) -> tuple[Part, ...]:
         Part(lining, mix(color, SOOT, 0.22)),
         Part(floor, mix(color, SOOT, 0.12)),
         Part(label, CREAM),
-        Part(joined(lines), mix(color, SOOT, 0.50)),
-        Part(joined(slots), mix(color, SOOT, 0.62)),
+        Part(join(lines), mix(color, SOOT, 0.50)),
+        Part(join(slots), mix(color, SOOT, 0.62)),
     )
 
 
@@ -323,7 +323,7 @@ def shelfunit(color: RGB) -> tuple[Part, ...]:
         meshes = []
         for length, width, height, x, y, z in map(_slab, group):
             meshes.append(box(length, width + grown, height).moved(x=x, y=y, z=z))
-        made.append(Part(joined(meshes), shade))
+        made.append(Part(join(meshes), shade))
     return tuple(made)
 
 
@@ -334,7 +334,7 @@ def basket(color: RGB) -> tuple[Part, ...]:
     return (
         Part(body, color),
         Part(lining(inside), mix(color, CHINA, 0.35)),
-        Part(joined(bands), mix(color, SOOT, 0.30)),
+        Part(join(bands), mix(color, SOOT, 0.30)),
         Part(crescent([(0.1435, 0.0745), (0.1435, 0.0300)], 1.8), mix(color, SOOT, 0.35)),
     )
 

@@ -47,23 +47,23 @@ def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[SupportSurfac
     if entry is None:
         own = shape.asset in PLAIN or isinstance(shape.footprint, Polygon)
         return (SupportSurface("top", shape.footprint, shape.height),) if own else ()
-    pockets = pocketed(shape)
+    pockets = pocket_furniture(shape)
     if pockets is not None:
-        return tuple(_stretched(one, x, y, z) for one in pockets.surfaces())
+        return tuple(_stretch(one, x, y, z) for one in pockets.surfaces())
     if isinstance(entry.form, ShelfUnit):
-        levels = tuple(_stretched(one, x, y, z) for one in _of_unit(entry.form))
+        levels = tuple(_stretch(one, x, y, z) for one in _of_unit(entry.form))
         return (levels[-1], *levels[:-1])
     rooms = rooms_of(shape)
     if rooms:
         inside = SupportSurface("inside", *rooms[0], walled=True)
         if upper is not None and not fits(upper.footprint, inside.outline):
-            found = nested(shape, upper)
+            found = nesting_surface(shape, upper)
             inside = inside if found is None or (found.name == "rim" and entry.rim is not None) else found
         if entry.rim is None:
             return (inside,)
-        return inside, _stretched(SupportSurface("rim", entry.rim, shape.height / z), x, y, z)
+        return inside, _stretch(SupportSurface("rim", entry.rim, shape.height / z), x, y, z)
     if entry.top is not None:
-        return (_stretched(SupportSurface("top", entry.top, shape.height / z), x, y, z),)
+        return (_stretch(SupportSurface("top", entry.top, shape.height / z), x, y, z),)
     return (SupportSurface("top", shape.footprint, shape.height),) if entry.flat else ()
 
 
@@ -83,7 +83,7 @@ def slabs_of(shape: Shape) -> tuple[Slab, ...]:
 
     entry, (x, y, z) = entry_of(shape), stretch_of(shape)
     unit = None if entry is None or not isinstance(entry.form, ShelfUnit) else entry.form
-    made = pocketed(shape) or unit
+    made = pocket_furniture(shape) or unit
     if made is None:
         return ()
     return tuple(
@@ -92,7 +92,7 @@ def slabs_of(shape: Shape) -> tuple[Slab, ...]:
     )
 
 
-def pocketed(shape: Shape) -> Cabinet | Drawer | Rack | None:
+def pocket_furniture(shape: Shape) -> Cabinet | Drawer | Rack | None:
     """Furniture whose walled surfaces have nothing above them: all that stands there in full is clear of its pieces."""
     entry = entry_of(shape)
     form = None if entry is None else entry.form
@@ -114,14 +114,14 @@ def _of_unit(unit: ShelfUnit) -> tuple[SupportSurface, ...]:
 
 def cells_of(shape: Shape) -> tuple[Box | Polygon, ...]:
     """What drawings from above show of furniture: the outlines of its surfaces; none of what is one prism or round."""
-    made = surfaces_of(shape) if pocketed(shape) is not None or shape.asset == "bin" else ()
+    made = surfaces_of(shape) if pocket_furniture(shape) is not None or shape.asset == "bin" else ()
     seen = (one.outline for one in made if one.pull is None or one.pull.reach > 0.0)
     return tuple(outline for outline in seen if not isinstance(outline, Circle))
 
 
 def rim_of(shape: Shape) -> float:
     """How high an object stands on pocketed furniture where it fits into no pocket: on the walls round them, metres."""
-    made = pocketed(shape)
+    made = pocket_furniture(shape)
 
     return shape.height if made is None else made.rim * stretch_of(shape)[2]
 
@@ -174,7 +174,7 @@ def _middle(outline: Footprint) -> tuple[float, float]:
     return (min(x) + max(x)) / 2.0, (min(y) + max(y)) / 2.0
 
 
-def _stretched(one: SupportSurface, x: float, y: float, z: float) -> SupportSurface:
+def _stretch(one: SupportSurface, x: float, y: float, z: float) -> SupportSurface:
     outline: Footprint
     match one.outline:
         case Circle(radius):
@@ -250,7 +250,7 @@ def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
         for kind in np.unique(kinds[lower]):
             some, below = (numbers[kinds[lower] == kind] for numbers in (scenes, lower))
             carrier = shapes[order[below[0]]]
-            carried = _carried(carrier, shapes[upper], poses[some, np.take(order, below)], poses[some, upper], solid)
+            carried = _rises(carrier, shapes[upper], poses[some, np.take(order, below)], poses[some, upper], solid)
             np.maximum.at(heights, (some, place), np.where(carried >= 0.0, heights[some, below] + carried, 0.0))
     found = np.empty_like(heights)
     found[:, order] = heights
@@ -263,14 +263,14 @@ def kinds_of(shapes: Sequence[Shape]) -> npt.NDArray[np.int64]:
     return np.array([numbers.setdefault(shape, len(numbers)) for shape in shapes], dtype=np.int64)
 
 
-def _carried(lower: Shape, upper: Shape, below: Floats, poses: Floats, solid: bool) -> Floats:
+def _rises(lower: Shape, upper: Shape, below: Floats, poses: Floats, solid: bool) -> Floats:
     """(P,): how high above the lowest point of an object another one stands in it or on it, at poses (P, 3) each; -1
     where it is not carried."""
     inside = PRIMITIVES["room"].evaluate
     carried = carries(lower, upper, below, poses)
     if not carried.any():
         return np.full(len(poses), -1.0)
-    pockets = None if solid else pocketed(lower)
+    pockets = None if solid else pocket_furniture(lower)
     floor = np.full(len(poses), lower.height if pockets is None else rim_of(lower))
     rooms = rooms_of(lower) if pockets is None else ()
     for room, height in () if solid else reversed(rooms):  # from the rim downwards
@@ -333,9 +333,9 @@ def profile_of(shape: Shape) -> Profile:
     entry, (x, y, z) = entry_of(shape), stretch_of(shape)
     match None if entry is None else entry.form:
         case RoundSolid(rows):
-            return Profile(_scaled(rows, max(x, y), z))
+            return Profile(_scale_profile(rows, max(x, y), z))
         case Vessel(rows, handle):
-            body = _scaled([(height, outer) for height, outer, _ in rows], max(x, y), z)
+            body = _scale_profile([(height, outer) for height, outer, _ in rows], max(x, y), z)
             if handle is None:
                 return Profile(body)
             _, end, low, high = handle
@@ -354,7 +354,7 @@ def leeway(lower: Shape, upper: Shape, height: float) -> float | None:
 
 
 @cache
-def nested(lower: Shape, upper: Shape) -> SupportSurface | None:
+def nesting_surface(lower: Shape, upper: Shape) -> SupportSurface | None:
     """Where an object stands in a vessel, as deep as its own shape lets it, or on the vessel's rim. Its outline holds
     the circle round the footprint wherever the object can stand. None where it would tilt, jam or fall through, and
     where `lower` is no vessel."""
@@ -406,7 +406,7 @@ def _walls(shape: Shape) -> Rows | None:
     if entry is None or not isinstance(entry.form, Vessel):
         return None
     x, y, z = stretch_of(shape)
-    return _scaled([(height, inner) for height, _, inner in entry.form.rows if inner > 0.0], min(x, y), z)
+    return _scale_profile([(height, inner) for height, _, inner in entry.form.rows if inner > 0.0], min(x, y), z)
 
 
 def _leeway(walls: Rows, profile: Profile, height: float) -> float:
@@ -417,17 +417,19 @@ def _of_body(walls: Rows, profile: Profile, height: float, flat: float) -> float
     """The least of what the walls are wider than a thing, of all heights up to the rim."""
     start, end = max(walls[0][0], height), min(walls[-1][0], height + profile.body[-1][0])
     levels = {start, end, *(z for z, _ in walls), *(height + z for z, _ in profile.body)}
-    return min(flat * _at(walls, z, min) - _at(profile.body, z - height, max) for z in levels if start <= z <= end)
+    return min(
+        flat * _radius(walls, z, min) - _radius(profile.body, z - height, max) for z in levels if start <= z <= end
+    )
 
 
 def _of_ears(walls: Rows, profile: Profile, height: float) -> float:
     """The same of handles: walls lean outwards, so they are closest to the lowest point of one."""
     floor, rim = walls[0][0], walls[-1][0]
     places = ((max(floor, height + low), reach) for low, _, reach in profile.ears)
-    return min((COME_IN * _at(walls, z, min) - reach for z, reach in places if z <= rim), default=math.inf)
+    return min((COME_IN * _radius(walls, z, min) - reach for z, reach in places if z <= rim), default=math.inf)
 
 
-def _at(rows: Rows, z: float, pick: Callable[[Iterable[float]], float]) -> float:
+def _radius(rows: Rows, z: float, pick: Callable[[Iterable[float]], float]) -> float:
     """The radius at a height; at a step, `pick` of both."""
     found = []
     for (low, below), (high, above) in pairwise(rows):
@@ -444,11 +446,11 @@ def _lowest(holds: Callable[[float], bool], low: float, high: float) -> float:
     return high
 
 
-def _scaled(rows: Sequence[tuple[float, float]], wide: float, tall: float) -> Rows:
+def _scale_profile(rows: Sequence[tuple[float, float]], wide: float, tall: float) -> Rows:
     return tuple((z * tall, radius * wide) for z, radius in rows)
 
 
-SHARED = 1e-3  # metres that two objects share at least, sideways and upwards
+TOUCH = 1e-3  # metres that two objects share at least, sideways and upwards
 
 
 def overlapping(
@@ -472,21 +474,21 @@ def overlapping(
             rest = slice(a + 1, None)
             near = np.hypot(x[:, a, None] - x[:, rest], y[:, a, None] - y[:, rest]) < reach[a] + reach[rest]
             near &= (
-                np.minimum(tops[:, a, None], tops[:, rest]) - np.maximum(bottoms[:, a, None], bottoms[:, rest]) > SHARED
+                np.minimum(tops[:, a, None], tops[:, rest]) - np.maximum(bottoms[:, a, None], bottoms[:, rest]) > TOUCH
             )
             scenes, others = np.nonzero(near)
             others += a + 1
             pairs: list[tuple[int, int]] = []
             for kind in np.unique(kinds[others]):
                 some, b = (numbers[kinds[others] == kind] for numbers in (scenes, others))
-                seen = _seen(shapes, (a, int(b[0])), poses[some, a], poses[some, b], bottoms[some, a], bottoms[some, b])
+                seen = _meet(shapes, (a, int(b[0])), poses[some, a], poses[some, b], bottoms[some, a], bottoms[some, b])
                 pairs += zip(some[seen].tolist(), b[seen].tolist(), strict=True)
             for scene, other in sorted(pairs):
                 found[scene].append((a, other))
     return found
 
 
-def _seen(
+def _meet(
     shapes: Sequence[Shape], pair: tuple[int, int], first: Floats, second: Floats, low: Floats, lowest: Floats
 ) -> npt.NDArray[np.bool_]:
     """(P,): whether two objects overlap, and neither carries the other, at poses (P, 3) each."""
@@ -494,10 +496,10 @@ def _seen(
     lower, upper = carrier_first(shapes, a, b)
     below, above = (first, second) if lower == a else (second, first)
     carried = carries(shapes[lower], shapes[upper], below, above)
-    return np.asarray((_apart(shapes[a], shapes[b], first, second, low, lowest) < -SHARED) & ~carried)
+    return np.asarray((_clearance(shapes[a], shapes[b], first, second, low, lowest) < -TOUCH) & ~carried)
 
 
-def _apart(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats, lowest: Floats) -> Floats:
+def _clearance(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats, lowest: Floats) -> Floats:
     """(P,): the clearance of two objects' footprints at poses (P, 3); of furniture, of its pieces at that height."""
     gap = PRIMITIVES["gap"].evaluate
     found = np.full(len(first), np.inf)
@@ -505,7 +507,7 @@ def _apart(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats,
         for b, begin, end in _prisms(other):
             apart = gap(NUMPY, a, b, *first.T, *second.T)
             shared = np.minimum(low + stop, lowest + end) - np.maximum(low + start, lowest + begin)
-            found = np.where(shared > SHARED, np.minimum(found, apart), found)
+            found = np.where(shared > TOUCH, np.minimum(found, apart), found)
     return found
 
 

@@ -20,7 +20,7 @@ from scenegen.things.mesh import (
     crescent,
     disc,
     handle,
-    joined,
+    join,
     lining,
     loft,
     patch,
@@ -145,7 +145,7 @@ def jar(color: RGB) -> tuple[Part, ...]:
     )
     lid = revolve([(0.0, 0.096), (0.0365, 0.096), (0.0365, 0.117), (0.035, 0.1188), (0.0, 0.1188)])
     ink = mix(color, SOOT, 0.15)
-    seal = joined(
+    seal = join(
         [box(0.050, 0.014, 0.0012).moved(x=0.0125, z=0.1185), box(0.0015, 0.014, 0.030).moved(x=0.037, z=0.0897)]
     )
     return (
@@ -258,7 +258,7 @@ def crackerbox(color: RGB) -> tuple[Part, ...]:
     belt = box(0.1592, 0.0592, 0.070).moved(z=0.075)
     biscuits = [box(0.040, 0.0600, 0.040).moved(x=x, z=z) for x, z in ((-0.046, 0.090), (0.046, 0.090), (0.0, 0.090))]
     sun = revolve([(0.0, -0.0300), (0.021, -0.0300), (0.021, 0.0300), (0.0, 0.0300)], 32)
-    emblem = sun.tipped().moved(z=0.176)
+    emblem = sun.tip().moved(z=0.176)
     cap = box(0.1585, 0.0300, 0.0012).moved(z=0.2080)
     seal = disc(0.0190, 0.2080, 0.2100, 32).moved(x=0.046)
     gold: RGB = (0.91, 0.69, 0.32)
@@ -354,8 +354,8 @@ def lemon(color: RGB) -> tuple[Part, ...]:
         (0.0, -0.0415), (0.006, -0.0405), (0.0095, -0.0365), (0.018, -0.0310), (0.0255, -0.0180), (0.0288, 0.0),
         (0.0260, 0.0170), (0.0185, 0.0300), (0.0105, 0.0375), (0.0070, 0.0420), (0.0, 0.0435),
     ]  # fmt: skip
-    body = revolve(rows).laid().moved(z=0.0288)
-    stalk = revolve([(0.0, 0.0415), (0.0038, 0.0425), (0.0030, 0.0448), (0.0, 0.0450)], 12).laid().moved(z=0.0288)
+    body = revolve(rows).lay().moved(z=0.0288)
+    stalk = revolve([(0.0, 0.0415), (0.0038, 0.0425), (0.0030, 0.0448), (0.0, 0.0450)], 12).lay().moved(z=0.0288)
     shine = tube([(-0.016, 0.0562), (0.0, 0.0575), (0.014, 0.0563)], 0.0035, 0.0005, 8)
     return Part(body, color), Part(stalk, STALK), Part(shine, mix(color, (1.0, 1.0, 0.9), 0.5))
 
@@ -394,9 +394,9 @@ def laptop(color: RGB) -> tuple[Part, ...]:
         Part(_lid(0.0070, 0.0080, 0.158, 0.07, 0.965), SOOT),
         Part(_lid(0.0076, 0.0085, 0.150, 0.14, 0.93), SCREEN),
         Part(page, mix(SCREEN, CHINA, 0.85)),
-        Part(joined(lines), mix(SCREEN, CHINA, 0.45)),
+        Part(join(lines), mix(SCREEN, CHINA, 0.45)),
         Part(bed, mix(color, SOOT, 0.45)),
-        Part(joined([*keys, space]), SOOT),
+        Part(join([*keys, space]), SOOT),
         Part(pad, mix(color, SOOT, 0.22)),
     )
 
@@ -420,7 +420,11 @@ def keyboard(color: RGB) -> tuple[Part, ...]:
             group = marks if (row == 5 and column % 5 == 0) or (row == 2 and column == 14) else keys
             group.append(box(0.0155, 0.0168, 0.0039).moved(x=x, y=-0.1995 + 0.0210 * column, z=top - 0.0006))
     keys.append(box(0.0155, 0.1218, 0.0032).moved(x=-0.052, y=-0.0420, z=0.0133))
-    return (Part(body, color), Part(joined(keys), mix(color, CHINA, 0.72)), Part(joined(marks), (0.85, 0.45, 0.20)))
+    return (
+        Part(body, color),
+        Part(join(keys), mix(color, CHINA, 0.72)),
+        Part(join(marks), (0.85, 0.45, 0.20)),
+    )
 
 
 def mouse(color: RGB) -> tuple[Part, ...]:
@@ -428,7 +432,7 @@ def mouse(color: RGB) -> tuple[Part, ...]:
     body = dome.scaled(0.0575, 0.031, 0.0365)
     across = ((-0.0006, -0.004), (0.0006, -0.004), (0.0006, 0.0), (-0.0006, 0.0))
     slit = loft([[[x, y, z + down] for y, down in across] for x, z in _ridge(0.004, 0.050)])
-    wheel = disc(0.0075, -0.0032, 0.0032, 24).tipped().moved(x=0.030, z=0.0290)
+    wheel = disc(0.0075, -0.0032, 0.0032, 24).tip().moved(x=0.030, z=0.0290)
     return (
         Part(body, color),
         Part(slit, mix(color, SOOT, 0.85)),
@@ -464,7 +468,7 @@ def phone(color: RGB) -> tuple[Part, ...]:
         Part(body, color),
         Part(glass, mix(color, SOOT, 0.8)),
         Part(view, SCREEN),
-        Part(joined(dots), mix(SCREEN, CHINA, 0.70)),
+        Part(join(dots), mix(SCREEN, CHINA, 0.70)),
         Part(bar, mix(SCREEN, CHINA, 0.40)),
         Part(eye, STEEL),
     )
@@ -481,7 +485,7 @@ def remote(color: RGB) -> tuple[Part, ...]:
     power = disc(0.0048, 0.0172, 0.0200, 18).moved(x=0.079, y=0.0)
     return (
         Part(body, color),
-        Part(joined(buttons), (0.62, 0.64, 0.67)),
+        Part(join(buttons), (0.62, 0.64, 0.67)),
         Part(pad, (0.62, 0.64, 0.67)),
         Part(disc(0.0065, 0.0186, 0.0194, 24).moved(x=0.040), SOOT),
         Part(power, (0.85, 0.20, 0.18)),
@@ -507,13 +511,13 @@ def pen(color: RGB) -> tuple[Part, ...]:
     barrel = revolve([(0.0, -0.058), (0.0060, -0.057), (0.0062, 0.040), (0.0058, 0.050), (0.0, 0.050)], 22)
     cone = revolve([(0.0, 0.0495), (0.0057, 0.0495), (0.0016, 0.0680), (0.0008, 0.0722), (0.0, 0.0725)], 22)
     knob = revolve([(0.0, -0.0725), (0.0028, -0.0720), (0.0030, -0.0570), (0.0, -0.0570)], 16)
-    clip = joined(
+    clip = join(
         [box(0.042, 0.0030, 0.0010).moved(x=-0.034, z=0.0130), box(0.004, 0.0030, 0.003).moved(x=-0.053, z=0.0108)]
     )
     return (
-        Part(barrel.laid().moved(z=0.0062), color),
-        Part(cone.laid().moved(z=0.0062), STEEL),
-        Part(knob.laid().moved(z=0.0062), STEEL),
+        Part(barrel.lay().moved(z=0.0062), color),
+        Part(cone.lay().moved(z=0.0062), STEEL),
+        Part(knob.lay().moved(z=0.0062), STEEL),
         Part(clip, STEEL),
     )
 
@@ -524,9 +528,9 @@ def marker(color: RGB) -> tuple[Part, ...]:
     cap = revolve([(0.0, 0.023), (0.0098, 0.023), (0.0098, 0.058), (0.0080, 0.0660), (0.0, 0.0675)], 28)
     clip = box(0.034, 0.0040, 0.0012).moved(x=0.042, z=0.0188)
     return (
-        Part(barrel.laid().moved(z=0.0098), mix(color, CHINA, 0.86)),
-        Part(band.laid().moved(z=0.0098), color),
-        Part(cap.laid().moved(z=0.0098), color),
+        Part(barrel.lay().moved(z=0.0098), mix(color, CHINA, 0.86)),
+        Part(band.lay().moved(z=0.0098), color),
+        Part(cap.lay().moved(z=0.0098), color),
         Part(clip, mix(color, SOOT, 0.35)),
     )
 
@@ -547,8 +551,8 @@ def scissors(color: RGB) -> tuple[Part, ...]:
     shank = prism([(-0.030, -0.0050), (0.008, -0.0055), (0.008, 0.0055), (-0.030, 0.0050)], 0.0, 0.0040)
     eye = revolve([(0.66, 0.0), (1.0, 0.0), (1.0, 0.0105), (0.66, 0.0105)], 36).scaled(0.0320, 0.0200, 1.0)
     open_ = 0.10
-    blades = joined([blade.turned(open_).moved(z=0.0048), mirrored.turned(-open_).moved(z=0.0072)])
+    blades = join([blade.turned(open_).moved(z=0.0048), mirrored.turned(-open_).moved(z=0.0072)])
     shanks = [shank.turned(s * 0.52).moved(x=-0.004, y=-s * 0.006, z=0.0035) for s in (1.0, -1.0)]
     eyes = [eye.turned(s * 0.10).moved(x=-0.0575, y=-s * 0.0215) for s in (1.0, -1.0)]
     pivot = disc(0.0042, 0.0045, 0.0125, 20).moved(x=0.004)
-    return Part(blades, STEEL), Part(joined([*shanks, *eyes]), color), Part(pivot, SOOT)
+    return Part(blades, STEEL), Part(join([*shanks, *eyes]), color), Part(pivot, SOOT)

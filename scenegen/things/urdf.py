@@ -19,7 +19,7 @@ from scenegen.geometry import Box, Circle, Footprint
 from scenegen.things.colored_mesh import WHITE, ColoredMesh, MeshBudget, refuse_layers
 from scenegen.things.library import RGB
 from scenegen.things.mesh import Mesh, box, disc, revolve
-from scenegen.things.meshfile import MESH_FILES, Read, beside, ending_of, mesh_points, mesh_surfaces
+from scenegen.things.meshfile import MESH_FILES, Read, ending_of, mesh_points, mesh_surfaces, sibling_name
 from scenegen.things.outline import Floats, MeshError, Shadow
 
 # XML from strangers: elements with their attributes, lines and short texts, nothing else.
@@ -257,7 +257,7 @@ class MeshFiles:
             return self.known[name]
         data = self._data(name)
         try:
-            found = mesh_surfaces(name, data, self._beside(name), self.budget, painted=self.painted)
+            found = mesh_surfaces(name, data, self._reader_beside(name), self.budget, painted=self.painted)
         except MeshError as error:
             raise MeshError(f"mesh {name[:60]}: {error}") from None
         self.known[name] = found
@@ -268,7 +268,7 @@ class MeshFiles:
         if name not in self.outlines:
             data = self._data(name)
             try:
-                self.outlines[name] = mesh_points(name, data, self._beside(name))
+                self.outlines[name] = mesh_points(name, data, self._reader_beside(name))
             except MeshError as error:
                 raise MeshError(f"mesh {name[:60]}: {error}") from None
         self.budget.add_vertices(sum(map(len, self.outlines[name])))
@@ -282,8 +282,8 @@ class MeshFiles:
         self.budget.add_file(data)
         return data
 
-    def _beside(self, name: str) -> Read:
-        return lambda other: self.read(beside(name, other))
+    def _reader_beside(self, name: str) -> Read:
+        return lambda other: self.read(sibling_name(name, other))
 
 
 MAX_URDF_SIZE, MIN_URDF_SIZE = 1e3, 1e-6  # metres: sizes of objects, as in the language
@@ -299,7 +299,7 @@ def outline(data: bytes, read_mesh: Read) -> tuple[Footprint, float]:
     stands with its lowest point on the table, wherever its origin is. `read_mesh` gives the bytes of a mesh file (.obj
     or .stl) as the file names it; what it raises passes through. Raises MeshError.
     """
-    return measured(robot_shadow(data, read_mesh), 'write scale="0.001 0.001 0.001" in its <mesh>')
+    return footprint_and_height(robot_shadow(data, read_mesh), 'write scale="0.001 0.001 0.001" in its <mesh>')
 
 
 def mesh_outline(name: str, data: bytes, read: Read) -> tuple[Footprint, float]:
@@ -307,7 +307,7 @@ def mesh_outline(name: str, data: bytes, read: Read) -> tuple[Footprint, float]:
     the metre; z points up in the first two, y in glTF files. As in `outline`, the footprint is the convex hull of what
     it covers, and the object stands with its lowest point on the table. `read` gives the bytes of a file that a glTF
     file names; what that raises passes through. Raises MeshError."""
-    return measured(
+    return footprint_and_height(
         mesh_shadow(name, data, read), 'give it an entry in assets.toml with scale = 0.001, and write asset("NAME")'
     )
 
@@ -346,7 +346,7 @@ def mesh_shadow(name: str, data: bytes, read: Read) -> Shadow:
     return shadow
 
 
-def measured(shadow: Shadow, hint: str = "") -> tuple[Footprint, float]:
+def footprint_and_height(shadow: Shadow, hint: str = "") -> tuple[Footprint, float]:
     """Footprint and height of a shadow, in metres. Raises MeshError. With a `hint`, which says what to do about a
     file in millimetres, what is larger than things on tables is refused."""
     footprint = shadow.footprint()
@@ -406,7 +406,7 @@ def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
     for shape, pose in shapes:
         solid, place = solid_of(shape), pose.then(origin_of(shape))
         color, texture = _material(shape, named, files, textures)
-        for one in _drawn(solid, files):
+        for one in _solid_surfaces(solid, files):
             if one.color is None:
                 if texture and one.uv is None:
                     why = "it has a texture and no places in it: only .obj meshes have them"
@@ -417,7 +417,7 @@ def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
     return tuple(found)
 
 
-def _drawn(solid: Element, files: MeshFiles) -> tuple[ColoredMesh, ...]:
+def _solid_surfaces(solid: Element, files: MeshFiles) -> tuple[ColoredMesh, ...]:
     """A shape in its own frame."""
     if solid.tag != "mesh":
         mesh = solid_mesh(solid, *SOLID_SIDES)

@@ -12,8 +12,8 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.scenes.blocks import joined
-from scenegen.worlds.export.world import World, recorded, worlds_of
-from scenegen.worlds.exporting import CONTRACT
+from scenegen.worlds.export.world import World, with_record, worlds_of
+from scenegen.worlds.exporting import CONTRACT, MESHES_FOLDER
 
 SPECS = (
     """object mug, bowl, banana
@@ -27,7 +27,6 @@ task: leftOf(cup[1], plate)
 """,
 )
 SCENES_EACH = 3  # scenes of each
-FOLDER = "meshes"
 DIGITS, NEAR = 1e-4, 1e-6  # by which numbers in files may differ from those of the world, as a share and beside it
 NUMBER = re.compile(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
@@ -52,11 +51,11 @@ def check_exporter(module: Any, *, masses: bool = True, places: bool = True) -> 
         _check(len(set(names)) == len(names), "two mesh files have one name")
         _check(meshes == list(module.meshes(world)), "meshes of the same world differ from call to call")
         for together in (False, True):
-            files = list(module.files(world, FOLDER, together=together))
+            files = list(module.files(world, MESHES_FOLDER, together=together))
             wanted = 1 if together else len(world.poses)
             _check(len(files) == wanted, f"together={together}: {len(files)} files of {len(world.poses)} scenes")
             _check(all(isinstance(one, bytes) and one for one in files), f"together={together}: a file is not bytes")
-            again = list(module.files(world, FOLDER, together=together))
+            again = list(module.files(world, MESHES_FOLDER, together=together))
             _check(files == again, f"together={together}: files of the same world differ from call to call")
             for number, data in enumerate(files):
                 shown = range(len(world.poses)) if together else (number,)
@@ -99,7 +98,7 @@ def _worlds() -> Iterator[World]:
         scenes = sample(parse(text), n=SCENES_EACH, seed=0, workers=1)
         whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
         for bare in worlds_of(scenes.header, whole):
-            yield replace(recorded(bare, scenes.header, whole, tuple(scenes.phi)))
+            yield replace(with_record(bare, scenes.header, whole, tuple(scenes.phi)))
 
 
 def _check(holds: bool, message: str) -> None:

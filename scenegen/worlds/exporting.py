@@ -34,7 +34,7 @@ from scenegen.scenes.files import check_writable, ending_of, scene_name, whole_f
 from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.registry import ENDINGS, FORMATS, check_out, is_one_file
 from scenegen.things.outline import Floats
-from scenegen.worlds.export.world import TEXTURES, Own, recorded, worlds_of
+from scenegen.worlds.export.world import TEXTURES, Own, with_record, worlds_of
 
 if TYPE_CHECKING:
     from scenegen.worlds.export.looks import SceneLooks
@@ -112,7 +112,7 @@ def write_worlds(
     with whole_files(folder) as put:
         put_already = set[str]()
         for bare in worlds_of(header, scenes, own):
-            world = replace(recorded(bare, header, scenes, labels), dressing=dressing)
+            world = replace(with_record(bare, header, scenes, labels), dressing=dressing)
             if rest is not None:
                 names = [one.name for one in header.objects]
                 here = [names.index(body.name) for body in world.bodies]

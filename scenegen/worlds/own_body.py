@@ -25,7 +25,7 @@ from scenegen.processes.process import DONE, GONE, WorkerMessage, WorkerProcess
 from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.own_files import is_read, own_file, reason_of
 from scenegen.things.colored_mesh import ColoredMesh, check_texture
-from scenegen.things.mesh import Mesh, joined
+from scenegen.things.mesh import Mesh, join
 from scenegen.things.meshfile import MAX_FRICTION, MAX_MASS, MIN_MASS, Read, mesh_surfaces
 from scenegen.things.outline import Floats, Indices, MeshError
 from scenegen.things.urdf import (
@@ -101,10 +101,10 @@ def _pieces(vertices: bytes, faces: bytes) -> tuple[tuple[Floats, Indices], ...]
     need("coacd", "to cut meshes into convex pieces")
     name = hashlib.sha256(repr((_version(), COACD_OPTIONS, len(vertices))).encode() + vertices + faces).hexdigest()
     path = _folder() / f"{name}.npz"
-    kept = _kept(path)
+    kept = _load_pieces(path)
     if kept is None:
         kept = _cut(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype="<i8").reshape(-1, 3))
-        _keep(path, kept)
+        _save_pieces(path, kept)
     return kept
 
 
@@ -152,7 +152,7 @@ def _folder() -> Path:
     return Path(root).expanduser() / "scenegen" / "convex"
 
 
-def _kept(path: Path) -> tuple[tuple[Floats, Indices], ...] | None:
+def _load_pieces(path: Path) -> tuple[tuple[Floats, Indices], ...] | None:
     """What an earlier run found; None where it did not, or the file is damaged."""
     try:
         with np.load(path, allow_pickle=False) as held:
@@ -169,7 +169,7 @@ def _kept(path: Path) -> tuple[tuple[Floats, Indices], ...] | None:
     return found if fits else None
 
 
-def _keep(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
+def _save_pieces(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
     """Where it cannot be written, the next run cuts again."""
     data = io.BytesIO()
     counts = np.array([(len(vertices), len(faces)) for vertices, faces in pieces])
@@ -221,7 +221,7 @@ def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None, 
     and RequestError as `convex_pieces`."""
     place = np.eye(3) if matrix is None else matrix
     found = mesh_surfaces(name, data, read, painted=painted)
-    mesh = joined([Mesh(one.vertices, one.faces) for one in found])
+    mesh = join([Mesh(one.vertices, one.faces) for one in found])
     pieces = convex_pieces(mesh if matrix is None else Mesh(mesh.vertices @ place.T, mesh.faces))
     skins = tuple(replace(one, vertices=one.vertices @ place.T) for one in found) if painted else ()
     return OwnBody(pieces, skins=skins)
@@ -273,7 +273,7 @@ class _PieceReader:
         key = name, scale = solid.get("filename"), tuple(numbers_of(solid, "scale", 3, "1 1 1"))
         if key not in self.meshes:
             with placed_error(solid):
-                mesh = joined([Mesh(one.vertices, one.faces) for one in self.files.surfaces(name)])
+                mesh = join([Mesh(one.vertices, one.faces) for one in self.files.surfaces(name)])
                 faces = mesh.faces[:, ::-1].copy() if float(np.prod(scale)) < 0.0 else mesh.faces
                 try:
                     self.meshes[key] = convex_pieces(Mesh(mesh.vertices * np.array(scale), faces))

@@ -23,7 +23,7 @@ from scenegen.page.export import export_page
 from scenegen.page.jobs import sample
 from scenegen.page.jobs.source import refusal, spec_of
 from scenegen.page.limits import FIELDS, MAX_TEXT, control, without_command_line
-from scenegen.page.project import FIRST_SPEC, STATIC, FileRefused, Folder, digest, open_, shipped
+from scenegen.page.project import FIRST_SPEC, STATIC, FileRefused, Folder, digest, open_, shipped_json
 from scenegen.resources import shipped_specs
 from scenegen.sampling.request import METHODS
 from scenegen.worlds.exporting import EXPORTS
@@ -99,7 +99,7 @@ def test_large_texts_are_refused(folder):
 
 
 def test_shipped_specs_have_titles():
-    assert all(one["title"] and one["text"] for one in shipped())
+    assert all(one["title"] and one["text"] for one in shipped_json())
 
 
 def test_drafts_are_kept_outside_the_folder(tmp_path, monkeypatch):

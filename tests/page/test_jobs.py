@@ -210,10 +210,10 @@ def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
 def test_work_gives_way_in_a_thread_of_its_own(monkeypatch):
     before = os.getpriority(os.PRIO_PROCESS, 0)  # other tests may have changed it
     monkeypatch.setattr(source, "_own", lambda: before)
-    niced = source.calmly(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), 2)
+    niced = source.run_calmly(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), 2)
     assert niced == min(before + 2, 19) and os.getpriority(os.PRIO_PROCESS, 0) == before
     with pytest.raises(ZeroDivisionError):
-        source.calmly(lambda: 1 // 0)
+        source.run_calmly(lambda: 1 // 0)
 
 
 def test_meshes_unpack_to_the_size_of_their_object(tmp_path):

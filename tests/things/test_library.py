@@ -22,7 +22,7 @@ from scenegen.things.furniture import PITCH, Cabinet
 from scenegen.things.library import cabinet_shape
 from scenegen.things.meshfile import mesh_surfaces
 from scenegen.things.outline import MeshError
-from scenegen.things.palette import colors_of
+from scenegen.things.palette import object_colors
 from scenegen.things.surfaces import base_heights, fits, narrowest, overlapping, slabs_of, surfaces_of
 from scenegen.things.urdf import robot_surfaces
 
@@ -93,9 +93,9 @@ def test_the_main_color_can_be_chosen():
 
 
 def test_an_unknown_name_keeps_its_color():
-    alone = colors_of([("gizmo", "block")])
-    assert alone == colors_of([("gizmo", "block"), ("mug", "mug")])[:1]
-    assert alone != colors_of([("lamp", "block")])
+    alone = object_colors([("gizmo", "block")])
+    assert alone == object_colors([("gizmo", "block"), ("mug", "mug")])[:1]
+    assert alone != object_colors([("lamp", "block")])
 
 
 @pytest.mark.parametrize(
@@ -108,13 +108,13 @@ def test_an_unknown_name_keeps_its_color():
     ],
 )
 def test_objects_of_one_asset_can_be_told_apart(objects):
-    for a, b in itertools.combinations(colors_of(objects, distinct=True), 2):
+    for a, b in itertools.combinations(object_colors(objects, distinct=True), 2):
         assert np.abs(np.subtract(a, b)).max() > 0.08
 
 
 def test_thirty_objects_of_one_asset_can_all_differ():
     for objects in ([(f"thing{k}", "block") for k in range(30)], [(f"mug{k}", "mug") for k in range(30)]):
-        assert len(set(colors_of(objects, distinct=True))) == 30
+        assert len(set(object_colors(objects, distinct=True))) == 30
 
 
 @pytest.mark.parametrize(
@@ -129,13 +129,13 @@ def test_thirty_objects_of_one_asset_can_all_differ():
 )
 def test_what_is_the_same_thing_looks_the_same(objects, color):
     """No blue apples, no purple plates."""
-    (only,) = set(colors_of(objects))
+    (only,) = set(object_colors(objects))
     assert color is None or only == color
 
 
 def test_blocks_and_shapes_with_names_of_their_own_differ():
     for names, asset in ((["block1", "block2", "block3", "lamp"], "block"), (["pawn[1]", "king", "rook"], "cylinder")):
-        assert len(set(colors_of([(name, asset) for name in names]))) == len(names)
+        assert len(set(object_colors([(name, asset) for name in names]))) == len(names)
 
 
 def test_which_names_have_a_picture():
@@ -252,8 +252,8 @@ def test_what_is_under_an_open_drawer_does_not_overlap_it():
 
 
 def test_bins_with_names_of_their_own_differ_in_colour():
-    assert len(set(colors_of([("food", "bin"), ("metal", "bin"), ("toy", "bin")]))) == 3
-    assert len(set(colors_of([(f"bin[{k}]", "bin") for k in (1, 2, 3)]))) == 1
+    assert len(set(object_colors([("food", "bin"), ("metal", "bin"), ("toy", "bin")]))) == 3
+    assert len(set(object_colors([(f"bin[{k}]", "bin") for k in (1, 2, 3)]))) == 1
 
 
 MTL = b"newmtl skin\nKd 0.5 1 1\nmap_Kd -o 0.25 -s 2 2 2 skin 1.png\nnewmtl red\nKd 1 0 0\nd 0.5\n"
@@ -630,20 +630,20 @@ def test_an_asset_with_a_polygon_is_a_prism_and_with_another_size_is_stretched()
 
 def test_elements_of_an_array_can_have_shades_and_the_first_has_the_colour_of_the_name():
     names = [f"post[{k}]" for k in range(1, 8)]
-    colors = colors_of([(name, "cylinder") for name in names], distinct=True)
+    colors = object_colors([(name, "cylinder") for name in names], distinct=True)
     for a, b in itertools.combinations(colors, 2):
         assert np.abs(np.subtract(a, b)).max() > 0.08
-    assert colors[:1] == colors_of([("post", "cylinder")])
+    assert colors[:1] == object_colors([("post", "cylinder")])
     # The same whatever stands beside it, as long as that is of the library.
-    assert colors_of([("mug", "mug"), *((name, "cylinder") for name in names)], distinct=True)[1:] == colors
+    assert object_colors([("mug", "mug"), *((name, "cylinder") for name in names)], distinct=True)[1:] == colors
 
 
 def test_a_plain_shape_with_the_name_of_an_asset_has_its_colour():
-    assert colors_of([("block[1]", "box"), ("mug", "prism")]) == (ASSETS["block"].color, ASSETS["mug"].color)
+    assert object_colors([("block[1]", "box"), ("mug", "prism")]) == (ASSETS["block"].color, ASSETS["mug"].color)
 
 
 def test_plain_shapes_of_all_kinds_can_be_told_apart():
     names = [("tray", "box"), ("post", "cylinder"), ("wedge", "prism"), ("server", "urdf"), ("block", "box")]
     names += [("block2", "box"), ("shelf[1]", "box"), ("shelf[2]", "box")]
-    for a, b in itertools.combinations(colors_of(names, distinct=True), 2):
+    for a, b in itertools.combinations(object_colors(names, distinct=True), 2):
         assert np.abs(np.subtract(a, b)).max() > 0.08

@@ -9,7 +9,7 @@ import pytest
 from scenegen import needs
 from scenegen.errors import RequestError
 from scenegen.processes.process import WorkerProcess
-from scenegen.things.mesh import Mesh, box, joined
+from scenegen.things.mesh import Mesh, box, join
 from scenegen.things.outline import MeshError
 from scenegen.worlds import own_body
 from scenegen.worlds import own_body as convex
@@ -17,7 +17,7 @@ from scenegen.worlds.own_body import convex_pieces, mesh_body, robot_body
 
 from .gltf_files import glb
 
-APART = joined([box(1.0, 1.0, 1.0), box(1.0, 1.0, 1.0).moved(x=3.0)])
+APART = join([box(1.0, 1.0, 1.0), box(1.0, 1.0, 1.0).moved(x=3.0)])
 
 
 @pytest.fixture(autouse=True)

@@ -15,7 +15,7 @@ from scenegen.geometry import Box, Circle, Polygon
 from scenegen.geometry.footprint import convex_hull, is_convex
 from scenegen.lang.checker import check_file, check_text
 from scenegen.things.meshfile import vertices
-from scenegen.things.outline import MAX_OUTLINE_CORNERS, MeshError, simplified
+from scenegen.things.outline import MAX_OUTLINE_CORNERS, MeshError, simplify
 from scenegen.things.urdf import outline
 
 from .urdf_files import HERE, OBJ, box, close, cylinder, no_mesh, robot, stl, stl_text
@@ -175,10 +175,10 @@ def test_fewer_corners_hold_more(seed):
     source = np.random.default_rng(seed)
     turn = np.sort(source.uniform(0.0, math.tau, 200))
     before = convex_hull([(math.cos(t) * 0.3, math.sin(t) * (0.01 + 0.3 * source.random())) for t in turn]).vertices
-    after = simplified(before, 8)
+    after = simplify(before, 8)
     assert len(after) <= 8 and is_convex(after)
     assert shapely.Polygon(after).buffer(1e-6).contains(shapely.Polygon(before))
-    same = shapely.Polygon(simplified(before, 1000))  # without corners that do not stand out
+    same = shapely.Polygon(simplify(before, 1000))  # without corners that do not stand out
     assert same.symmetric_difference(shapely.Polygon(before)).area < 2e-6
 
 

@@ -113,10 +113,10 @@ class Sets:
         key = (wanted, between)
         known = self._known.get(key)
         if known is None:
-            known = self._known[key] = self._named(self._made(wanted, between))
+            known = self._known[key] = self._name_rule(self._rule(wanted, between))
         return known
 
-    def _made(self, rows: frozenset[Row], between: Row) -> Part:
+    def _rule(self, rows: frozenset[Row], between: Row) -> Part:
         if not between:
             return choice([Terminal(name) for (name,) in sorted(rows)])
         rests: dict[str, set[Row]] = {}
@@ -132,7 +132,7 @@ class Sets:
             options.append(seq(head, Terminal(between[0]), rest_part))
         return choice(options)
 
-    def _named(self, part: Part) -> Part:
+    def _name_rule(self, part: Part) -> Part:
         if isinstance(part, Terminal):
             return part
         name = f"{self.prefix}{len(self.rules) + 1}"
@@ -160,7 +160,7 @@ class Literals:
                 values = self.extras.setdefault(one.form, {}).setdefault(one.extra, {})
                 values.setdefault(one.value, {})[one.arguments] = one.high
         for form, rows in self.base.items():
-            made = self._compared(form, rows) if form.number else self._called(form, rows)
+            made = self._comparisons(form, rows) if form.number else self._call_rules(form, rows)
             if made:
                 self.relations.setdefault(form.relation, []).extend(made)
 
@@ -181,18 +181,18 @@ class Literals:
         before, bracket, after = last.partition(")")
         return seq(Terminal(head), arguments, Terminal(before), end, Terminal(bracket + after))
 
-    def _called(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
+    def _call_rules(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
         """The plain call, and one with each further argument."""
         possible = [row for row, (_, high) in rows.items() if high >= 0.0]
         made = [self._call(form, possible, Terminal(""))] if possible else []
         for extra, shifts in self.found.shifts.get(form, {}).items():
             table = {value: {row: high + shift for row, (_, high) in rows.items()} for value, shift in shifts.items()}
-            made += self._with(form, extra, table, between=True)
+            made += self._argument_rules(form, extra, table, between=True)
         for extra, table in self.extras.get(form, {}).items():
-            made += self._with(form, extra, table, between=False)
+            made += self._argument_rules(form, extra, table, between=False)
         return made
 
-    def _with(self, form: PhraseForm, extra: Extra, table: dict[str, dict[Row, float]], *, between: bool) -> list[Part]:
+    def _argument_rules(self, form: PhraseForm, extra: Extra, table: dict[str, dict[Row, float]], *, between: bool) -> list[Part]:
         """The call with one more argument: the run of values with most to say, and the rows that can have all of it.
         `between` two values that were tried lie others as good."""
         values = list(table)
@@ -214,7 +214,7 @@ class Literals:
             number = choice([Terminal(value) for value in values[first : last + 1]])
         return [self._call(form, rows, seq(Terminal(extra.before), number))]
 
-    def _compared(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
+    def _comparisons(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
         """A function compared with numbers that it is at most, and at least, in some scene."""
         measure = MEASURES[self.found.units[form]]
         made = []
@@ -252,16 +252,16 @@ def grammar(found: Findings, declared: str, names: tuple[str, ...], shape: Shape
         more = () if last else (Repeat(seq(Terminal("\n"), RuleRef(f"goal{place + 1}")), 0, 1),)
         rules[f"goal{place}"] = seq(Terminal(f"{name}: "), RuleRef("formula"), *more)
     if shape == "formulas":
-        rules.update(_free(timed, found.steps, bool(moving)))
+        rules.update(_free_rules(timed, found.steps, bool(moving)))
     elif timed:
         rules["formula"] = seq(RuleRef("timed"), Repeat(seq(Terminal(" & "), RuleRef("timed")), 0, MAX_CONJUNCTS - 1))
-        rules["timed"] = _timed(found.steps, "state", moving=bool(moving))
+        rules["timed"] = _timed_rule(found.steps, "state", moving=bool(moving))
     else:
         rules["formula"] = seq(RuleRef("state"), Repeat(seq(Terminal(" | "), RuleRef("state")), 0, MAX_OPTIONS))
     return Grammar({**rules, **literals, **moving})
 
 
-def _free(timed: bool, steps: int, moving: bool) -> dict[str, Part]:
+def _free_rules(timed: bool, steps: int, moving: bool) -> dict[str, Part]:
     """Formulas that nest: every pair of parentheses is one level."""
     rules: dict[str, Part] = {}
     for depth in range(MAX_PARENTHESES):
@@ -276,14 +276,14 @@ def _free(timed: bool, steps: int, moving: bool) -> dict[str, Part]:
         rules[f"nested{depth + 1}"] = choice(options)
     top = f"nested{MAX_PARENTHESES}"
     if timed:
-        rules["timed"] = _timed(steps, top, moving=moving)
+        rules["timed"] = _timed_rule(steps, top, moving=moving)
         top = "timed"
     conjunct = RuleRef(top)
     rules["formula"] = seq(conjunct, Repeat(seq(Terminal(" & "), conjunct), 0, MAX_CONJUNCTS - 1))
     return rules
 
 
-def _timed(steps: int, inner: str, *, moving: bool) -> Part:
+def _timed_rule(steps: int, inner: str, *, moving: bool) -> Part:
     """A formula over time of formulas of a moment. Windows end with the motion: they begin with the moment, or end with
     the last one; where operators are nested, the inner one takes all moments that are left. What an operator takes
     stands in parentheses, whatever binds how. What needs a step (`moving`) is not asked of the first moment."""

@@ -135,7 +135,7 @@ def calls(relation: str, count: int, own: bool) -> Iterator[PhraseForm]:
         )
 
 
-def grouped(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
+def list_forms(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
     """A call over a list with the objects written out."""
     if form.kinds == (LIST,):
         for count in (2, 3) if words.few else (2,):
@@ -143,7 +143,7 @@ def grouped(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
             yield replace(form, pieces=pieces, kinds=(OBJECT,) * count)
 
 
-def quantified(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
+def quantifier_forms(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
     """The call for all and for some elements of a list, and for pairs of them."""
     if not form.kinds or form.kinds[0] != OBJECT or len(form.kinds) > 2 or form.number:
         return
@@ -151,15 +151,15 @@ def quantified(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
     rest = form.kinds[1:]
     for kind in ("forall", "exists"):
         if not rest:
-            yield _over(form, (f"({kind} {p} in ", f": {form.relation}({p}))"), (LIST,))
+            yield _over_list(form, (f"({kind} {p} in ", f": {form.relation}({p}))"), (LIST,))
         elif rest[0] != POINT and words.few:
-            yield _over(form, (f"({kind} {p} in ", f": {form.relation}({p}, ", "))"), (LIST, *rest))
+            yield _over_list(form, (f"({kind} {p} in ", f": {form.relation}({p}, ", "))"), (LIST, *rest))
         if rest == (OBJECT,):
-            yield _over(form, (f"({kind} {p}, {q} in ", f": {form.relation}({p}, {q}))"), (LIST,))
-            yield _over(form, (f"({kind} {p}, {q} in consecutive(", f"): {form.relation}({p}, {q}))"), (LIST,))
+            yield _over_list(form, (f"({kind} {p}, {q} in ", f": {form.relation}({p}, {q}))"), (LIST,))
+            yield _over_list(form, (f"({kind} {p}, {q} in consecutive(", f"): {form.relation}({p}, {q}))"), (LIST,))
 
 
-def _over(form: PhraseForm, pieces: tuple[str, ...], kinds: tuple[str, ...]) -> PhraseForm:
+def _over_list(form: PhraseForm, pieces: tuple[str, ...], kinds: tuple[str, ...]) -> PhraseForm:
     return replace(form, pieces=pieces, kinds=kinds, quantified=True)
 
 
@@ -246,7 +246,7 @@ def findings(source: Source, scenes: Array) -> Findings:
     return trial.found
 
 
-def _reached(core: Core, scenes: Array) -> Array:
+def _phi_ends(core: Core, scenes: Array) -> Array:
     """The least and the largest value of each label over scenes, (L, 2)."""
     places = list(core.labels.values())
     ends = np.tile([np.inf, -np.inf], (len(places), 1))
@@ -280,17 +280,17 @@ class _Trial:
         steps = np.concatenate([self.scenes, np.roll(self.scenes, 1, axis=1)]) if over_time else still
         self.probes = steps[:, :PROBES]
         noticed = list(lowering.noticed)
-        made = list(self._all())
+        made = list(self._trials())
         lowering.noticed[:] = noticed
         core = lowering.builder.finish({str(place): node for place, (_, node) in enumerate(made)})
-        found = _reached(core, still)
+        found = _phi_ends(core, still)
         self.found.statements = [_with_ends(one, ends) for (one, _), ends in zip(made, found, strict=True)]
         if over_time:
-            later = _reached(core, steps)
+            later = _phi_ends(core, steps)
             changed = np.flatnonzero((found != later).any(axis=1))
             self.found.moving = [_with_ends(made[place][0], later[place]) for place in changed]
 
-    def _all(self) -> Iterator[tuple[TrialStatement, int]]:
+    def _trials(self) -> Iterator[tuple[TrialStatement, int]]:
         scope, words = self.lowering.scope, self.words
         for name in (*scope.definitions, *signatures(scope.timed)):
             if name in LIST_FUNCTIONS or name == "height" or (name in PRIMITIVES and not PRIMITIVES[name].spatial):
@@ -306,12 +306,12 @@ class _Trial:
                 if count > MAX_SLOTS:
                     continue
                 for form in calls(name, count, name in words.own):
-                    made = self._looked_at(form)
+                    made = self._try_form(form)
                     if made is None or not fits(form, words):
                         continue
                     extras = [] if made.number else self._extras(optional, signature.needed, count)
-                    for one in (made, *grouped(made, words), *quantified(made, words)):
-                        yield from self._filled(one, [] if one.quantified else extras)
+                    for one in (made, *list_forms(made, words), *quantifier_forms(made, words)):
+                        yield from self._fill(one, [] if one.quantified else extras)
 
     def _optional(self, name: str) -> dict[str, Value]:
         """The parameters that have defaults, with their values; none of built-in functions."""
@@ -340,7 +340,7 @@ class _Trial:
                 found.append(Extra(before, MEASURES[value.unit]))
         return found
 
-    def _looked_at(self, form: PhraseForm) -> PhraseForm | None:
+    def _try_form(self, form: PhraseForm) -> PhraseForm | None:
         """The form, where a call of it can be a formula or a number; None where it cannot."""
         for arguments in samples(form, self.words):
             value = self._value(form, arguments)
@@ -352,8 +352,8 @@ class _Trial:
                 return made
         return None
 
-    def _filled(self, form: PhraseForm, extras: Sequence[Extra]) -> Iterator[tuple[TrialStatement, int]]:
-        rest = [one for one in extras if not self._shifted(form, one)]
+    def _fill(self, form: PhraseForm, extras: Sequence[Extra]) -> Iterator[tuple[TrialStatement, int]]:
+        rest = [one for one in extras if not self._shift(form, one)]
         if not self.words.few or len(form.kinds) > 2:
             rest = []
         for arguments in form.arguments(self.words):
@@ -367,7 +367,7 @@ class _Trial:
                     if node is not None:
                         yield TrialStatement(form, arguments, extra, value), node
 
-    def _shifted(self, form: PhraseForm, extra: Extra) -> bool:
+    def _shift(self, form: PhraseForm, extra: Extra) -> bool:
         """Whether the values of an extra argument shift phi by as much in every scene, and in proportion; then it is
         noted by how much."""
         if extra.measure is None:
@@ -411,7 +411,7 @@ class _Trial:
         text = form.text(slots) + end
         template = self._templates.get(text)
         if template is None:
-            template = self._templates[text] = self._parsed(text)
+            template = self._templates[text] = self._parse(text)
         try:
             env = dict(zip(slots, map(self._argument, arguments), strict=True))
             return lowering.evaluate(template, self._frame(text), env)
@@ -421,11 +421,11 @@ class _Trial:
     def _argument(self, text: str) -> Value:
         value = self._values.get(text)
         if value is None:
-            value = self.lowering.evaluate(self._parsed(text), self._frame(text))
+            value = self.lowering.evaluate(self._parse(text), self._frame(text))
             self._values[text] = value
         return value
 
-    def _parsed(self, text: str) -> ast.Expr:
+    def _parse(self, text: str) -> ast.Expr:
         parsed = parse(Source("<grammar>", text), self.lowering.scope.timed).bare
         assert parsed is not None
         return parsed

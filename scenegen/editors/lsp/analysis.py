@@ -41,7 +41,7 @@ class AnalysisProcesses:
         """The answer to a question about a text (the fields of `_page`). Raises AnalysisEnded. To stop waiting
         ends the process, unless it is about to answer."""
         async with self._turns:
-            process = self._take(text["uri"])
+            process = self._acquire(text["uri"])
             asking = asyncio.ensure_future(process.ask({"text": text, "question": asdict(question)}))
             try:
                 await asyncio.wait([asking], timeout=MAX_QUESTION_SECONDS)
@@ -58,7 +58,7 @@ class AnalysisProcesses:
                 raise AnalysisEnded(f"was ended after {MAX_QUESTION_SECONDS:g} s")
             return asking.result()
 
-    def _take(self, uri: str) -> _AnalysisProcess:
+    def _acquire(self, uri: str) -> _AnalysisProcess:
         """An idle process: the one that has had the document, else a new one, or the one that was idle for longest."""
         idle = [one for one in self._alive if not one.busy]
         found = next((one for one in idle if one.uri == uri), None)

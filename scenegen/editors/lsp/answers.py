@@ -249,7 +249,7 @@ class Change:
     text: str
 
 
-def formatted(document: Document) -> Change | None:
+def formatting_change(document: Document) -> Change | None:
     """The change that turns the document into its canonical layout; None if it has that already, or does not parse."""
     try:
         wanted = format_source(document.source)
@@ -432,7 +432,7 @@ def _symbol(page: Page, found: Symbol) -> Json:
 
 
 def _formatting(page: Page, offset: int, question: Question) -> list[Json]:
-    found = formatted(page.document)
+    found = formatting_change(page.document)
     return [] if found is None else [{"range": page.span(found.start, found.end), "newText": found.text}]
 
 

@@ -96,26 +96,26 @@ class Document:
     @cached_property
     def values(self) -> dict[str, Binding]:
         """Names with a meaning of their own anywhere in the spec: objects, regions, constants, labels."""
-        return {one.name: one for one in self._declared() if one.kind != "definition"} | self._inferred
+        return {one.name: one for one in self._declarations() if one.kind != "definition"} | self._inferred_objects
 
     @cached_property
     def functions(self) -> dict[str, Binding]:
         """The definitions, those of the prelude included."""
-        return {one.name: one for one in self._declared() if one.kind == "definition"}
+        return {one.name: one for one in self._declarations() if one.kind == "definition"}
 
-    def _declared(self) -> Iterator[Binding]:
+    def _declarations(self) -> Iterator[Binding]:
         """All declarations; of two with one name the first counts, and any takes precedence over the prelude's."""
         own = [one for file in (self.index, *self.imported) for one in file.declarations]
         yield from prelude_index().declarations
         yield from reversed(own)
 
     @cached_property
-    def _inferred(self) -> dict[str, Binding]:
+    def _inferred_objects(self) -> dict[str, Binding]:
         """Without an `object` statement, undefined names in formulas are objects."""
         files = (self.index, *self.imported)
         if any(statement.kind == "object" for file in files for statement in file.statements):
             return {}
-        known = {*BUILT_IN, *(one.name for one in self._declared() if one.kind != "definition")}
+        known = {*BUILT_IN, *(one.name for one in self._declarations() if one.kind != "definition")}
         found: dict[str, Binding] = {}
         for file in files:
             for statement in file.statements:

@@ -145,14 +145,14 @@ def _outcomes(
 def _lowering(document: Document, module: ast.Module, spec: CheckedSpec, fresh: bool) -> _RecordingLowering:
     """The document's lowering, which knows the labels and constants that an earlier hover has met."""
     kept = None if fresh else document.lowering
-    lowering = kept if isinstance(kept, _RecordingLowering) else _prepared(document, module, spec)
+    lowering = kept if isinstance(kept, _RecordingLowering) else _new_lowering(document, module, spec)
     lowering.steps = 0  # the limit is for one hover, not for all of them
     if not fresh:
         document.lowering = lowering
     return lowering
 
 
-def _prepared(document: Document, module: ast.Module, spec: CheckedSpec) -> _RecordingLowering:
+def _new_lowering(document: Document, module: ast.Module, spec: CheckedSpec) -> _RecordingLowering:
     """A lowering that knows the declarations. Raises SpecError, and FormulaTooLarge."""
     placed, _ = inline(module, document.project())
     scope, _ = collect(module.source, placed, module.bare)
@@ -367,7 +367,7 @@ def _about_name(document: Document, found: Occurrence, around: Sequence[Extent])
             usage, meaning = names.functions()[found.name]
             return [_code(usage), meaning, *value]
         case _:
-            return _about(document, binding, value) if binding is not None else []
+            return _name_text(document, binding, value) if binding is not None else []
 
 
 def _stands_for(node: ast.Expr, found: Occurrence) -> bool:
@@ -382,15 +382,15 @@ def _stands_for(node: ast.Expr, found: Occurrence) -> bool:
             return isinstance(node, ast.Name) and node.start <= found.start and found.end <= node.end
 
 
-def _about(document: Document, binding: Binding, value: list[str]) -> list[str]:
+def _name_text(document: Document, binding: Binding, value: list[str]) -> list[str]:
     told = [names.remark(binding)] if binding.kind not in ("parameter", "variable") else []
     told = [words for words in told if words]
-    written = _shortened(" ".join(binding.source.text[binding.opens : binding.closes].split()))
+    written = _shorten(" ".join(binding.source.text[binding.opens : binding.closes].split()))
     match binding.kind:
         case "definition":
             usage, formula = names.usage(binding)
             where = "" if binding.source is document.source else f"\n\n*{binding.source.name}*"
-            return [_code(usage), *told, f"= `{_shortened(formula)}`{where}", *value]
+            return [_code(usage), *told, f"= `{_shorten(formula)}`{where}", *value]
         case "object":
             what = "array" if binding.is_array else "object"
             note = " (not declared: inferred from its use)" if binding.inferred else ""
@@ -407,7 +407,7 @@ def _about(document: Document, binding: Binding, value: list[str]) -> list[str]:
         case "variable":
             colon = binding.source.text.find(":", binding.closes)
             quantifier = " ".join(binding.source.text[binding.opens : colon].split())
-            return [f"**variable** `{binding.name}` of `{_shortened(quantifier)}`", *value]
+            return [f"**variable** `{binding.name}` of `{_shorten(quantifier)}`", *value]
 
 
 def _about_token(token: Token) -> list[str]:
@@ -425,7 +425,7 @@ def _about_token(token: Token) -> list[str]:
 
 def _phi(extent: Extent, written: bool = False) -> str:
     ((low, high),) = extent.intervals
-    of = f" of `{_shortened(print_expr(extent.node))}`" if written else ""
+    of = f" of `{_shorten(print_expr(extent.node))}`" if written else ""
     if low == high and math.isinf(low):
         return f"phi{of}: {'holds' if low > 0 else 'fails'} in every scene"
     unit = f" {extent.unit}" if extent.unit is not None and str(extent.unit) else ""
@@ -449,5 +449,5 @@ def _code(text: str) -> str:
     return f"```spec\n{text}\n```"
 
 
-def _shortened(text: str) -> str:
+def _shorten(text: str) -> str:
     return text if len(text) <= MAX_FORMULA_LENGTH else text[: MAX_FORMULA_LENGTH - 3] + "..."

@@ -19,7 +19,7 @@ JOBS: dict[str, str] = {
     "sample": "scenegen.page.jobs.sample:sample",
     "first": "scenegen.page.jobs.sample:first",
     "spread": "scenegen.page.jobs.sample:spread",
-    "range": "scenegen.page.jobs.check:range_",
+    "range": "scenegen.page.jobs.check:label_range",
     "download": "scenegen.page.jobs.sample:download",
 }
 

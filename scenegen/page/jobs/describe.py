@@ -25,7 +25,7 @@ from scenegen.page.limits import most_scenes
 from scenegen.scenes.data import RAISED, ObjectData, SceneFile, carried_first
 from scenegen.things import Shape
 from scenegen.things.bodies import parts_of
-from scenegen.things.mesh import shaded
+from scenegen.things.mesh import shade_mesh
 from scenegen.things.palette import mix
 
 
@@ -152,7 +152,7 @@ def packed_mesh(shape: Shape, color: tuple[float, float, float]) -> dict[str, An
     `index` in 16 or 32 bits; each as base64 of little-endian numbers."""
     positions, normals, colors = [], [], []
     for part in parts_of(shape, color):
-        vertices, normal, _ = shaded(part.mesh)
+        vertices, normal, _ = shade_mesh(part.mesh)
         positions.append(vertices)
         normals.append(normal)
         colors.append(np.tile(np.array(part.color), (len(vertices), 1)))

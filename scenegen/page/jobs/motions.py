@@ -19,7 +19,7 @@ from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.program import NO_MESSAGE, PAGE_LIMIT
 from scenegen.lang.formula.core import REQUIRE, BoundedUntil, Everywhere, Junction, Moment, Window
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimedValues, over_time
-from scenegen.page.jobs.source import MAX_LINE_NODES, Json, decided, line_of, stage_of_spec, tree_of
+from scenegen.page.jobs.source import MAX_LINE_NODES, Json, decider_json, line_of, stage_of_spec, tree_of
 from scenegen.page.limits import MAX_MOMENTS, MAX_MOTION, MAX_PAGE_SCENES
 from scenegen.sampling.motions.scores import TraceScores
 from scenegen.sampling.request import SampleRequest
@@ -45,7 +45,7 @@ def motions_of(spec: Spec, poses: object) -> Array:
     return array
 
 
-def told(spec: Spec, motions: Array) -> dict[str, Any]:
+def phi_json(spec: Spec, motions: Array) -> dict[str, Any]:
     """What the page shows of motions (n, T + 1, N, 3): phi of each label and the margin of what is required, (n,) each,
     and how high above the table each object stands at every moment, in metres; None where all stand on it."""
     scores = TraceScores(timed_of(spec))(np.ascontiguousarray(motions.transpose(2, 3, 1, 0)))
@@ -59,10 +59,10 @@ def told(spec: Spec, motions: Array) -> dict[str, Any]:
     }
 
 
-def shown(spec: Spec, motions: Array, sampler: Mapping[str, Any], *notes: str) -> dict[str, Any]:
+def motions_json(spec: Spec, motions: Array, sampler: Mapping[str, Any], *notes: str) -> dict[str, Any]:
     """Motions that are there already, as the job `sample` sends those that it draws."""
     made = {"motions": motions.tolist(), "sampler": sampler}
-    return {**told(spec, motions), **made, "warnings": [], "notes": list(notes), "took": 0.0}
+    return {**phi_json(spec, motions), **made, "warnings": [], "notes": list(notes), "took": 0.0}
 
 
 def bases_of(spec: Spec, motions: Array) -> Array:
@@ -111,7 +111,7 @@ def _decides(spec: Spec, label: str, scored: TimedValues, motion: Array, at: lis
     values = scored.states[index]
     mine = [number for number, one in enumerate(trees.places) if index in one.states]
     lines = [number for number in mine if at[number] == moment] or mine
-    found = decided(core, index, label, float(values[moment]), lines, rows.reshape(-1).tolist())
+    found = decider_json(core, index, label, float(values[moment]), lines, rows.reshape(-1).tolist())
     return {**found, "moment": moment, "signal": values.tolist()}
 
 
@@ -121,7 +121,7 @@ def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], request: 
     ranges = {name: (one.low, one.high) for name, one in request.phi.items()}
     asked = MotionRequestData(phi=ranges, n=request.n)
     header = motion_header(spec.declared, sampler, asked, TimeData(steps=horizon.steps, dt=horizon.dt))
-    phi = {name: np.array(values) for name, values in told(spec, motions)["phi"].items()}
+    phi = {name: np.array(values) for name, values in phi_json(spec, motions)["phi"].items()}
     return MotionSet(motions, phi, facts_of(motions), header)
 
 
@@ -202,13 +202,13 @@ class TimedTrees:
                     return self._over_time(part, "time", node.text), [arg]
                 case Everywhere(holds):
                     return self._over_time(part, "atom", "true" if holds else "false"), []
-        number = self._take(LineNodes(place if isinstance(place, int) else None, part.nodes[:MAX_LINE_NODES], least))
+        number = self._add_place(LineNodes(place if isinstance(place, int) else None, part.nodes[:MAX_LINE_NODES], least))
         found = line_of(self.timed.state, part, number)
         self.lines.append(found)
         return found, list(self._folded.children(part))
 
     def _over_time(self, node: int, kind: str, text: str) -> Json:
-        number = self._take(LineNodes(node))
+        number = self._add_place(LineNodes(node))
         words = {"all": "all of", "one": "one of"}.get(kind, text)
         if kind in ("all", "one") and text and text != REQUIRE:
             words = f"{words}: {text}"
@@ -220,7 +220,7 @@ class TimedTrees:
         self.lines.append(line)
         return line
 
-    def _take(self, place: LineNodes) -> int:
+    def _add_place(self, place: LineNodes) -> int:
         self.places.append(place)
         return len(self.places) - 1
 

@@ -39,7 +39,7 @@ def spec_of(message: dict[str, Any]) -> Spec:
     path, root, text = path_of(message), Path(message["root"]), str(message["text"])
     wanted = wanted_counts(message)
     if "import" in text:  # the files it imports may change between two messages
-        return _checked(path, root, text, wanted)
+        return _check(path, root, text, wanted)
     return _kept(path, root, text, wanted)
 
 
@@ -67,7 +67,7 @@ def with_numbers(spec: Spec, wanted: Counts) -> tuple[Spec, dict[str, int]]:
     raise AssertionError("every combination of numbers has a member")
 
 
-def _checked(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
+def _check(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
     try:
         data = text.encode()
     except UnicodeEncodeError:
@@ -75,7 +75,7 @@ def _checked(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
     return with_numbers(Spec(check_file(path, data, root)), wanted)[0]
 
 
-_kept = lru_cache(maxsize=2)(_checked)
+_kept = lru_cache(maxsize=2)(_check)
 
 
 def inside(text: str, root: str | None) -> str:
@@ -83,7 +83,7 @@ def inside(text: str, root: str | None) -> str:
     return text.replace(f"{str(root).rstrip('/')}/", "") if root else text
 
 
-def _said(one: Diagnostic, part: str, root: str | None) -> str:
+def _part_text(one: Diagnostic, part: str, root: str | None) -> str:
     told = inside(one.text(part, control), root)
     # a range stands in every part, and where something lies, as in `my.spec:2:28`, in notes
     return told if part == "note" else without_command_line(told)
@@ -95,7 +95,7 @@ def refusal(error: ScenegenError, root: str | None = None) -> dict[str, Any]:
     one = error.diagnostics[0]
     found: dict[str, Any] = {
         "code": one.code,
-        **{part: _said(one, part, root) for part in ("title", "label", "note", "help")},
+        **{part: _part_text(one, part, root) for part in ("title", "label", "note", "help")},
     }
     if one.span is not None:
         found["span"] = [one.span.start, one.span.end]
@@ -120,10 +120,10 @@ NICE = 10  # of 19: how far work gives way that nobody waits for
 SLIGHTLY = 2  # and work that somebody waits for, after a first look
 
 
-def calmly(work: Callable[[], Result], nice: int = NICE) -> Result:
+def run_calmly(work: Callable[[], Result], nice: int = NICE) -> Result:
     """Do work in a thread of its own that gives way to other processes. A process could not take that back afterwards,
     and its next job may be urgent; on Linux a thread has a priority of its own. Raises what the work raises."""
-    _own()
+    _own_priority()
     with ThreadPoolExecutor(1, initializer=give_way, initargs=(nice,)) as pool:
         return pool.submit(work).result()
 
@@ -131,11 +131,11 @@ def calmly(work: Callable[[], Result], nice: int = NICE) -> Result:
 def give_way(nice: int = NICE) -> None:
     """Let the thread that calls this give way by so much, for good."""
     with contextlib.suppress(OSError):  # elsewhere, threads are no processes: the work is urgent then
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), min(_own() + nice, 19))
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), min(_own_priority() + nice, 19))
 
 
 @cache
-def _own() -> int:
+def _own_priority() -> int:
     """What this process began with."""
     return os.getpriority(os.PRIO_PROCESS, 0)
 
@@ -153,7 +153,7 @@ def mark_data(mark: Mark) -> dict[str, Any]:
             return {"kind": "guide", "start": start, "end": end}
 
 
-def decided(
+def decider_json(
     core: Core, index: int, label: str, value: float, lines: list[int], rows: Sequence[float]
 ) -> dict[str, Any]:
     """What the page shows of the atom (its node) that decides phi of a label in a scene, and of the lines that it
@@ -210,11 +210,11 @@ def line_of(core: Core, part: OutlinePart, number: int) -> Json:
 
 def _places(node: object) -> list[list[int]]:
     """Where in the text itself an atom stands: its use first, then outwards."""
-    places = own(node.spans) if isinstance(node, Atom) and node.spans else []
+    places = own_spans(node.spans) if isinstance(node, Atom) and node.spans else []
     return [[one.start, one.end] for one in places]
 
 
-def own(found: Sequence[Span]) -> list[Span]:
+def own_spans(found: Sequence[Span]) -> list[Span]:
     """Those places that lie in the text itself: the outermost use always does, unless the label was imported."""
     main = found[-1].source
     return [one for one in found if one.source is main]

@@ -24,7 +24,7 @@ Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 Item = tuple[str, tuple[int, int, int]]
 
 
-def asked(phi: dict[str, tuple[float | None, float | None]]) -> str:
+def describe_ranges(phi: dict[str, tuple[float | None, float | None]]) -> str:
     """The target ranges in words: `task 0.05..0.2, safe >= 0`."""
     words = []
     for label, (low, high) in phi.items():
@@ -120,7 +120,7 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image], *, planned
 
     many = f"{total} scene{'s' * (total != 1)}"
     shown = many if count == total else f"first {count} of {many}"
-    facts = [f"target: {asked(file.request.phi)}", f"method: {_method(file)}"]
+    facts = [f"target: {describe_ranges(file.request.phi)}", f"method: {_method(file)}"]
     if file.sampler.get("raw"):
         facts.append("raw model output")
     title = file.spec.title

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from xml.sax.saxutils import escape
 
 from scenegen.geometry import Box, Circle, Footprint, Polygon
-from scenegen.pictures.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, placed
+from scenegen.pictures.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, outline
 
 EM = 0.62  # width of a character in a sans-serif font such as DejaVu Sans, relative to the font size
 LINE_POINT_GAP = 3.0  # pixels between the points that represent a line
@@ -122,8 +122,8 @@ class _Panel:
 
     def __init__(self, view: FigureScene, width: int) -> None:
         self.view, self.width = view, width
-        self.left, right = _shown(view.x, [end for thing in view.things for end in _extent(thing, 0)])
-        low, self.top = _shown(view.y, [end for thing in view.things for end in _extent(thing, 1)])
+        self.left, right = _drawn_interval(view.x, [end for thing in view.things for end in _extent(thing, 0)])
+        low, self.top = _drawn_interval(view.y, [end for thing in view.things for end in _extent(thing, 1)])
         self.scale = (width - 2 * MARGIN) / (right - self.left)
         self.bottom = MARGIN + (self.top - low) * self.scale
         self.floor = self.bottom
@@ -147,13 +147,13 @@ class _Panel:
             edge = EDGES[colors[id(thing)]]
             out += self._outline(thing, thing.tint or TINTS[colors[id(thing)]], edge, "")
             for part in thing.inside:
-                points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.at, placed(part, thing.pose)))
+                points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.at, outline(part, thing.pose)))
                 out.append(f'<polygon points="{points}" fill="none" stroke="{edge}" stroke-width="0.6"/>')
             out += self._heading(thing, edge)
             self.labels.avoid(self._box(thing), 0.1)
         for mark in view.marks:
             out += self._mark(mark)
-        out = [opening, *self._clipped(out, shift)]
+        out = [opening, *self._clip(out, shift)]
         for mark in view.marks:
             out += self._measure(mark)
         for thing in (*objects, *(thing for thing in view.things if thing.zone)):
@@ -163,7 +163,7 @@ class _Panel:
             out.append(self._caption(line, place, view.good if last else None))
         return [*out, "</g>"]
 
-    def _clipped(self, drawn: list[str], shift: int) -> list[str]:
+    def _clip(self, drawn: list[str], shift: int) -> list[str]:
         """The drawing, clipped at the frame if it extends over it: captions and other views are outside."""
         frame = self.labels.frame
         boxes = [self._box(thing) for thing in self.view.things]
@@ -208,7 +208,7 @@ class _Panel:
         if isinstance(thing.footprint, Circle):
             x, y = self.at(thing.pose[:2])
             return [f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(thing.footprint.radius * self.scale)}" {style}/>']
-        points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.at, placed(thing.footprint, thing.pose)))
+        points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.at, outline(thing.footprint, thing.pose)))
         return [f'<polygon points="{points}" {style}/>']
 
     def _heading(self, thing: FigureObject, edge: str) -> list[str]:
@@ -238,7 +238,7 @@ class _Panel:
             case Dimension(start, end):
                 a, b = self.at(start), self.at(end)
                 self.labels.line(a, b)
-                nx, ny = _across(a, b)
+                nx, ny = _normal(a, b)
                 bars = "".join(
                     f"M{_n(x - 4 * nx)} {_n(y - 4 * ny)}L{_n(x + 4 * nx)} {_n(y + 4 * ny)}" for x, y in (a, b)
                 )
@@ -273,7 +273,7 @@ class _Panel:
         places = []
         if isinstance(mark, Dimension):
             a, b = self.at(mark.start), self.at(mark.end)
-            nx, ny = _across(a, b)
+            nx, ny = _normal(a, b)
             away = 4.0 + abs(nx) * width / 2 + abs(ny) * SMALL / 2
             for share in (0.5, 0.3, 0.7, 0.1, 0.9):
                 x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
@@ -314,11 +314,11 @@ def _extent(thing: FigureObject, axis: int) -> tuple[float, float]:
     """The interval that an object covers along an axis, in metres."""
     if isinstance(thing.footprint, Circle):
         return thing.pose[axis] - thing.footprint.radius, thing.pose[axis] + thing.footprint.radius
-    ends = [corner[axis] for corner in placed(thing.footprint, thing.pose)]
+    ends = [corner[axis] for corner in outline(thing.footprint, thing.pose)]
     return min(ends), max(ends)
 
 
-def _shown(workspace: tuple[float, float], ends: Sequence[float]) -> tuple[float, float]:
+def _drawn_interval(workspace: tuple[float, float], ends: Sequence[float]) -> tuple[float, float]:
     """The drawn interval along an axis: the workspace, and parts of objects that extend beyond the margin, up to a
     quarter of the workspace on either side."""
     low, high = workspace
@@ -342,7 +342,7 @@ def _front(footprint: Footprint) -> float:
             return max(x for x, _ in vertices)
 
 
-def _across(a: Point, b: Point) -> Point:
+def _normal(a: Point, b: Point) -> Point:
     """The unit vector perpendicular to a line in pixels; upwards if it has no length."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     length = math.hypot(dx, dy)

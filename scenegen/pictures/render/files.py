@@ -74,7 +74,7 @@ def encode(shot: RenderedView, options: PictureOptions, ids: int) -> Sequence[by
     arrays: dict[str, Any] = {}
     if options.depth:
         ticks = np.clip(np.rint(shot.depth / DEPTH_UNIT), 0, 65535).astype(np.uint16)
-        files.append(_saved(Images.fromarray(ticks)))
+        files.append(_png_bytes(Images.fromarray(ticks)))
         arrays["depth"] = shot.depth
     if options.masks:
         files.append(_mask(shot, ids))
@@ -88,20 +88,20 @@ def encode(shot: RenderedView, options: PictureOptions, ids: int) -> Sequence[by
 
 def png(picture: Picture) -> bytes:
     """(height, width, 3 or 4) as a PNG file."""
-    return _saved(Images.fromarray(picture))
+    return _png_bytes(Images.fromarray(picture))
 
 
 def _mask(shot: RenderedView, ids: int) -> bytes:
     """The numbers themselves; up to 256 of them as an indexed picture, so that people can distinguish them too."""
     if ids > 256:
-        return _saved(Images.fromarray(shot.mask))
+        return _png_bytes(Images.fromarray(shot.mask))
     image = Images.fromarray(shot.mask.astype(np.uint8))
     colors = [(0.0, 0.0, 0.0), (0.3, 0.3, 0.3), *(PALETTE[k % len(PALETTE)] for k in range(254))]
     image.putpalette([round(255 * channel) for color in colors for channel in color])
-    return _saved(image)
+    return _png_bytes(image)
 
 
-def _saved(image: Images.Image) -> bytes:
+def _png_bytes(image: Images.Image) -> bytes:
     out = io.BytesIO()
     image.save(out, format="PNG", compress_level=5)
     return out.getvalue()

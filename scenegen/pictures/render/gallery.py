@@ -39,7 +39,7 @@ def gallery(names: Sequence[str], size: tuple[int, int], workers: int | None = N
         groups.setdefault((side, rise), []).append(name)
     found: dict[str, bytes] = {}
     for (side, _), group in groups.items():
-        found |= _drawn(group, side, size, workers)
+        found |= _draw_group(group, side, size, workers)
     return {name: found[name] for name in names}
 
 
@@ -63,10 +63,10 @@ def _room(asset: Asset, side: float) -> float:
     return max(asset.height - (side - _extent(asset)[1]) / 2.0 * slope, 0.0)
 
 
-def _drawn(names: Sequence[str], side: float, size: tuple[int, int], workers: int | None) -> dict[str, bytes]:
+def _draw_group(names: Sequence[str], side: float, size: tuple[int, int], workers: int | None) -> dict[str, bytes]:
     half = 0.5 * side
     edge = half + TABLE_MARGIN * side
-    things = tuple(PictureObject(_shown(name), ASSETS[name].color) for name in names)
+    things = tuple(PictureObject(_asset_shape(name), ASSETS[name].color) for name in names)
     tallest = max(_room(ASSETS[name], side) for name in names)
     stage = PictureSetup((-half, -half, half, half), (-edge, -edge, edge, edge), tallest, things)
     poses = np.tile(np.array([OUT_OF_VIEW, OUT_OF_VIEW, 0.0]), (len(names), len(names), 1))
@@ -76,7 +76,7 @@ def _drawn(names: Sequence[str], side: float, size: tuple[int, int], workers: in
         return {name: files[ASSET_VIEW, ".png"] for name, files in zip(names, scenes, strict=True)}
 
 
-def _shown(name: str) -> Shape:
+def _asset_shape(name: str) -> Shape:
     """An asset as the picture shows it: of a cabinet, a drawer is a little open."""
     return cabinet_shape((0.0, 0.0, 0.4)) if name == "cabinet" else shape_of(name)
 

@@ -83,10 +83,10 @@ def _inside(footprint: Footprint, x: Floats, y: Floats) -> Floats:
         case _:
             corners = footprint.vertices
             edges = zip(corners, (*corners[1:], corners[0]), strict=True)
-            return reduce(np.minimum, (_left(a, b, x, y) for a, b in edges))
+            return reduce(np.minimum, (_line_distance(a, b, x, y) for a, b in edges))
 
 
-def _left(a: tuple[float, float], b: tuple[float, float], x: Floats, y: Floats) -> Floats:
+def _line_distance(a: tuple[float, float], b: tuple[float, float], x: Floats, y: Floats) -> Floats:
     """Distance from the line through a and b, positive on the left of the way from a to b."""
     (ax, ay), (bx, by) = a, b
     return np.asarray(((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / math.hypot(bx - ax, by - ay))
@@ -231,7 +231,7 @@ class Ambient:
         for reach, _ in SKY_SCALES:
             around = np.minimum(heights, np.float32(STEEPEST * reach))
             for axis in (0, 1, 0, 1):
-                around = _blurred(around, max(1, round(reach / self._texel[axis] / 2.0)), axis)
+                around = _box_blur(around, max(1, round(reach / self._texel[axis] / 2.0)), axis)
             blurred.append(around.ravel())
         return blurred
 
@@ -248,7 +248,7 @@ class Ambient:
         return hidden
 
 
-def _blurred(image: Image, half: int, axis: int) -> Image:
+def _box_blur(image: Image, half: int, axis: int) -> Image:
     """The mean of 2 half + 1 pixels along an axis; beyond the edges there is nothing."""
     size = image.shape[axis]
     room = [(half + 1, half) if k == axis else (0, 0) for k in (0, 1)]
@@ -347,7 +347,7 @@ class Lighting:
         self.mask = np.where(bare[every], GROUND_ID, TABLE_ID).astype(np.uint16)
         self.ambient = Ambient(stage, origin[every], direction[every])
 
-        hidden = self._hidden(self._heights(light_buffer), self.depth.ravel(), slice(None), True)
+        hidden = self._blocked_share(self._heights(light_buffer), self.depth.ravel(), slice(None), True)
         ground = bare[every].ravel()
         walls = ground & around.walls[every].ravel()  # too far away for shadows
         under = np.where(ground & ~walls, FAINT * hidden, 0.0).astype(np.float32)
@@ -379,20 +379,20 @@ class Lighting:
         heights = self._heights(light_buffer)
         every = slice(None)
         behind = _shrink(np.where(things[..., None], np.uint8(0), self.backdrop), self.factor)
-        shadow = self._hidden(heights, self.depth.ravel(), every, True) * self.reach
+        shadow = self._blocked_share(heights, self.depth.ravel(), every, True) * self.reach
         sky = self.ambient.hidden(around, self.depth.ravel(), every) * self.sky
         lit = behind * _dim(shadow, sky).reshape(behind.shape)
         depth = self.camera.depth(nearest)
-        shadow = self._hidden(heights, depth, front, False)
+        shadow = self._blocked_share(heights, depth, front, False)
         sky = self.ambient.hidden(around, depth, front) * np.float32(ON_THINGS)
         ahead = _shrink(np.where(things[..., None], colors, np.uint8(0)), self.factor)
         lit.reshape(-1, 3)[front] += ahead.reshape(-1, 3)[front] * _dim(shadow, sky)
         here = things[self.every]
         middle = np.where(here, self.camera.depth(buffer[self.every]), self.depth)
         mask = np.where(here, seen[self.every], self.mask).astype(np.uint16)
-        return RenderedView(self._finished(lit, things), middle.astype(np.float32), mask)
+        return RenderedView(self._to_bytes(lit, things), middle.astype(np.float32), mask)
 
-    def _finished(self, lit: Image, things: npt.NDArray[np.bool_]) -> Picture:
+    def _to_bytes(self, lit: Image, things: npt.NDArray[np.bool_]) -> Picture:
         """Bytes, with an alpha channel if the ground is left out; its colours were mixed with black."""
         if not self.transparent:
             return np.asarray(np.clip(lit + 0.5, 0.0, 255.0), dtype=np.uint8)
@@ -406,7 +406,7 @@ class Lighting:
         eye = np.float32(-self.light.view[2, 3])
         return np.pad(eye - self.light.depth(light_buffer), PAD, constant_values=np.float32(-1e9))
 
-    def _hidden(self, heights: Image, depth: Image, where: Rows, level: bool) -> Image:
+    def _blocked_share(self, heights: Image, depth: Image, where: Rows, level: bool) -> Image:
         """(P,): the share of the blur disc that is hidden from the light, 0 to 1, at depths (P,) of the pixels `where`;
         `level` says that these are of the table or the ground."""
         stride = heights.shape[1]

@@ -31,7 +31,7 @@ from scenegen.things import PLAIN
 from scenegen.things.bodies import parts_of
 from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.library import RGB
-from scenegen.things.mesh import Mesh, box, plain, shaded
+from scenegen.things.mesh import Mesh, box, plain, shade_mesh
 from scenegen.things.outline import Floats
 from scenegen.things.palette import mix
 
@@ -244,7 +244,7 @@ class _Studio:
 
     def _form(self, mesh: Mesh, uv: Floats | None) -> dict[str, Any]:
         """A mesh as pybullet takes it; the card's renderer does not support meshes in memory."""
-        vertices, normals, indices = shaded(mesh)
+        vertices, normals, indices = shade_mesh(mesh)
         if self._folder is None:
             form = {"vertices": vertices.tolist(), "normals": normals.tolist(), "indices": indices.tolist()}
             return form if uv is None else form | {"uvs": uv.tolist()}

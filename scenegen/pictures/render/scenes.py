@@ -78,7 +78,7 @@ def cameras_json(file: SceneFile, stage: PictureSetup, options: PictureOptions, 
     return (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def recorded(looks: Sequence[Look], seed: int, stage: PictureSetup, options: PictureOptions) -> bytes:
+def looks_record(looks: Sequence[Look], seed: int, stage: PictureSetup, options: PictureOptions) -> bytes:
     """`looks.jsonl`: each scene's pictures and look, with the camera of the view "look" if that is drawn."""
     names = [f"{scene_name(number, len(looks))}_" for number in range(1, len(looks) + 1)]
     files = [("pictures", [f"{name}{view}.png" for view in options.views]) for name in names]
@@ -221,7 +221,7 @@ def render_scenes(
         put(SHEET, contact_sheet(file, thumbnails, planned=rest is None))
         put(CAMERAS, cameras_json(file, stage, options, drawn or ()))
         if drawn is not None:
-            put(LOOKS_FILE, recorded(drawn, seed, stage, options))
+            put(LOOKS_FILE, looks_record(drawn, seed, stage, options))
     paths, more = (tuple(out / name for name in some) for some in (names, beside))
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
 

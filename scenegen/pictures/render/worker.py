@@ -46,14 +46,14 @@ def write_names(color: Picture, stage: PictureSetup, camera: Camera, places: Flo
         top = (x, y, z + thing.shape.height)
         reach = max(thing.shape.footprint.extent) / 2.0
         at, beyond = camera.project([top, (x, y + reach, top[2])])
-        if not _seen([at, beyond], camera.size):
+        if not _is_inside([at, beyond], camera.size):
             continue
         spot = float(at[0]), float(min(at[1], beyond[1])) - 0.25 * size
         draw.text(spot, thing.label, INK, font, anchor="ms", stroke_width=max(1, size // 6), stroke_fill=PAPER)
     return np.asarray(image)
 
 
-def _seen(points: Sequence[Floats], size: tuple[int, int]) -> bool:
+def _is_inside(points: Sequence[Floats], size: tuple[int, int]) -> bool:
     return all(bool((point >= 0.0).all() and (point < size).all()) for point in points)
 
 

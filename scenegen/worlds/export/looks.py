@@ -124,9 +124,9 @@ class SceneLooks:
     def textures(self) -> Iterator[tuple[str, bytes]]:
         """The files of the textures that scenes were given: name, PNG."""
         for name, file in self._names.items():
-            yield file, _encoded(image_of(name, self._files))
+            yield file, _png_bytes(image_of(name, self._files))
         for table, file in self._wooden.items():
-            yield file, _encoded(_wood(self._stage, table))
+            yield file, _png_bytes(_wood(self._stage, table))
 
     def record(self, files: Sequence[str]) -> bytes:
         """`looks.jsonl` for scenes in these files."""
@@ -155,7 +155,7 @@ def _file_names(textures: Sequence[str]) -> dict[str, str]:
     return names
 
 
-def _encoded(image: Pixels) -> bytes:
+def _png_bytes(image: Pixels) -> bytes:
     from PIL import Image
 
     out = io.BytesIO()

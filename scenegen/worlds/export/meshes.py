@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 
-from scenegen.things.mesh import Mesh, shaded
+from scenegen.things.mesh import Mesh, shade_mesh
 from scenegen.things.outline import Floats
 from scenegen.worlds.export.xml import short
 
@@ -17,7 +17,7 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 def drawn_obj(mesh: Mesh, places: Floats | None = None) -> bytes:
     """One mesh with a normal at every corner: round objects look round, edges stay sharp. With `places` (V, 2), those
     of its vertices in a picture."""
-    vertices, normals, _ = shaded(mesh)
+    vertices, normals, _ = shade_mesh(mesh)
     columns = {"v": vertices, "vt": None if places is None else places[mesh.faces.ravel()], "vn": normals.round(6)}
     lines, numbers = [OBJ_HEADER], []
     for name, rows in columns.items():

@@ -19,7 +19,7 @@ from scenegen.things.library import RGB
 from scenegen.things.outline import Floats
 from scenegen.worlds.export.meshes import drawn_obj, plain_obj, stl
 from scenegen.worlds.export.world import TALL, WOODEN, Body, BodyForm, ConvexPiece, World, piece_of
-from scenegen.worlds.export.xml import Element, document, gathered, node, numbers, short
+from scenegen.worlds.export.xml import Element, document, join_documents, node, numbers, short
 
 Hulls = Literal["obj", "stl"]
 
@@ -47,7 +47,7 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     there."""
     root = ElementTree.Element("sdf", version=SDF_VERSION)
     if together:
-        yield gathered(root, _worlds(world, folder))
+        yield join_documents(root, _worlds(world, folder))
         return
     for element in _worlds(world, folder):
         root[:] = [element]

@@ -23,7 +23,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 
 from scenegen.things.library import RGB
-from scenegen.things.mesh import Mesh, shaded
+from scenegen.things.mesh import Mesh, shade_mesh
 from scenegen.things.outline import Floats, Indices
 from scenegen.worlds.export.looks import SceneLook, TexturedColor, Wall
 from scenegen.worlds.export.world import TALL, TEXTURES, WOODEN, Body, BodyForm, Quaternion, World, principal
@@ -456,7 +456,7 @@ def body_file(body: Body) -> bytes:
     stage.xform(f"{root}/visuals")
     for number, (mesh, color) in enumerate(zip(body.form.parts, body.colors, strict=True), start=1):
         path, name = part(root, number)
-        stage.mesh(path, mesh, shaded(mesh)[1])
+        stage.mesh(path, mesh, shade_mesh(mesh)[1])
         material(stage, root, name, color)
         cover(stage, root, path, name, color)
         paint = body.form.paints.get(number)
@@ -563,7 +563,7 @@ class UsdScenes:
         for number, patch in enumerate(self.world.patches, start=1):
             name, mesh = f"region_{number}", patch.mesh()
             region = f"{path}/{name}"
-            stage.mesh(region, mesh, shaded(mesh)[1])
+            stage.mesh(region, mesh, shade_mesh(mesh)[1])
             material(stage, path, name, patch.color)
             cover(stage, path, region, name, patch.color)
             if patch.solid:

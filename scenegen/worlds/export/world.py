@@ -31,7 +31,7 @@ from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.library import RGB
 from scenegen.things.mesh import Mesh, prism
 from scenegen.things.outline import Floats, corners_of
-from scenegen.things.palette import LINEN, colors_of, of_regions, rgb_of
+from scenegen.things.palette import LINEN, object_colors, parse_rgb, region_colors
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export.xml import check_names, printable
 
@@ -335,7 +335,7 @@ def worlds_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> Iterator[
         yield replace(world, bodies=bodies, numbers=tuple((mine + 1).tolist()))
 
 
-def recorded(world: World, header: SceneFile, scenes: Block, labels: Sequence[str]) -> World:
+def with_record(world: World, header: SceneFile, scenes: Block, labels: Sequence[str]) -> World:
     """A world of `worlds_of` with what the file says of its scenes; `labels` are those of the block's phi."""
     mine = np.array(world.scenes) - 1
     phi = dict(zip(labels, scenes.phi[:, mine], strict=True))
@@ -382,8 +382,8 @@ def bodies_of(
 ) -> tuple[Body, ...]:
     """The bodies of objects; those named in `fixed` cannot be moved, and those in `own` are drawn as their skins or,
     without these, as their convex pieces. Raises DataError for one without a volume."""
-    usual = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
-    colors = [rgb_of(shape.color) if shape.color else one for shape, one in zip(shapes, usual, strict=True)]
+    usual = object_colors([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
+    colors = [parse_rgb(shape.color) if shape.color else one for shape, one in zip(shapes, usual, strict=True)]
     shapes = [replace(shape, color="") for shape in shapes]  # those of one size share a mesh, whatever their colours
     forms = _forms(names, shapes, own)
     return tuple(
@@ -460,7 +460,7 @@ def _corners(footprint: Footprint, pose: tuple[float, float, float]) -> list[tup
 def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ...]:
     """The regions as sheets, clipped at the table."""
     patches: list[Patch] = []
-    for region, color in zip(regions, of_regions([region.name for region in regions]), strict=True):
+    for region, color in zip(regions, region_colors([region.name for region in regions]), strict=True):
         pose = (region.pose.x, region.pose.y, region.pose.theta)
         lying = clipped(_corners(footprint_of(region.footprint), pose), table)
         if len(lying) >= 3 and signed_area(lying) > MIN_SHEET_AREA:

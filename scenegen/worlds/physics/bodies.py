@@ -169,7 +169,7 @@ class Contact:
     depth: float
 
 
-def gathered(points: Iterable[tuple[int, int, float]]) -> tuple[Contact, ...]:
+def contacts(points: Iterable[tuple[int, int, float]]) -> tuple[Contact, ...]:
     """The contacts of some points (a, b, clear distance), in the order of their objects; one for each pair, as deep as
     its deepest point."""
     nearest: dict[tuple[int, int], float] = {}
@@ -183,6 +183,6 @@ MAX_DROP_SHIFT = 0.01  # metres, of the centre of mass
 MAX_DROP_TURN = 5.0  # degrees, about any axis
 
 
-def within(shift: Floats, turn: Floats) -> npt.NDArray[np.bool_]:
+def is_still(shift: Floats, turn: Floats) -> npt.NDArray[np.bool_]:
     """Which motions, in metres and degrees, are within both limits; NaN never is."""
     return np.asarray((shift <= MAX_DROP_SHIFT) & (turn <= MAX_DROP_TURN))

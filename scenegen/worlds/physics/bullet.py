@@ -21,7 +21,7 @@ from scenegen.errors.program import NOT_CONNECTED
 from scenegen.things.urdf import URDF_ENDING
 from scenegen.worlds.export import sdf
 from scenegen.worlds.export.world import World
-from scenegen.worlds.physics.bodies import BULLET_STEP, TABLE, Brick, Contact, InertialBody, Triple, gathered, within
+from scenegen.worlds.physics.bodies import BULLET_STEP, TABLE, Brick, Contact, InertialBody, Triple, contacts, is_still
 
 Floats = npt.NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class PybulletWorld:
             pybullet.stepSimulation(physicsClientId=self._client)
             now = [self._where(number) for number in numbers]
             moved = np.maximum(moved, [_motion(a, b) for a, b in zip(before, now, strict=True)])
-            if not within(*moved.T).all():
+            if not is_still(*moved.T).all():
                 break
         return moved
 
@@ -203,7 +203,7 @@ class PybulletWorld:
         for point in pybullet.getContactPoints(physicsClientId=client):
             rounded = HULL_MARGIN if self._plane in point[1:3] else 2.0 * HULL_MARGIN
             points.append((which.get(point[1], TABLE), which.get(point[2], TABLE), point[8] + rounded))
-        return gathered(points)
+        return contacts(points)
 
     def _where(self, number: int) -> Where:
         found: Where = pybullet.getBasePositionAndOrientation(number, physicsClientId=self._client)

@@ -49,7 +49,7 @@ class SettledScenes:
     y and the heading of the nearest upright attitude. `contacts` are by scene the pairs of objects that touched before,
     None for the table, and how deep they were in each other, in metres. NaN where a simulation diverged, and for
     objects that are not there. `header` says the rest. `on` (n, M) is the surface that each object of
-    `header.surfaces` stood on in the plan, counted from 1.
+    `header.surfaces` stood on in the plan, count_blocks from 1.
     """
 
     poses: Array
@@ -140,7 +140,7 @@ class Summary:
         return f"{text}; in {self.far:,} an object moved too far: {shown}{more}"
 
 
-Told = Callable[[int, int | None], None]  # scenes simulated so far, and of how many, if that is known
+SettleProgress = Callable[[int, int | None], None]  # scenes simulated so far, and of how many, if that is known
 
 SETTLE_SECONDS = 2.0
 MAX_SHIFT = 0.002  # metres
@@ -156,7 +156,7 @@ def settle(
     max_turn: float = MAX_TURN,
     meshes: str | Path | None = None,
     workers: int | None = None,
-    progress: Told | None = None,
+    progress: SettleProgress | None = None,
 ) -> SettledScenes:
     """Simulate every scene for some seconds, in "mujoco" or "pybullet": where its objects come to rest, how far that is
     from the plan, and phi there. Scenes in which an object moves more than `max_shift` metres or turns by more than
@@ -177,7 +177,7 @@ def settle(
     scenes.refuse_rest("settle")
     header = _header(scenes.header, simulator, seconds, max_shift, max_turn)
     found: list[SettledBlock] = []
-    for block in _blocks(scenes.header, header, scenes.blocks(), _own(scenes.header, meshes), workers):
+    for block in _blocks(scenes.header, header, scenes.blocks(), _own_bodies(scenes.header, meshes), workers):
         found.append(block)
         if progress is not None:
             progress(sum(one.count for one in found), len(scenes))
@@ -204,7 +204,7 @@ def settle_file(
     max_turn: float = MAX_TURN,
     meshes: str | Path | None = None,
     workers: int | None = None,
-    progress: Told | None = None,
+    progress: SettleProgress | None = None,
     spec: Spec | None = None,
 ) -> Summary:
     """The same from a scene file to a file of settled scenes, with a few scenes in memory at a time; `spec` is that of
@@ -215,10 +215,10 @@ def settle_file(
     check_simulator(simulator)
     reading = reading_of(source, spec)
     header = _header(reading.header, simulator, seconds, max_shift, max_turn)
-    own = _own(reading.header, meshes)
+    own = _own_bodies(reading.header, meshes)
     summary = Summary(header)
 
-    def counted() -> Iterator[SettledBlock]:
+    def count_blocks() -> Iterator[SettledBlock]:
         for block in _blocks(reading.header, header, reading.blocks, own, workers):
             summary.add(block)
             if progress is not None:
@@ -227,11 +227,11 @@ def settle_file(
         if not summary.scenes:
             raise RequestError(NO_SCENES())
 
-    write_settled(out, header, counted())
+    write_settled(out, header, count_blocks())
     return summary
 
 
-def _own(scenes: SceneFile, meshes: str | Path | None) -> Own:
+def _own_bodies(scenes: SceneFile, meshes: str | Path | None) -> Own:
     if meshes is None:
         return NOTHING
     from scenegen.worlds.own_body import own_bodies_of
@@ -294,10 +294,10 @@ def _same_objects(
     simulator = header.simulator
     with resting(bare, simulator.name, simulator.seconds, workers) as rest, closing(rest(rounds())) as rested:
         for one in rested:
-            yield _judged(spec, scenes, header, bare, one, *waiting.popleft())
+            yield _settled_block(spec, scenes, header, bare, one, *waiting.popleft())
 
 
-def _judged(
+def _settled_block(
     spec: CheckedSpec,
     scenes: SceneFile,
     header: SettledHeader,

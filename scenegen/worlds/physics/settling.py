@@ -34,7 +34,7 @@ from scenegen.things import Shape
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export import sdf
 from scenegen.worlds.export.world import Patch, boards_of, bodies_of
-from scenegen.worlds.physics.bodies import PRISM_FRICTION, board_of, piece_files, prism_of, whole_of, within
+from scenegen.worlds.physics.bodies import PRISM_FRICTION, board_of, is_still, piece_files, prism_of, whole_of
 from scenegen.worlds.physics.simulation import ROUND_SCENES, DropJob, PybulletSetup
 
 Floats = npt.NDArray[np.float64]
@@ -56,7 +56,7 @@ class Displacements:
     @property
     def moved(self) -> Mask:
         """(scenes, objects): which objects moved too far; NaN, from an unstable simulation, counts as well."""
-        return np.asarray(~within(self.shift, self.turn))
+        return np.asarray(~is_still(self.shift, self.turn))
 
     @property
     def kept(self) -> Mask:

@@ -31,7 +31,7 @@ from scenegen.worlds.physics.bodies import (
     Contact,
     InertialBody,
     board_of,
-    gathered,
+    contacts,
     piece_files,
     whole_of,
 )
@@ -116,7 +116,7 @@ class MujocoWorld:
         model.body_margin[:] = 0.0
         pairs = model.geom_bodyid[data.contact.geom].reshape(-1, 2) - 1  # the table is body 0
         assert TABLE == -1
-        return gathered(
+        return contacts(
             (int(a), int(b), float(apart)) for (a, b), apart in zip(pairs, data.contact.dist.ravel(), strict=True)
         )
 

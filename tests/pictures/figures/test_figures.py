@@ -34,7 +34,7 @@ from scenegen.pictures.figures.dimensions import (
     room_segment,
     short,
 )
-from scenegen.pictures.figures.sheet import asked, contact_sheet, thumbnail_size
+from scenegen.pictures.figures.sheet import contact_sheet, describe_ranges, thumbnail_size
 from scenegen.pictures.figures.strip import EDGE, FOOT, GAP, LAST_MS, PAGE_MS, animation, strip, video
 from scenegen.pictures.figures.topview import Labels, Rect, topview
 from scenegen.pictures.render.gallery import gallery, library_sheet, measures
@@ -181,9 +181,9 @@ def drawn(file, count, size=(80, 60)):
 
 
 def test_ranges_in_words():
-    assert asked({"task": (0.05, 0.2), "safe": (0.0, None)}) == "task 0.05..0.2, safe >= 0"
-    assert asked({"a": (None, 1.5), "b": (None, None)}) == "a <= 1.5, b any"
-    assert asked({}) == "nothing in particular"
+    assert describe_ranges({"task": (0.05, 0.2), "safe": (0.0, None)}) == "task 0.05..0.2, safe >= 0"
+    assert describe_ranges({"a": (None, 1.5), "b": (None, None)}) == "a <= 1.5, b any"
+    assert describe_ranges({}) == "nothing in particular"
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 16, 64])

@@ -27,7 +27,7 @@ from scenegen.scenes.blocks import Block
 from scenegen.search.effort import StoppedError
 from scenegen.things import Shape, shape_of
 from scenegen.things.surfaces import base_heights
-from scenegen.worlds.physics.bodies import within
+from scenegen.worlds.physics.bodies import is_still
 from scenegen.worlds.physics.settling import Displacements, Refusals, Settler, Settling
 from tests.worlds.physics.drops import settle_scenes
 
@@ -163,7 +163,7 @@ def test_one_worker_or_more_alone_or_together_in_any_order_the_same_bits(random)
 def test_limits_hold_at_their_ends_and_never_for_nan():
     shift = np.array([0.01, 0.0100001, 0.0, np.nan, 0.0])
     turn = np.array([5.0, 0.0, 5.0001, 0.0, np.nan])
-    assert within(shift, turn).tolist() == [True, False, False, False, False]
+    assert is_still(shift, turn).tolist() == [True, False, False, False, False]
 
 
 def test_no_scenes_are_no_work():

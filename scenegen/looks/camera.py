@@ -60,11 +60,11 @@ class Camera:
         """(3,): where the camera is."""
         return np.asarray(-np.linalg.solve(self.view[:3, :3], self.view[:3, 3]))
 
-    def resized(self, size: tuple[int, int]) -> Camera:
+    def with_size(self, size: tuple[int, int]) -> Camera:
         """The same view with another number of pixels."""
         return Camera(self.view, self.projection, size)
 
-    def centred(self) -> Camera:
+    def centre_pixels(self) -> Camera:
         """The camera whose pixels, sampled at their lower left corners, equal this camera's pixels sampled at their
         centres."""
         shift = np.eye(4)

@@ -115,7 +115,7 @@ class Look:
         angles = self.camera_azimuth, self.camera_elevation, self.camera_fov
         return at_angles(points, size, *angles, distance=self.camera_distance, roll=self.camera_roll)
 
-    def moved(self, x: float, y: float) -> Look:
+    def shift(self, x: float, y: float) -> Look:
         """The look in a frame whose origin is at (x, y)."""
 
         def there(point: Point | None) -> Point | None:
@@ -174,26 +174,26 @@ class LookDistribution:
     tints: dict[str, Draw] = field(default_factory=dict)
     files: Mapping[str, bytes] = field(default_factory=dict)
 
-    def at(self, seed: int, index: int, names: Sequence[str] = ()) -> Look:
+    def draw_look(self, seed: int, index: int, names: Sequence[str] = ()) -> Look:
         """The look of scene `index` of a file, whose objects are `names`. Each field has random numbers of its own, so
         that another distribution of one leaves the others as they are."""
 
-        def drawn(name: str, draw: Draw) -> Any:
+        def draw_value(name: str, draw: Draw) -> Any:
             return draw(np.random.default_rng([seed, index, zlib.crc32(name.encode())]))
 
-        values = {name: drawn(name, draw) for name, draw in self.draws.items()}
+        values = {name: draw_value(name, draw) for name, draw in self.draws.items()}
         for part, usual in USUAL_COLORS.items():
             if values[f"{part}_color"] is None:
                 values[f"{part}_color"] = WHITE if values[f"{part}_texture"] in self.files else usual
         tints = tuple(
-            Tint(name, **{key: drawn(f"objects_{key} {name}", draw) for key, draw in self.tints.items()})
+            Tint(name, **{key: draw_value(f"objects_{key} {name}", draw) for key, draw in self.tints.items()})
             for name in (names if self.tints else ())
         )
         return Look(**values, tints=tints)
 
-    def drawn(self, seed: int, count: int, names: Sequence[str] = ()) -> list[Look]:
+    def draw_looks(self, seed: int, count: int, names: Sequence[str] = ()) -> list[Look]:
         """The looks of `count` scenes."""
-        return [self.at(seed, index, names) for index in range(count)]
+        return [self.draw_look(seed, index, names) for index in range(count)]
 
 
 LOOKS_FILE = "looks.jsonl"

@@ -94,7 +94,7 @@ class PictureSetup:
         top = [(x, y, self.height) for x in (u0, u1) for y in (v0, v1)]
         return np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (-self.thickness, 0.0)] + top)
 
-    def near(self) -> tuple[PictureSetup, tuple[float, float]]:
+    def near_origin(self) -> tuple[PictureSetup, tuple[float, float]]:
         """The stage as it is drawn, and where in the world its origin is: (0, 0), but for a workspace so far out that
         the renderer's single precision would show. That one is moved to begin at the origin."""
         x, y = self.workspace[:2]

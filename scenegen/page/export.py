@@ -75,7 +75,7 @@ def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str 
     return len(page)
 
 
-SetT = TypeVar("T", SceneSet, MotionSet)
+SetT = TypeVar("SetT", SceneSet, MotionSet)
 Phi = dict[str, tuple[float | None, float | None]]
 
 

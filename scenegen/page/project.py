@@ -119,7 +119,7 @@ class Folder:
         open stays there. None where there is nothing."""
         return next((one for one in _drafts(self._draft_key(name)) if one["tab"] not in open_tabs), None)
 
-    def lost(self, open_tabs: Collection[str]) -> list[str]:
+    def lost_drafts(self, open_tabs: Collection[str]) -> list[str]:
         """The names of drafts of closed tabs that belong to no file of the folder."""
         kept = [one for one in _drafts() if one["tab"] not in open_tabs and one.get("root") == str(self.root)]
         return sorted({str(one["name"]) for one in kept if not (self.root / str(one["name"])).is_file()})

@@ -110,7 +110,7 @@ def vocabulary(members: Sequence[GroundedFacts]) -> DomainNames:
         key = _key(fact)
         if key not in predicates:
             predicates[key] = names.give(fact.predicate)
-            comments[key] = "the label" if fact.said == fact.predicate else explained.get(fact.predicate, "")
+            comments[key] = "the label" if fact.description == fact.predicate else explained.get(fact.predicate, "")
         kinds = tuple("thing" if one in objects else "region" for one in fact.arguments)
         known = arguments.get(key, kinds)
         arguments[key] = tuple(one if one == other else "object" for one, other in zip(kinds, known, strict=True))
@@ -324,7 +324,7 @@ def _formula(reading: CompiledProblem, found: PredicateFormula, names: tuple[str
     if refs[1].kind != "thing":
         return resting_formula(refs[0].argument, refs[1])
     owner = refs[1].owner
-    off = setting.off(names[0], owner, inside=found.holds == "in") if owner != names[0] else None
+    off = setting.height_error(names[0], owner, inside=found.holds == "in") if owner != names[0] else None
     return "" if off is None else carried_formula(found, refs[0].argument, refs[1].argument, off)
 
 
@@ -394,7 +394,7 @@ class Originals:
         self._words = _ProblemText(self) if not self.plain else None
 
     @property
-    def undecided(self) -> tuple[str, ...]:
+    def undecided_parts(self) -> tuple[str, ...]:
         """Parts of the goal without geometry."""
         known = {(one.predicate.lower(), one.arguments) for one in self.grounded.facts}
         facts = [one for one in self._goal_facts if (one[0].lower(), one[1]) not in known]
@@ -407,7 +407,7 @@ class Originals:
 
     def texts(self, rows: npt.NDArray[np.float64], comments: Sequence[str]) -> Iterator[str]:
         """The problem of each scene of `rows` (3N, n)."""
-        geometric = [number for number, fact in enumerate(self.grounded.facts) if not fact.said]
+        geometric = [number for number, fact in enumerate(self.grounded.facts) if not fact.description]
         for here, truths in self.grounded.truths(rows):
             for offset, number in enumerate(range(here.start, here.stop)):
                 facts = [self.grounded.facts[one] for one in geometric if truths[one, offset]]
@@ -445,7 +445,7 @@ class _ProblemText:
         names = Names()
         kept = [_call(one) for one in owner.kept]
         self.kept = [one for one in kept if one is not None]
-        calls = [*((one.predicate, one.arguments) for one in owner.grounded.facts if not one.said), *self.kept]
+        calls = [*((one.predicate, one.arguments) for one in owner.grounded.facts if not one.description), *self.kept]
         calls += owner._goal_facts
         more = dict.fromkeys(one for _, arguments in calls for one in arguments if one not in problem.things)
         self.things = {one: names.give(one) for one in (*problem.things, *more)}
@@ -536,8 +536,8 @@ def goal_notes(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
                 long[label] = None
                 continue
             for fact in (one.grounded.facts[number] for number in facts_of(goal)):
-                if fact.said:
-                    parts[fact.predicate] = fact.said
+                if fact.description:
+                    parts[fact.predicate] = fact.description
     if long:
         found.append(PDDL_GOAL(labels=tuple(long), limit=MAX_GOAL_PARTS))
     if parts:
@@ -550,5 +550,5 @@ def goal_notes(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
 
 def undecided_notes(originals: Originals, file: str) -> tuple[Diagnostic, ...]:
     """Notes on scenes in the words of a problem."""
-    names = originals.undecided
+    names = originals.undecided_parts
     return (PDDL_GOAL(facts=names, file=file),) if names else ()

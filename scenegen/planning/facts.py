@@ -264,12 +264,12 @@ MAX_TRUTH_NUMBERS = 1 << 23  # numbers that a look at some scenes may hold
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A predicate with the names of its arguments, as the spec has them. `said` is what a predicate without arguments
-    stands for, where that is a part of a goal."""
+    """A predicate with the names of its arguments, as the spec has them. `description` is what a predicate without
+    arguments stands for, where that is a part of a goal."""
 
     predicate: str
     arguments: tuple[str, ...] = ()
-    said: str = ""
+    description: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,7 +362,7 @@ class _Expansion:
                 self._refuse_unknown(relation)
                 if not self._add_relation(relation) and relation.required and count >= len(relation.kinds):
                     raise RequestError(FACTS_MEAN_NOTHING(name=relation.name, formula=relation.comment))
-        self.labels = {name: self._add(Fact(name, said=name), node, part=False) for name, node in labels.items()}
+        self.labels = {name: self._add(Fact(name, description=name), node, part=False) for name, node in labels.items()}
         for name, node in labels.items():
             if not self.explicit:
                 self._parts = 0
@@ -502,11 +502,11 @@ class _Expansion:
                 parts.append(part)
             return FactJunction("and" if inner.kind == "min" else "or", tuple(parts))
         assert isinstance(inner, Atom)
-        said = self._describe(inner)
-        name = self.parts.setdefault((said, self._described[said]), f"part-{len(self.parts) + 1}")
-        self._described[said] += 1
-        self.comments[name] = said
-        return Literal(self._add(Fact(name, said=said), node))
+        words = self._describe(inner)
+        name = self.parts.setdefault((words, self._described[words]), f"part-{len(self.parts) + 1}")
+        self._described[words] += 1
+        self.comments[name] = words
+        return Literal(self._add(Fact(name, description=words), node))
 
     def _describe(self, atom: Atom) -> str:
         """The text of an atom, with its things where these are not in it: heights are written out as numbers."""

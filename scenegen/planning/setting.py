@@ -358,7 +358,7 @@ class Setting:
 
     def carries(self, upper: str, lower: str, *, inside: bool) -> float:
         """How far the height of `upper` on `lower` may be off, in metres. What cannot carry it becomes solid."""
-        off = self.off(upper, lower, inside=inside)
+        off = self.height_error(upper, lower, inside=inside)
         if off is not None:
             return off
         under = shape_from(self.shapes[lower])
@@ -366,7 +366,7 @@ class Setting:
         self.shapes[lower] = _solid(under)
         return 0.001
 
-    def off(self, upper: str, lower: str, *, inside: bool) -> float | None:
+    def height_error(self, upper: str, lower: str, *, inside: bool) -> float | None:
         """How far the height of `upper` on `lower` may be off, in metres; None where it cannot be carried."""
         over, under = shape_from(self.shapes[upper]), shape_from(self.shapes[lower])
         found = surfaces_of(under, over)

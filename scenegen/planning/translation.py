@@ -126,12 +126,12 @@ class _Compiler:
     setting: Setting
     table: NameMap
     lost: list[str] = field(default_factory=list)
-    told: dict[str, Diagnostic] = field(default_factory=dict)
-    said: list[str] = field(default_factory=list)  # comments of the formula being read
+    unknown: dict[str, Diagnostic] = field(default_factory=dict)
+    comments: list[str] = field(default_factory=list)  # comments of the formula being read
     wanted: list[tuple[str, Referent, str]] = field(default_factory=list)  # mover, carrier, its name
     unwanted: list[tuple[str, str]] = field(default_factory=list)  # a thing, and what it is not to be on
     bodiless: list[str] = field(default_factory=list)  # things of relations that have no body
-    met: dict[str, int] = field(default_factory=dict)  # predicates of the problem, and their arguments
+    arities: dict[str, int] = field(default_factory=dict)  # predicates of the problem, and their arguments
     tried: dict[str, int] = field(default_factory=dict)  # those of them that the map has, and their arguments
     formulas: dict[tuple[str, tuple[str, ...]], str] = field(default_factory=dict)
 
@@ -147,7 +147,7 @@ class _Compiler:
             self.lost.append(line)
         return TranslatedFormula(None, whole=False)
 
-    def known(self, name: str) -> PredicateFormula | None:
+    def predicate_formula(self, name: str) -> PredicateFormula | None:
         mapped = {plain(key): value for key, value in self.table.predicates.items()}
         name = plain(name)
         if name in mapped:
@@ -155,9 +155,9 @@ class _Compiler:
         return (LIBERO_PREDICATES.get(name) if self.problem.regions else None) or COMMON_PREDICATES.get(name)
 
     def atom(self, node: SExprList, names: Sequence[str], wanted: bool) -> TranslatedFormula:
-        self.met[plain(node.head)] = max(len(names), self.met.get(plain(node.head), 0))
+        self.arities[plain(node.head)] = max(len(names), self.arities.get(plain(node.head), 0))
         mapped = self._is_mapped(node.head, len(names))
-        found = self.known(node.head)
+        found = self.predicate_formula(node.head)
         declared = self.problem.domain.predicates.get(node.head)
         arity = declared if declared is not None or found is None else found.arity
         if arity is not None and 0 <= arity != len(names):
@@ -165,7 +165,7 @@ class _Compiler:
         if found is not None and not mapped and not found.takes(len(names)):
             found = None  # the domain's own predicate of that name
         if found is None:
-            self.told.setdefault(node.head, _unknown(node, len(names)))
+            self.unknown.setdefault(node.head, _unknown_predicate(node, len(names)))
         if found is None or (not found.formula and not found.holds):
             return self.lose(node)
         bodiless = [name for name in names if name in self.setting.without]
@@ -175,7 +175,7 @@ class _Compiler:
         refs = [self.setting.resolve(name, part) for name, part in zip(names, node.rest, strict=True)]
         if (found.holds or len(found.places) == 1) and refs[found.places[0]].kind != "thing":
             return self.lose(node)
-        self.said.append(self.line(node))
+        self.comments.append(self.line(node))
         text = self._formula(found, names, refs, wanted)
         self.formulas.setdefault((node.items[0].span.text, tuple(names)), text)
         return TranslatedFormula(text, whole=len(self.setting.grounds) < 2 or all(one.kind != "ground" for one in refs))
@@ -217,7 +217,7 @@ class _Compiler:
         return True
 
 
-def _unknown(node: SExprList, count: int) -> Diagnostic:
+def _unknown_predicate(node: SExprList, count: int) -> Diagnostic:
     close = nearest(plain(node.head), {*LIBERO_PREDICATES, *COMMON_PREDICATES})
     near = [close] if close and close != plain(node.head) else []
     return UNKNOWN_PREDICATE(node.span, name=node.head, key=key(node.head), relation=PROPOSED.get(count), near=near)
@@ -261,7 +261,7 @@ def compile_problem(problem: PddlProblem, table: NameMap) -> Imported:
                 setting.notes[name] = f"{own.line(fact)}, held in the middle"
     assert problem.goal is not None
     meaning = GoalReader(problem, own.atom, own.lose).read(problem.goal, {})
-    goal_lines, own.said = own.said, []
+    goal_lines, own.comments = own.comments, []
     if meaning.text is None:
         raise DataError(_no_places(own, problem.goal))
     lines = _spec_lines(own, meaning.text, list(dict.fromkeys(goal_lines)))
@@ -275,14 +275,14 @@ def compile_problem(problem: PddlProblem, table: NameMap) -> Imported:
         first = error.diagnostics[0]
         advice = ADVICE.get(first.code)
         raise DataError(IMPORT_FAILS(file=problem.source.name, reason=first.title, advice=advice)) from None
-    reading = CompiledProblem(problem, setting, own.formulas, own.known)
+    reading = CompiledProblem(problem, setting, own.formulas, own.predicate_formula)
     lost = (*own.lost, *(f"not read, {own.line(one)}" for one in problem.other))
-    return Imported(text, lost, (*own.told.values(), *unused), reading)
+    return Imported(text, lost, (*own.unknown.values(), *unused), reading)
 
 
 def _no_places(own: _Compiler, goal: Node) -> Diagnostic:
-    missing = sorted(own.met)
-    of_two = next((key(one) for one in missing if own.met[one] == 2 and own.known(one) is None), None)
+    missing = sorted(own.arities)
+    of_two = next((key(one) for one in missing if own.arities[one] == 2 and own.predicate_formula(one) is None), None)
     thing = own.bodiless[0] if own.bodiless else None
     kind = None if thing is None else key(own.problem.things[thing].kinds[0])
     file = own.problem.source.name
@@ -306,7 +306,7 @@ def _unused_names(own: _Compiler) -> list[Diagnostic]:
     """Notes on what a map has and this problem has not: it may serve several problems, or be misspelt."""
     words = {one for name, thing in own.problem.things.items() for one in (name, *thing.kinds)}
     words |= {one.partition(".")[0] for one in words} | {category(one) for one in words}
-    predicates = {*own.met, *own.problem.domain.predicates}
+    predicates = {*own.arities, *own.problem.domain.predicates}
     notes, others = [], []
     for names, known, alike, bare in (
         (own.table.objects, words, str.lower, category),
@@ -416,11 +416,11 @@ def _initial(
     name = names[0] if names else ""
     head = fact.head if isinstance(fact, SExprList) else ""
     held = len(names) == 2 and name in setting.furniture and name in setting.poses
-    if held and (own.known(head) or PredicateFormula(0)).holds:
-        own.met[plain(head)] = 2
+    if held and (own.predicate_formula(head) or PredicateFormula(0)).holds:
+        own.arities[plain(head)] = 2
         setting.notes.setdefault(name, f"{own.line(fact)}, in a row")
         return
-    own.said, before = [], len(own.wanted)
+    own.comments, before = [], len(own.wanted)
     meaning = GoalReader(problem, own.atom, own.lose).read(fact, {})
     new = own.wanted[before:]
     del own.wanted[before:]

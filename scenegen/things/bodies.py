@@ -51,7 +51,7 @@ def parts_of(shape: Shape, color: RGB) -> tuple[Part, ...]:
         parts = cabinet(color, shape.open)
     else:
         parts = parts_of_asset(ASSETS.get(shape.asset, ASSETS[UNKNOWN]), color)
-    return tuple(replace(part, mesh=part.mesh.scaled(*scale)) for part in parts)
+    return tuple(replace(part, mesh=part.mesh.scale(*scale)) for part in parts)
 
 
 def mass_of(shape: Shape) -> float:
@@ -80,7 +80,7 @@ def collision_of(shape: Shape) -> tuple[Mesh, ...]:
     pieces = None if asset is None else _pieces(asset)
     if pieces is None:
         return (prism(_corners(shape), 0.0, shape.height),)
-    return tuple(piece.scaled(*stretch_of(shape)) for piece in pieces)
+    return tuple(piece.scale(*stretch_of(shape)) for piece in pieces)
 
 
 def _corners(shape: Shape) -> Sequence[Point]:
@@ -143,23 +143,23 @@ def _crate_pieces(crate: Crate) -> tuple[Mesh, ...]:
     long, wide, tall = crate.length, crate.width, crate.height - crate.floor
     side, end = box(long, crate.wall, tall), box(crate.wall, wide - 2.0 * crate.wall, tall)
     y, x = (wide - crate.wall) / 2.0, (long - crate.wall) / 2.0
-    walls = [side.moved(y=s * y, z=crate.floor) for s in (-1.0, 1.0)]
-    walls += [end.moved(x=s * x, z=crate.floor) for s in (-1.0, 1.0)]
+    walls = [side.shift(y=s * y, z=crate.floor) for s in (-1.0, 1.0)]
+    walls += [end.shift(x=s * x, z=crate.floor) for s in (-1.0, 1.0)]
     return box(long, wide, crate.floor), *walls
 
 
 def _handle(inner: float, outer: float, low: float, high: float) -> tuple[Mesh, ...]:
     """The ear of a mug: three bars from the wall at x = `inner` to x = `outer`."""
     thick, wide = 0.008, HANDLE_WIDTH
-    bar = box(outer - inner, wide, thick).moved(x=(inner + outer) / 2.0)
-    upright = box(thick, wide, high - low).moved(x=outer - thick / 2.0, z=low)
-    return upright, bar.moved(z=low), bar.moved(z=high - thick)
+    bar = box(outer - inner, wide, thick).shift(x=(inner + outer) / 2.0)
+    upright = box(thick, wide, high - low).shift(x=outer - thick / 2.0, z=low)
+    return upright, bar.shift(z=low), bar.shift(z=high - thick)
 
 
 def _teapot() -> tuple[Mesh, ...]:
     body = _round((0.0, 0.042), (0.022, 0.060), (0.048, 0.066), (0.094, 0.056), (0.114, 0.036), (0.150, 0.010))
-    spout, grip = box(0.050, 0.020, 0.052).moved(x=0.085, z=0.052), box(0.046, 0.014, 0.068).moved(x=-0.087, z=0.030)
-    return *(piece.moved(x=-0.002) for piece in body), spout, grip
+    spout, grip = box(0.050, 0.020, 0.052).shift(x=0.085, z=0.052), box(0.046, 0.014, 0.068).shift(x=-0.087, z=0.030)
+    return *(piece.shift(x=-0.002) for piece in body), spout, grip
 
 
 def _laptop() -> tuple[Mesh, ...]:
@@ -168,19 +168,19 @@ def _laptop() -> tuple[Mesh, ...]:
         [[x, -0.165, z], [x + 0.0085, -0.165, z], [x + 0.0085, 0.165, z], [x, 0.165, z]]
         for x, z in ((-0.078, 0.0), (-0.156, 0.224))
     ]
-    return box(0.234, 0.330, 0.0195).moved(x=0.039), loft(lid)
+    return box(0.234, 0.330, 0.0195).shift(x=0.039), loft(lid)
 
 
 def _slab_mesh(one: Slab) -> Mesh:
     """An upright piece as a box."""
     x0, y0, x1, y1 = one.box
     middle = {"x": (x0 + x1) / 2.0, "y": (y0 + y1) / 2.0, "z": one.low}
-    return box(x1 - x0, y1 - y0, one.high - one.low).moved(**middle)
+    return box(x1 - x0, y1 - y0, one.high - one.low).shift(**middle)
 
 
 PIECES_OF: dict[str, Callable[[], tuple[Mesh, ...]]] = {  # of what has no form
     "teapot": _teapot,
     "laptop": _laptop,
-    "mouse": lambda: tuple(part.scaled(0.0575, 0.031, 0.038) for part in _round(*DOME)),
-    "stapler": lambda: (box(0.150, 0.038, 0.010), box(0.149, 0.033, 0.048).moved(z=0.010)),
+    "mouse": lambda: tuple(part.scale(0.0575, 0.031, 0.038) for part in _round(*DOME)),
+    "stapler": lambda: (box(0.150, 0.038, 0.010), box(0.149, 0.033, 0.048).shift(z=0.010)),
 }

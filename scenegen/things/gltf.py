@@ -100,7 +100,7 @@ class GltfDocument:
             raise MeshError(f"{name}[{number}] is no object")
         return GltfItem(value, f"{name}[{number}]")
 
-    def required(self) -> list[str]:
+    def required_extensions(self) -> list[str]:
         value = self.root.data.get("extensionsRequired", [])
         if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
             raise MeshError("its extensionsRequired are no list of names")
@@ -372,7 +372,7 @@ def surfaces(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[Colo
     cameras, lights, morphs and all of a material but its base colour are left out. Raises MeshError.
     """
     document = open_document(name, data, read)
-    for extension in document.required():
+    for extension in document.required_extensions():
         if extension not in (*HARMLESS, DIFFUSE, MOVED):
             raise MeshError(f"it needs the extension {extension}, which is not read here: export it without")
     with np.errstate(all="ignore"):  # what overflows is found as no number

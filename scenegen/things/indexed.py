@@ -240,12 +240,12 @@ def _robot_shadows(entry: AssetEntry, data: bytes, read: Read) -> Callable[[Floa
 def _mesh_shadows(entry: AssetEntry, data: bytes, read: Read) -> Callable[[Floats], Shadow]:
     points = np.concatenate([part @ entry.matrix.T for part in mesh_points(entry.file, data, read)])
 
-    def at(offset: Floats) -> Shadow:
+    def shadow_at(offset: Floats) -> Shadow:
         shadow = Shadow()
         shadow.points(np.eye(3), offset, points)
         return shadow
 
-    return at
+    return shadow_at
 
 
 def _check_size(size: float, scale: float) -> None:

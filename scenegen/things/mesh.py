@@ -28,7 +28,7 @@ class Mesh:
     vertices: Floats
     faces: Indices
 
-    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
+    def shift(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
         return Mesh(self.vertices + np.array([x, y, z]), self.faces)
 
     def tip(self) -> Mesh:
@@ -41,13 +41,13 @@ class Mesh:
         x, y, z = self.vertices.T
         return Mesh(np.column_stack([z, y, -x]), self.faces)
 
-    def turned(self, angle: float) -> Mesh:
+    def turn(self, angle: float) -> Mesh:
         """Turned about the z axis, counter-clockwise, by radians."""
         x, y, z = self.vertices.T
         cos, sin = math.cos(angle), math.sin(angle)
         return Mesh(np.column_stack([cos * x - sin * y, sin * x + cos * y, z]), self.faces)
 
-    def scaled(self, x: float, y: float, z: float) -> Mesh:
+    def scale(self, x: float, y: float, z: float) -> Mesh:
         """Stretched along the axes by positive factors."""
         return Mesh(self.vertices * np.array([x, y, z]), self.faces)
 
@@ -58,7 +58,7 @@ class Mesh:
         return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
     @property
-    def closed(self) -> bool:
+    def is_closed(self) -> bool:
         """Whether every edge is used once in each direction."""
         edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]])
         forward = {(int(a), int(b)) for a, b in edges}
@@ -296,10 +296,10 @@ def plain(footprint: Footprint, height: float, color: RGB) -> tuple[Part, ...]:
             x, y, room = _middle(outline)
             smallest = min(2.0 * room, height)
             centred = np.array(outline) - (x, y)
-            body = _upright(centred, np.full(2, 1.0 - BEVEL * smallest / room), height, smallest).moved(x, y)
+            body = _upright(centred, np.full(2, 1.0 - BEVEL * smallest / room), height, smallest).shift(x, y)
             long = wide = min(room, MAX_MARK)
     raised = MARK_HEIGHT * smallest
-    mark = pip(long, wide, height - 2.0 * raised, height).moved(x, y)
+    mark = pip(long, wide, height - 2.0 * raised, height).shift(x, y)
     return Part(body, color), Part(mark, ink)
 
 

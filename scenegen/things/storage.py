@@ -70,18 +70,18 @@ def frame(crate: Crate, inset: float, low: float, high: float, thick: float) -> 
     long, wide = crate.length - 2.0 * inset, crate.width - 2.0 * inset
     side, end = box(long, thick, high - low), box(thick, wide - 2.0 * thick, high - low)
     y, x = (wide - thick) / 2.0, (long - thick) / 2.0
-    bars = [side.moved(y=s * y, z=low) for s in (-1.0, 1.0)] + [end.moved(x=s * x, z=low) for s in (-1.0, 1.0)]
+    bars = [side.shift(y=s * y, z=low) for s in (-1.0, 1.0)] + [end.shift(x=s * x, z=low) for s in (-1.0, 1.0)]
     return join(bars)
 
 
 def tray(color: RGB) -> tuple[Part, ...]:
     crate = crate_of("tray")
     floor = box(crate.length - 0.004, crate.width - 0.004, crate.floor)
-    inlay = box(crate.length - 0.05, crate.width - 0.05, 0.0006).moved(z=crate.floor)
+    inlay = box(crate.length - 0.05, crate.width - 0.05, 0.0006).shift(z=crate.floor)
     stripes = [
-        box(wide, crate.width - 0.05, 0.0012).moved(x=x, z=crate.floor) for x, wide in ((0.135, 0.012), (0.150, 0.004))
+        box(wide, crate.width - 0.05, 0.0012).shift(x=x, z=crate.floor) for x, wide in ((0.135, 0.012), (0.150, 0.004))
     ]
-    slots = [box(0.0125, 0.090, 0.012).moved(x=s * 0.19365, z=0.024) for s in (-1.0, 1.0)]
+    slots = [box(0.0125, 0.090, 0.012).shift(x=s * 0.19365, z=0.024) for s in (-1.0, 1.0)]
     return (
         Part(floor, mix(color, CHINA, 0.12)),
         Part(frame(crate, 0.0, 0.0, crate.height, crate.wall), color),
@@ -96,9 +96,9 @@ def carton(color: RGB) -> tuple[Part, ...]:
     outside = frame(crate, 0.0, 0.0, crate.height, crate.wall)
     floor = box(crate.length - 0.002, crate.width - 0.002, crate.floor)
     lining = frame(crate, crate.wall, crate.floor, crate.height - 0.002, 0.0006)
-    tape = box(0.0010, 0.050, 0.062).moved(x=crate.length / 2.0 - 0.0005, z=crate.height - 0.064)
-    arrows = [_upright_arrow(y).moved(x=crate.length / 2.0 - 0.0011) for y in (-0.055, 0.055)]
-    seam = box(crate.length - 0.02, 0.046, 0.0006).moved(z=crate.floor)
+    tape = box(0.0010, 0.050, 0.062).shift(x=crate.length / 2.0 - 0.0005, z=crate.height - 0.064)
+    arrows = [_upright_arrow(y).shift(x=crate.length / 2.0 - 0.0011) for y in (-0.055, 0.055)]
+    seam = box(crate.length - 0.02, 0.046, 0.0006).shift(z=crate.floor)
     return (
         Part(outside, color),
         Part(floor, mix(color, SOOT, 0.10)),
@@ -112,14 +112,14 @@ def carton(color: RGB) -> tuple[Part, ...]:
 def _upright_arrow(y: float) -> Mesh:
     """ "This side up" on the front of a carton."""
     head = loft([[[x, y - 0.018, 0.075], [x, y + 0.018, 0.075], [x, y, 0.105]] for x in (0.0, 0.0011)])
-    return join([head, box(0.0011, 0.012, 0.040).moved(x=0.00055, y=y, z=0.036)])
+    return join([head, box(0.0011, 0.012, 0.040).shift(x=0.00055, y=y, z=0.036)])
 
 
 def board(color: RGB) -> tuple[Part, ...]:
     slab = box(0.340, 0.220, 0.0176, 0.003)
-    strips = [box(0.334, 0.026, 0.0004).moved(y=y, z=0.0174) for y in (-0.072, 0.0, 0.072)]
-    hole = disc(0.014, 0.0172, 0.0180, 28).moved(x=0.140)
-    ring = revolve([(0.014, 0.0172), (0.018, 0.0172), (0.018, 0.0178), (0.014, 0.0178)], 28).moved(x=0.140)
+    strips = [box(0.334, 0.026, 0.0004).shift(y=y, z=0.0174) for y in (-0.072, 0.0, 0.072)]
+    hole = disc(0.014, 0.0172, 0.0180, 28).shift(x=0.140)
+    ring = revolve([(0.014, 0.0172), (0.018, 0.0172), (0.018, 0.0178), (0.014, 0.0178)], 28).shift(x=0.140)
     return (
         Part(slab, color),
         Part(join(strips), mix(color, CREAM, 0.22)),
@@ -135,17 +135,17 @@ def teapot(color: RGB) -> tuple[Part, ...]:
             (0.038, 0.110), (0.034, 0.114), (0.0, 0.114),
         ],
         56,
-    ).moved(x=-0.002)  # fmt: skip
+    ).shift(x=-0.002)  # fmt: skip
     lid = revolve(
         [(0.0, 0.112), (0.036, 0.112), (0.036, 0.117), (0.028, 0.124), (0.012, 0.130), (0.0, 0.131)], 40
-    ).moved(x=-0.002)
-    knob = revolve([(0.0, 0.128), (0.006, 0.130), (0.010, 0.139), (0.008, 0.147), (0.0, 0.150)], 24).moved(x=-0.002)
+    ).shift(x=-0.002)
+    knob = revolve([(0.0, 0.128), (0.006, 0.130), (0.010, 0.139), (0.008, 0.147), (0.0, 0.150)], 24).shift(x=-0.002)
     turns = np.linspace(0.0, 1.0, 9)
     line = [(0.050 + 0.052 * s, 0.038 + 0.066 * s**1.4 + 0.006 * math.sin(math.pi * s)) for s in turns]
     spout = _taper(line, 0.0165, 0.0075)
     bow = [0.5 * math.pi + math.pi * s for s in np.linspace(0.04, 0.96, 13)]
     grip = tube([(-0.058 + 0.047 * math.cos(a), 0.064 + 0.034 * math.sin(a)) for a in bow], 0.0075, 0.0050, 10)
-    band = revolve([(0.0665, 0.050), (0.0672, 0.052), (0.0672, 0.058), (0.0662, 0.060)], 56).moved(x=-0.002)
+    band = revolve([(0.0665, 0.050), (0.0672, 0.052), (0.0672, 0.058), (0.0662, 0.060)], 56).shift(x=-0.002)
     pale = mix(color, CHINA, 0.75)
     return (
         Part(body, color),
@@ -179,14 +179,14 @@ BOARDS = 0.018  # how thick a cabinet's sides are
 
 
 def _block(x0: float, y0: float, x1: float, y1: float, z0: float, z1: float, bevel: float = 0.0) -> Mesh:
-    return box(x1 - x0, y1 - y0, z1 - z0, bevel).moved((x0 + x1) / 2.0, (y0 + y1) / 2.0, z0)
+    return box(x1 - x0, y1 - y0, z1 - z0, bevel).shift((x0 + x1) / 2.0, (y0 + y1) / 2.0, z0)
 
 
 def _handle(front: float, low: float) -> Mesh:
     """A round bar on two feet, from a drawer's front at x = `front` outwards."""
     radius = (HANDLE[1] - HANDLE[0]) / 2.0
     middle, x = low + HANDLE[0] + radius, front + HANDLE_DEPTH - radius
-    bar = disc(radius, -BAR / 2.0, BAR / 2.0, 16).tip().moved(x=x, z=middle)
+    bar = disc(radius, -BAR / 2.0, BAR / 2.0, 16).tip().shift(x=x, z=middle)
     feet = [_block(front, y - 0.004, x, y + 0.004, middle - 0.004, middle + 0.004) for y in (-BAR * 0.36, BAR * 0.36)]
     return join([bar, *feet])
 
@@ -267,9 +267,9 @@ def rack(color: RGB) -> tuple[Part, ...]:
         arch += [(0.012, made.height), (-0.012, made.height), (-POST / 2.0, made.height - 0.014)]
         posts.append(prism([(u, -z) for u, z in reversed(arch)], end, end + BOARD))
     turned = [Mesh(one.vertices[:, [0, 2, 1]] * (1.0, 1.0, -1.0), one.faces) for one in posts]
-    bar = disc(THICK / 2.0, BOARD - y, y - BOARD, 20).tip().moved(z=made.height - 0.006 - THICK / 2.0)
+    bar = disc(THICK / 2.0, BOARD - y, y - BOARD, 20).tip().shift(z=made.height - 0.006 - THICK / 2.0)
     plate = prism([(-0.055, 0.038), (0.055, 0.038), (0.055, 0.072), (-0.055, 0.072)], 0.0, 0.0012)
-    label = Mesh(plate.vertices[:, [2, 0, 1]] * (1.0, 1.0, 1.0), plate.faces).moved(x=x - 0.0012)
+    label = Mesh(plate.vertices[:, [2, 0, 1]] * (1.0, 1.0, 1.0), plate.faces).shift(x=x - 0.0012)
     return (
         Part(_block(*floor.box, 0.0, BASE), mix(color, SOOT, 0.22)),
         Part(join([*(one for one in sides)]), color),
@@ -322,7 +322,7 @@ def shelfunit(color: RGB) -> tuple[Part, ...]:
         grown = BOARD_OVERLAP if group is boards else 0.0
         meshes = []
         for length, width, height, x, y, z in map(_slab, group):
-            meshes.append(box(length, width + grown, height).moved(x=x, y=y, z=z))
+            meshes.append(box(length, width + grown, height).shift(x=x, y=y, z=z))
         made.append(Part(join(meshes), shade))
     return tuple(made)
 
@@ -356,7 +356,7 @@ def lid(color: RGB) -> tuple[Part, ...]:
     )  # fmt: skip
     knob = revolve([(0.0, 0.020), (0.008, 0.022), (0.008, 0.033), (0.017, 0.039), (0.016, 0.046), (0.0, 0.048)], 32)
     ring = revolve([(0.104, 0.0070), (0.1085, 0.0062), (0.1085, 0.0085), (0.104, 0.0098)], 64)
-    vent = disc(0.0055, 0.0140, 0.0178, 18).moved(x=0.070)
+    vent = disc(0.0055, 0.0140, 0.0178, 18).shift(x=0.070)
     return Part(dome, color), Part(knob, SOOT), Part(ring, mix(color, STEEL, 0.55)), Part(vent, mix(color, SOOT, 0.85))
 
 

@@ -69,7 +69,7 @@ def convex_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
     whole = Mesh(points, faces)
     if not len(faces) or not (np.ptp(points, axis=0) > 0.0).all():
         raise MeshError("it has no volume")
-    if len(faces) <= MAX_CONVEX_TEST and whole.closed:
+    if len(faces) <= MAX_CONVEX_TEST and whole.is_closed:
         if whole.volume < 0.0:
             whole = Mesh(points, faces[:, ::-1].copy())
         if _is_convex(whole):
@@ -201,13 +201,13 @@ class OwnBody:
     friction: float | None = None
     skins: tuple[ColoredMesh, ...] = ()
 
-    def moved(self, offset: Floats) -> OwnBody:
+    def shift(self, offset: Floats) -> OwnBody:
         """By an offset (3,) in metres."""
-        pieces = tuple(one.moved(*offset.tolist()) for one in self.pieces)
+        pieces = tuple(one.shift(*offset.tolist()) for one in self.pieces)
         skins = tuple(replace(one, vertices=one.vertices + offset) for one in self.skins)
         return replace(self, pieces=pieces, skins=skins)
 
-    def turned(self, matrix: Floats) -> OwnBody:
+    def turn(self, matrix: Floats) -> OwnBody:
         """Turned and scaled by a matrix (3, 3) that does not mirror; the mass stays."""
         pieces = tuple(Mesh(one.vertices @ matrix.T, one.faces) for one in self.pieces)
         skins = tuple(replace(one, vertices=one.vertices @ matrix.T) for one in self.skins)
@@ -242,7 +242,7 @@ def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
     pieces = [
         Mesh(piece.vertices @ place.turn.T + place.at, piece.faces)
         for link, pose in links
-        for shape in link.all("collision") or link.all("visual")
+        for shape in link.children("collision") or link.children("visual")
         for place in (pose.then(origin_of(shape)),)
         for piece in reader.pieces(solid_of(shape))
     ]
@@ -285,8 +285,8 @@ class _PieceReader:
 def _mass(links: list[Element]) -> float | None:
     total = 0.0
     for link in links:
-        for inertial in link.all("inertial")[:1]:
-            (mass,) = sizes_of(inertial.one("mass"), "value", 1)
+        for inertial in link.children("inertial")[:1]:
+            (mass,) = sizes_of(inertial.child("mass"), "value", 1)
             total += mass
     if total and not MIN_MASS <= total <= MAX_MASS:
         raise MeshError(f"its mass of {total:g} kg is beyond {MIN_MASS:g} to {MAX_MASS:g} kg")
@@ -297,11 +297,11 @@ def _friction(robot: Element, links: list[Element]) -> float | None:
     said = [
         sizes_of(one, "value", 1)[0]
         for link in links
-        for contact in link.all("contact")
-        for one in contact.all("lateral_friction")
+        for contact in link.children("contact")
+        for one in contact.children("lateral_friction")
     ]
-    for gazebo in robot.all("gazebo"):
-        for one in gazebo.all("mu1"):
+    for gazebo in robot.children("gazebo"):
+        for one in gazebo.children("mu1"):
             # Both <mu1>0.8</mu1> and <mu1 value="0.8"/> are written.
             given = one if "value" in one.attributes else Element(one.tag, {"value": one.text.strip()}, one.line)
             said += sizes_of(given, "value", 1)
@@ -341,11 +341,11 @@ def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> di
 def _own_body(folder: Path, shape: ShapeData, painted: bool) -> OwnBody:
     file = own_file(folder, shape)
     if file.is_robot:
-        made = robot_body(file.data, file.beside, painted=painted).turned(file.matrix)
+        made = robot_body(file.data, file.beside, painted=painted).turn(file.matrix)
     else:
         made = mesh_body(file.path, file.data, file.beside, file.matrix, painted=painted)
     for texture in {one.texture for one in made.skins if one.texture} if painted else ():
         check_texture(texture, "a texture of it")
     mass = made.mass if file.mass is None else file.mass
     friction = made.friction if file.friction is None else file.friction
-    return replace(made, mass=mass, friction=friction).moved(file.offset)
+    return replace(made, mass=mass, friction=friction).shift(file.offset)

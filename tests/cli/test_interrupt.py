@@ -148,7 +148,7 @@ import numpy as np
 from scenegen.worlds.own_body import convex_pieces
 from scenegen.things.mesh import box, joined
 draw = np.random.default_rng(0).uniform
-convex_pieces(joined([box(*draw(0.1, 1.0, 3)).moved(*draw(0.0, 2.0, 3)) for _ in range(60)]))
+convex_pieces(joined([box(*draw(0.1, 1.0, 3)).shift(*draw(0.0, 2.0, 3)) for _ in range(60)]))
 """
 
 

@@ -35,7 +35,7 @@ def tray():
     from scenegen.things.mesh import box, join
     from scenegen.worlds.export.meshes import stl
 
-    return stl(join([box(0.2, 0.1, 0.01), box(0.01, 0.1, 0.05).moved(x=0.1, z=0.02)]))
+    return stl(join([box(0.2, 0.1, 0.01), box(0.01, 0.1, 0.05).shift(x=0.1, z=0.02)]))
 
 
 def commands():

@@ -83,4 +83,4 @@ def test_a_file_of_looks_may_begin_with_a_byte_order_mark(tmp_path):
     text = '[ground]\ntexture = "speckle"\n'
     for name, mark in (("a.toml", b""), ("b.toml", b"\xef\xbb\xbf")):
         (tmp_path / name).write_bytes(mark + text.encode())
-    assert read_looks(tmp_path / "a.toml").at(3, 1) == read_looks(tmp_path / "b.toml").at(3, 1)
+    assert read_looks(tmp_path / "a.toml").draw_look(3, 1) == read_looks(tmp_path / "b.toml").draw_look(3, 1)

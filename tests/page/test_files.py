@@ -139,9 +139,9 @@ def test_each_tab_has_a_draft_and_those_of_open_tabs_stay_there(tmp_path, monkey
     assert folder.draft("a.spec", ["two"]) is None and folder.draft("a.spec")["text"] == "# two"
     # what no file has is listed, once its tab is closed
     folder.keep_draft("scene", "# three", None, "three")
-    assert folder.lost(["three"]) == ["a.spec"] and folder.lost(["two"]) == ["scene"]
+    assert folder.lost_drafts(["three"]) == ["a.spec"] and folder.lost_drafts(["two"]) == ["scene"]
     (folder.root / "a.spec").write_text("")
-    assert folder.lost([]) == ["scene"] and Folder(tmp_path).lost([]) == []
+    assert folder.lost_drafts([]) == ["scene"] and Folder(tmp_path).lost_drafts([]) == []
 
 
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"

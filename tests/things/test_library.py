@@ -53,7 +53,7 @@ def test_meshes_are_closed_and_stay_within_footprint_and_height(asset):
     vertices = np.concatenate([part.mesh.vertices for part in parts])
     assert np.isfinite(vertices).all()
     for part in parts:
-        assert part.mesh.closed
+        assert part.mesh.is_closed
         assert part.mesh.volume > 0.0  # triangles face outwards
         assert all(0.0 <= channel <= 1.0 for channel in part.color)
         assert len(part.mesh.faces) * 3 < 8192  # pybullet's limit for meshes in memory on some systems
@@ -182,7 +182,7 @@ def test_what_is_drawn_is_as_high_as_the_surfaces_to_the_micrometre(shape):
     """Closed meshes within footprint and height, with a flat part at the height of every surface, none above it."""
     parts = parts_of(shape, ASSETS[shape.asset].color)
     points = np.concatenate([part.mesh.vertices for part in parts])
-    assert all(part.mesh.closed and part.mesh.volume > 0.0 for part in parts)
+    assert all(part.mesh.is_closed and part.mesh.volume > 0.0 for part in parts)
     limits = np.array(shape.footprint.extent) / 2.0
     assert (np.abs(points[:, :2]).max(axis=0) <= limits + 1e-9).all()
     assert points[:, 2].min() == pytest.approx(0.0, abs=1e-12) and points[:, 2].max() <= shape.height + 1e-9
@@ -585,7 +585,7 @@ def test_meshes_are_closed_and_fill_footprint_and_height(footprint, height):
     body, mark = parts_of(Shape("urdf", footprint, height), GREY)
     size = max(*footprint.extent, height)
     for part in (body, mark):
-        assert part.mesh.closed and part.mesh.volume > 0.0
+        assert part.mesh.is_closed and part.mesh.volume > 0.0
         assert len(part.mesh.faces) * 3 < 8192  # pybullet's limit for meshes in memory on some systems
         assert reach(footprint, part.mesh.vertices[:, :2]) < 1e-9 * size
         assert part.mesh.vertices[:, 2].min() > -1e-12 * size
@@ -614,7 +614,7 @@ def test_a_prism_with_very_many_corners_can_be_drawn():
     turns = np.linspace(0.0, math.tau, 3000, endpoint=False)
     body, _ = parts_of(Shape("prism", Polygon(tuple(zip(np.cos(turns), np.sin(turns), strict=True))), 1.0), GREY)
     assert len(body.mesh.faces) * 3 < 8192
-    assert body.mesh.closed
+    assert body.mesh.is_closed
 
 
 def test_an_asset_with_a_polygon_is_a_prism_and_with_another_size_is_stretched():

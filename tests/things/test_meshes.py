@@ -34,7 +34,7 @@ def test_volumes_follow_the_formulas():
 
 def test_an_open_mesh_is_not_called_closed():
     whole = box(1.0, 1.0, 1.0)
-    assert whole.closed
+    assert whole.is_closed
     assert not Mesh(whole.vertices, whole.faces[1:]).closed
     flipped = whole.faces.copy()
     flipped[0] = flipped[0][::-1]
@@ -43,8 +43,8 @@ def test_an_open_mesh_is_not_called_closed():
 
 def test_moving_scaling_and_tipping_keep_the_form():
     mesh = box(2.0, 3.0, 4.0)
-    assert mesh.moved(1.0, 2.0, 3.0).volume == pytest.approx(24.0)
-    assert mesh.scaled(1.0, 2.0, 0.5).volume == pytest.approx(24.0)
+    assert mesh.shift(1.0, 2.0, 3.0).volume == pytest.approx(24.0)
+    assert mesh.scale(1.0, 2.0, 0.5).volume == pytest.approx(24.0)
     tipped = mesh.tip()
     assert tipped.volume == pytest.approx(24.0)
     assert tipped.vertices[:, 1].min() == pytest.approx(-4.0)

@@ -187,12 +187,12 @@ class Literals:
         made = [self._call(form, possible, Terminal(""))] if possible else []
         for extra, shifts in self.found.shifts.get(form, {}).items():
             table = {value: {row: high + shift for row, (_, high) in rows.items()} for value, shift in shifts.items()}
-            made += self._argument_rules(form, extra, table, between=True)
+            made += self._more(form, extra, table, between=True)
         for extra, table in self.extras.get(form, {}).items():
-            made += self._argument_rules(form, extra, table, between=False)
+            made += self._more(form, extra, table, between=False)
         return made
 
-    def _argument_rules(self, form: PhraseForm, extra: Extra, table: dict[str, dict[Row, float]], *, between: bool) -> list[Part]:
+    def _more(self, form: PhraseForm, extra: Extra, table: dict[str, dict[Row, float]], *, between: bool) -> list[Part]:
         """The call with one more argument: the run of values with most to say, and the rows that can have all of it.
         `between` two values that were tried lie others as good."""
         values = list(table)

@@ -45,7 +45,7 @@ class Measure:
     coarse: tuple[int, ...]
     scale: float  # of a whole one, in metres or radians
 
-    def tried(self, few: bool) -> tuple[int, ...]:
+    def trial_steps(self, few: bool) -> tuple[int, ...]:
         return self.steps if few else self.coarse
 
 
@@ -67,7 +67,7 @@ class GrammarNames:
     timed: bool
 
     @property
-    def few(self) -> bool:
+    def is_small(self) -> bool:
         """Whether there are so few objects that there is room for more to say of each."""
         return len(self.names[OBJECT]) <= FEW_THINGS
 
@@ -138,7 +138,7 @@ def calls(relation: str, count: int, own: bool) -> Iterator[PhraseForm]:
 def list_forms(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
     """A call over a list with the objects written out."""
     if form.kinds == (LIST,):
-        for count in (2, 3) if words.few else (2,):
+        for count in (2, 3) if words.is_small else (2,):
             pieces = (f"{form.relation}([", *([", "] * (count - 1)), "])")
             yield replace(form, pieces=pieces, kinds=(OBJECT,) * count)
 
@@ -152,7 +152,7 @@ def quantifier_forms(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseFo
     for kind in ("forall", "exists"):
         if not rest:
             yield _over_list(form, (f"({kind} {p} in ", f": {form.relation}({p}))"), (LIST,))
-        elif rest[0] != POINT and words.few:
+        elif rest[0] != POINT and words.is_small:
             yield _over_list(form, (f"({kind} {p} in ", f": {form.relation}({p}, ", "))"), (LIST, *rest))
         if rest == (OBJECT,):
             yield _over_list(form, (f"({kind} {p}, {q} in ", f": {form.relation}({p}, {q}))"), (LIST,))
@@ -205,7 +205,7 @@ class Extra:
     def values(self, words: GrammarNames) -> tuple[str, ...]:
         if self.measure is None:
             return self.words
-        return tuple(f"{step}{self.measure.suffix}" for step in self.measure.tried(words.few))
+        return tuple(f"{step}{self.measure.suffix}" for step in self.measure.trial_steps(words.is_small))
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,7 +354,7 @@ class _Trial:
 
     def _fill(self, form: PhraseForm, extras: Sequence[Extra]) -> Iterator[tuple[TrialStatement, int]]:
         rest = [one for one in extras if not self._shift(form, one)]
-        if not self.words.few or len(form.kinds) > 2:
+        if not self.words.is_small or len(form.kinds) > 2:
             rest = []
         for arguments in form.arguments(self.words):
             node = self._node(form, arguments)
@@ -388,7 +388,7 @@ class _Trial:
             shifts.append(moved[:, 0])
         if not shifts or any(np.abs(one - shifts[0]).max() > EXACT for one in shifts):
             return False
-        slopes = np.diff(shifts[0]) / np.diff(extra.measure.tried(self.words.few))
+        slopes = np.diff(shifts[0]) / np.diff(extra.measure.trial_steps(self.words.is_small))
         if np.ptp(slopes) > EXACT:
             return False
         self.found.shifts.setdefault(form, {})[extra] = dict(zip(values, map(float, shifts[0]), strict=True))

@@ -86,7 +86,7 @@ def _descend(level: Sequence[ast.Expr | ast.Argument], offset: int) -> list[ast.
 def extents(document: Document, offset: int) -> list[Extent]:
     """The extents of the expressions around an offset, innermost first; empty if the text has errors, or if there is
     nothing to expand."""
-    part = document.salvaged
+    part = document.salvage
     if part is None:
         return []
     module, spec = part
@@ -100,7 +100,7 @@ def extents(document: Document, offset: int) -> list[Extent]:
 
 def of_constant(document: Document, name: str) -> Extent | None:
     """The value of a constant; None if the text gives it none."""
-    part = document.salvaged
+    part = document.salvage
     node = ast.Name(name)
     found = (
         []
@@ -224,7 +224,7 @@ MAX_LISTED_OBJECTS = 12  # names that a list of objects shows
 
 
 def _spec(document: Document) -> CheckedSpec | None:
-    return document.salvaged[1] if document.salvaged is not None else None
+    return document.salvage[1] if document.salvage is not None else None
 
 
 def size(footprint: Footprint) -> str:
@@ -319,7 +319,9 @@ def hover(document: Document, offset: int) -> Hover | None:
     token = _token(document, offset)
     if token is None:
         return None
-    found = next((one for one in document.index.between(token.start, token.end) if one.start == token.start), None)
+    found = next(
+        (one for one in document.index.names_between(token.start, token.end) if one.start == token.start), None
+    )
     around = extents(document, _place(document, token, found))
     parts = _about_name(document, found, around) if found is not None else _about_token(token)
     start, end = token.start, token.end

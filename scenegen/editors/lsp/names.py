@@ -94,7 +94,7 @@ class NameIndex:
     reaches: list[NameScope] = field(default_factory=list)
     imports: list[Occurrence] = field(default_factory=list)
 
-    def between(self, start: int, end: int) -> list[Occurrence]:
+    def names_between(self, start: int, end: int) -> list[Occurrence]:
         """The names that begin before `end` and end after `start`."""
         first = bisect_right(self.occurrences, start, key=lambda one: one.end)
         last = bisect_left(self.occurrences, end, key=lambda one: one.start)

@@ -202,13 +202,13 @@ class TimedTrees:
                     return self._over_time(part, "time", node.text), [arg]
                 case Everywhere(holds):
                     return self._over_time(part, "atom", "true" if holds else "false"), []
-        number = self._add_place(LineNodes(place if isinstance(place, int) else None, part.nodes[:MAX_LINE_NODES], least))
+        number = self._number(LineNodes(place if isinstance(place, int) else None, part.nodes[:MAX_LINE_NODES], least))
         found = line_of(self.timed.state, part, number)
         self.lines.append(found)
         return found, list(self._folded.children(part))
 
     def _over_time(self, node: int, kind: str, text: str) -> Json:
-        number = self._add_place(LineNodes(node))
+        number = self._number(LineNodes(node))
         words = {"all": "all of", "one": "one of"}.get(kind, text)
         if kind in ("all", "one") and text and text != REQUIRE:
             words = f"{words}: {text}"
@@ -220,7 +220,7 @@ class TimedTrees:
         self.lines.append(line)
         return line
 
-    def _add_place(self, place: LineNodes) -> int:
+    def _number(self, place: LineNodes) -> int:
         self.places.append(place)
         return len(self.places) - 1
 

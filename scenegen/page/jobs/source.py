@@ -114,7 +114,7 @@ def stage_of_spec(spec: Spec) -> PictureSetup:
     return stage_of(header_of(spec))
 
 
-Result = TypeVar("T")
+Result = TypeVar("Result")
 
 NICE = 10  # of 19: how far work gives way that nobody waits for
 SLIGHTLY = 2  # and work that somebody waits for, after a first look

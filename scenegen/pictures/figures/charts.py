@@ -89,23 +89,23 @@ def phi_chart(times: Sequence[float], phi: Mapping[str, Sequence[float]]) -> byt
     page = Image.new("RGB", (TIME_WIDTH, TIME_HEIGHT), PAPER)
     draw, font = ImageDraw.Draw(page), ImageFont.load_default(size=TIME_TEXT)
 
-    def at(t: float, value: float) -> tuple[float, float]:
+    def pixel(t: float, value: float) -> tuple[float, float]:
         x = TIME_LEFT + (TIME_WIDTH - TIME_LEFT - TIME_RIGHT) * t / last
         return x, TIME_TOP + (TIME_HEIGHT - TIME_TOP - TIME_BOTTOM) * (high - value) / (high - low)
 
     for value in ticks(low, high):
-        (x0, y), (x1, _) = at(0.0, value), at(last, value)
+        (x0, y), (x1, _) = pixel(0.0, value), pixel(last, value)
         draw.line((x0, y, x1, y), fill=QUIET if value == 0.0 else (224, 224, 222), width=2 if value == 0.0 else 1)
         draw.text((TIME_LEFT - 10, y), f"{value:g}", INK, font, anchor="rm")
     for value in ticks(0.0, last):
-        x, y = at(value, low)
+        x, y = pixel(value, low)
         draw.line((x, y, x, y + 5), fill=QUIET)
         draw.text((x, y + 10), f"{value:g}", INK, font, anchor="ma")
     draw.text((TIME_WIDTH - TIME_RIGHT, TIME_HEIGHT - 8), "t in seconds", QUIET, font, anchor="rs")
     place = float(TIME_LEFT)
     for number, (name, values) in enumerate(phi.items()):
         color = COLORS[number % len(COLORS)]
-        points = [at(t, value) for t, value in zip(times, values, strict=True) if math.isfinite(value)]
+        points = [pixel(t, value) for t, value in zip(times, values, strict=True) if math.isfinite(value)]
         if len(points) > 1:
             draw.line(points, fill=color, width=3, joint="curve")
         for x, y in points if len(points) <= SPARSE else ():

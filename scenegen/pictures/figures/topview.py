@@ -27,7 +27,7 @@ class Rect:
     right: float
     bottom: float
 
-    def shared(self, other: Rect) -> float:
+    def shared_area(self, other: Rect) -> float:
         """The area that both cover."""
         width = min(self.right, other.right) - max(self.left, other.left)
         height = min(self.bottom, other.bottom) - max(self.top, other.top)
@@ -59,7 +59,7 @@ class Labels:
         for step in range(steps + 1):
             x, y = a[0] + step / steps * (b[0] - a[0]), a[1] + step / steps * (b[1] - a[1])
             point = Rect(x - 1.5, y - 1.5, x + 1.5, y + 1.5)
-            if point.shared(self.frame):
+            if point.shared_area(self.frame):
                 self.avoid(point, cost)
 
     def place(self, candidates: Sequence[tuple[float, float]], width: float, size: float) -> tuple[float, float]:
@@ -69,7 +69,7 @@ class Labels:
             x = max(self.frame.left + width / 2, min(x, self.frame.right - width / 2))
             y = max(self.frame.top + size / 2, min(y, self.frame.bottom - size / 2))
             box = _box(x, y, width, size)
-            cost = 1.5 * order + sum(weight * box.shared(rect) for rect, weight in self.taken)
+            cost = 1.5 * order + sum(weight * box.shared_area(rect) for rect, weight in self.taken)
             if cost < least:
                 best, least = (x, y), cost
         self.avoid(_box(*best, width, size), 10.0)
@@ -129,7 +129,7 @@ class _Panel:
         self.floor = self.bottom
         self.labels = Labels(Rect(2.0, 2.0, width - 2.0, self.bottom + MARGIN - 2.0))
 
-    def at(self, point: Point) -> Point:
+    def pixel(self, point: Point) -> Point:
         """Pixels of a place; very distant places are moved to a limit that drawing programs can handle."""
         x, y = MARGIN + (point[0] - self.left) * self.scale, MARGIN + (self.top - point[1]) * self.scale
         return max(-MAX_PIXEL, min(x, MAX_PIXEL)), max(-MAX_PIXEL, min(y, MAX_PIXEL))
@@ -147,7 +147,7 @@ class _Panel:
             edge = EDGES[colors[id(thing)]]
             out += self._outline(thing, thing.tint or TINTS[colors[id(thing)]], edge, "")
             for part in thing.inside:
-                points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.at, outline(part, thing.pose)))
+                points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.pixel, outline(part, thing.pose)))
                 out.append(f'<polygon points="{points}" fill="none" stroke="{edge}" stroke-width="0.6"/>')
             out += self._heading(thing, edge)
             self.labels.avoid(self._box(thing), 0.1)
@@ -167,7 +167,7 @@ class _Panel:
         """The drawing, clipped at the frame if it extends over it: captions and other views are outside."""
         frame = self.labels.frame
         boxes = [self._box(thing) for thing in self.view.things]
-        if not any(frame.shared(box) < box.area * (1.0 - 1e-9) for box in boxes):
+        if not any(frame.shared_area(box) < box.area * (1.0 - 1e-9) for box in boxes):
             return drawn
         size = f'width="{_n(frame.right - frame.left)}" height="{_n(frame.bottom - frame.top)}"'
         rect = f'<rect x="{_n(frame.left)}" y="{_n(frame.top)}" {size}/>'
@@ -189,13 +189,13 @@ class _Panel:
         step = 0.1
         while max(right - left, top - bottom) / step > MAX_GRID_LINES:
             step *= 10.0
-        x, y = self.at((left, top))
+        x, y = self.pixel((left, top))
         size = f'width="{_n((right - left) * self.scale)}" height="{_n((top - bottom) * self.scale)}"'
         path = []
         for number in range(math.floor(left / step) + 1, math.ceil(right / step - 1e-9)):
-            path.append(f"M{_n(self.at((number * step, top))[0])} {_n(y)}V{_n(self.at((left, bottom))[1])}")
+            path.append(f"M{_n(self.pixel((number * step, top))[0])} {_n(y)}V{_n(self.pixel((left, bottom))[1])}")
         for number in range(math.floor(bottom / step) + 1, math.ceil(top / step - 1e-9)):
-            path.append(f"M{_n(x)} {_n(self.at((left, number * step))[1])}H{_n(self.at((right, bottom))[0])}")
+            path.append(f"M{_n(x)} {_n(self.pixel((left, number * step))[1])}H{_n(self.pixel((right, bottom))[0])}")
         return [
             f'<path d="{"".join(path)}" stroke="{GRID}" fill="none"/>',
             f'<rect x="{_n(x)}" y="{_n(y)}" {size} fill="none" stroke="{FRAME}" stroke-width="1.5"/>',
@@ -206,14 +206,14 @@ class _Panel:
         if not thing.zone:
             style += ' fill-opacity="0.75"'
         if isinstance(thing.footprint, Circle):
-            x, y = self.at(thing.pose[:2])
+            x, y = self.pixel(thing.pose[:2])
             return [f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(thing.footprint.radius * self.scale)}" {style}/>']
-        points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.at, outline(thing.footprint, thing.pose)))
+        points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.pixel, outline(thing.footprint, thing.pose)))
         return [f'<polygon points="{points}" {style}/>']
 
     def _heading(self, thing: FigureObject, edge: str) -> list[str]:
         """A triangle at the front."""
-        x, y = self.at(thing.pose[:2])
+        x, y = self.pixel(thing.pose[:2])
         front = _front(thing.footprint) * self.scale
         size = min(6.0, max(3.0, 0.35 * front))
         cos, sin = math.cos(thing.pose[2]), -math.sin(thing.pose[2])
@@ -225,18 +225,18 @@ class _Panel:
     def _box(self, thing: FigureObject) -> Rect:
         """Pixels that an object covers."""
         (left, right), (low, high) = _extent(thing, 0), _extent(thing, 1)
-        return Rect(*self.at((left, high)), *self.at((right, low)))
+        return Rect(*self.pixel((left, high)), *self.pixel((right, low)))
 
     def _mark(self, mark: Mark) -> list[str]:
         """A mark without its text."""
         match mark:
             case Guide(start, end):
-                (ax, ay), (bx, by) = self.at(start), self.at(end)
+                (ax, ay), (bx, by) = self.pixel(start), self.pixel(end)
                 self.labels.line((ax, ay), (bx, by), 0.5)
                 line = f"M{_n(ax)} {_n(ay)}L{_n(bx)} {_n(by)}"
                 return [f'<path d="{line}" stroke="{QUIET}" stroke-dasharray="3 3" fill="none"/>']
             case Dimension(start, end):
-                a, b = self.at(start), self.at(end)
+                a, b = self.pixel(start), self.pixel(end)
                 self.labels.line(a, b)
                 nx, ny = _normal(a, b)
                 bars = "".join(
@@ -245,7 +245,7 @@ class _Panel:
                 line = f"M{_n(a[0])} {_n(a[1])}L{_n(b[0])} {_n(b[1])}{bars}"
                 return [f'<path d="{line}" stroke="{_color(mark)}" stroke-width="1.8" fill="none"/>']
             case Turn(center, start, stop):
-                x, y = self.at(center)
+                x, y = self.pixel(center)
                 arm, arc = self._arms()
                 rays = []
                 for heading in (start, stop):
@@ -272,7 +272,7 @@ class _Panel:
         width = text_width(mark.text, SMALL)
         places = []
         if isinstance(mark, Dimension):
-            a, b = self.at(mark.start), self.at(mark.end)
+            a, b = self.pixel(mark.start), self.pixel(mark.end)
             nx, ny = _normal(a, b)
             away = 4.0 + abs(nx) * width / 2 + abs(ny) * SMALL / 2
             for share in (0.5, 0.3, 0.7, 0.1, 0.9):
@@ -281,7 +281,7 @@ class _Panel:
             beyond = 6.0 + abs(ny) * width / 2 + abs(nx) * SMALL / 2
             places += [(b[0] - beyond * ny, b[1] + beyond * nx), (a[0] + beyond * ny, a[1] - beyond * nx)]
         else:
-            x, y = self.at(mark.center)
+            x, y = self.pixel(mark.center)
             middle = (mark.start + mark.stop) / 2.0
             for heading in (middle, mark.start - 0.5 * (mark.stop - mark.start), 2 * mark.stop - middle):
                 for far in (self._arms()[1] + 6.0, self._arms()[0] + 4.0):
@@ -292,7 +292,7 @@ class _Panel:
 
     def _name(self, thing: FigureObject) -> list[str]:
         box, width = self._box(thing), text_width(thing.name, TYPE)
-        x, y = self.at(thing.pose[:2])
+        x, y = self.pixel(thing.pose[:2])
         half = TYPE / 2 + 3
         around = [(x, box.bottom + half), (x, box.top - half)]
         around += [(box.right + width / 2 + 4, y), (box.left - width / 2 - 4, y)]

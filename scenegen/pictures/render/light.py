@@ -235,7 +235,7 @@ class Ambient:
             blurred.append(around.ravel())
         return blurred
 
-    def hidden(self, landscape: Sequence[Image], depth: Image, where: Rows) -> Image:
+    def hidden_sky(self, landscape: Sequence[Image], depth: Image, where: Rows) -> Image:
         """(P,): the hidden share of the sky at depths (P,) of the pixels `where`, counted row by row."""
         at = np.clip(self._start[where] + depth[:, None] * self._step[where], 0, SKY_MAP - 1).astype(np.int32)
         index = at[:, 1] * SKY_MAP + at[:, 0]
@@ -308,7 +308,7 @@ class Lighting:
         self.factor = factor
         self.camera = camera
         self.transparent = transparent
-        raw = camera.resized((camera.size[0] * factor, camera.size[1] * factor))
+        raw = camera.with_size((camera.size[0] * factor, camera.size[1] * factor))
         columns, rows = np.meshgrid(np.arange(raw.size[0], dtype=np.float64), np.arange(raw.size[1], dtype=np.float64))
         # pybullet samples a pixel at its lower left corner; `centred` corrects this if pixels are not averaged.
         away = 0.0 if factor > 1 else 0.5
@@ -380,11 +380,11 @@ class Lighting:
         every = slice(None)
         behind = _shrink(np.where(things[..., None], np.uint8(0), self.backdrop), self.factor)
         shadow = self._blocked_share(heights, self.depth.ravel(), every, True) * self.reach
-        sky = self.ambient.hidden(around, self.depth.ravel(), every) * self.sky
+        sky = self.ambient.hidden_sky(around, self.depth.ravel(), every) * self.sky
         lit = behind * _dim(shadow, sky).reshape(behind.shape)
         depth = self.camera.depth(nearest)
         shadow = self._blocked_share(heights, depth, front, False)
-        sky = self.ambient.hidden(around, depth, front) * np.float32(ON_THINGS)
+        sky = self.ambient.hidden_sky(around, depth, front) * np.float32(ON_THINGS)
         ahead = _shrink(np.where(things[..., None], colors, np.uint8(0)), self.factor)
         lit.reshape(-1, 3)[front] += ahead.reshape(-1, 3)[front] * _dim(shadow, sky)
         here = things[self.every]

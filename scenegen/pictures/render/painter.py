@@ -93,7 +93,7 @@ class Painter:
             x0, y0, x1, y1 = stage.table
             slab = box(x1 - x0, y1 - y0, stage.thickness, 0.12 * stage.thickness)
             middle = (x0 + x1) / 2.0, (y0 + y1) / 2.0
-            bare.add(slab.moved(*middle, -stage.thickness), WOOD if look is None else look.table)
+            bare.add(slab.shift(*middle, -stage.thickness), WOOD if look is None else look.table)
             _, light, _ = bare.shoot(self._light, look)
             for view in self._options.views:
                 if view == LOOK_VIEW and look is not None:
@@ -152,8 +152,8 @@ class Painter:
         return self._lighting[view].camera
 
     def _raw(self, camera: Camera) -> Camera:
-        raw = camera.resized((camera.size[0] * self.factor, camera.size[1] * self.factor))
-        return raw if self.factor > 1 else raw.centred()
+        raw = camera.with_size((camera.size[0] * self.factor, camera.size[1] * self.factor))
+        return raw if self.factor > 1 else raw.centre_pixels()
 
 
 def _shading(look: Look) -> dict[str, Any]:

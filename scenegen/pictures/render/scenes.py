@@ -105,9 +105,9 @@ def draw(
     """
     need("pybullet", "to draw pictures")
     places = places_of(stage, poses)
-    stage, origin = stage.near()
+    stage, origin = stage.near_origin()
     places[..., :2] -= origin
-    given = [None] * len(places) if looks is None else [look.moved(*origin) for look in looks]
+    given = [None] * len(places) if looks is None else [look.shift(*origin) for look in looks]
     job = RenderJob(stage, options, models, textures)
     with Pool(job, workers, what="a process that draws", unit="scene", spare="a smaller size or fewer workers") as pool:
         yield from pool.map(list(zip(places, given, strict=True)))
@@ -187,7 +187,7 @@ def render_scenes(
     check_request(views, size, workers, looks=looks is not None)
     given = None if looks is None else read_looks(looks)
     names_of_things = [item.name for item in file.objects]
-    drawn = None if given is None else given.drawn(check_seed(seed), len(file.scenes), names_of_things)
+    drawn = None if given is None else given.draw_looks(check_seed(seed), len(file.scenes), names_of_things)
     need("pybullet", "to draw pictures")
     views = tuple(dict.fromkeys(views))
     check_renderer(renderer)

@@ -101,7 +101,7 @@ class SceneLooks:
         self._means = {name: mean_of(image) for name, image in images.items()}
         self._wooden: dict[Rectangle, str] = {}  # tables, and the files of their wood
 
-    def of(self, scene: int, table: Rectangle) -> SceneLook:
+    def scene_look(self, scene: int, table: Rectangle) -> SceneLook:
         """The look of a scene, by its number from 1, with the simulator's table (x lowest, y lowest, x highest, y
         highest)."""
         look, camera = self._looks[scene - 1], self._cameras[scene - 1]
@@ -183,7 +183,7 @@ def dressing_of(file: SceneFile, looks: str | Path, seed: int) -> SceneLooks:
     if not file.scenes:
         raise RequestError(NO_SCENES())
     given = read_looks(looks)
-    drawn = given.drawn(check_seed(seed), len(file.scenes), [item.name for item in file.objects])
+    drawn = given.draw_looks(check_seed(seed), len(file.scenes), [item.name for item in file.objects])
     stage, size = stage_of(file), usual_size(file)
     cameras = [look.camera(stage.corners(), size) for look in drawn]
     return SceneLooks(drawn, cameras, stage, given.files, seed)

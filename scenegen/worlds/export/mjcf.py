@@ -150,7 +150,7 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     keys = ElementTree.Element("keyframe")
     for index, scene in enumerate(world.scenes):
         if world.dressing is not None:
-            root, bodies = _model(world, folder, world.dressing.of(scene, world.table))
+            root, bodies = _model(world, folder, world.dressing.scene_look(scene, world.table))
         qpos = world.places(index)
         if index == 0 or not together:
             for element, place in zip(bodies, qpos, strict=True):
@@ -176,7 +176,7 @@ def _model(world: World, folder: str, dressed: SceneLook | None) -> tuple[Elemen
     _assets(root, world, dressed, folder)
     place = node(root, "worldbody")
     _table(place, world, dressed)
-    bodies = [_body(place, body) for body in world.colored(dressed)]
+    bodies = [_body(place, body) for body in world.tinted_bodies(dressed)]
     return root, bodies
 
 

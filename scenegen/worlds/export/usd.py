@@ -205,7 +205,7 @@ class UsdStage:
         made.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments))
         made.CreatePrincipalAxesAttr(Gf.Quatf(*_clean(axes)))
 
-    def held(self, path: str) -> None:
+    def hold(self, path: str) -> None:
         """Undo `rigid` for a prim that refers to a body: what collides there cannot be moved."""
         prim = self._prim(path)
         prim.RemoveAPI(UsdPhysics.RigidBodyAPI)
@@ -494,13 +494,13 @@ class UsdScenes:
         self.names = identifiers(names)  # the same in every scene of a file
         stage = UsdStage(ROOT, "assembly", world.title)
         self._table(stage, f"{ROOT}/{free('table', self.names.values())}", dressed)
-        for body in world.colored(dressed):
+        for body in world.tinted_bodies(dressed):
             self._body(stage, body, f"./{folder}/{body.form.name}{ending}")
         _environment(stage, world, dressed)
         stage.finish()
         self.layer = stage
 
-    def one(self, index: int) -> bytes:
+    def scene_file(self, index: int) -> bytes:
         """The file of one scene."""
         for name, (at, turn) in self._places(index).items():
             self.layer.place(f"{ROOT}/{name}", at, turn)
@@ -539,7 +539,7 @@ class UsdScenes:
         stage.refer(path, file)
         stage.known_as(path, body.name)
         if body.fixed:
-            stage.held(path)
+            stage.hold(path)
         for number, color in enumerate(body.colors, start=1):
             recolor(stage, path, *part(path, number), color)
 
@@ -624,11 +624,11 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
         check_room(len(world.poses), KEY + KEY_EACH * len(world.bodies))
     if world.dressing is not None:
         for index, number in enumerate(world.scenes):
-            yield UsdScenes(world, folder, ENDING, world.dressing.of(number, world.table)).one(index)
+            yield UsdScenes(world, folder, ENDING, world.dressing.scene_look(number, world.table)).scene_file(index)
         return
     scene = UsdScenes(world, folder, ENDING)
     if together:
         yield scene.all_in_one(VARIANT_SET)
         return
     for index in range(len(world.poses)):
-        yield scene.one(index)
+        yield scene.scene_file(index)

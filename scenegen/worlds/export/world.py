@@ -226,7 +226,7 @@ class World:
     record: Record | None = None
     dressing: SceneLooks | None = None
 
-    def colored(self, dressed: SceneLook | None) -> tuple[Body, ...]:
+    def tinted_bodies(self, dressed: SceneLook | None) -> tuple[Body, ...]:
         """The bodies in the colours of a look."""
         tints = {} if dressed is None else {tint.name: tint for tint in dressed.look.tints}
         return tuple(

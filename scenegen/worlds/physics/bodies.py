@@ -66,7 +66,7 @@ def whole_of(body: world.Body) -> InertialBody:
     """The body with the convex pieces, the mass and the friction that files for simulators have. Its principal axes are
     taken to be the object's, which all assets nearly are."""
     x, y, z = body.form.inertia.center.tolist()
-    pieces = tuple(piece.mesh.moved(-x, -y, -z) for piece in body.form.pieces)
+    pieces = tuple(piece.mesh.shift(-x, -y, -z) for piece in body.form.pieces)
     xx, yy, zz = (0.0, 0.0, 0.0) if body.fixed else np.diag(body.moments).tolist()
     return InertialBody(pieces, (x, y, z), 0.0, 0.0 if body.fixed else body.mass, (xx, yy, zz), body.friction)
 
@@ -75,7 +75,7 @@ def board_of(board: world.Patch, friction: float) -> InertialBody:
     """A board, which cannot be moved: its place is the origin of the world."""
     mesh = board.mesh()
     x, y, z = ((mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2.0).tolist()
-    return InertialBody((mesh.moved(-x, -y, -z),), (x, y, z), 0.0, 0.0, (0.0, 0.0, 0.0), friction)
+    return InertialBody((mesh.shift(-x, -y, -z),), (x, y, z), 0.0, 0.0, (0.0, 0.0, 0.0), friction)
 
 
 @contextmanager

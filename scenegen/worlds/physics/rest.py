@@ -65,7 +65,7 @@ class SettledScenes:
         return len(self.poses)
 
     def __repr__(self) -> str:
-        return f"<SettledScenes: {Summary.of(self.header, self._block()).last_line}>"
+        return f"<SettledScenes: {Summary.from_block(self.header, self._block()).last_line}>"
 
     @property
     def settled(self) -> npt.NDArray[np.bool_]:
@@ -102,7 +102,7 @@ class Summary:
     moved: Array | None = None
 
     @staticmethod
-    def of(header: SettledHeader, block: SettledBlock) -> Summary:
+    def from_block(header: SettledHeader, block: SettledBlock) -> Summary:
         summary = Summary(header)
         summary.add(block)
         return summary

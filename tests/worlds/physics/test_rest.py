@@ -396,8 +396,8 @@ def body(pieces, mass):
 @pytest.mark.parametrize("piece", [box(SIDE, SIDE, SIDE), disc(SIDE / 2, 0.0, SIDE, 8)], ids=["box", "hull"])
 @pytest.mark.parametrize("count", [MAX_ARRAY_PIECES, MAX_ARRAY_PIECES + 1, 40])
 def test_the_last_piece_of_a_body_carries(piece, count):
-    row = [piece.moved(x=0.2 * k, z=0.1 - SIDE) for k in range(count)]
-    block = box(SIDE, SIDE, SIDE).moved(z=-SIDE / 2)
+    row = [piece.shift(x=0.2 * k, z=0.1 - SIDE) for k in range(count)]
+    block = box(SIDE, SIDE, SIDE).shift(z=-SIDE / 2)
     bodies = [body(row, 0.0), body([block], 0.1)]
     with piece_files(bodies) as files, PybulletWorld(bodies, files, friction=0.7) as world:
         places = np.array([(0.0, 0.0, 0.0, 0.0), (0.2 * (count - 1), 0.0, 0.0, 0.1 + SIDE / 2)])

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, Val
 
 from scenegen.errors import DataError, Source, Span
 from scenegen.errors.files import BAD_LOOKS
-from scenegen.looks.look import WHITE, Draw, LookDistribution, Random, field_of
+from scenegen.looks.look import Draw, LookDistribution, Random, field_of
 from scenegen.looks.textures import (
     IMAGE_ENDINGS,
     MAX_TEXTURE_BYTES,
@@ -28,6 +28,7 @@ from scenegen.looks.textures import (
 )
 from scenegen.resources import note_input
 from scenegen.scenes.files import below, read_bytes
+from scenegen.things.colored_mesh import WHITE
 from scenegen.things.library import RGB
 
 MAX_NORMAL_DRAWS = 1000  # of a normal distribution, before the nearest value within its limits is taken

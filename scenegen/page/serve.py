@@ -217,7 +217,7 @@ async def files(request: Request) -> Response:
     shared = _shared_state(request)
     folder = shared.opened.folder
     found = {"specs": await run_in_threadpool(folder.specs), "shipped": await run_in_threadpool(shipped_json)}
-    return JSONResponse({**found, "lost": await run_in_threadpool(folder.lost, shared.tabs)})
+    return JSONResponse({**found, "lost": await run_in_threadpool(folder.lost_drafts, shared.tabs)})
 
 
 async def file(request: Request) -> Response:

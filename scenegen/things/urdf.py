@@ -44,13 +44,13 @@ class Element:
     def place(self) -> str:
         return f"line {self.line}, <{self.tag}>"
 
-    def children(self, tag: str) -> list[Element]:
+    def findall(self, tag: str) -> list[Element]:
         """The children of that tag."""
         return [child for child in self.children if child.tag == tag]
 
-    def child(self, tag: str) -> Element:
+    def find(self, tag: str) -> Element:
         """The first child of that tag. Raises MeshError where there is none."""
-        found = self.children(tag)
+        found = self.findall(tag)
         if not found:
             raise MeshError(f"{self.place}: there is no <{tag}> in it")
         return found[0]
@@ -131,7 +131,7 @@ def links_of(robot: Element) -> list[tuple[Element, LinkFrame]]:
     if robot.tag != "robot":
         raise MeshError(f"its outermost element is <{robot.tag}>, a URDF's is <robot>")
     links: dict[str, Element] = {}
-    for link in robot.children("link"):
+    for link in robot.findall("link"):
         name = link.get("name")
         if name in links:
             raise MeshError(f"{link.place}: a second link `{name}`")
@@ -140,10 +140,10 @@ def links_of(robot: Element) -> list[tuple[Element, LinkFrame]]:
         raise MeshError("it has no link")
     below: dict[str, list[tuple[str, LinkFrame]]] = {}
     parents: dict[str, str] = {}
-    for joint in robot.children("joint"):
+    for joint in robot.findall("joint"):
         ends = []
         for role in ("parent", "child"):
-            end = joint.child(role)
+            end = joint.find(role)
             name = end.get("link")
             if name not in links:
                 raise MeshError(f"{end.place}: there is no link `{name}`")
@@ -167,7 +167,7 @@ def links_of(robot: Element) -> list[tuple[Element, LinkFrame]]:
 
 def origin_of(element: Element) -> LinkFrame:
     """The pose that an element's <origin> gives: `rpy` are turns about the fixed x, y and z axes, in that order."""
-    origins = element.children("origin")
+    origins = element.findall("origin")
     if not origins:
         return LinkFrame(np.eye(3), np.zeros(3))
     roll, pitch, yaw = numbers_of(origins[0], "rpy", 3, "0 0 0")
@@ -184,7 +184,7 @@ def origin_of(element: Element) -> LinkFrame:
 
 def solid_of(shape: Element) -> Element:
     """The box, cylinder, sphere or mesh of a <visual> or <collision>. Raises MeshError."""
-    geometry = shape.child("geometry")
+    geometry = shape.find("geometry")
     if len(geometry.children) != 1 or geometry.children[0].tag not in SOLIDS:
         found = " and ".join(f"<{child.tag}>" for child in geometry.children[:3]) or "nothing"
         raise MeshError(f"{geometry.place}: a shape is one box, cylinder, sphere or mesh; here is {found}")
@@ -331,7 +331,7 @@ def robot_shadow(data: bytes, read_mesh: Read, placed: RobotPlacement | None = N
     placed = placed or RobotPlacement()
     shadow, files = Shadow(), MeshFiles(read_mesh, painted=False)
     for link, pose in links_of(elements(data)):
-        for shape in link.children("collision") or link.children("visual"):
+        for shape in link.findall("collision") or link.findall("visual"):
             _add(shadow, shape, placed.then(pose.then(origin_of(shape))), placed.scale, files)
     if shadow.top < shadow.bottom:
         raise MeshError("no link of it has a shape")
@@ -391,13 +391,13 @@ def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
     """
     robot = elements(data)
     links = links_of(robot)
-    shapes = [(one, pose) for link, pose in links for one in link.children("visual")]
-    shapes = shapes or [(one, pose) for link, pose in links for one in link.children("collision")]
+    shapes = [(one, pose) for link, pose in links for one in link.findall("visual")]
+    shapes = shapes or [(one, pose) for link, pose in links for one in link.findall("collision")]
     if not shapes:
         raise MeshError("no link of it has a shape")
-    inside = [one for shape, _ in shapes for one in shape.children("material")]
+    inside = [one for shape, _ in shapes for one in shape.findall("material")]
     named: dict[str, Element] = {}
-    for material in (*robot.children("material"), *inside):
+    for material in (*robot.findall("material"), *inside):
         if material.children:
             named.setdefault(material.attributes.get("name", ""), material)
     files = MeshFiles(read)
@@ -440,7 +440,7 @@ def _material(
     shape: Element, named: Mapping[str, Element], files: MeshFiles, textures: dict[str, bytes]
 ) -> tuple[RGB | None, bytes]:
     """Colour and texture of a visual shape's <material>; `textures` keeps files that were read."""
-    if not (given := shape.children("material")):
+    if not (given := shape.findall("material")):
         return None, b""
     material, name = given[0], given[0].attributes.get("name", "")
     if not material.children and name:
@@ -448,10 +448,10 @@ def _material(
             raise MeshError(f"{material.place}: there is no material `{name[:60]}`")
         material = named[name]
     color: RGB | None = None
-    if colors := material.children("color"):
+    if colors := material.findall("color"):
         red, green, blue, _ = np.clip(numbers_of(colors[0], "rgba", 4), 0.0, 1.0).tolist()
         color = red, green, blue
-    if not (pictures := material.children("texture")):
+    if not (pictures := material.findall("texture")):
         return color, b""
     file = pictures[0].get("filename")
     if file not in textures:

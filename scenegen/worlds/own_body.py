@@ -242,7 +242,7 @@ def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
     pieces = [
         Mesh(piece.vertices @ place.turn.T + place.at, piece.faces)
         for link, pose in links
-        for shape in link.children("collision") or link.children("visual")
+        for shape in link.findall("collision") or link.findall("visual")
         for place in (pose.then(origin_of(shape)),)
         for piece in reader.pieces(solid_of(shape))
     ]
@@ -285,8 +285,8 @@ class _PieceReader:
 def _mass(links: list[Element]) -> float | None:
     total = 0.0
     for link in links:
-        for inertial in link.children("inertial")[:1]:
-            (mass,) = sizes_of(inertial.child("mass"), "value", 1)
+        for inertial in link.findall("inertial")[:1]:
+            (mass,) = sizes_of(inertial.find("mass"), "value", 1)
             total += mass
     if total and not MIN_MASS <= total <= MAX_MASS:
         raise MeshError(f"its mass of {total:g} kg is beyond {MIN_MASS:g} to {MAX_MASS:g} kg")
@@ -297,11 +297,11 @@ def _friction(robot: Element, links: list[Element]) -> float | None:
     said = [
         sizes_of(one, "value", 1)[0]
         for link in links
-        for contact in link.children("contact")
-        for one in contact.children("lateral_friction")
+        for contact in link.findall("contact")
+        for one in contact.findall("lateral_friction")
     ]
-    for gazebo in robot.children("gazebo"):
-        for one in gazebo.children("mu1"):
+    for gazebo in robot.findall("gazebo"):
+        for one in gazebo.findall("mu1"):
             # Both <mu1>0.8</mu1> and <mu1 value="0.8"/> are written.
             given = one if "value" in one.attributes else Element(one.tag, {"value": one.text.strip()}, one.line)
             said += sizes_of(given, "value", 1)

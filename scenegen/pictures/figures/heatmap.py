@@ -11,8 +11,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.geometry import Box, Circle
+from scenegen.looks.paper import INK, PAPER, QUIET
 from scenegen.looks.stage import PictureSetup, poses_of, stage_of
-from scenegen.pictures.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, TEXT, TITLE, flow, write
+from scenegen.pictures.figures.sheet import EDGE, GAP, TEXT, TITLE, flow, write
 from scenegen.pose import THETA, X, Y, places
 from scenegen.scenes.data import SceneFile
 from scenegen.things.library import RGB

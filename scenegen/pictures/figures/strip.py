@@ -12,8 +12,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_ENCODER
+from scenegen.looks.paper import INK, PAPER, QUIET, WARM
 from scenegen.needs import need
-from scenegen.pictures.figures.sheet import INK, PAPER, QUIET, SMALL, WARM, cut
+from scenegen.pictures.figures.sheet import SMALL, cut
 
 SATISFIED_COLOR = (36, 120, 88)
 EDGE, GAP, FOOT = 20, 12, 54  # pixels: margin, space between pictures, space below a picture

@@ -20,10 +20,11 @@ from scenegen.errors.requests import NO_SCENES
 from scenegen.looks.camera import USUAL_VIEWS, frame
 from scenegen.looks.configuration import read_looks
 from scenegen.looks.look import LOOK_VIEW, LOOKS_FILE, Look, check_seed, looks_jsonl
+from scenegen.looks.paper import PAPER
 from scenegen.looks.stage import PictureSetup, places_of, poses_of, stage_of, usual_size
 from scenegen.looks.textures import Textures
 from scenegen.needs import need
-from scenegen.pictures.figures.sheet import MAX_THUMBNAILS, PAPER, contact_sheet, thumbnail_size
+from scenegen.pictures.figures.sheet import MAX_THUMBNAILS, contact_sheet, thumbnail_size
 from scenegen.pictures.render.files import (
     DEPTH_UNIT,
     FIRST_ID,

@@ -235,7 +235,7 @@ class Settling(Selection):
         settled = self._settler().settle(poses, levels(spec, rows), self.stop)
         kept = taken[settled.stays]
         if self.wanted <= BLOCK:
-            self._memory.stays[k] = np.bincount(found.cell[kept], minlength=max(self.reached) + 1)
+            self._memory.kept[k] = np.bincount(found.cell[kept], minlength=max(self.reached) + 1)
         counts = [len(taken), len(taken) - len(kept), *settled.moved.sum(axis=0)]
         facts = np.concatenate([np.array(counts, dtype=np.float64), found.facts])
         return Piece(found.rows[:, kept], found.phi[:, kept], found.cell[kept], facts)
@@ -243,7 +243,7 @@ class Settling(Selection):
     def _full(self, k: int) -> set[int]:
         """The cells that have their share from pieces before k, as far as this process drew them. None if not all
         scenes fit into the runner's memory at once: it then discards some, and takes others later."""
-        before: Any = sum(kept for piece, kept in self._memory.stays.items() if piece < k)
+        before: Any = sum(kept for piece, kept in self._memory.kept.items() if piece < k)
         return set(np.flatnonzero(np.atleast_1d(before) >= math.ceil(self.wanted / len(self.reached))).tolist())
 
     def _settler(self) -> Settler:

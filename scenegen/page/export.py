@@ -21,6 +21,7 @@ from scenegen.page.jobs import motions
 from scenegen.page.jobs.check import rarity_data
 from scenegen.page.jobs.describe import describe, mesh_key, numbers_data, packed_mesh
 from scenegen.page.jobs.evaluate import reasons, scene_set, scenes_json
+from scenegen.page.jobs.motions import six_digits
 from scenegen.page.jobs.source import stage_of_spec, wanted_counts, with_numbers
 from scenegen.page.project import OpenProject, alone
 from scenegen.page.worker import finite
@@ -135,15 +136,11 @@ def _motions(
 
 def _shorten_signals(found: dict[str, Any]) -> dict[str, Any]:
     """Every number over time to six digits."""
-    decides = {name: one and {**one, "signal": _six(one["signal"])} for name, one in found["decides"].items()}
-    signals = {name: _six(row) for name, row in found["signals"].items()}
+    decides = {name: one and {**one, "signal": six_digits(one["signal"])} for name, one in found["decides"].items()}
+    signals = {name: six_digits(row) for name, row in found["signals"].items()}
     return {**_round_values(found), "signals": signals, "decides": decides}
-
-
-def _six(values: list[float]) -> list[float]:
-    return [float(f"{one:.6g}") for one in values]
 
 
 def _round_values(found: dict[str, Any]) -> dict[str, Any]:
     """Values to six digits: they colour a tree, and there are many."""
-    return {**found, "values": _six(found["values"])}
+    return {**found, "values": six_digits(found["values"])}

@@ -316,10 +316,8 @@ class PageSession:
         except asyncio.CancelledError:
             self._say(f'{head}ended":null}}')
             raise
-        except TooManyWorkers as reason:
+        except (TooManyWorkers, PageWorkerEnded) as reason:
             self._say(f'{head}failed":{json.dumps(str(reason))}}}')
-        except PageWorkerEnded as how:
-            self._say(f'{head}failed":{json.dumps(str(how))}}}')
 
     def _say(self, text: str) -> None:
         try:

@@ -3,7 +3,7 @@ motions: animation, strip of moments, phi over time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -176,6 +176,11 @@ def figures(
     for kind, make in FIGURES.items():
         if kind in kinds:
             made |= make(job)
+    return write_files(folder, made)
+
+
+def write_files(folder: Path, made: dict[str, bytes]) -> tuple[Path, ...]:
+    """Write files by their names, together or not at all; their paths. Raises OutputError."""
     with whole_files(folder) as put:
         for name, data in made.items():
             put(name, data)
@@ -192,11 +197,16 @@ def sheet(job: Job) -> dict[str, bytes]:
     return {"contact_sheet.png": contact_sheet(file, thumbnails)}
 
 
+def halves(pictures: Sequence[Image.Image], which: Sequence[int]) -> list[Image.Image]:
+    """Some of the pictures, half as large."""
+    width, height = pictures[0].size
+    return [pictures[k].resize((round(width * 0.5), round(height * 0.5)), Image.Resampling.LANCZOS) for k in which]
+
+
 def sweep_strip(job: Job) -> dict[str, bytes]:
     """One layout from hard to solved, as a strip of pictures."""
     moving = job.moving
-    small = round(job.look.size[0] * 0.5), round(job.look.size[1] * 0.5)
-    shown = [moving.drawn[place].resize(small, Image.Resampling.LANCZOS) for place in moving.picked]
+    shown = halves(moving.drawn, moving.picked)
     values, notes = [moving.phi[place] for place in moving.picked], [moving.notes[place] for place in moving.picked]
     return {"sweep.png": strip(shown, values, moving.label, job.scenes.header.spec.title.rstrip("."), notes)}
 
@@ -286,10 +296,7 @@ def motion_figures(
         made |= {
             f"{name}{end}": data for end, data in _motion_files(motions, number, spec, chosen, kinds, look).items()
         }
-    with whole_files(folder) as put:
-        for name, data in made.items():
-            put(name, data)
-    return tuple(folder / name for name in made)
+    return write_files(folder, made)
 
 
 def animate(
@@ -347,8 +354,7 @@ def _motion_files(
         made[".mp4"] = video(pages(drawn, values, label), PAGE_MS, LAST_MS)
     if "strip" in kinds:
         picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, STRIP_SCENES)})
-        small = round(look.size[0] * 0.5), round(look.size[1] * 0.5)
-        shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
+        shown = halves(drawn, picked)
         shown_at = [f"t = {times[place]:g} s" for place in picked]
         title = motions.header.spec.title.rstrip(".")
         made["_strip.png"] = strip(shown, [values[place] for place in picked], label, title, times=shown_at)

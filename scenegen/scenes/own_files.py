@@ -6,18 +6,22 @@ import stat
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import TypeVar
 
 import numpy as np
 
+from scenegen.errors import DataError
+from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.resources import note_input
-from scenegen.scenes.data import ShapeData, footprint_of
+from scenegen.scenes.data import SceneFile, ShapeData, footprint_of
 from scenegen.things.indexed import AssetEntry, IndexFileError, fit_asset, read_index
 from scenegen.things.library import INDEX
 from scenegen.things.meshfile import GLTF, MESH_FILES, ending_of, local_name
 from scenegen.things.outline import Floats, MeshError
 from scenegen.things.urdf import footprint_and_height, mesh_shadow, robot_shadow
 
+T = TypeVar("T")
 MOST_BYTES = 64_000_000  # of a file, as specs read it
 SAME = 1e-6  # metres by which an outline may differ from the one that the scenes were made with
 
@@ -48,9 +52,24 @@ def is_read(shape: ShapeData, folder: Path) -> bool:
     return shape.asset == "urdf" and bool(shape.path)
 
 
-def reason_of(error: Exception) -> str:
-    """Why a file is of no use, on one line that a terminal can show: names in files may hold anything."""
-    return "".join(one if one.isprintable() else "?" for one in str(error))
+def read_files(file: SceneFile, folder: Path, read: Callable[[ShapeData], T], *, body: bool = False) -> list[T | None]:
+    """What `read` makes of the shape of every object that is of a file in `folder`, each shape once; None for other
+    objects. Raises DataError where `read` raises MeshError, and where no object has such a file; `body`: it is about
+    what collides."""
+    known: dict[str, T | None] = {}
+    for item in file.objects:
+        key = item.shape.model_dump_json()
+        try:
+            if key not in known:
+                known[key] = read(item.shape) if is_read(item.shape, folder) else None
+        except MeshError as error:
+            # on one line that a terminal can show: names in files may hold anything
+            reason = "".join(one if one.isprintable() else "?" for one in str(error))
+            facts = {"body": True} if body else {}
+            raise DataError(UNUSABLE_MODEL(path=item.shape.path, name=item.name, reason=reason, **facts)) from None
+    if not any(known.values()):
+        raise DataError(NO_MODEL())
+    return [known[item.shape.model_dump_json()] for item in file.objects]
 
 
 def own_file(folder: Path, shape: ShapeData) -> OwnFile:

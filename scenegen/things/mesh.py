@@ -304,16 +304,8 @@ def plain(footprint: Footprint, height: float, color: RGB) -> tuple[Part, ...]:
 
 
 def _round(radius: float, height: float, bevel: float) -> Mesh:
-    return revolve(
-        [
-            (0.0, 0.0),
-            (radius - bevel, 0.0),
-            (radius, bevel),
-            (radius, height - bevel),
-            (radius - bevel, height),
-            (0.0, height),
-        ]
-    )
+    inner, top = radius - bevel, height - bevel
+    return revolve([(0.0, 0.0), (inner, 0.0), (radius, bevel), (radius, top), (inner, height), (0.0, height)])
 
 
 def _upright(outline: Floats, inset: Floats, height: float, smallest: float) -> Mesh:

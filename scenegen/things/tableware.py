@@ -231,14 +231,9 @@ def spoon(color: RGB) -> tuple[Part, ...]:
         (0.88, 0.0112), (0.70, 0.0062), (0.40, 0.0032), (0.0, 0.0026),
     ]  # fmt: skip
     hollow = [
-        (0.0, 0.0029),
-        (0.40, 0.0035),
-        (0.70, 0.0066),
-        (0.84, 0.0102),
-        (0.70, 0.0050),
-        (0.40, 0.0024),
+        (0.0, 0.0029), (0.40, 0.0035), (0.70, 0.0066), (0.84, 0.0102), (0.70, 0.0050), (0.40, 0.0024),
         (0.0, 0.0020),
-    ]
+    ]  # fmt: skip
     bowl = revolve(dish).scale(0.028, 0.019, 1.0).shift(x=0.062)
     shadow = revolve(hollow).scale(0.028, 0.019, 1.0).shift(x=0.062)
     return Part(shaft, color), Part(bowl, color), Part(shadow, mix(color, SOOT, 0.22))
@@ -336,12 +331,9 @@ def orange(color: RGB) -> tuple[Part, ...]:
 def _leaf(height: float, start: float, length: float) -> Mesh:
     """A leaf that lies along the heading."""
     rows = (
-        (0.0, 0.0010, 0.0),
-        (0.25, 0.0075, 0.0030),
-        (0.55, 0.0085, 0.0032),
-        (0.85, 0.0045, 0.0010),
+        (0.0, 0.0010, 0.0), (0.25, 0.0075, 0.0030), (0.55, 0.0085, 0.0032), (0.85, 0.0045, 0.0010),
         (1.0, 0.0008, 0.0),
-    )
+    )  # fmt: skip
     sections = []
     for share, half, lift in rows:
         x, z = start + share * length, height + lift
@@ -538,14 +530,9 @@ def marker(color: RGB) -> tuple[Part, ...]:
 def scissors(color: RGB) -> tuple[Part, ...]:
     """Slightly open, points to the front."""
     outline = [
-        (0.000, -0.0075),
-        (0.020, -0.0080),
-        (0.070, -0.0055),
-        (0.0895, -0.0008),
-        (0.0880, 0.0008),
-        (0.010, 0.0065),
-        (0.000, 0.0060),
-    ]
+        (0.000, -0.0075), (0.020, -0.0080), (0.070, -0.0055), (0.0895, -0.0008), (0.0880, 0.0008),
+        (0.010, 0.0065), (0.000, 0.0060),
+    ]  # fmt: skip
     blade = prism(outline, 0.0, 0.0022)
     mirrored = prism([(x, -y) for x, y in reversed(outline)], 0.0, 0.0022)
     shank = prism([(-0.030, -0.0050), (0.008, -0.0055), (0.008, 0.0055), (-0.030, 0.0050)], 0.0, 0.0040)

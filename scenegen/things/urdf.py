@@ -215,10 +215,17 @@ def sizes_of(element: Element, name: str, count: int) -> list[float]:
 @contextmanager
 def placed_error(element: Element) -> Iterator[None]:
     """Errors of the block name the element."""
+    with named_error(element.place):
+        yield
+
+
+@contextmanager
+def named_error(what: str) -> Iterator[None]:
+    """Errors of the block begin with `what`."""
     try:
         yield
     except MeshError as error:
-        raise MeshError(f"{element.place}: {error}") from None
+        raise MeshError(f"{what}: {error}") from None
 
 
 def solid_mesh(solid: Element, sides: int, around: int, rings: int) -> Mesh:
@@ -256,21 +263,16 @@ class MeshFiles:
                 self.budget.add_triangles(len(one.faces))
             return self.known[name]
         data = self._data(name)
-        try:
-            found = mesh_surfaces(name, data, self._reader_beside(name), self.budget, painted=self.painted)
-        except MeshError as error:
-            raise MeshError(f"mesh {name[:60]}: {error}") from None
-        self.known[name] = found
-        return found
+        with named_error(f"mesh {name[:60]}"):
+            self.known[name] = mesh_surfaces(name, data, self._reader_beside(name), self.budget, painted=self.painted)
+        return self.known[name]
 
     def points(self, name: str) -> list[Floats]:
         """The vertices (V, 3) of its triangles."""
         if name not in self.outlines:
             data = self._data(name)
-            try:
+            with named_error(f"mesh {name[:60]}"):
                 self.outlines[name] = mesh_points(name, data, self._reader_beside(name))
-            except MeshError as error:
-                raise MeshError(f"mesh {name[:60]}: {error}") from None
         self.budget.add_vertices(sum(map(len, self.outlines[name])))
         return self.outlines[name]
 

@@ -124,19 +124,13 @@ def write_worlds(
             numbers = world.scenes[:1] if together else world.scenes
             for number, data in zip(numbers, module.files(world, meshes, together=together), strict=True):
                 name = out.name if together else f"{scene_name(number, scenes.count)}{module.ENDING}"
-                put(name, _crate(data) if together and to == "usd" and out.suffix.lower() in CRATES else data)
+                put(name, module.crate(data) if together and to == "usd" and out.suffix.lower() in CRATES else data)
                 written[number] = folder / name
         if dressing is not None:
             for name, data in dressing.textures():
                 put(f"{TEXTURES}/{name}", data)
             put(LOOKS_FILE, dressing.record([path.name for _, path in sorted(written.items())]))
     return tuple(path for _, path in sorted(written.items()))
-
-
-def _crate(text: bytes) -> bytes:
-    from scenegen.worlds.export.usd import crate
-
-    return crate(text)
 
 
 OTHER_NAMES = {  # what formats are called elsewhere, mostly after what reads them

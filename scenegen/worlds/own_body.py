@@ -18,12 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.errors import DataError
-from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.needs import need
 from scenegen.processes.process import DONE, GONE, WorkerMessage, WorkerProcess
 from scenegen.scenes.data import SceneFile, ShapeData
-from scenegen.scenes.own_files import is_read, own_file, reason_of
+from scenegen.scenes.own_files import own_file, read_files
 from scenegen.things.colored_mesh import ColoredMesh, check_texture
 from scenegen.things.mesh import Mesh, join
 from scenegen.things.meshfile import MAX_FRICTION, MAX_MASS, MIN_MASS, Read, mesh_surfaces
@@ -33,6 +31,7 @@ from scenegen.things.urdf import (
     MeshFiles,
     elements,
     links_of,
+    named_error,
     numbers_of,
     origin_of,
     placed_error,
@@ -275,10 +274,8 @@ class _PieceReader:
             with placed_error(solid):
                 mesh = join([Mesh(one.vertices, one.faces) for one in self.files.surfaces(name)])
                 faces = mesh.faces[:, ::-1].copy() if float(np.prod(scale)) < 0.0 else mesh.faces
-                try:
+                with named_error(f"mesh {name[:60]}"):
                     self.meshes[key] = convex_pieces(Mesh(mesh.vertices * np.array(scale), faces))
-                except MeshError as error:
-                    raise MeshError(f"mesh {name[:60]}: {error}") from None
         return self.meshes[key]
 
 
@@ -319,23 +316,8 @@ def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> di
     Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
     were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
     """
-    known: dict[str, OwnBody | None] = {}
-    bodies: dict[str, OwnBody] = {}
-    for item in file.objects:
-        key = item.shape.model_dump_json()
-        try:
-            if key not in known:
-                known[key] = _own_body(folder, item.shape, painted) if is_read(item.shape, folder) else None
-        except MeshError as error:
-            raise DataError(
-                UNUSABLE_MODEL(body=True, path=item.shape.path, name=item.name, reason=reason_of(error))
-            ) from None
-        body = known[key]
-        if body is not None:
-            bodies[item.name] = body
-    if not bodies:
-        raise DataError(NO_MODEL())
-    return bodies
+    bodies = read_files(file, folder, lambda shape: _own_body(folder, shape, painted), body=True)
+    return {item.name: body for item, body in zip(file.objects, bodies, strict=True) if body is not None}
 
 
 def _own_body(folder: Path, shape: ShapeData, painted: bool) -> OwnBody:

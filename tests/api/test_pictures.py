@@ -143,7 +143,7 @@ def test_a_set_shows_a_sheet_and_draws_it_once(scenes_notebook, calls):
 @pytest.mark.long
 def test_of_many_scenes_a_few_are_shown(scenes_notebook, calls, monkeypatch):
     assert notebook.NOTEBOOK_SCENES <= 16
-    monkeypatch.setattr(notebook, "SHOWN", 2)
+    monkeypatch.setattr(notebook, "NOTEBOOK_SCENES", 2)
     many = scenes_notebook[np.arange(1000) % 3]
     page = many._repr_html_()
     assert calls == [(2, (320, 240))] and "the first 2 of 1,000 scenes" in page
@@ -184,7 +184,7 @@ def test_a_spec_shows_its_formulas_as_trees(monkeypatch):
     assert texts[:2] == [("0.5", "all of"), ("2", "leftOf(mug, plate)")]
     assert ("2", "one of") in texts and ("3.5", "aboveOf(mug, plate)") in texts
     assert "[-1, 1] m" in page
-    monkeypatch.setattr(notebook, "LINES", 2)
+    monkeypatch.setattr(notebook, "NOTEBOOK_LINES", 2)
     assert "and 3 more" in scenegen.parse(text)._repr_html_()
 
 

@@ -209,7 +209,7 @@ def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux alone")
 def test_work_gives_way_in_a_thread_of_its_own(monkeypatch):
     before = os.getpriority(os.PRIO_PROCESS, 0)  # other tests may have changed it
-    monkeypatch.setattr(source, "_own", lambda: before)
+    monkeypatch.setattr(source, "_own_priority", lambda: before)
     niced = source.run_calmly(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), 2)
     assert niced == min(before + 2, 19) and os.getpriority(os.PRIO_PROCESS, 0) == before
     with pytest.raises(ZeroDivisionError):

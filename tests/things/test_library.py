@@ -353,16 +353,16 @@ def test_hostile_materials_are_refused(line, words):
 
 
 def test_files_that_are_too_much_are_refused(monkeypatch):
-    monkeypatch.setattr(colored_mesh, "MOST_PIXELS", 31)
+    monkeypatch.setattr(colored_mesh, "MAX_PIXELS", 31)
     with pytest.raises(MeshError, match="more than 31 pixels"):
         obj()
-    monkeypatch.setattr(colored_mesh, "MOST_TRIANGLES", 3)
+    monkeypatch.setattr(colored_mesh, "MAX_TRIANGLES", 3)
     with pytest.raises(MeshError, match="more than 3 triangles"):
         obj()
-    monkeypatch.setattr(meshfile, "MOST_MATERIALS", 1)
+    monkeypatch.setattr(meshfile, "MAX_MATERIALS", 1)
     with pytest.raises(MeshError, match="line 1: its files have more than 1 materials"):
         obj()
-    monkeypatch.setattr(colored_mesh, "MOST_BYTES", 10)
+    monkeypatch.setattr(colored_mesh, "MAX_MESH_BYTES", 10)
     with pytest.raises(MeshError, match="its files are larger than 10 bytes"):
         obj()
 
@@ -506,7 +506,7 @@ SKIN = '<material name="s"><texture filename="package://props/skin.png"/></mater
 
 
 def test_many_shapes_are_counted_together(monkeypatch):
-    monkeypatch.setattr(colored_mesh, "MOST_TRIANGLES", 5000)
+    monkeypatch.setattr(colored_mesh, "MAX_TRIANGLES", 5000)
     with pytest.raises(MeshError, match="line 1, <sphere>: its meshes have more than 5,000 triangles"):
         robot(visual(BALL) * 6)
     with pytest.raises(MeshError, match="more than 5,000 triangles"):

@@ -35,10 +35,10 @@ def test_volumes_follow_the_formulas():
 def test_an_open_mesh_is_not_called_closed():
     whole = box(1.0, 1.0, 1.0)
     assert whole.is_closed
-    assert not Mesh(whole.vertices, whole.faces[1:]).closed
+    assert not Mesh(whole.vertices, whole.faces[1:]).is_closed
     flipped = whole.faces.copy()
     flipped[0] = flipped[0][::-1]
-    assert not Mesh(whole.vertices, flipped).closed
+    assert not Mesh(whole.vertices, flipped).is_closed
 
 
 def test_moving_scaling_and_tipping_keep_the_form():

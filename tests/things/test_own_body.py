@@ -104,10 +104,10 @@ def test_what_cannot_be_cut_says_why(monkeypatch):
     with pytest.raises(MeshError, match="CoACD cannot cut it"):
         convex_pieces(APART)
     cutter(monkeypatch, "import time; time.sleep(20)")
-    monkeypatch.setattr(convex, "SECONDS", 0.3)
+    monkeypatch.setattr(convex, "MAX_CUT_SECONDS", 0.3)
     with pytest.raises(MeshError, match="takes more than 0 s"):
         convex_pieces(APART)
-    monkeypatch.setattr(convex, "MOST_TRIANGLES", 23)
+    monkeypatch.setattr(convex, "MAX_CUT_TRIANGLES", 23)
     with pytest.raises(MeshError, match="more than 23 triangles"):
         convex_pieces(APART)
 
@@ -144,7 +144,7 @@ def test_a_robot_has_its_own_shapes_mass_and_friction():
 
 
 def test_pieces_are_counted_together(monkeypatch):
-    monkeypatch.setattr(own_body, "MOST_PIECES", 20)
+    monkeypatch.setattr(own_body, "MAX_OWN_PIECES", 20)
     with pytest.raises(MeshError, match="line 1, <cylinder>: it has more than 20 convex pieces"):
         robot(ROD * 21)
 

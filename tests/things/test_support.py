@@ -111,7 +111,7 @@ def reach(shape, points):
 def test_pieces_are_convex_closed_and_within_footprint_and_height(shape):
     pieces = collision_of(shape)
     for piece in pieces:
-        assert piece.closed
+        assert piece.is_closed
         hull = ConvexHull(piece.vertices)
         assert piece.volume == pytest.approx(hull.volume, rel=1e-6)
     points = np.concatenate([piece.vertices for piece in pieces])

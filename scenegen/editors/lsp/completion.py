@@ -60,11 +60,11 @@ def completions(document: Document, offset: int) -> list[CompletionItem]:
         return []
     if document.text[line:offset].count('"') % 2:
         return list(_files(document, offset))
-    here = _position_group(document, offset)
+    here = _word_at(document, offset)
     return list(_items(here)) if here is not None else []
 
 
-def _position_group(document: Document, offset: int) -> _WordAtCursor | None:
+def _word_at(document: Document, offset: int) -> _WordAtCursor | None:
     text = document.text
     start = offset
     while start > 0 and (text[start - 1].isalnum() or text[start - 1] == "_") and text[start - 1].isascii():

@@ -24,11 +24,7 @@ JOBS: dict[str, str] = {
 }
 
 
-MOTION_MODULES = (
-    "scenegen.page.jobs.motions",
-    "scenegen.sampling.motions.rarity",
-    "scenegen.sampling.motions.sampler",
-)
+MOTION_MODULES = ("scenegen.page.jobs.motions", "scenegen.sampling.motions.rarity", "scenegen.sampling.motions.sampler")
 """What jobs import only for specs over time."""
 
 

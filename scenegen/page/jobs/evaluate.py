@@ -21,7 +21,16 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.interpret import deciding_atom, is_constant, settled_atoms
 from scenegen.lang.formula.interpret import evaluate as interpret
-from scenegen.page.jobs.source import MAX_LINE_NODES, Json, decider_json, line_of, spec_of, stage_of_spec, tree_of
+from scenegen.page.jobs.source import (
+    MAX_LINE_NODES,
+    Json,
+    decider_json,
+    line_of,
+    numbers_of,
+    spec_of,
+    stage_of_spec,
+    tree_of,
+)
 from scenegen.page.limits import MAX_POSES
 from scenegen.scenes.data import RequestData, SceneFile, heights_of
 from scenegen.things.surfaces import base_heights, overlapping
@@ -47,10 +56,7 @@ def evaluate(message: dict[str, Any]) -> Iterator[Any]:
 def scene_set(spec: Spec, poses: object, sampler: Mapping[str, Any] | None = None, on: object = None) -> SceneSet:
     """Poses as they come from a page, and where there are choices the surfaces: (n, M) numbers, counted from 1. Raises
     DataError for what are no poses of the spec's objects, or no surfaces of its choices."""
-    try:
-        array = np.array(poses, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    array = numbers_of(poses)
     count = len(spec.objects)
     if array.ndim != 3 or array.shape[1:] != (count, 3) or not np.isfinite(array).all():
         raise DataError(NO_MESSAGE(reason=f"no poses of {count} objects"))
@@ -66,10 +72,7 @@ def _surfaces(header: SceneFile, count: int, on: object) -> Array | None:
     choosers = header.choosers
     if not choosers:
         return None
-    try:
-        found = np.array(on, dtype=np.float64)
-    except (TypeError, ValueError):
-        found = np.empty(0)
+    found = numbers_of(on)
     most = [len(one.support.any) for one in choosers if one.support is not None]
     fits = found.shape == (count, len(choosers)) and bool(((found >= 1) & (found <= most) & (found % 1 == 0)).all())
     if not fits:

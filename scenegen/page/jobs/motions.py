@@ -19,7 +19,7 @@ from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.program import NO_MESSAGE, PAGE_LIMIT
 from scenegen.lang.formula.core import REQUIRE, BoundedUntil, Everywhere, Junction, Moment, Window
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimedValues, over_time
-from scenegen.page.jobs.source import MAX_LINE_NODES, Json, decider_json, line_of, stage_of_spec, tree_of
+from scenegen.page.jobs.source import MAX_LINE_NODES, Json, decider_json, line_of, numbers_of, stage_of_spec, tree_of
 from scenegen.page.limits import MAX_MOMENTS, MAX_MOTION, MAX_PAGE_SCENES
 from scenegen.sampling.motions.scores import TraceScores
 from scenegen.sampling.request import SampleRequest
@@ -35,10 +35,7 @@ def motions_of(spec: Spec, poses: object) -> Array:
     """Motions as they come from a page, (n, T + 1, N, 3). Raises DataError for what are no motions of the spec's
     objects and moments, RequestError for too many."""
     shape = timed_of(spec).horizon.moments, len(spec.objects), 3
-    try:
-        array = np.array(poses, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    array = numbers_of(poses)
     if array.ndim != 4 or array.shape[1:] != shape or not np.isfinite(array).all():
         raise DataError(NO_MESSAGE(reason=f"no motions of {shape[1]} objects at {shape[0]} moments"))
     check_size(spec, len(array))
@@ -87,15 +84,15 @@ def reasons(spec: Spec, motion: Array, *, everything: bool = True) -> dict[str, 
         "signals": {name: row.tolist() for name, row in signals.items()},
         "values": values[np.arange(len(values)), at].tolist(),
         "at": at,
-        "over": _short(values) if everything and values.size <= MAX_TREE_VALUES else None,
+        "over": [*map(six_digits, values.tolist())] if everything and values.size <= MAX_TREE_VALUES else None,
         "decides": {label: _decides(spec, label, scored, motion, at) for label in labels},
         "overlaps": [[spec.objects[a], spec.objects[b]] for a, b in overlapping(shapes, motion[-1:], None)[0]],
     }
 
 
-def _short(values: Array) -> list[list[float]]:
-    """To six digits: they colour a tree."""
-    return [[float(f"{one:.6g}") for one in row] for row in values.tolist()]
+def six_digits(values: list[float]) -> list[float]:
+    """Numbers as short as they may be where they colour a tree."""
+    return [float(f"{one:.6g}") for one in values]
 
 
 def _decides(spec: Spec, label: str, scored: TimedValues, motion: Array, at: list[int]) -> dict[str, Any] | None:

@@ -11,9 +11,12 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numpy as np
+
 from scenegen.api.outline import OutlinePart
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec
+from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, ScenegenError, Span
 from scenegen.errors.diagnostic import render_all
 from scenegen.errors.program import NO_MESSAGE
@@ -76,6 +79,14 @@ def _check(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
 
 
 _kept = lru_cache(maxsize=2)(_check)
+
+
+def numbers_of(value: object) -> Array:
+    """Numbers as they come from a page; an empty array for what are none."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.empty(0)
 
 
 def inside(text: str, root: str | None) -> str:

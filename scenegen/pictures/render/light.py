@@ -310,7 +310,7 @@ class Lighting:
         self.transparent = transparent
         raw = camera.with_size((camera.size[0] * factor, camera.size[1] * factor))
         columns, rows = np.meshgrid(np.arange(raw.size[0], dtype=np.float64), np.arange(raw.size[1], dtype=np.float64))
-        # pybullet samples a pixel at its lower left corner; `centred` corrects this if pixels are not averaged.
+        # pybullet samples a pixel at its lower left corner; `centre_pixels` corrects this if pixels are not averaged.
         away = 0.0 if factor > 1 else 0.5
         origin, direction = raw.rays(columns + away, rows + 1.0 - away)
         bare = buffer >= EMPTY_DEPTH
@@ -402,7 +402,7 @@ class Lighting:
         return np.asarray(np.clip(np.concatenate([pure, alpha], axis=2) + 0.5, 0.0, 255.0), dtype=np.uint8)
 
     def _heights(self, light_buffer: Image) -> Image:
-        """(MAP + 2 PAD, MAP + 2 PAD): heights along the light's rays, in metres."""
+        """(LIGHT_MAP + 2 PAD, LIGHT_MAP + 2 PAD): heights along the light's rays, in metres."""
         eye = np.float32(-self.light.view[2, 3])
         return np.pad(eye - self.light.depth(light_buffer), PAD, constant_values=np.float32(-1e9))
 

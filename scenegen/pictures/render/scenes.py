@@ -15,7 +15,6 @@ import numpy.typing as npt
 from PIL import Image
 
 from scenegen.errors import DataError
-from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.errors.requests import NO_SCENES
 from scenegen.looks.camera import USUAL_VIEWS, frame
 from scenegen.looks.configuration import read_looks
@@ -41,10 +40,9 @@ from scenegen.processes.pool import Pool
 from scenegen.processes.process import cores
 from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.files import scene_name, whole_files
-from scenegen.scenes.own_files import is_read, own_file, reason_of
+from scenegen.scenes.own_files import is_read, own_file, read_files
 from scenegen.things.colored_mesh import check_texture
 from scenegen.things.meshfile import mesh_surfaces
-from scenegen.things.outline import MeshError
 from scenegen.things.urdf import robot_surfaces
 
 
@@ -271,19 +269,7 @@ def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
     Raises DataError where a file cannot be read or drawn, where it has another outline than the scenes were made
     with, and where no object has such a file.
     """
-    known: dict[str, Model | None] = {}
-    models: list[Model | None] = []
-    for item in file.objects:
-        key = item.shape.model_dump_json()
-        try:
-            if key not in known:
-                known[key] = _model(folder, item.shape) if is_read(item.shape, folder) else None
-        except MeshError as error:
-            raise DataError(UNUSABLE_MODEL(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
-        models.append(known[key])
-    if not any(models):
-        raise DataError(NO_MODEL())
-    return tuple(models)
+    return tuple(read_files(file, folder, lambda shape: _model(folder, shape)))
 
 
 def _model(folder: Path, shape: ShapeData) -> Model:

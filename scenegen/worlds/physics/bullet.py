@@ -165,19 +165,9 @@ class PybulletWorld:
     ) -> int:
         """A body of this form, or the one that is `made` already, at this place; its number."""
         # Of bodies in maximal coordinates pybullet sets the margin of a single piece alone.
-        single = int(self._files is None)
-        number: int = (
-            made
-            if made is not None
-            else pybullet.createMultiBody(
-                mass,
-                form,
-                basePosition=at,
-                baseOrientation=turn,
-                useMaximalCoordinates=single,
-                physicsClientId=self._client,
-            )
-        )
+        place = {"basePosition": at, "baseOrientation": turn, "useMaximalCoordinates": int(self._files is None)}
+        client = self._client
+        number: int = pybullet.createMultiBody(mass, form, **place, physicsClientId=client) if made is None else made
         pybullet.changeDynamics(
             number,
             -1,

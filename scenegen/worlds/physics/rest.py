@@ -35,6 +35,7 @@ from scenegen.scenes.formats.settled import MM, POSE, SettledBlock, Touch, write
 from scenegen.validation import as_path, as_seconds
 from scenegen.worlds.export.world import NOTHING, Own, World, world_of
 from scenegen.worlds.physics.bodies import TABLE, Contact
+from scenegen.worlds.physics.settling import worst_objects
 from scenegen.worlds.physics.simulation import ROUND_SCENES, RestResult, check_simulator, resting, version_of
 
 
@@ -134,10 +135,8 @@ class Summary:
         text = f"{self.scenes - self.far:,} of {self.scenes:,} scenes settled ({name}, {seconds:g} s)"
         if not self.far or self.moved is None:
             return text
-        order = [int(k) for k in np.argsort(-self.moved, kind="stable") if self.moved[k]]
-        shown = ", ".join(f"`{self.header.objects[k]}` in {int(self.moved[k]):,}" for k in order[:5])
-        more = f" and {len(order) - 5} more objects" if len(order) > 5 else ""
-        return f"{text}; in {self.far:,} an object moved too far: {shown}{more}"
+        worst = worst_objects(self.header.objects, self.moved)
+        return f"{text}; in {self.far:,} an object moved too far: {worst}"
 
 
 SettleProgress = Callable[[int, int | None], None]  # scenes simulated so far, and of how many, if that is known
@@ -388,12 +387,7 @@ def load_pybullet(
     if not isinstance(scene, Scene):
         raise RequestError(NEEDED_HERE(what="one scene", value=repr(scene), remedy="pick one of a set: scenes[0]"))
     header = member_of(scene.header, scene.counts) if scene.header.counts else scene.header
-    own = NOTHING
-    if meshes is not None:
-        from scenegen.worlds.own_body import own_bodies_of
-
-        own = own_bodies_of(header, as_path("meshes", meshes))
-    world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), own)
+    world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), _own_bodies(header, meshes))
     if scene.rest is not None:
         world = replace(world, rest=scene.rest[None, ~np.isnan(scene.rest[:, 0])])
     return load(world, getattr(client, "_client", client), table=table)

@@ -126,6 +126,14 @@ class Settler:
         return Displacements(motions[..., 0], motions[..., 1])
 
 
+def worst_objects(names: Sequence[str], moved: npt.NDArray[Any]) -> str:
+    """`` `mug` in 12, `plate` in 5 ``: the five objects that moved too far in the most scenes, and how many more did;
+    empty if none did."""
+    order = [int(k) for k in np.argsort(-moved, kind="stable") if moved[k]]
+    more = f" and {len(order) - 5} more objects" if len(order) > 5 else ""
+    return ", ".join(f"`{names[k]}` in {int(moved[k]):,}" for k in order[:5]) + more
+
+
 @dataclass(frozen=True, slots=True)
 class Refusals:
     """Of `scenes`, `refused` did not settle. `moved` has for each of `objects` the number of scenes in which it moved
@@ -139,13 +147,8 @@ class Refusals:
     def summary(self) -> str:
         """`17 of 64 scenes did not settle: mug moved in 12, plate in 5`; the worst five objects are named."""
         text = f"{self.refused:,} of {self.scenes:,} scenes did not settle"
-        worst = [int(k) for k in np.argsort(-np.array(self.moved), kind="stable") if self.moved[k]]
-        if not worst:
-            return text
-        shown = [f"`{self.objects[k]}` in {self.moved[k]:,}" for k in worst[:5]]
-        first = shown[0].replace(" in ", " moved in ", 1)
-        more = f" and {len(worst) - 5} more objects" if len(worst) > 5 else ""
-        return f"{text}: {', '.join([first, *shown[1:]])}{more}"
+        worst = worst_objects(self.objects, np.array(self.moved))
+        return f"{text}: {worst.replace(' in ', ' moved in ', 1)}" if worst else text
 
     def diagnostic(self) -> Diagnostic | None:
         """A warning with the summary; None if every scene settled."""

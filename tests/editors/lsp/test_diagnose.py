@@ -127,7 +127,7 @@ class Still:
 def processes(monkeypatch):
     Still.made = []
     monkeypatch.setattr(analysis, "_AnalysisProcess", Still)
-    monkeypatch.setattr(analysis, "GRACE", 0.02)
+    monkeypatch.setattr(analysis, "LATE_ANSWER_SECONDS", 0.02)
     return Still.made
 
 
@@ -172,7 +172,7 @@ def test_who_does_not_wait_any_more_ends_the_process(processes):
 
 
 def test_what_takes_too_long_is_ended(processes, monkeypatch):
-    monkeypatch.setattr(analysis, "LONGEST", 0.01)
+    monkeypatch.setattr(analysis, "MAX_QUESTION_SECONDS", 0.01)
 
     async def session():
         asked = AnalysisProcesses()

@@ -334,7 +334,7 @@ def landscape(heights):
 def hidden(heights, points, z=0.0):
     ambient = Ambient(STAGE, *looking_down(np.asarray(points)))
     depth = np.full(len(points), 1.0 - z, dtype=np.float32)
-    return ambient.hidden(ambient.landscape(landscape(heights)), depth, slice(None))
+    return ambient.hidden_sky(ambient.landscape(landscape(heights)), depth, slice(None))
 
 
 def tower(height):

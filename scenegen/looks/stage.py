@@ -184,7 +184,7 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     lying = [(patch.footprint, np.array([patch.pose])) for patch in patches]
     inner, outer = _table(workspace, lying, MAX_REGION_GROWTH), _table(workspace, standing, MAX_TABLE_GROWTH)
     table = [*map(min, inner[:2], outer[:2]), *map(max, inner[2:], outer[2:])]
-    declared = _declared_heights(file)
+    declared = _heights(file)
     tops = _bases(shapes, poses, declared) + np.array([shape.height for shape in shapes])
     tops = tops[~np.isnan(poses[..., 0])]
     boards = [patch.height for patch in patches]
@@ -219,9 +219,7 @@ def overlaps_of(file: SceneFile) -> list[list[str]]:
     shapes = [thing.shape for thing in stage_of(file).things]
     names = [item.name for item in file.objects]
     poses = poses_of(file)
-    found = overlapping(
-        shapes, flat(poses), _bases(shapes, poses, _declared_heights(file)) if file.version == RAISED else None
-    )
+    found = overlapping(shapes, flat(poses), _bases(shapes, poses, _heights(file)) if file.version == RAISED else None)
     return [[f"{names[a]} overlaps {names[b]}" for a, b in pairs] for pairs in found]
 
 
@@ -232,7 +230,7 @@ def places_of(stage: PictureSetup, poses: Floats) -> Floats:
     return np.concatenate([flat(poses), heights[..., None], poses[..., len(FLAT) + 1 :]], axis=2)
 
 
-def _declared_heights(file: SceneFile) -> tuple[float, ...]:
+def _heights(file: SceneFile) -> tuple[float, ...]:
     """The heights that hold in every scene; none where they differ, or where poses say them."""
     if varying(file):
         return ()

@@ -96,10 +96,7 @@ def spec_page(spec: SpecHolder) -> str:
 
     outline = Outline(spec)
     title = html.escape(spec.checked.title)
-    parts = [
-        f"<p><b>{title}</b></p>" if title else "",
-        f"<p>objects: {html.escape(_name_list(spec.checked.objects))}</p>",
-    ]
+    parts = [f"<p><b>{title}</b></p>" if title else "", f"<p>objects: {html.escape(_names(spec.checked.objects))}</p>"]
     for label in outline.labels:
         lines, more = outline.lines(label, most=NOTEBOOK_LINES)
         rows = ["<tr><th>formula</th><th>margin</th><th>phi in</th></tr>"]
@@ -118,5 +115,5 @@ def _cell(text: str) -> str:
     return f'<td style="text-align: left">{html.escape(text)}</td>'
 
 
-def _name_list(names: Sequence[str]) -> str:
+def _names(names: Sequence[str]) -> str:
     return ", ".join(names[:MAX_NAMES]) + (f" and {len(names) - MAX_NAMES:,} more" if len(names) > MAX_NAMES else "")

@@ -61,9 +61,7 @@ def templates(
     if own is not None:
         known = [name for name, written in own.items() if _formula(written)]
         _refuse_unknown(wanted, known)
-        return tuple(
-            one for name in known if wanted is None or name in wanted for one in _map_templates(name, own[name])
-        )
+        return tuple(one for name in known if wanted is None or name in wanted for one in _own_facts(name, own[name]))
     known = [name for name, one in scope.definitions.items() if _arity(one) <= MAX_ARGUMENTS]
     _refuse_unknown(wanted, known)
     if wanted is None:
@@ -113,7 +111,7 @@ def _formula(written: str) -> str:
     return {"on": "restsOn($1, $2)", "in": "insideOf($1, $2)"}.get(found.holds, found.formula)
 
 
-def _map_templates(name: str, written: str) -> Iterator[RelationTemplate]:
+def _own_facts(name: str, written: str) -> Iterator[RelationTemplate]:
     text = _formula(written)
     count = max((int(one) for one in re.findall(r"\$(\d)", text)), default=0)
     text = re.sub(r"\$(\d)", lambda one: f"_slot{int(one[1]) - 1}", text)

@@ -412,11 +412,7 @@ def keyboard(color: RGB) -> tuple[Part, ...]:
             group = marks if (row == 5 and column % 5 == 0) or (row == 2 and column == 14) else keys
             group.append(box(0.0155, 0.0168, 0.0039).shift(x=x, y=-0.1995 + 0.0210 * column, z=top - 0.0006))
     keys.append(box(0.0155, 0.1218, 0.0032).shift(x=-0.052, y=-0.0420, z=0.0133))
-    return (
-        Part(body, color),
-        Part(join(keys), mix(color, CHINA, 0.72)),
-        Part(join(marks), (0.85, 0.45, 0.20)),
-    )
+    return (Part(body, color), Part(join(keys), mix(color, CHINA, 0.72)), Part(join(marks), (0.85, 0.45, 0.20)))
 
 
 def mouse(color: RGB) -> tuple[Part, ...]:

@@ -183,10 +183,6 @@ def fits(form: PhraseForm, words: GrammarNames) -> bool:
     return form.kinds.count(OBJECT) < 3 or threes * len(words.names[OBJECT]) <= MAX_TRIPLES
 
 
-# What of all that could be said checks, and how phi of it varies over scenes that meet what the spec requires.
-# Every formula is expanded by the checker itself, into one core; what it refuses, and what is the same in every
-# scene, is left out. A formula that some of the scenes satisfies can be satisfied: no proof to the contrary can be
-# found.
 PROBES = 16  # scenes in which an extra argument has to shift phi by as much
 EXACT = 1e-9  # what rounding may make of a shift
 MAX_PHI_NUMBERS = 1 << 23  # numbers that a look at some scenes may hold

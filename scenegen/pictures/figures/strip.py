@@ -37,9 +37,7 @@ def strip(
     width, height = frames[0].size
     head = TITLE + 24 if title else 0
     sheet = Image.new(
-        "RGB",
-        (2 * EDGE + len(frames) * width + (len(frames) - 1) * GAP, 2 * EDGE + head + height + FOOT),
-        PAPER,
+        "RGB", (2 * EDGE + len(frames) * width + (len(frames) - 1) * GAP, 2 * EDGE + head + height + FOOT), PAPER
     )
     draw = ImageDraw.Draw(sheet)
     if title:

@@ -157,8 +157,6 @@ class Refusals:
         return UNSETTLED(summary=self.summary(), often=True if self.refused * 2 > self.scenes else None)
 
 
-# A plan without the scenes that do not settle.
-# Of motions the scene in which they begin is dropped.
 MAX_PIECE_DROPS = 256  # about how many scenes of a piece are dropped: a few seconds of one core
 MIN_CELL_DROPS = 2  # of each cell
 
@@ -176,7 +174,7 @@ class _Memory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settling(Selection):
-    """`plan` without the scenes that do not settle.
+    """`plan` without the scenes that do not settle; of motions the scene in which they begin is dropped.
 
     One process draws it and drops the scenes on all `workers` (drawing takes a thousandth of the time of dropping). A
     piece takes the first few candidates of every cell. Cells that earlier pieces have filled are skipped: the runner

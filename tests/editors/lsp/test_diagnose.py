@@ -208,7 +208,7 @@ def test_importers_are_checked_again(monkeypatch, tmp_path):
         for uri, written in ((main, 'import "table.spec"\nt: near(a, b)'), (table, "const A = 1")):
             item = types.TextDocumentItem(uri, "scenegen", 1, written)
             server.workspace.put_text_document(item)
-            server._changed(types.DidOpenTextDocumentParams(item))
+            server._on_change(types.DidOpenTextDocumentParams(item))
             for _ in range(5):
                 await asyncio.sleep(0.001)
 

@@ -159,7 +159,7 @@ class SceneModel(nn.Module, ABC):
 
     def initialise(self, generator: torch.Generator) -> None:
         """Fresh weights from `generator`."""
-        for module in self.all():
+        for module in self.children():
             if isinstance(module, Initialised):
                 module.initialise(generator)
 

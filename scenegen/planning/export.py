@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 
@@ -138,31 +138,6 @@ def domain_text(words: DomainNames, name: str) -> str:
     return "\n".join([*lines, "  ))", ""])
 
 
-def problem_text(
-    words: DomainNames,
-    facts: Sequence[Fact],
-    truths: npt.NDArray[np.bool_],
-    goal: Formula,
-    *,
-    name: str,
-    domain: str,
-    comments: Sequence[str] = (),
-    missing: Collection[str] = (),
-) -> str:
-    """The problem whose initial facts are those of `facts` for which `truths` (F,) says so, without the
-    `missing` things."""
-    lines = [*(f"; {clean(one)}" for one in comments), f"(define (problem {name})", f"  (:domain {domain})"]
-    lines.append("  (:objects")
-    for one, kind in words.kinds.items():
-        if one not in missing:
-            made = words.things[one]
-            lines.append(f"    {made} - {kind}" + (f" ; {clean(one)}" if made != one else ""))
-    lines += ["  )", "  (:init"]
-    lines += [f"    {words.fact(facts[number])}" for number in np.flatnonzero(truths).tolist()]
-    lines += ["  )", f"  (:goal {formula_text(goal, lambda number: words.fact(facts[number]))}))", ""]
-    return "\n".join(lines)
-
-
 def clean(said: str) -> str:
     """A text on one line, without what ends or hides a comment."""
     return " ".join("".join(char if char.isprintable() else " " for char in said).split())
@@ -223,17 +198,19 @@ class Problems:
                 yield self._text(truths[:, offset], goal, *said)
 
     def _text(self, truths: npt.NDArray[np.bool_], goal: Formula, number: int, comment: str) -> str:
-        grounded = self.grounded
-        return problem_text(
-            self.words,
-            grounded.facts,
-            truths,
-            goal,
-            name=f"scene-{number}",
-            domain=DOMAIN,
-            comments=(comment,),
-            missing=self.words.objects - frozenset(grounded.spec.objects),
-        )
+        """The problem whose initial facts are those for which `truths` (F,) says so, without things that are not
+        there."""
+        words, facts = self.words, self.grounded.facts
+        missing = words.objects - frozenset(self.grounded.spec.objects)
+        lines = [f"; {clean(comment)}", f"(define (problem scene-{number})", f"  (:domain {DOMAIN})", "  (:objects"]
+        for one, kind in words.kinds.items():
+            if one not in missing:
+                made = words.things[one]
+                lines.append(f"    {made} - {kind}" + (f" ; {clean(one)}" if made != one else ""))
+        lines += ["  )", "  (:init"]
+        lines += [f"    {words.fact(facts[place])}" for place in np.flatnonzero(truths).tolist()]
+        lines += ["  )", f"  (:goal {formula_text(goal, lambda place: words.fact(facts[place]))}))", ""]
+        return "\n".join(lines)
 
 
 def goal_labels(grounded: GroundedFacts, wanted: Sequence[str] | None) -> tuple[str, ...]:

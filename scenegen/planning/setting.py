@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -258,7 +258,7 @@ class Setting:
             raise DataError(*problems)
         for region in self.problem.regions.values():  # the sizes of grounds are ours: regions lie on them
             if region.target in self.grounds:
-                self.space = _enclosing(self.space, region.ranges)
+                self.space = enclosing([self.space, *region.ranges])
         self._lay_out()
 
     def _kind(self, thing: TypedName, mapped: Mapping[str, str]) -> tuple[str, str]:
@@ -406,11 +406,10 @@ def _asset(name: str) -> str | None:
     return None
 
 
-def _enclosing(space: Rectangle, rows: Sequence[Sequence[float]]) -> Rectangle:
-    """The rectangle round another and some ranges."""
-    xs = [space[0], space[2], *(one for row in rows for one in row[0::2])]
-    ys = [space[1], space[3], *(one for row in rows for one in row[1::2])]
-    return min(xs), min(ys), max(xs), max(ys)
+def enclosing(boxes: Iterable[Sequence[float]]) -> Rectangle:
+    """The rectangle round some others, (x, y, x, y) each, in any order of their ends."""
+    x0, y0, x1, y1 = zip(*boxes, strict=True)
+    return min(x0 + x1), min(y0 + y1), max(x0 + x1), max(y0 + y1)
 
 
 def _solid(shape: Shape) -> str:

@@ -39,7 +39,7 @@ from scenegen.planning.goal import (
     relation,
 )
 from scenegen.planning.problem import Node, PddlProblem, SExprAtom, SExprList
-from scenegen.planning.setting import Rectangle, Referent, Setting, category, shape_from, supports_of
+from scenegen.planning.setting import Rectangle, Referent, Setting, category, enclosing, shape_from, supports_of
 from scenegen.things.surfaces import reach_of
 
 
@@ -77,11 +77,6 @@ def _box(setting: Setting, surface: str, boxes: dict[str, Rectangle]) -> Rectang
 
 def grow(box: Rectangle, by: float) -> Rectangle:
     return box[0] - by, box[1] - by, box[2] + by, box[3] + by
-
-
-def enclosing(boxes: Sequence[Rectangle]) -> Rectangle:
-    left, bottom, right, top = zip(*boxes, strict=True)
-    return min(left), min(bottom), max(right), max(top)
 
 
 def overlap(one: Rectangle, other: Rectangle) -> bool:

@@ -21,7 +21,8 @@ from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.geometry import NUMPY
 from scenegen.geometry.clearance import gap
 from scenegen.geometry.footprint import Polygon, Rectangle
-from scenegen.planning.translation import enclosing, grow, overlap
+from scenegen.planning.setting import enclosing
+from scenegen.planning.translation import grow, overlap
 from scenegen.play.frame import TableFrame, heading_of, upright
 from scenegen.play.libero.measure import Floor, LiveModel, Part, PrismShape, prism_of
 

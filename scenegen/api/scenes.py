@@ -178,7 +178,7 @@ class SceneSet(SceneArrays):
         if not self._drawn:
             from scenegen.pictures import notebook
 
-            some = self[: notebook.SHOWN]
+            some = self[: notebook.NOTEBOOK_SCENES]
             self._drawn.append(notebook.sheet(some.file(), some.rest))
         return self._drawn[0]
 

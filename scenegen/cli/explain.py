@@ -41,7 +41,7 @@ def explain(
     are what `check --json`, editors and Python have as data. A relation or function is shown as by `scenegen
     relations`; a page of the documentation is printed whole; a word of another language gets what to write for it here.
     """
-    from scenegen.editors.lsp.names import CLAUSES, KEYWORDS_IN_WORDS
+    from scenegen.editors.lsp.names import CLAUSE_TEXTS, KEYWORDS_IN_WORDS
     from scenegen.errors.catalog import GROUPS, catalog
     from scenegen.lang.syntax.foreign import SIGNS, of_relation
     from scenegen.resources import PAGES, shipped_pages
@@ -65,7 +65,7 @@ def explain(
         typer.echo(shipped_pages()[code].read_text(encoding="utf-8"), nl=False)
     elif relation := list(described(code)):
         typer.echo("\n".join(relation))
-    elif instead := {**KEYWORDS_IN_WORDS, **CLAUSES, **SIGNS}.get(code) or of_relation(code, ()):
+    elif instead := {**KEYWORDS_IN_WORDS, **CLAUSE_TEXTS, **SIGNS}.get(code) or of_relation(code, ()):
         typer.echo(f"{code}: {instead}")
     else:
         raise RequestError(UNKNOWN_CODE(name=code, known=[*entries, *PAGES]))

@@ -71,11 +71,11 @@ def export(
     these ask for, as it is in the goal scene. With --problem, the file that the spec was imported from, facts and goal
     are in its own words, so that its own domain reads them.
     """
-    from scenegen.worlds.exporting import PLANNERS, check_export, check_looks, check_meshes, chosen, convert
+    from scenegen.worlds.exporting import PLANNERS, check_export, check_looks, check_meshes, convert, export_format
 
     if seed and looks is None:
         raise RequestError(OUT_OF_PLACE(option="--seed", rule="goes with --looks", remedy="leave it out"))
-    if chosen(to, out) == PLANNERS:
+    if export_format(to, out) == PLANNERS:
         check_meshes(PLANNERS, meshes, "--meshes")
         check_looks(out, PLANNERS, looks, "--looks")
 
@@ -86,13 +86,13 @@ def export(
     given["--domain"] = domain
     for name in (name for name, value in given.items() if value):
         raise RequestError(OUT_OF_PLACE(option=name, rule="is for planning problems", remedy="add --to pddl"))
-    check_meshes(chosen(to, out), meshes, "--meshes")
-    check_looks(out, chosen(to, out), looks, "--looks")
+    check_meshes(export_format(to, out), meshes, "--meshes")
+    check_looks(out, export_format(to, out), looks, "--looks")
     found = _chosen(scenes, spec, mirrored, whole=looks is not None)
     if found is None:
         count, files = convert(scenes, out, to, meshes)
     else:
-        check_export(out, chosen(to, out))
+        check_export(out, export_format(to, out))
         count, files = len(found), found.export(out, to, meshes=meshes, looks=looks, seed=seed)
     where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
     print_error(f"{count} scene{'s' * (count != 1)} in {where}")

@@ -16,13 +16,13 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 VIEWS = ("top", "perspective", "front", "three-quarter")
-USUAL = ("top", "perspective")  # the default views
+USUAL_VIEWS = ("top", "perspective")  # the default views
 
-FIELD = math.radians(32.0)  # height of a picture in perspective, as an angle
+PERSPECTIVE_FIELD = math.radians(32.0)  # height of a picture in perspective, as an angle
 # Where cameras in perspective stand: degrees to the right of the viewer's side, and down from the horizontal.
-PLACES = {"perspective": (0.0, 50.0), "front": (0.0, 24.0), "three-quarter": (38.0, 36.0)}
-NEAREST = 0.01  # of the farthest point: what is nearer to a camera in the midst of things is cut off
-ROOM = 0.955  # share of the picture that the framed points may fill
+VIEW_ANGLES = {"perspective": (0.0, 50.0), "front": (0.0, 24.0), "three-quarter": (38.0, 36.0)}
+NEAR_PLANE_SHARE = 0.01  # of the farthest point: what is nearer to a camera in the midst of things is cut off
+FRAME_SHARE = 0.955  # share of the picture that the framed points may fill
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +60,11 @@ class Camera:
         """(3,): where the camera is."""
         return np.asarray(-np.linalg.solve(self.view[:3, :3], self.view[:3, 3]))
 
-    def resized(self, size: tuple[int, int]) -> Camera:
+    def with_size(self, size: tuple[int, int]) -> Camera:
         """The same view with another number of pixels."""
         return Camera(self.view, self.projection, size)
 
-    def centred(self) -> Camera:
+    def centre_pixels(self) -> Camera:
         """The camera whose pixels, sampled at their lower left corners, equal this camera's pixels sampled at their
         centres."""
         shift = np.eye(4)
@@ -165,10 +165,10 @@ def frame(view: str, points: Floats, size: tuple[int, int]) -> Camera:
     low, high = points.min(axis=0), points.max(axis=0)
     if view == "top":
         centre = (low[:2] + high[:2]) / 2.0
-        half = max((high[1] - low[1]) / 2.0, (high[0] - low[0]) / 2.0 / aspect) / ROOM
+        half = max((high[1] - low[1]) / 2.0, (high[0] - low[0]) / 2.0 / aspect) / FRAME_SHARE
         reach = np.array([half * aspect, half])
         return downwards(list(centre - reach), list(centre + reach), size, (0.0, 0.0))
-    return at_angles(points, size, *PLACES[view], math.degrees(FIELD))
+    return at_angles(points, size, *VIEW_ANGLES[view], math.degrees(PERSPECTIVE_FIELD))
 
 
 def at_angles(
@@ -200,13 +200,13 @@ def at_angles(
         above, below = float((along - tangent * ahead).max()), float((-along - tangent * ahead).max())
         return -(above + below) / (2.0 * tangent), (above - below) / 2.0
 
-    back_x, at_x = fit(right, tan_x * ROOM)
-    back_y, at_y = fit(up, tan_y * ROOM)
+    back_x, at_x = fit(right, tan_x * FRAME_SHARE)
+    back_y, at_y = fit(up, tan_y * FRAME_SHARE)
     back = min(back_x, back_y)
     back -= (distance - 1.0) * (float(ahead.min() + ahead.max()) / 2.0 - back)
     eye = at_x * right + at_y * up + back * forward
     near, far = float(ahead.min()) - back, float(ahead.max()) - back
-    view = _view(eye, *_rolled(right, up, roll), forward)
+    view = _view(eye, *_roll(right, up, roll), forward)
     return Camera(view, _perspective(tan_x, tan_y, 0.5 * near, 1.5 * far), size)
 
 
@@ -223,12 +223,12 @@ def from_place(
     tan_y = math.tan(math.radians(field) / 2.0)
     ahead = (points - eye) @ forward
     far = max(float(ahead.max()), 0.1)
-    near = min(max(0.5 * float(ahead.min()), NEAREST * far), 0.5 * far)
-    view = _view(eye, *_rolled(right, up, roll), forward)
+    near = min(max(0.5 * float(ahead.min()), NEAR_PLANE_SHARE * far), 0.5 * far)
+    view = _view(eye, *_roll(right, up, roll), forward)
     return Camera(view, _perspective(tan_y * size[0] / size[1], tan_y, near, 1.5 * far), size)
 
 
-def _rolled(right: Floats, up: Floats, roll: float) -> tuple[Floats, Floats]:
+def _roll(right: Floats, up: Floats, roll: float) -> tuple[Floats, Floats]:
     if not roll:
         return right, up
     cos, sin = math.cos(math.radians(roll)), math.sin(math.radians(roll))

@@ -16,28 +16,34 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, Val
 from scenegen.errors import DataError, Source, Span
 from scenegen.errors.files import BAD_LOOKS
 from scenegen.looks.look import Draw, LookDistribution, Random, field_of
-from scenegen.looks.textures import BUILT_IN, ENDINGS, MOST_BYTES, MOST_TOGETHER, PLAIN, WOOD, checked, found_files
+from scenegen.looks.textures import (
+    IMAGE_ENDINGS,
+    MAX_TEXTURE_BYTES,
+    MAX_TEXTURES_BYTES,
+    PLAIN,
+    TEXTURE_NAMES,
+    WOOD,
+    check_image,
+    list_files,
+)
 from scenegen.resources import note_input
 from scenegen.scenes.files import below, read_bytes
+from scenegen.things.colored_mesh import WHITE
 from scenegen.things.library import RGB
 
-# --------------------------------------------------------------------------------------------------------------------
-# What stands in a render configuration for one part of a look: a value or a distribution -> how it is drawn.
-
-
-TRIES = 1000  # of a normal distribution, before the nearest value within its limits is taken
+MAX_NORMAL_DRAWS = 1000  # of a normal distribution, before the nearest value within its limits is taken
 FORMS = "{uniform = [a, b]}, {normal = [mean, sd], within = [a, b]} or {choice = [...]}"
 
 
-def fixed(value: Any) -> Draw:
+def constant_draw(value: Any) -> Draw:
     return lambda rng: value
 
 
-def chosen(values: list[Any]) -> Draw:
+def choice_draw(values: list[Any]) -> Draw:
     return lambda rng: values[int(rng.integers(len(values)))]
 
 
-def choices(value: Any) -> list[Any] | None:
+def choice_items(value: Any) -> list[Any] | None:
     """The items of {choice = [...]}, None for anything else. Raises ValueError."""
     if not (isinstance(value, dict) and set(value) == {"choice"}):
         return None
@@ -47,13 +53,13 @@ def choices(value: Any) -> list[Any] | None:
     return items
 
 
-def number(value: Any, low: float, high: float) -> Draw:
+def number_draw(value: Any, low: float, high: float) -> Draw:
     """A number within limits. Raises ValueError."""
-    items = choices(value)
+    items = choice_items(value)
     if items is not None:
-        return chosen([_real(item, low, high) for item in items])
+        return choice_draw([_real(item, low, high) for item in items])
     if not isinstance(value, dict):
-        return fixed(_real(value, low, high))
+        return constant_draw(_real(value, low, high))
     if set(value) == {"uniform"}:
         a, b = _pair(value["uniform"], low, high)
         return lambda rng: float(rng.uniform(a, b))
@@ -66,21 +72,21 @@ def number(value: Any, low: float, high: float) -> Draw:
     raise ValueError(f"expected a number, or {FORMS}")
 
 
-def point(value: Any, limits: tuple[tuple[float, float], ...]) -> Draw:
+def point_draw(value: Any, limits: tuple[tuple[float, float], ...]) -> Draw:
     """A point [x, y, z], each a number within its limits. Raises ValueError."""
     if not (isinstance(value, list) and len(value) == len(limits)):
         raise ValueError("expected [x, y, z] in metres, each a number or a distribution")
-    draws = [number(item, low, high) for item, (low, high) in zip(value, limits, strict=True)]
+    draws = [number_draw(item, low, high) for item, (low, high) in zip(value, limits, strict=True)]
     return lambda rng: tuple(draw(rng) for draw in draws)
 
 
-def color(value: Any) -> Draw:
+def color_draw(value: Any) -> Draw:
     """A colour. Raises ValueError."""
-    items = choices(value)
+    items = choice_items(value)
     if items is not None:
-        return chosen([_rgb(item) for item in items])
+        return choice_draw([_rgb(item) for item in items])
     if not (isinstance(value, dict) and set(value) == {"hsv"}):
-        return fixed(_rgb(value))
+        return constant_draw(_rgb(value))
     if not (isinstance(value["hsv"], list) and len(value["hsv"]) == 3):
         raise ValueError("hsv takes three ranges from 0 to 1: hue, saturation and value")
     box = [_pair(item, 0.0, 1.0) for item in value["hsv"]]
@@ -108,7 +114,7 @@ def _pair(value: Any, low: float, high: float) -> tuple[float, float]:
 def _normal(mean: float, sd: float, low: float, high: float) -> Draw:
     def draw(rng: Random) -> float:
         value = mean
-        for _ in range(TRIES):
+        for _ in range(MAX_NORMAL_DRAWS):
             value = float(rng.normal(mean, sd))
             if low <= value <= high:
                 return value
@@ -129,10 +135,9 @@ def _rgb(value: Any) -> RGB:
 
 
 PRESET = "random"
-MAX_BYTES = 1_000_000
-WHITE: RGB = (1.0, 1.0, 1.0)
-REACH = 100.0  # metres: how far away a camera may be
-LOWEST = 0.05  # metres above the table: the least height of a camera
+MAX_LOOKS_BYTES = 1_000_000
+CAMERA_REACH = (-100.0, 100.0)  # metres: where a camera may be, along each axis
+CAMERA_HEIGHT = (0.05, 100.0)  # metres above the table
 PLACED = ("azimuth", "elevation", "distance")  # what a position takes the place of
 
 
@@ -152,23 +157,23 @@ class _Folder:
             except (OSError, ValueError) as error:
                 reason = getattr(error, "strerror", None) or str(error)
                 raise ValueError(f"cannot read {name}: {reason}") from None
-            if len(data) > MOST_BYTES:
-                raise ValueError(f"{name} has more than {MOST_BYTES:,} bytes")
-            if sum(map(len, self.files.values())) + len(data) > MOST_TOGETHER:
-                raise ValueError(f"the textures have more than {MOST_TOGETHER:,} bytes together")
+            if len(data) > MAX_TEXTURE_BYTES:
+                raise ValueError(f"{name} has more than {MAX_TEXTURE_BYTES:,} bytes")
+            if sum(map(len, self.files.values())) + len(data) > MAX_TEXTURES_BYTES:
+                raise ValueError(f"the textures have more than {MAX_TEXTURES_BYTES:,} bytes together")
             try:
-                self.files[name] = checked(data)
+                self.files[name] = check_image(data)
             except ValueError as error:
                 raise ValueError(f"cannot use {name}: {error}") from None
         return name
 
 
 def _number(low: float, high: float) -> PlainValidator:
-    return PlainValidator(lambda value: number(value, low, high))
+    return PlainValidator(lambda value: number_draw(value, low, high))
 
 
 def _point(*limits: tuple[float, float]) -> PlainValidator:
-    return PlainValidator(lambda value: point(value, limits))
+    return PlainValidator(lambda value: point_draw(value, limits))
 
 
 def _texture(*known: str) -> PlainValidator:
@@ -180,20 +185,20 @@ def _texture(*known: str) -> PlainValidator:
         folder = info.context
         assert isinstance(folder, _Folder)
         if isinstance(value, dict) and set(value) == {"files"} and isinstance(value["files"], str):
-            return chosen([folder.read(name) for name in found_files(folder.path, value["files"])])
-        items = choices(value)
+            return choice_draw([folder.read(name) for name in list_files(folder.path, value["files"])])
+        items = choice_items(value)
         for item in [value] if items is None else items:
-            if isinstance(item, str) and item.lower().endswith(ENDINGS):
+            if isinstance(item, str) and item.lower().endswith(IMAGE_ENDINGS):
                 folder.read(item)
             elif item not in known:
                 near = difflib.get_close_matches(item, known, 1) if isinstance(item, str) else []
                 raise ValueError(wanted + (f"; did you mean `{near[0]}`?" if near else ""))
-        return fixed(value) if items is None else chosen(items)
+        return constant_draw(value) if items is None else choice_draw(items)
 
     return PlainValidator(read)
 
 
-Color = Annotated[Any, PlainValidator(color)]
+Color = Annotated[Any, PlainValidator(color_draw)]
 Size = Annotated[Any, _number(0.01, 100.0)]
 
 
@@ -203,40 +208,40 @@ class _LookPart(BaseModel):
 
 class _Table(_LookPart):
     color: Color = None
-    texture: Annotated[Any, _texture(WOOD, *BUILT_IN)] = fixed(WOOD)
-    texture_size: Size = fixed(0.5)
+    texture: Annotated[Any, _texture(WOOD, *TEXTURE_NAMES)] = constant_draw(WOOD)
+    texture_size: Size = constant_draw(0.5)
 
 
 class _Ground(_LookPart):
     color: Color = None
-    texture: Annotated[Any, _texture(*BUILT_IN)] = fixed(PLAIN)
-    texture_size: Size = fixed(1.0)
+    texture: Annotated[Any, _texture(*TEXTURE_NAMES)] = constant_draw(PLAIN)
+    texture_size: Size = constant_draw(1.0)
 
 
 class _Walls(_LookPart):
-    distance: Annotated[Any, _number(0.0, 20.0)] = fixed(0.6)
+    distance: Annotated[Any, _number(0.0, 20.0)] = constant_draw(0.6)
     color: Color = None
-    texture: Annotated[Any, _texture(*BUILT_IN)] = fixed(PLAIN)
-    texture_size: Size = fixed(1.0)
+    texture: Annotated[Any, _texture(*TEXTURE_NAMES)] = constant_draw(PLAIN)
+    texture_size: Size = constant_draw(1.0)
 
 
 class _Light(_LookPart):
-    azimuth: Annotated[Any, _number(-360.0, 360.0)] = fixed(-52.0)
-    elevation: Annotated[Any, _number(35.0, 90.0)] = fixed(65.0)
-    color: Color = fixed(WHITE)
-    intensity: Annotated[Any, _number(0.0, 2.0)] = fixed(0.46)
-    ambient: Annotated[Any, _number(0.0, 2.0)] = fixed(0.60)
+    azimuth: Annotated[Any, _number(-360.0, 360.0)] = constant_draw(-52.0)
+    elevation: Annotated[Any, _number(35.0, 90.0)] = constant_draw(65.0)
+    color: Color = constant_draw(WHITE)
+    intensity: Annotated[Any, _number(0.0, 2.0)] = constant_draw(0.46)
+    ambient: Annotated[Any, _number(0.0, 2.0)] = constant_draw(0.60)
 
 
 class _Camera(_LookPart):
-    azimuth: Annotated[Any, _number(-360.0, 360.0)] = fixed(0.0)
-    elevation: Annotated[Any, _number(5.0, 89.0)] = fixed(50.0)
-    distance: Annotated[Any, _number(1.0, 5.0)] = fixed(1.0)
-    fov: Annotated[Any, _number(5.0, 100.0)] = fixed(32.0)
+    azimuth: Annotated[Any, _number(-360.0, 360.0)] = constant_draw(0.0)
+    elevation: Annotated[Any, _number(5.0, 89.0)] = constant_draw(50.0)
+    distance: Annotated[Any, _number(1.0, 5.0)] = constant_draw(1.0)
+    fov: Annotated[Any, _number(5.0, 100.0)] = constant_draw(32.0)
     focal_length: Annotated[Any, _number(11.0, 250.0)] = None
-    position: Annotated[Any, _point((-REACH, REACH), (-REACH, REACH), (LOWEST, REACH))] = None
-    look_at: Annotated[Any, _point((-REACH, REACH), (-REACH, REACH), (-REACH, REACH))] = None
-    roll: Annotated[Any, _number(-180.0, 180.0)] = fixed(0.0)
+    position: Annotated[Any, _point(CAMERA_REACH, CAMERA_REACH, CAMERA_HEIGHT)] = None
+    look_at: Annotated[Any, _point(CAMERA_REACH, CAMERA_REACH, CAMERA_REACH)] = None
+    roll: Annotated[Any, _number(-180.0, 180.0)] = constant_draw(0.0)
 
     @model_validator(mode="after")
     def _fits(self) -> _Camera:
@@ -252,9 +257,9 @@ class _Camera(_LookPart):
 
 
 class _Objects(_LookPart):
-    hue: Annotated[Any, _number(-1.0, 1.0)] = fixed(0.0)
-    saturation: Annotated[Any, _number(0.0, 4.0)] = fixed(1.0)
-    brightness: Annotated[Any, _number(0.0, 4.0)] = fixed(1.0)
+    hue: Annotated[Any, _number(-1.0, 1.0)] = constant_draw(0.0)
+    saturation: Annotated[Any, _number(0.0, 4.0)] = constant_draw(1.0)
+    brightness: Annotated[Any, _number(0.0, 4.0)] = constant_draw(1.0)
 
 
 class _Config(_LookPart):
@@ -266,7 +271,7 @@ class _Config(_LookPart):
     objects: _Objects | None = None
 
 
-PARTS: dict[str, type[BaseModel]] = {
+LOOK_TABLES: dict[str, type[BaseModel]] = {
     "table": _Table,
     "ground": _Ground,
     "walls": _Walls,
@@ -275,7 +280,7 @@ PARTS: dict[str, type[BaseModel]] = {
     "objects": _Objects,
 }
 
-RANDOM = """
+RANDOM_LOOKS = """
 [table]
 color = {hsv = [[0.02, 0.14], [0.1, 0.55], [0.4, 0.92]]}
 texture = {choice = ["wood", "wood", "wood", "plain", "speckle"]}
@@ -311,24 +316,24 @@ def read_looks(source: str | Path) -> LookDistribution:
     """The distributions of a TOML file, or of the preset "random". Textures are found from the file's folder. Raises
     DataError."""
     if str(source) == PRESET:
-        return _parsed(PRESET, RANDOM, _Folder(Path()))
+        return _parse(PRESET, RANDOM_LOOKS, _Folder(Path()))
     path = Path(source)
-    data = read_bytes(path, "looks", limit=MAX_BYTES)
+    data = read_bytes(path, "looks", limit=MAX_LOOKS_BYTES)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DataError(
             BAD_LOOKS(Span(Source(str(path), ""), 0, 0), reason=f"it is not UTF-8: {error.reason}")
         ) from None
-    return _parsed(str(path), text, _Folder(path.parent))
+    return _parse(str(path), text, _Folder(path.parent))
 
 
-def _parsed(name: str, text: str, folder: _Folder) -> LookDistribution:
+def _parse(name: str, text: str, folder: _Folder) -> LookDistribution:
     source = Source(name, text)
     try:
         config = _Config.model_validate(tomllib.loads(text), context=folder)
     except ValidationError as error:
-        raise DataError(*[_said(source, one) for one in error.errors()]) from None
+        raise DataError(*[_diagnostic(source, one) for one in error.errors()]) from None
     except (ValueError, RecursionError) as error:
         found = re.search(r"at line (\d+), column (\d+)", str(error))
         lines = text.splitlines(keepends=True)
@@ -344,19 +349,19 @@ def _fields(config: _Config) -> dict[str, Draw]:
         part = dict(getattr(config, table))
         drawn |= {f"{table}_{key}": draw for key, draw in part.items() if draw is not None}
     for table in ("table", "ground", "walls"):  # Looks.at: their colour depends on the texture
-        drawn.setdefault(f"{table}_color", fixed(None))
+        drawn.setdefault(f"{table}_color", constant_draw(None))
     focal_length = drawn.pop("camera_focal_length", None)
     if focal_length is not None:
         drawn["camera_fov"] = lambda rng: field_of(focal_length(rng))
     return drawn
 
 
-def _said(source: Source, error: Any) -> Any:
+def _diagnostic(source: Source, error: Any) -> Any:
     """The diagnostic of one of pydantic's errors, at the line of its key."""
     loc = [str(part) for part in error["loc"]]
     reason = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "extra_forbidden":
-        model = _Config if len(loc) == 1 else PARTS[loc[0]]
+        model = _Config if len(loc) == 1 else LOOK_TABLES[loc[0]]
         near = difflib.get_close_matches(loc[-1], model.model_fields, 1)
         known = ", ".join(model.model_fields)
         reason = "there is no such key; " + (f"did you mean `{near[0]}`?" if near else f"there are {known}")

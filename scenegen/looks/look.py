@@ -12,16 +12,19 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.looks.camera import Camera, Floats, at_angles, from_place
 from scenegen.resources import __version__
+from scenegen.things.colored_mesh import WHITE
 from scenegen.things.library import RGB
+from scenegen.validation import as_int
 
-VIEW = "look"  # the view whose camera a look places
-SEEDS = 2**63  # one more than the largest seed
-DARKEST = 0.03  # of a channel of the table's colour: the cloths on it are painted as shares of that
-FRAME = 24.0  # mm: height of the picture behind the lens, for focal lengths
-WHITE: RGB = (1.0, 1.0, 1.0)
-USUAL: dict[str, RGB] = {  # colours of surfaces for which none is given, but for pictures from files
+LOOK_VIEW = "look"  # the view whose camera a look places
+SEED_LIMIT = 2**63  # one more than the largest seed
+MIN_TABLE_CHANNEL = 0.03  # of a channel of the table's colour: the cloths on it are painted as shares of that
+LENS_FRAME_MM = 24.0  # mm: height of the picture behind the lens, for focal lengths
+USUAL_COLORS: dict[str, RGB] = {  # colours of surfaces for which none is given, but for pictures from files
     "table": (0.83, 0.72, 0.58),
     "ground": (0.935, 0.932, 0.925),
     "walls": (0.90, 0.89, 0.86),
@@ -89,7 +92,7 @@ class Look:
 
     @property
     def table(self) -> RGB:
-        red, green, blue = (max(channel, DARKEST) for channel in self.table_color)
+        red, green, blue = (max(channel, MIN_TABLE_CHANNEL) for channel in self.table_color)
         return red, green, blue
 
     @property
@@ -112,7 +115,7 @@ class Look:
         angles = self.camera_azimuth, self.camera_elevation, self.camera_fov
         return at_angles(points, size, *angles, distance=self.camera_distance, roll=self.camera_roll)
 
-    def moved(self, x: float, y: float) -> Look:
+    def shift(self, x: float, y: float) -> Look:
         """The look in a frame whose origin is at (x, y)."""
 
         def there(point: Point | None) -> Point | None:
@@ -130,10 +133,7 @@ class Look:
         x, y = float(eye[0]), float(eye[1])
         low, high = (
             (min(x0 - away, x - behind), min(y0 - away, y - behind)),
-            (
-                max(x1 + away, x + behind),
-                max(y1 + away, y + behind),
-            ),
+            (max(x1 + away, x + behind), max(y1 + away, y + behind)),
         )
         return (*low, *high)
 
@@ -141,7 +141,7 @@ class Look:
         """All values, the focal length for a picture 24 mm high among them; what does not apply is left out."""
         data = {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
         del data["tints"]
-        data["camera_focal_length"] = FRAME / 2.0 / math.tan(math.radians(self.camera_fov) / 2.0)
+        data["camera_focal_length"] = LENS_FRAME_MM / 2.0 / math.tan(math.radians(self.camera_fov) / 2.0)
         if self.camera_position is not None:
             for name in ("azimuth", "elevation", "distance"):
                 del data[f"camera_{name}"]
@@ -153,9 +153,16 @@ class Look:
         return {name: value for name, value in data.items() if value is not None}
 
 
+def check_seed(seed: int) -> int:
+    """Raises RequestError for a seed of looks that is no whole number from 0 to 2^63 - 1."""
+    if not 0 <= as_int("seed", seed) < SEED_LIMIT:
+        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted="from 0 to 2^63 - 1"))
+    return seed
+
+
 def field_of(focal_length: float) -> float:
     """The height of a picture as an angle, in degrees, for a focal length in mm and a picture 24 mm high."""
-    return 2.0 * math.degrees(math.atan(FRAME / 2.0 / focal_length))
+    return 2.0 * math.degrees(math.atan(LENS_FRAME_MM / 2.0 / focal_length))
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,33 +174,29 @@ class LookDistribution:
     tints: dict[str, Draw] = field(default_factory=dict)
     files: Mapping[str, bytes] = field(default_factory=dict)
 
-    def at(self, seed: int, index: int, names: Sequence[str] = ()) -> Look:
+    def draw_look(self, seed: int, index: int, names: Sequence[str] = ()) -> Look:
         """The look of scene `index` of a file, whose objects are `names`. Each field has random numbers of its own, so
         that another distribution of one leaves the others as they are."""
 
-        def drawn(name: str, draw: Draw) -> Any:
+        def draw_value(name: str, draw: Draw) -> Any:
             return draw(np.random.default_rng([seed, index, zlib.crc32(name.encode())]))
 
-        values = {name: drawn(name, draw) for name, draw in self.draws.items()}
-        for part, usual in USUAL.items():
+        values = {name: draw_value(name, draw) for name, draw in self.draws.items()}
+        for part, usual in USUAL_COLORS.items():
             if values[f"{part}_color"] is None:
                 values[f"{part}_color"] = WHITE if values[f"{part}_texture"] in self.files else usual
         tints = tuple(
-            Tint(name, **{key: drawn(f"objects_{key} {name}", draw) for key, draw in self.tints.items()})
+            Tint(name, **{key: draw_value(f"objects_{key} {name}", draw) for key, draw in self.tints.items()})
             for name in (names if self.tints else ())
         )
         return Look(**values, tints=tints)
 
-    def drawn(self, seed: int, count: int, names: Sequence[str] = ()) -> list[Look]:
+    def draw_looks(self, seed: int, count: int, names: Sequence[str] = ()) -> list[Look]:
         """The looks of `count` scenes."""
-        return [self.at(seed, index, names) for index in range(count)]
+        return [self.draw_look(seed, index, names) for index in range(count)]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `looks.jsonl`: the look of each scene, as it was drawn.
-
-
-LOOKS = "looks.jsonl"
+LOOKS_FILE = "looks.jsonl"
 
 
 def looks_jsonl(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scenegen.errors import DataError
 from scenegen.errors.files import OTHER_OBJECTS
 from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.looks.camera import VIEW_ANGLES
 from scenegen.pose import FLAT, THETA, TWO_PI, flat
 from scenegen.scenes.blocks import objects_of
 from scenegen.scenes.data import (
@@ -25,20 +26,24 @@ from scenegen.scenes.data import (
 )
 from scenegen.things import ASSETS, PLAIN, UNKNOWN, Shape, has_picture
 from scenegen.things.library import RGB
-from scenegen.things.outline import DRAWN, simplified
-from scenegen.things.palette import colors_of, of_regions, rgb_of
+from scenegen.things.outline import MAX_DRAWN_CORNERS, simplify
+from scenegen.things.palette import object_colors, parse_rgb, region_colors
 from scenegen.things.surfaces import base_heights, overlapping
 
 Floats = npt.NDArray[np.float64]
 
-MARGIN = 0.07  # of the table round the workspace, in sides of the workspace
+TABLE_MARGIN = 0.07  # of the table round the workspace, in sides of the workspace
 RIM = 0.015  # of the table round what reaches beyond that, likewise
-BEYOND = 0.60  # how many sides of the workspace the table grows at most for what stands off it
-REGIONS = 0.25  # and for regions, which are cut off there
+MAX_TABLE_GROWTH = 0.60  # how many sides of the workspace the table grows at most for what stands off it
+MAX_REGION_GROWTH = 0.25  # and for regions, which are cut off there
 TALLEST = 0.60  # what the camera makes room for, in sides of the workspace
 TALLEST_DECLARED = 1.5  # likewise, where a spec says how high things stand
 FAR_OUT = 16.0  # sides of the workspace: how far from the origin it is drawn where it is
 WOOD: RGB = (0.83, 0.72, 0.58)
+USUAL_WIDTH = 640  # pixels: default width of the picture of a square workspace
+ASPECT_RATIOS = (0.75, 3.0)  # least and largest width over height of a default picture
+FILLED = 0.87  # share of the height of a 4:3 picture that a square table fills
+SIZE_STEP = 16  # pixels: sides of such pictures are multiples of it
 ABSENT = (math.nan,) * len(FLAT)
 
 
@@ -89,7 +94,7 @@ class PictureSetup:
         top = [(x, y, self.height) for x in (u0, u1) for y in (v0, v1)]
         return np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (-self.thickness, 0.0)] + top)
 
-    def near(self) -> tuple[PictureSetup, tuple[float, float]]:
+    def near_origin(self) -> tuple[PictureSetup, tuple[float, float]]:
         """The stage as it is drawn, and where in the world its origin is: (0, 0), but for a workspace so far out that
         the renderer's single precision would show. That one is moved to begin at the origin."""
         x, y = self.workspace[:2]
@@ -126,7 +131,7 @@ def _table(
     for axis, sign in ((0, -1.0), (1, -1.0), (0, 1.0), (1, 1.0)):
         edge = workspace[axis if sign < 0 else axis + 2]
         reached = max((_reach(footprint, poses, axis, sign) - sign * edge for footprint, poses in things), default=0.0)
-        table.append(edge + sign * min(max(reached + RIM * side, MARGIN * side), (MARGIN + most) * side))
+        table.append(edge + sign * min(max(reached + RIM * side, TABLE_MARGIN * side), (TABLE_MARGIN + most) * side))
     return table
 
 
@@ -163,8 +168,8 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     ]
     named = [(item.name, asset) for item, asset in zip(file.objects, known, strict=True)]
     colors = [
-        rgb_of(item.shape.color) if item.shape.color else usual
-        for item, usual in zip(file.objects, colors_of(named, distinct=distinct), strict=True)
+        parse_rgb(item.shape.color) if item.shape.color else usual
+        for item, usual in zip(file.objects, object_colors(named, distinct=distinct), strict=True)
     ]
     # A block that stands for something the library does not know says what.
     labels = [
@@ -177,9 +182,9 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     here = [poses[~np.isnan(poses[:, k, 0]), k] for k in range(len(shapes))]
     standing = [(shape.footprint, there) for shape, there in zip(shapes, here, strict=True) if len(there)]
     lying = [(patch.footprint, np.array([patch.pose])) for patch in patches]
-    inner, outer = _table(workspace, lying, REGIONS), _table(workspace, standing, BEYOND)
+    inner, outer = _table(workspace, lying, MAX_REGION_GROWTH), _table(workspace, standing, MAX_TABLE_GROWTH)
     table = [*map(min, inner[:2], outer[:2]), *map(max, inner[2:], outer[2:])]
-    declared = _declared(file)
+    declared = _heights(file)
     tops = _bases(shapes, poses, declared) + np.array([shape.height for shape in shapes])
     tops = tops[~np.isnan(poses[..., 0])]
     boards = [patch.height for patch in patches]
@@ -188,12 +193,33 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     return PictureSetup(workspace, (table[0], table[1], table[2], table[3]), height, things, patches, declared)
 
 
+def usual_size(file: SceneFile, width: int = USUAL_WIDTH) -> tuple[int, int]:
+    """The default size in pixels for the table of a file's workspace: 4:3 for a square one, wider for a wide one.
+
+    It depends on the workspace and the objects' heights alone, so that all scenes of a spec get one size. All pictures
+    have about as many pixels as one of 4:3 that is `width` wide.
+    """
+    long, deep = (high - low for low, high in (file.workspace.x, file.workspace.y))
+    side = max(long, deep)
+    margin = TABLE_MARGIN * side
+    if not (long > 0.0 and deep > 0.0 and math.isfinite(side + 2.0 * margin)):
+        return width, 3 * width // 4  # drawing reports the error of such a workspace
+    # Objects at the far edge rise above the table. A 4:3 picture has some space for this.
+    tallest = min(max((item.shape.height for item in file.objects), default=0.0), TALLEST * side)
+    above = max(tallest / math.tan(math.radians(VIEW_ANGLES["perspective"][1])) - margin, 0.0)
+    high = max(deep + 2.0 * margin, FILLED * (deep + 2.0 * margin + above))
+    shape = min(max(4.0 / 3.0 * (long + 2.0 * margin) / high, ASPECT_RATIOS[0]), ASPECT_RATIOS[1])
+    mean = width * math.sqrt(0.75)
+    sides = mean * math.sqrt(shape), mean / math.sqrt(shape)
+    return SIZE_STEP * round(sides[0] / SIZE_STEP), SIZE_STEP * round(sides[1] / SIZE_STEP)
+
+
 def overlaps_of(file: SceneFile) -> list[list[str]]:
     """For each scene in words which objects stand in each other: `mug overlaps plate`. Raises as `stage_of` does."""
     shapes = [thing.shape for thing in stage_of(file).things]
     names = [item.name for item in file.objects]
     poses = poses_of(file)
-    found = overlapping(shapes, flat(poses), _bases(shapes, poses, _declared(file)) if file.version == RAISED else None)
+    found = overlapping(shapes, flat(poses), _bases(shapes, poses, _heights(file)) if file.version == RAISED else None)
     return [[f"{names[a]} overlaps {names[b]}" for a, b in pairs] for pairs in found]
 
 
@@ -204,7 +230,7 @@ def places_of(stage: PictureSetup, poses: Floats) -> Floats:
     return np.concatenate([flat(poses), heights[..., None], poses[..., len(FLAT) + 1 :]], axis=2)
 
 
-def _declared(file: SceneFile) -> tuple[float, ...]:
+def _heights(file: SceneFile) -> tuple[float, ...]:
     """The heights that hold in every scene; none where they differ, or where poses say them."""
     if varying(file):
         return ()
@@ -222,10 +248,10 @@ def _bases(shapes: list[Shape], poses: Floats, declared: tuple[float, ...]) -> F
 def _patches(file: SceneFile) -> tuple[PictureRegion, ...]:
     """The regions, each in a pale colour of its own."""
     patches: list[PictureRegion] = []
-    for region, color in zip(file.regions, of_regions([region.name for region in file.regions]), strict=True):
+    for region, color in zip(file.regions, region_colors([region.name for region in file.regions]), strict=True):
         footprint = footprint_of(region.footprint)
         if isinstance(footprint, Polygon):  # every corner is looked at for every pixel
-            footprint = Polygon(simplified(footprint.vertices, DRAWN))
+            footprint = Polygon(simplify(footprint.vertices, MAX_DRAWN_CORNERS))
         patches.append(PictureRegion(footprint, _row(region.pose), color, region.height))
     return tuple(patches)
 

@@ -16,20 +16,20 @@ from scenegen.things.library import RGB
 
 PLAIN, WOOD = "plain", "wood"
 PATTERNS = ("checker", "stripes", "speckle")  # greys, which multiply a colour
-BUILT_IN = (PLAIN, *PATTERNS)
-ENDINGS = (".png", ".jpg", ".jpeg")
-SIDE = 256  # pixels of a pattern
-LARGEST = 1024  # pixels along a side of a picture: larger ones are made smaller
-MOST_BYTES, MOST_PIXELS = 32_000_000, 50_000_000  # of a file
-MOST_FILES, MOST_TOGETHER = 1_000, 512_000_000  # bytes
-CACHED = 6  # pyramids that a process keeps; one of a picture takes up to 17 MB
-DARK = 0.72  # of the dark squares and stripes
+TEXTURE_NAMES = (PLAIN, *PATTERNS)
+IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
+PATTERN_SIDE = 256  # pixels of a pattern
+MAX_TEXTURE_SIDE = 1024  # pixels along a side of a picture: larger ones are made smaller
+MAX_TEXTURE_BYTES, MAX_TEXTURE_PIXELS = 32_000_000, 50_000_000  # of a file
+MAX_TEXTURE_FILES, MAX_TEXTURES_BYTES = 1_000, 512_000_000  # of all textures together
+MAX_PYRAMIDS = 6  # pyramids that a process keeps; one of a picture takes up to 17 MB
+DARK_SHARE = 0.72  # of the dark squares and stripes
 
 Pixels = npt.NDArray[np.uint8]
 Level = npt.NDArray[np.float32]  # (h, w, 3), from 0 to 1
 
 
-def checked(data: bytes) -> bytes:
+def check_image(data: bytes) -> bytes:
     """A PNG or JPEG file that can be decoded. Raises ValueError."""
     from PIL import Image  # loaded only where there are textures
 
@@ -37,8 +37,8 @@ def checked(data: bytes) -> bytes:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
-                if image.width * image.height > MOST_PIXELS:
-                    raise ValueError(f"it has more than {MOST_PIXELS:,} pixels")
+                if image.width * image.height > MAX_TEXTURE_PIXELS:
+                    raise ValueError(f"it has more than {MAX_TEXTURE_PIXELS:,} pixels")
                 image.convert("RGB")
     except (OSError, SyntaxError, Image.DecompressionBombError):
         raise ValueError("it is not a PNG or JPEG picture, or is damaged") from None
@@ -46,7 +46,7 @@ def checked(data: bytes) -> bytes:
 
 
 def image_of(name: str, files: Mapping[str, bytes]) -> Pixels:
-    """(h, w, 3): a pattern, or the picture of a file that `checked` has passed, with its upper row first."""
+    """(h, w, 3): a pattern, or the picture of a file that `check_image` has passed, with its upper row first."""
     if name in PATTERNS:
         return _pattern(name)
     from PIL import Image
@@ -55,7 +55,7 @@ def image_of(name: str, files: Mapping[str, bytes]) -> Pixels:
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         with Image.open(io.BytesIO(files[name]), formats=("PNG", "JPEG")) as image:
             made = image.convert("RGB")
-    made.thumbnail((LARGEST, LARGEST))
+    made.thumbnail((MAX_TEXTURE_SIDE, MAX_TEXTURE_SIDE))
     return np.asarray(made)
 
 
@@ -102,16 +102,16 @@ class Textures:
     def _levels(self, name: str) -> list[Level]:
         """The texture, and ever smaller ones, down to a single pixel."""
         if name not in self._pyramids:
-            while len(self._pyramids) >= CACHED:
+            while len(self._pyramids) >= MAX_PYRAMIDS:
                 del self._pyramids[next(iter(self._pyramids))]
             levels = [image_of(name, self.files).astype(np.float32) / np.float32(255.0)]
             while max(levels[-1].shape[:2]) > 1:
-                levels.append(_halved(_halved(levels[-1], 0), 1))
+                levels.append(_halve(_halve(levels[-1], 0), 1))
             self._pyramids[name] = levels
         return self._pyramids[name]
 
 
-def _halved(image: Level, axis: int) -> Level:
+def _halve(image: Level, axis: int) -> Level:
     """Means of two pixels each along an axis, if there are two."""
     half = image.shape[axis] // 2
     if not half:
@@ -134,42 +134,40 @@ def _bilinear(image: Level, u: Floats, v: Floats) -> Floats:
 
 
 def _pattern(name: str) -> Pixels:
-    rows, columns = np.mgrid[:SIDE, :SIDE] * 4 // SIDE  # four squares or stripes along a side
+    rows, columns = np.mgrid[:PATTERN_SIDE, :PATTERN_SIDE] * 4 // PATTERN_SIDE  # four squares or stripes along a side
     if name == "checker":
-        grey = np.where((rows + columns) % 2, DARK, 1.0)
+        grey = np.where((rows + columns) % 2, DARK_SHARE, 1.0)
     elif name == "stripes":
-        grey = np.where(columns % 2, DARK, 1.0)
+        grey = np.where(columns % 2, DARK_SHARE, 1.0)
     else:  # speckle: noise of several sizes that repeats without a seam
-        waves = np.hypot(*np.meshgrid(np.fft.fftfreq(SIDE) * SIDE, np.fft.fftfreq(SIDE) * SIDE))
-        noise = np.fft.fft2(np.random.default_rng(7).normal(size=(SIDE, SIDE))) * (waves > 0) / (1.0 + waves / 6.0)
+        frequencies = np.fft.fftfreq(PATTERN_SIDE) * PATTERN_SIDE
+        waves = np.hypot(*np.meshgrid(frequencies, frequencies))
+        drawn = np.random.default_rng(7).normal(size=(PATTERN_SIDE, PATTERN_SIDE))
+        noise = np.fft.fft2(drawn) * (waves > 0) / (1.0 + waves / 6.0)
         smooth = np.fft.ifft2(noise).real
         grey = np.clip(0.88 + 0.07 * smooth / smooth.std(), 0.55, 1.0)
     return np.repeat(np.rint(255.0 * grey).astype(np.uint8)[..., None], 3, axis=2)
 
 
-def found_files(folder: Path, pattern: str) -> list[str]:
+def list_files(folder: Path, pattern: str) -> list[str]:
     """The names, relative to `folder`, of the pictures that match `pattern`, in order. Raises ValueError."""
     if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
         raise ValueError("files takes a pattern of files below the folder of this file")
     names = sorted(
         path.relative_to(folder).as_posix()
         for path in folder.glob(pattern)
-        if path.suffix.lower() in ENDINGS and path.is_file()
+        if path.suffix.lower() in IMAGE_ENDINGS and path.is_file()
     )
     if not names:
         raise ValueError(f"there is no .png or .jpg file {pattern} in {folder}")
-    if len(names) > MOST_FILES:
-        raise ValueError(f"{pattern} matches {len(names):,} pictures, more than {MOST_FILES:,}")
+    if len(names) > MAX_TEXTURE_FILES:
+        raise ValueError(f"{pattern} matches {len(names):,} pictures, more than {MAX_TEXTURE_FILES:,}")
     return names
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The wood of the table: planks along x with grain, made of smooth noise, and the workspace's edge as a thin inlay.
 
 
 PLANKS = 6  # in the depth of the workspace
 WARMTH = np.array([0.35, 1.0, 1.75])  # how much more a dark streak reduces green and blue than red
-TABLE = 256  # side of the square of random numbers, a power of two
+NOISE_SIDE = 256  # side of the square of random numbers, a power of two
 SEAM, INLAY = 0.0016, 0.0020  # half widths, in sides of the workspace
 
 
@@ -181,19 +179,19 @@ def wood(stage: PictureSetup, x: Floats, y: Floats, pixels: tuple[Floats, Floats
     """
     side = stage.side
     pixel_x, pixel_y = (size / side for size in pixels)
-    chances = np.random.default_rng(2).random(TABLE * TABLE)
+    chances = np.random.default_rng(2).random(NOISE_SIDE * NOISE_SIDE)
     along, lane = x / side, (y - stage.workspace[1]) / side * PLANKS
     number = np.floor(lane)
-    chance = chances.take(number.astype(np.int64) & (TABLE - 1))
+    chance = chances.take(number.astype(np.int64) & (NOISE_SIDE - 1))
     u, v = along + 9.0 * chance, lane - number + 5.0 * number
     rings = 1.7 * v + 1.5 * _noise(chances, 1.3 * u, 1.1 * v) + 0.35 * _noise(chances, 3.7 * u, 3.0 * v)
     streaks = 0.5 + 0.5 * np.sin(2.0 * np.pi * 2.6 * rings)
     fibre = _noise(chances, 11.0 * u, 46.0 * v) - 0.5
     pores = _noise(chances, 26.0 * u, 88.0 * v) ** 6
     dark = 0.065 * (chance - 0.5)
-    dark += 0.055 * (streaks**2 - 0.4) * _seen(pixel_y, 22.0 * PLANKS / 6.0)
-    dark += 0.060 * fibre * _seen(pixel_y, 46.0 * PLANKS)
-    dark += 0.220 * pores * _seen(pixel_y, 88.0 * PLANKS)
+    dark += 0.055 * (streaks**2 - 0.4) * _visible_share(pixel_y, 22.0 * PLANKS / 6.0)
+    dark += 0.060 * fibre * _visible_share(pixel_y, 46.0 * PLANKS)
+    dark += 0.220 * pores * _visible_share(pixel_y, 88.0 * PLANKS)
     lines = 0.130 * _line(np.abs(lane - np.round(lane)) / PLANKS, SEAM, pixel_y)
     x0, y0, x1, y1 = stage.workspace
     outside = np.maximum(np.maximum(x0 - x, x - x1), np.maximum(y0 - y, y - y1)) / side
@@ -202,7 +200,7 @@ def wood(stage: PictureSetup, x: Floats, y: Floats, pixels: tuple[Floats, Floats
     return np.asarray(1.0 - dark[..., None] * WARMTH - lines[..., None])
 
 
-def _seen(pixel: Floats, waves: float) -> Floats:
+def _visible_share(pixel: Floats, waves: float) -> Floats:
     """1 if pixels are small compared to waves of that number per side, falling to 0 if they are as large."""
     return np.clip(1.6 - 2.2 * pixel * waves, 0.0, 1.0)
 
@@ -214,13 +212,13 @@ def _line(distance: Floats, half: float, pixel: Floats) -> Floats:
 
 
 def _noise(chances: Floats, u: Floats, v: Floats) -> Floats:
-    """Smooth noise in [0, 1]: random values at integer points, interpolated in between; it repeats every `TABLE`."""
+    """Smooth noise in [0, 1]: random values at integer points, interpolated between; it repeats every `NOISE_SIDE`."""
     iu, iv = np.floor(u), np.floor(v)
     fu, fv = u - iu, v - iv
     fu, fv = fu * fu * (3.0 - 2.0 * fu), fv * fv * (3.0 - 2.0 * fv)
     i, j = iu.astype(np.int64), iv.astype(np.int64)
-    left, right = i & (TABLE - 1), (i + 1) & (TABLE - 1)
-    near, far = (j & (TABLE - 1)) * TABLE, ((j + 1) & (TABLE - 1)) * TABLE
+    left, right = i & (NOISE_SIDE - 1), (i + 1) & (NOISE_SIDE - 1)
+    near, far = (j & (NOISE_SIDE - 1)) * NOISE_SIDE, ((j + 1) & (NOISE_SIDE - 1)) * NOISE_SIDE
     a, b, c, d = (chances.take(place) for place in (near + left, near + right, far + left, far + right))
     below = a + fu * (b - a)
     return np.asarray(below + fv * (c + fu * (d - c) - below))

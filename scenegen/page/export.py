@@ -20,7 +20,8 @@ from scenegen.lang.checker import check_file
 from scenegen.page.jobs import motions
 from scenegen.page.jobs.check import rarity_data
 from scenegen.page.jobs.describe import describe, mesh_key, numbers_data, packed_mesh
-from scenegen.page.jobs.evaluate import reasons, scene_set, shown
+from scenegen.page.jobs.evaluate import reasons, scene_set, scenes_json
+from scenegen.page.jobs.motions import six_digits
 from scenegen.page.jobs.source import stage_of_spec, wanted_counts, with_numbers
 from scenegen.page.project import OpenProject, alone
 from scenegen.page.worker import finite
@@ -30,8 +31,8 @@ from scenegen.scenes.files import check_writable, write_whole
 from scenegen.scenes.formats.registry import check_ending
 from scenegen.scenes.motions import MotionFile
 
-SATISFIED = 0.4  # of the scenes: satisfy every label; the others are spread over what phi can be
-MOST_BYTES = 25_000_000
+SATISFIED_SHARE = 0.4  # of the scenes: satisfy every label; the others are spread over what phi can be
+MAX_PAGE_BYTES = 25_000_000
 
 
 def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str = "") -> int:
@@ -69,22 +70,22 @@ def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str 
         },
     }
     page = alone(finite(data)).encode()
-    if len(page) > MOST_BYTES:
+    if len(page) > MAX_PAGE_BYTES:
         raise RequestError(PAGE_LIMIT(size=len(page) / 1e6))
     write_whole(out, page)
     return len(page)
 
 
-T = TypeVar("T", SceneSet, MotionSet)
+SetT = TypeVar("SetT", SceneSet, MotionSet)
 Phi = dict[str, tuple[float | None, float | None]]
 
 
-def _drawn(spec: Spec, rare: SpecRarity, n: int, draw: Callable[[Phi, int], T], inset: float) -> list[T]:
+def _draw_parts(spec: Spec, rare: SpecRarity, n: int, draw: Callable[[Phi, int], SetT], inset: float) -> list[SetT]:
     """Some that satisfy all labels, where there are any, and others spread flat over the phi of the first label, but
     for the share `inset` at each of its ends."""
-    parts: list[T] = []
+    parts: list[SetT] = []
     with contextlib.suppress(RequestError):  # nothing satisfies it: all are spread
-        parts.append(draw(dict.fromkeys(spec.labels, (0.0, None)), max(1, round(SATISFIED * n))))
+        parts.append(draw(dict.fromkeys(spec.labels, (0.0, None)), max(1, round(SATISFIED_SHARE * n))))
     rest = n - sum(map(len, parts))
     if rest > 0:
         first = rare.labels[0]
@@ -105,12 +106,12 @@ def _scenes(
         def draw(phi: Phi, count: int) -> SceneSet:
             return sample(spec, phi, count, seed=seed, workers=1, keep_partial=True)
 
-        parts = _drawn(spec, rare, n, draw, inset=0.02)
+        parts = _draw_parts(spec, rare, n, draw, inset=0.02)
         on = np.concatenate([one.on for one in parts if one.on is not None]) if spec.checked.choices else None
         scenes = scene_set(spec, np.concatenate([one.poses for one in parts]), {"method": "exact", "seed": seed}, on)
-    reports = [_rounded(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))]
+    reports = [_round_values(reasons(spec, scenes[index : index + 1])) for index in range(len(scenes))]
     own = {name: opened.scenes[name] for name in ("together", "warnings")} if opened.scenes else {}
-    return {**shown(spec, scenes), **own}, reports, scenes.header
+    return {**scenes_json(spec, scenes), **own}, reports, scenes.header
 
 
 def _motions(
@@ -126,24 +127,20 @@ def _motions(
         def draw(phi: Phi, count: int) -> MotionSet:
             return sample_motions(spec, phi, count, seed=seed, workers=1, keep_partial=True)
 
-        parts = _drawn(spec, rare, min(n, motions.most_of(spec)), draw, inset=0.0)
+        parts = _draw_parts(spec, rare, min(n, motions.most_of(spec)), draw, inset=0.0)
         poses, sampler = np.concatenate([one.poses for one in parts]), {"method": "exact", "seed": seed}
     header = motions.motion_set(spec, poses, sampler, SampleRequest(n=len(poses))).header
-    reports = [_shortened(motions.reasons(spec, one, everything=False)) for one in poses]
-    return motions.shown(spec, poses, sampler), reports, header
+    reports = [_shorten_signals(motions.reasons(spec, one, everything=False)) for one in poses]
+    return motions.motions_json(spec, poses, sampler), reports, header
 
 
-def _shortened(found: dict[str, Any]) -> dict[str, Any]:
+def _shorten_signals(found: dict[str, Any]) -> dict[str, Any]:
     """Every number over time to six digits."""
-    decides = {name: one and {**one, "signal": _six(one["signal"])} for name, one in found["decides"].items()}
-    signals = {name: _six(row) for name, row in found["signals"].items()}
-    return {**_rounded(found), "signals": signals, "decides": decides}
+    decides = {name: one and {**one, "signal": six_digits(one["signal"])} for name, one in found["decides"].items()}
+    signals = {name: six_digits(row) for name, row in found["signals"].items()}
+    return {**_round_values(found), "signals": signals, "decides": decides}
 
 
-def _six(values: list[float]) -> list[float]:
-    return [float(f"{one:.6g}") for one in values]
-
-
-def _rounded(found: dict[str, Any]) -> dict[str, Any]:
+def _round_values(found: dict[str, Any]) -> dict[str, Any]:
     """Values to six digits: they colour a tree, and there are many."""
-    return {**found, "values": _six(found["values"])}
+    return {**found, "values": six_digits(found["values"])}

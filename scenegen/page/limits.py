@@ -9,7 +9,7 @@ from types import MappingProxyType
 MAX_TEXT = 256 * 1024  # bytes of a spec
 MAX_BODY = 8 * 1024 * 1024  # bytes of an HTTP request: a set of scenes to download
 MAX_MESSAGE = 1024 * 1024  # bytes of one message over the WebSocket
-MAX_SCENES = 400  # that one request samples or evaluates
+MAX_PAGE_SCENES = 400  # that one request samples or evaluates
 MAX_POSES = 20_000  # objects times scenes of one request
 MAX_MOTION = 10_000  # objects times moments of one motion: it travels in one message
 MAX_MOMENTS = 60_000  # objects times moments of all motions of one request
@@ -17,17 +17,17 @@ MAX_PLAYED = 100  # moments of a motion that is drawn as a GIF
 MAX_SESSIONS = 12  # pages that are open at a time
 MAX_REQUESTS = 64  # HTTP requests that are served at a time
 MAX_WAITING = 32  # messages of one page that wait for their turn
-MAX_WORKERS = 40  # processes that work for all pages together
-MAX_FILES = 500  # specs of a folder that the menu lists
+MAX_PAGE_WORKERS = 40  # processes that work for all pages together
+MAX_LISTED_SPECS = 500  # specs of a folder that the menu lists
 MAX_CONNECTIONS = 512
-MEMORY = 6 << 30  # bytes of address space of one worker process; torch alone maps three
+MAX_WORKER_MEMORY = 6 << 30  # bytes of address space of one worker process; torch alone maps three
 
 HEADER_SECONDS = 10.0  # that a client may take to send the head of a request
 BODY_SECONDS = 20.0  # and its body
 IDLE_SECONDS = 20.0  # a connection is kept between two requests
 
 # seconds that a job of each kind may take, its process is ended then
-SECONDS: Mapping[str, float] = MappingProxyType(
+JOB_SECONDS: Mapping[str, float] = MappingProxyType(
     {
         "check": 15.0,
         "assist": 5.0,
@@ -43,7 +43,7 @@ SECONDS: Mapping[str, float] = MappingProxyType(
 
 def most_scenes(objects: int) -> int:
     """How many scenes of so many objects the page shows."""
-    return min(MAX_SCENES, max(1, MAX_POSES // max(1, objects)))
+    return min(MAX_PAGE_SCENES, max(1, MAX_POSES // max(1, objects)))
 
 
 FIELDS = {"n": "scenes", "seed": "seed", "method": "method", "spread": "spread"}
@@ -60,8 +60,8 @@ def control(name: str, value: str | None = None) -> str:
     return f"{option} of the command line" if value in (None, "True") else f"{option} {value} of the command line"
 
 
-_NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
-_RANGE = re.compile(rf"(?<![\w.:`-])(?:({_NUMBER}):({_NUMBER})?|:({_NUMBER}))(?![\w:-]|\.\d)(?=:?)")
+_DECIMAL = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+_RANGE = re.compile(rf"(?<![\w.:`-])(?:({_DECIMAL}):({_DECIMAL})?|:({_DECIMAL}))(?![\w:-]|\.\d)(?=:?)")
 
 
 def without_command_line(text: str) -> str:

@@ -26,9 +26,9 @@ from scenegen.lang.spec import combinations, written
 from scenegen.lang.syntax.parse import read_source
 from scenegen.learn.model import is_family, load_model
 from scenegen.needs import INSTALL, found
-from scenegen.page.jobs.evaluate import scene_set, shown
+from scenegen.page.jobs.evaluate import scene_set, scenes_json
 from scenegen.page.jobs.source import with_numbers
-from scenegen.page.limits import MAX_FILES, MAX_TEXT, most_scenes
+from scenegen.page.limits import MAX_LISTED_SPECS, MAX_TEXT, most_scenes
 from scenegen.page.worker import dumps
 from scenegen.pose import as_poses, row_count
 from scenegen.resources import shipped_specs
@@ -36,11 +36,11 @@ from scenegen.sampling.request import METHODS
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import is_stream, read_stream, write_whole
 from scenegen.scenes.formats.registry import FORMATS, MOTION_FORMATS, is_motions
-from scenegen.worlds.exporting import EXPORTS, NEEDS, TITLES
+from scenegen.worlds.exporting import EXPORTS, FORMAT_TITLES, NEEDS
 
-MOST_NAME = 255  # bytes of the name of a file or folder
-MOST_DRAFTS = 200  # that are kept; the oldest go
-DEPTH = 3  # folders below the opened one that are looked into
+MAX_NAME_BYTES = 255  # bytes of the name of a file or folder
+MAX_DRAFTS = 200  # that are kept; the oldest go
+MAX_FOLDER_DEPTH = 3  # folders below the opened one that are looked into
 
 
 class FileRefused(Exception):  # noqa: N818 - the client learns why: no failure
@@ -72,7 +72,7 @@ class Folder:
         parts = found.relative_to(self.root).parts
         if any(part.startswith(".") for part in parts):
             raise FileRefused(400, "the page opens no hidden files")
-        if any(len(os.fsencode(part)) > MOST_NAME for part in parts):
+        if any(len(os.fsencode(part)) > MAX_NAME_BYTES for part in parts):
             raise FileRefused(400, "this name is too long for a file")
         return found
 
@@ -85,11 +85,11 @@ class Folder:
         for at, folders, names in os.walk(self.root):
             here = Path(at)
             deep = len(here.relative_to(self.root).parts)
-            folders[:] = sorted(one for one in folders if not one.startswith(".")) if deep < DEPTH else []
+            folders[:] = sorted(one for one in folders if not one.startswith(".")) if deep < MAX_FOLDER_DEPTH else []
             found += [self.relative(here / name) for name in sorted(names) if name.lower().endswith(".spec")]
-            if len(found) >= MAX_FILES:
+            if len(found) >= MAX_LISTED_SPECS:
                 break
-        return found[:MAX_FILES]
+        return found[:MAX_LISTED_SPECS]
 
     def read(self, path: str) -> tuple[str, str]:
         """The text of a spec and its hash. Raises FileRefused."""
@@ -119,7 +119,7 @@ class Folder:
         open stays there. None where there is nothing."""
         return next((one for one in _drafts(self._draft_key(name)) if one["tab"] not in open_tabs), None)
 
-    def lost(self, open_tabs: Collection[str]) -> list[str]:
+    def lost_drafts(self, open_tabs: Collection[str]) -> list[str]:
         """The names of drafts of closed tabs that belong to no file of the folder."""
         kept = [one for one in _drafts() if one["tab"] not in open_tabs and one.get("root") == str(self.root)]
         return sorted({str(one["name"]) for one in kept if not (self.root / str(one["name"])).is_file()})
@@ -136,7 +136,7 @@ class Folder:
             file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             draft = {"text": text, "was": was, "root": str(self.root), "name": name, "tab": tab}
             write_whole(file, json.dumps(draft).encode())
-            for old in _newest(file.parent.glob("*.json"))[MOST_DRAFTS:]:
+            for old in _newest(file.parent.glob("*.json"))[MAX_DRAFTS:]:
                 old.unlink(missing_ok=True)
         except OSError as error:
             raise FileRefused(403, f"what is not saved cannot be kept: {error.strerror or 'no permission'}") from None
@@ -195,7 +195,7 @@ def _at_most(handle: int, size: int) -> bytes:
     return b"".join(parts)
 
 
-def shipped() -> list[dict[str, str]]:
+def shipped_json() -> list[dict[str, str]]:
     """Name, title and text of the specs that ship with scenegen."""
     found = []
     for name, path in shipped_specs().items():
@@ -227,19 +227,19 @@ def stored_scenes(file: Path, together: int = 1) -> tuple[list[Part], Spec, Scen
         there = f" with {names[tuple(numbers.values())]}" if numbers else ""
         note = f"{len(some):,} of the {len(which):,} scenes{there} of {file.name}"
         cut = [{"code": "", "title": f"the first {note}"}] if len(some) < len(which) else []
-        scenes.append((numbers, {**_shown(member, some, note), "together": together, "warnings": cut}))
+        scenes.append((numbers, {**_scenes_json(member, some, note), "together": together, "warnings": cut}))
     return scenes, spec, found.header
 
 
-def _shown(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
+def _scenes_json(spec: Spec, scenes: SceneArrays, note: str) -> dict[str, Any]:
     rows = rows_of(spec.checked, scenes)  # in the order of the spec, whatever the file's is
     count = row_count(len(spec.objects))
     on = stored_rows(spec.checked, rows)[count:].T if spec.checked.choices else None
     sampler = scenes.header.sampler
-    return shown(spec, scene_set(spec, as_poses(rows[:count]), sampler, on), note)
+    return scenes_json(spec, scene_set(spec, as_poses(rows[:count]), sampler, on), note)
 
 
-STARTER = "tidy_desk"  # the shipped spec that is shown where nothing was named
+FIRST_SPEC = "tidy_desk"  # the shipped spec that is shown where nothing was named
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,7 +297,7 @@ def methods_data() -> list[dict[str, Any]]:
     return [{"name": name, "motions": one.over_time, "model": one.proposes} for name, one in METHODS.items()]
 
 
-FILES = {".json": "JSON", ".jsonl": "JSON Lines", ".parquet": "Parquet"}  # what the page calls scene files
+FILE_TITLES = {".json": "JSON", ".jsonl": "JSON Lines", ".parquet": "Parquet"}  # what the page calls scene files
 
 
 def formats_data() -> list[dict[str, Any]]:
@@ -305,11 +305,11 @@ def formats_data() -> list[dict[str, Any]]:
     have it, too; `install` is what installs a library that it needs and that is missing, else None."""
     rows: list[tuple[str, str, bool, str | None]] = []
     for ending in FORMATS:
-        rows.append((ending[1:], FILES.get(ending, ending[1:]), ending in MOTION_FORMATS, None))
+        rows.append((ending[1:], FILE_TITLES.get(ending, ending[1:]), ending in MOTION_FORMATS, None))
     for name in EXPORTS:
         package = NEEDS.get(name)
         install = INSTALL[package] if package and not found(package) else None
-        rows.append((name, TITLES.get(name, name), False, install))
+        rows.append((name, FORMAT_TITLES.get(name, name), False, install))
     return [dict(zip(("name", "title", "motions", "install"), row, strict=True)) for row in rows]
 
 
@@ -322,7 +322,7 @@ def open_(what: Path | None) -> OpenProject:
         return _model(what)
     if what is None or what.is_dir():
         folder = Folder((what or Path.cwd()).resolve())
-        return OpenProject(folder, shipped_specs()[STARTER].read_text(encoding="utf-8"), STARTER, welcome=True)
+        return OpenProject(folder, shipped_specs()[FIRST_SPEC].read_text(encoding="utf-8"), FIRST_SPEC, welcome=True)
     ending = what.suffix.lower()
     if ending == ".safetensors":
         return _model(what)
@@ -371,7 +371,7 @@ def _scenes(file: Path) -> OpenProject:
 
 def _motions(file: Path, found: MotionSet) -> OpenProject | None:
     """None for motions of a spec without `time`, such as pairs of a start and a goal: their moments are scenes."""
-    from scenegen.page.jobs.motions import most_of, motions_of, shown, too_long
+    from scenegen.page.jobs.motions import most_of, motions_json, motions_of, too_long
 
     text = found.header.spec.source
     spec = parse(text, file.name)
@@ -386,7 +386,7 @@ def _motions(file: Path, found: MotionSet) -> OpenProject | None:
     poses = motions_of(spec, found.poses[:most][:, :, order])
     note = f"{len(poses):,} of the {len(found):,} motions of {file.name}"
     cut = [{"code": "", "title": f"the first {note}"}] if len(poses) < len(found) else []
-    motions = {**shown(spec, poses, found.header.sampler, note), "warnings": cut}
+    motions = {**motions_json(spec, poses, found.header.sampler, note), "warnings": cut}
     asked = found.header.request.model_dump(mode="json")
     request = {"phi": asked["phi"], "n": min(asked["n"], most)}
     return OpenProject(Folder(file.resolve().parent), text, file.stem, scenes=motions, request=request)
@@ -424,7 +424,7 @@ _PAGE = """<!doctype html>
 def html(data: dict[str, Any]) -> str:
     """The page as a server sends it; `data` is what it shows first."""
     head = '<link rel="stylesheet" href="/static/page.css">\n<link rel="icon" href="/static/icon.svg">'
-    return _filled(data, head, '<script type="module" src="/static/page.js"></script>')
+    return _fill_page(data, head, '<script type="module" src="/static/page.js"></script>')
 
 
 def alone(data: dict[str, Any]) -> str:
@@ -437,10 +437,10 @@ def alone(data: dict[str, Any]) -> str:
     )
     head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{css}</style>'
     safe = js.replace("</script", "<\\/script").replace("<!--", "<\\!--")
-    return _filled(data, head, f'<script type="module">{safe}</script>')
+    return _fill_page(data, head, f'<script type="module">{safe}</script>')
 
 
-def _filled(data: dict[str, Any], head: str, script: str) -> str:
+def _fill_page(data: dict[str, Any], head: str, script: str) -> str:
     text = dumps(data).decode().replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
     title = markup.escape(f"{data.get('name') or 'scenegen'} · scenegen view")
     page = _PAGE.replace("{title}", title).replace("{head}", head).replace("{script}", script)

@@ -50,12 +50,12 @@ from scenegen.page.limits import (
     MAX_BODY,
     MAX_CONNECTIONS,
     MAX_MESSAGE,
+    MAX_PAGE_SCENES,
     MAX_REQUESTS,
-    MAX_SCENES,
     MAX_SESSIONS,
     MAX_TEXT,
 )
-from scenegen.page.project import STATIC, FileRefused, OpenProject, digest, html, shipped, state_folder
+from scenegen.page.project import STATIC, FileRefused, OpenProject, digest, html, shipped_json, state_folder
 from scenegen.page.session import Lane, PageSession, PageWorkerEnded, TooManyWorkers, Workers
 from scenegen.processes.process import ENDING, exit_status
 from scenegen.resources import grammar_file
@@ -118,14 +118,14 @@ class Gate:
             await self.app(scope, receive, send)
             return
 
-        async def guarded(message: MutableMapping[str, Any]) -> None:
+        async def send_guarded(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
                 message["headers"] = [*message.get("headers", ()), *HEADERS, *([] if counted else [REVALIDATE])]
             await send(message)
 
         self.under_way += counted
         try:
-            await self.app(scope, receive, guarded)
+            await self.app(scope, receive, send_guarded)
         finally:
             self.under_way -= counted
 
@@ -201,7 +201,7 @@ async def json_body(request: Request) -> dict[str, Any]:
 
 
 async def page(request: Request) -> Response:
-    shared = _shared(request)
+    shared = _shared_state(request)
     opened = await run_in_threadpool(shared.opened.now)
     draft = await run_in_threadpool(opened.folder.draft, opened.path or opened.name, shared.tabs)
     return HTMLResponse(html({**opened.data(), "draft": draft}), headers={"cache-control": "no-store"})
@@ -214,15 +214,15 @@ async def proof(request: Request) -> Response:
 
 
 async def files(request: Request) -> Response:
-    shared = _shared(request)
+    shared = _shared_state(request)
     folder = shared.opened.folder
-    found = {"specs": await run_in_threadpool(folder.specs), "shipped": await run_in_threadpool(shipped)}
-    return JSONResponse({**found, "lost": await run_in_threadpool(folder.lost, shared.tabs)})
+    found = {"specs": await run_in_threadpool(folder.specs), "shipped": await run_in_threadpool(shipped_json)}
+    return JSONResponse({**found, "lost": await run_in_threadpool(folder.lost_drafts, shared.tabs)})
 
 
 async def file(request: Request) -> Response:
     """A spec of the folder, read or saved."""
-    folder = _shared(request).opened.folder
+    folder = _shared_state(request).opened.folder
     if request.method == "GET":
         path = request.query_params.get("path", "")
         text, sha = await run_in_threadpool(folder.read, path)
@@ -250,7 +250,7 @@ class DraftRequest(BaseModel):
 
 async def draft(request: Request) -> Response:
     """What was written and not saved."""
-    shared = _shared(request)
+    shared = _shared_state(request)
     folder = shared.opened.folder
     if request.method == "GET":
         name = request.query_params.get("name", "")
@@ -274,7 +274,7 @@ def _check_whole(text: str) -> None:
         raise FileRefused(400, "the text holds half of a character") from None
 
 
-def _shared(request: HTTPConnection) -> Shared:
+def _shared_state(request: HTTPConnection) -> Shared:
     shared: Shared = request.app.state.shared
     return shared
 
@@ -295,7 +295,7 @@ async def prelude(request: Request) -> Response:
     return JSONResponse({"text": grammar_file("prelude.spec").read_text(encoding="utf-8")})
 
 
-MOST = 4  # downloads that are made at a time
+MAX_DOWNLOADS = 4  # downloads that are made at a time
 
 
 class DownloadRequest(BaseModel):
@@ -306,15 +306,15 @@ class DownloadRequest(BaseModel):
     format: str = Field(max_length=20)
     text: str
     path: str | None = None
-    poses: list[Any] = Field(max_length=MAX_SCENES)
-    on: list[Any] | None = Field(None, max_length=MAX_SCENES)
+    poses: list[Any] = Field(max_length=MAX_PAGE_SCENES)
+    on: list[Any] | None = Field(None, max_length=MAX_PAGE_SCENES)
     request: dict[str, Any] = Field(default={}, max_length=20)
     sampler: dict[str, Any] = Field(default={}, max_length=40)
     counts: dict[str, int] = Field(default={}, max_length=64)
 
 
 async def download(request: Request) -> Response:
-    shared = _shared(request)
+    shared = _shared_state(request)
     try:
         wanted = DownloadRequest.model_validate(await json_body(request))
     except ValidationError:
@@ -323,16 +323,16 @@ async def download(request: Request) -> Response:
         raise FileRefused(413, f"a spec on the page has at most {MAX_TEXT // 1024} kB")
     if wanted.path is not None:
         shared.opened.folder.inside(wanted.path)
-    if shared.downloads >= MOST:
+    if shared.downloads >= MAX_DOWNLOADS:
         raise FileRefused(429, "some files are being made already; try again in a moment")
     shared.downloads += 1
     try:
-        return await _made(shared, wanted)
+        return await _make_download(shared, wanted)
     finally:
         shared.downloads -= 1
 
 
-async def _made(shared: Shared, wanted: DownloadRequest) -> Response:
+async def _make_download(shared: Shared, wanted: DownloadRequest) -> Response:
     into = Path(tempfile.mkdtemp(prefix="scenegen-view-"))
     lane = Lane(shared.workers)
     found: dict[str, bytes] = {}
@@ -357,7 +357,7 @@ async def _made(shared: Shared, wanted: DownloadRequest) -> Response:
 
 
 async def socket_of_page(websocket: WebSocket) -> None:
-    shared = _shared(websocket)
+    shared = _shared_state(websocket)
     if len(shared.tabs) >= MAX_SESSIONS:
         reason = "as many pages are open as this server takes; close one of them"
         await refuse(websocket.scope, websocket._send, 429, reason)
@@ -398,27 +398,27 @@ def make_app(opened: OpenProject, token: str, hosts: frozenset[str]) -> Gate:
         finally:
             await shared.workers.close()
 
-    handlers: Any = {FileRefused: _refused, 404: _missing, 405: _missing, 500: _broken}
+    handlers: Any = {FileRefused: _answer_refusal, 404: _answer_missing, 405: _answer_missing, 500: _answer_failure}
     app = Starlette(routes=ROUTES, lifespan=lifespan, exception_handlers=handlers)
     app.state.shared = shared
     app.state.token = token
     return Gate(app, token, hosts, shared)
 
 
-async def _refused(request: Request, error: FileRefused) -> Response:
+async def _answer_refusal(request: Request, error: FileRefused) -> Response:
     return PlainTextResponse(f"{error}\n", error.status)
 
 
-async def _missing(request: Request, error: Exception) -> Response:
+async def _answer_missing(request: Request, error: Exception) -> Response:
     return PlainTextResponse("there is nothing under this address\n", getattr(error, "status_code", 404))
 
 
-async def _broken(request: Request, error: Exception) -> Response:
+async def _answer_failure(request: Request, error: Exception) -> Response:
     return PlainTextResponse(f"scenegen itself failed: {type(error).__name__}\n", 500)
 
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-HEAD = 32 * 1024  # bytes of the head of a request
+MAX_HEAD_BYTES = 32 * 1024  # bytes of the head of a request
 
 
 class BoundedHttpProtocol(H11Protocol):
@@ -511,7 +511,7 @@ def config_of(app: Gate) -> uvicorn.Config:
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE,
         ws_per_message_deflate=False,
-        h11_max_incomplete_event_size=HEAD,
+        h11_max_incomplete_event_size=MAX_HEAD_BYTES,
         timeout_keep_alive=int(IDLE_SECONDS),
         timeout_graceful_shutdown=1,
         log_level="critical",

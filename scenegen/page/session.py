@@ -21,9 +21,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from scenegen.page.limits import MAX_SCENES, MAX_TEXT, MAX_WAITING, MAX_WORKERS, SECONDS
+from scenegen.page.limits import JOB_SECONDS, MAX_PAGE_SCENES, MAX_PAGE_WORKERS, MAX_TEXT, MAX_WAITING
 from scenegen.page.project import FileRefused, Folder
-from scenegen.page.worker import END, FORK, LARGEST, ORDER, dumps
+from scenegen.page.worker import END, FORK, MAX_LINE_BYTES, WORKER_ORDER, dumps
 from scenegen.processes.process import cannot_start, command, environment
 
 
@@ -69,20 +69,20 @@ class Workers:
 
     async def worker(self) -> PageWorker:
         """A new worker process. Raises TooManyWorkers."""
-        if len(self.alive) >= MAX_WORKERS:
+        if len(self.alive) >= MAX_PAGE_WORKERS:
             raise TooManyWorkers("this server has as many requests under way as it takes; try again in a moment")
         await self.start()
         assert self._control is not None
         ours, theirs = socket.socketpair()
         number = next(self._numbers)
         try:
-            socket.send_fds(self._control, [ORDER.pack(FORK, number)], [theirs.fileno()])
+            socket.send_fds(self._control, [WORKER_ORDER.pack(FORK, number)], [theirs.fileno()])
         except OSError as error:
             ours.close()
             raise PageWorkerEnded("the program that workers are forked from ended") from error
         finally:
             theirs.close()
-        reader, writer = await asyncio.open_unix_connection(sock=ours, limit=LARGEST)
+        reader, writer = await asyncio.open_unix_connection(sock=ours, limit=MAX_LINE_BYTES)
         worker = PageWorker(self, number, reader, writer)
         self.alive.add(worker)
         return worker
@@ -92,7 +92,7 @@ class Workers:
         self.alive.discard(worker)
         if self._control is not None:
             with contextlib.suppress(OSError):
-                self._control.sendall(ORDER.pack(END, worker.number))
+                self._control.sendall(WORKER_ORDER.pack(END, worker.number))
 
     async def close(self) -> None:
         """End everything."""
@@ -142,7 +142,7 @@ class PageWorker:
             self._writer.close()
 
 
-GRACE = 0.03  # seconds that an older job still gets: cheaper than a new process, where it is about to end
+OLD_JOB_SECONDS = 0.03  # seconds that an older job still gets: cheaper than a new process, where it is about to end
 
 
 class Lane:
@@ -162,7 +162,7 @@ class Lane:
         self._newest += 1
         mine = self._newest
         if self._task is not None and not self._task.done():
-            await asyncio.wait([self._task], timeout=GRACE)
+            await asyncio.wait([self._task], timeout=OLD_JOB_SECONDS)
             if mine == self._newest and self._task is not None and not self._task.done():
                 self._task.cancel()
         async with self._turn:
@@ -175,7 +175,7 @@ class Lane:
                 self._task = None
 
     async def _do(self, message: dict[str, Any], say: Callable[[str, bytes], None]) -> None:
-        seconds = SECONDS[message["job"]]
+        seconds = JOB_SECONDS[message["job"]]
         finished = False
         try:
             async with asyncio.timeout(seconds):
@@ -221,8 +221,8 @@ class PageMessage(BaseModel):
     feature: str = Field("", max_length=20)
     line: int = Field(0, ge=0, le=10_000_000)
     character: int = Field(0, ge=0, le=10_000_000)
-    poses: list[Any] = Field(default=[], max_length=MAX_SCENES)
-    on: list[Any] | None = Field(None, max_length=MAX_SCENES)
+    poses: list[Any] = Field(default=[], max_length=MAX_PAGE_SCENES)
+    on: list[Any] | None = Field(None, max_length=MAX_PAGE_SCENES)
     why: bool = False
     watch: bool = False
     have: list[str] | None = Field(None, max_length=2000)
@@ -259,7 +259,7 @@ class PageSession:
                 if text is None:
                     self._say('{"error":"send text, not bytes"}')
                     continue
-                self._hear(text)
+                self._receive(text)
         except (WebSocketDisconnect, RuntimeError):  # dropped in the midst of a message
             return
         finally:
@@ -269,7 +269,7 @@ class PageSession:
             for lane in self._lanes.values():
                 lane.close()
 
-    def _hear(self, text: str) -> None:
+    def _receive(self, text: str) -> None:
         try:
             data = json.loads(text)
             if isinstance(data, dict) and "stop" in data:
@@ -316,10 +316,8 @@ class PageSession:
         except asyncio.CancelledError:
             self._say(f'{head}ended":null}}')
             raise
-        except TooManyWorkers as reason:
+        except (TooManyWorkers, PageWorkerEnded) as reason:
             self._say(f'{head}failed":{json.dumps(str(reason))}}}')
-        except PageWorkerEnded as how:
-            self._say(f'{head}failed":{json.dumps(str(how))}}}')
 
     def _say(self, text: str) -> None:
         try:

@@ -26,10 +26,10 @@ from scenegen.errors import ScenegenError
 from scenegen.errors.program import OUT_OF_MEMORY
 from scenegen.page.jobs import job_of
 from scenegen.page.jobs.source import refusal
-from scenegen.page.limits import MEMORY
+from scenegen.page.limits import MAX_WORKER_MEMORY
 from scenegen.processes.process import cannot_start, is_limit
 
-LARGEST = 256 << 20  # bytes of one message: JSON, one a line
+MAX_LINE_BYTES = 256 << 20  # bytes of one message: JSON, one a line
 
 
 def dumps(value: Any) -> bytes:
@@ -59,7 +59,7 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} is no JSON")
 
 
-LOG = logging.getLogger("scenegen.page")
+PAGE_LOG = logging.getLogger("scenegen.page")
 
 
 def work(line: socket.socket) -> None:
@@ -89,7 +89,7 @@ def do(line: socket.socket, message: dict[str, Any]) -> None:
         if is_limit(error):
             say("refused", refusal(cannot_start("a thread", error)))
             return
-        LOG.exception("the job %s failed", message.get("job"))
+        PAGE_LOG.exception("the job %s failed", message.get("job"))
         say("failed", f"scenegen itself failed: {type(error).__name__}: {error}")
 
 
@@ -101,9 +101,9 @@ def do(line: socket.socket, message: dict[str, Any]) -> None:
 # starts no thread, so that forking is safe.
 
 
-ORDER = struct.Struct("!cQ")
+WORKER_ORDER = struct.Struct("!cQ")
 FORK, END = b"f", b"e"
-PAUSE = 1.0  # seconds after which it looks for workers that have ended
+REAP_SECONDS = 1.0  # seconds after which it looks for workers that have ended
 
 _WARM = "object mug, plate\nrequire noOverlap()\ntask: leftOf(mug, plate)\n"
 
@@ -119,17 +119,17 @@ def main() -> None:
         control.sendall(b"r")  # ready
     workers: dict[int, int] = {}  # number -> process
     while True:
-        ready, _, _ = select.select([control], [], [], PAUSE)
+        ready, _, _ = select.select([control], [], [], REAP_SECONDS)
         reap(workers)
         if not ready:
             continue
-        data, fds, _, _ = socket.recv_fds(control, ORDER.size, 1)
-        while data and len(data) < ORDER.size:
-            more = control.recv(ORDER.size - len(data))
+        data, fds, _, _ = socket.recv_fds(control, WORKER_ORDER.size, 1)
+        while data and len(data) < WORKER_ORDER.size:
+            more = control.recv(WORKER_ORDER.size - len(data))
             data = data + more if more else b""
         if not data:
             break
-        kind, number = ORDER.unpack(data)
+        kind, number = WORKER_ORDER.unpack(data)
         if kind == FORK:
             sys.stdout.flush()
             with contextlib.suppress(OSError):  # no more processes: the server sees its socket closed
@@ -173,7 +173,7 @@ def live(control: socket.socket, fd: int) -> None:
     try:
         control.close()
         with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+            resource.setrlimit(resource.RLIMIT_AS, (MAX_WORKER_MEMORY, MAX_WORKER_MEMORY))
 
         work(socket.socket(fileno=fd))
         status = 0

@@ -22,30 +22,30 @@ if TYPE_CHECKING:
     from scenegen.api.scene_arrays import SceneArrays
 
 
-SHOWN = 8  # scenes of a sheet
-WIDTH = 320  # pixels of one of its pictures, where the workspace is square
-LARGE = 640  # of the picture of a single scene
-NAMED = 20  # objects that a spec names
-LINES = 40  # of the formula of a label
+NOTEBOOK_SCENES = 8  # scenes of a sheet
+SHEET_WIDTH = 320  # pixels of one of its pictures, where the workspace is square
+PICTURE_WIDTH = 640  # of the picture of a single scene
+MAX_NAMES = 20  # objects that a spec names
+NOTEBOOK_LINES = 40  # of the formula of a label
 
 
 def sheet(file: SceneFile, rest: Array | None = None) -> bytes | None:
     """The contact sheet of a scene file as PNG, None for one without scenes; `rest` as SceneArrays has it. Raises
     DataError."""
-    return _drawn(file, WIDTH, rest, sheet=True) if file.scenes else None
+    return _render(file, SHEET_WIDTH, rest, sheet=True) if file.scenes else None
 
 
 def picture(file: SceneFile, rest: Array | None = None) -> bytes | None:
     """A file's only scene in perspective, as PNG; None where it cannot be drawn: notebooks then show its `repr`. `rest`
     (N, 7) as Scene has it."""
     try:
-        return _drawn(file, LARGE, None if rest is None else rest[None], sheet=False)
+        return _render(file, PICTURE_WIDTH, None if rest is None else rest[None], sheet=False)
     except ScenegenError:
         return None
 
 
-def _drawn(file: SceneFile, width: int, rest: Array | None, *, sheet: bool) -> bytes:
-    from scenegen.pictures.render.files import usual_size
+def _render(file: SceneFile, width: int, rest: Array | None, *, sheet: bool) -> bytes:
+    from scenegen.looks.stage import usual_size
     from scenegen.pictures.render.scenes import render_scenes
 
     size = usual_size(file, width)
@@ -66,8 +66,8 @@ def page(scenes: SceneArrays, draw: Callable[[], bytes | None]) -> str:
     if drawn is not None:
         data = base64.b64encode(drawn).decode()
         parts.append(f'<img alt="contact sheet" style="max-width: 100%" src="data:image/png;base64,{data}">')
-    if len(scenes) > SHOWN:
-        parts.append(f"<p>the first {SHOWN} of {len(scenes):,} scenes</p>")
+    if len(scenes) > NOTEBOOK_SCENES:
+        parts.append(f"<p>the first {NOTEBOOK_SCENES} of {len(scenes):,} scenes</p>")
     return "<div>" + "".join(parts) + "</div>"
 
 
@@ -96,14 +96,14 @@ def spec_page(spec: SpecHolder) -> str:
 
     outline = Outline(spec)
     title = html.escape(spec.checked.title)
-    parts = [f"<p><b>{title}</b></p>" if title else "", f"<p>objects: {html.escape(_listed(spec.checked.objects))}</p>"]
+    parts = [f"<p><b>{title}</b></p>" if title else "", f"<p>objects: {html.escape(_names(spec.checked.objects))}</p>"]
     for label in outline.labels:
-        lines, more = outline.lines(label, most=LINES)
+        lines, more = outline.lines(label, most=NOTEBOOK_LINES)
         rows = ["<tr><th>formula</th><th>margin</th><th>phi in</th></tr>"]
         for line in lines:
             indent = f"padding-left: {0.5 + 1.5 * line.depth:g}em; text-align: left"
             bounds = f"[{line.low:.4g}, {line.high:.4g}] {line.unit}".rstrip()
-            cells = [f'<td style="{indent}">{html.escape(line.text)}</td>', _left(line.margin), _left(bounds)]
+            cells = [f'<td style="{indent}">{html.escape(line.text)}</td>', _cell(line.margin), _cell(bounds)]
             rows.append(f"<tr>{''.join(cells)}</tr>")
         parts.append(f"<p><b>{html.escape(label)}</b></p><table>{''.join(rows)}</table>")
         if more:
@@ -111,9 +111,9 @@ def spec_page(spec: SpecHolder) -> str:
     return "<div>" + "".join(parts) + "</div>"
 
 
-def _left(text: str) -> str:
+def _cell(text: str) -> str:
     return f'<td style="text-align: left">{html.escape(text)}</td>'
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED:,} more" if len(names) > NAMED else "")
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(names[:MAX_NAMES]) + (f" and {len(names) - MAX_NAMES:,} more" if len(names) > MAX_NAMES else "")

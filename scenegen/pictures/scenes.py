@@ -3,7 +3,7 @@ motions: animation, strip of moments, phi over time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -29,14 +29,14 @@ from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec, combinations
-from scenegen.looks.stage import overlaps_of
+from scenegen.looks.stage import overlaps_of, usual_size
 from scenegen.needs import need
 from scenegen.pictures.figures import heatmap as heat
 from scenegen.pictures.figures.charts import phi_chart
 from scenegen.pictures.figures.dimensions import FigureObject, FigureScene, dimensions, short
-from scenegen.pictures.figures.sheet import SHOWN as MOST
+from scenegen.pictures.figures.sheet import MAX_THUMBNAILS as MOST
 from scenegen.pictures.figures.sheet import contact_sheet, thumbnail_size
-from scenegen.pictures.figures.strip import HELD, STEP, animation, pages, strip, video
+from scenegen.pictures.figures.strip import LAST_MS, PAGE_MS, animation, pages, strip, video
 from scenegen.pictures.figures.sweep import sweep
 from scenegen.pictures.figures.topview import topview
 from scenegen.pose import as_poses, as_rows, flat
@@ -48,8 +48,8 @@ from scenegen.validation import as_path, as_words
 
 Progress = Callable[[int, int], None]
 
-SHOWN = 6  # scenes of a strip
-FRAMES = 36  # scenes of an animation
+STRIP_SCENES = 6  # scenes of a strip
+ANIMATION_SCENES = 36  # scenes of an animation
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ def picture_style(
 ) -> PictureStyle:
     """How the pictures of figures are drawn, of `count` scenes or motions with the head `file`. Raises RequestError for
     what cannot be drawn, before anything is."""
-    from scenegen.pictures.render.files import check_request, usual_size
+    from scenegen.pictures.render.files import check_request
 
     size = usual_size(file) if size is None else size
     check_request((view,), size, workers)
@@ -135,9 +135,9 @@ class Job:
     @cached_property
     def moving(self) -> SweepFrames:
         """One layout from hard to solved; drawn once for the strip and the animation. Raises RequestError."""
-        frames, chosen = sweep(self.scenes, self.label, FRAMES)
+        frames, chosen = sweep(self.scenes, self.label, ANIMATION_SCENES)
         phi = [float(value) for value in frames.phi[chosen]]
-        picked = sorted({round(place) for place in np.linspace(0, len(frames) - 1, SHOWN)})
+        picked = sorted({round(place) for place in np.linspace(0, len(frames) - 1, STRIP_SCENES)})
         file = frames.file()
         if not {"gif", "mp4"} & {*self.kinds}:
             file = file.model_copy(update={"scenes": [file.scenes[place] for place in picked]})
@@ -176,6 +176,11 @@ def figures(
     for kind, make in FIGURES.items():
         if kind in kinds:
             made |= make(job)
+    return write_files(folder, made)
+
+
+def write_files(folder: Path, made: dict[str, bytes]) -> tuple[Path, ...]:
+    """Write files by their names, together or not at all; their paths. Raises OutputError."""
     with whole_files(folder) as put:
         for name, data in made.items():
             put(name, data)
@@ -192,11 +197,16 @@ def sheet(job: Job) -> dict[str, bytes]:
     return {"contact_sheet.png": contact_sheet(file, thumbnails)}
 
 
+def halves(pictures: Sequence[Image.Image], which: Sequence[int]) -> list[Image.Image]:
+    """Some of the pictures, half as large."""
+    width, height = pictures[0].size
+    return [pictures[k].resize((round(width * 0.5), round(height * 0.5)), Image.Resampling.LANCZOS) for k in which]
+
+
 def sweep_strip(job: Job) -> dict[str, bytes]:
     """One layout from hard to solved, as a strip of pictures."""
     moving = job.moving
-    small = round(job.look.size[0] * 0.5), round(job.look.size[1] * 0.5)
-    shown = [moving.drawn[place].resize(small, Image.Resampling.LANCZOS) for place in moving.picked]
+    shown = halves(moving.drawn, moving.picked)
     values, notes = [moving.phi[place] for place in moving.picked], [moving.notes[place] for place in moving.picked]
     return {"sweep.png": strip(shown, values, moving.label, job.scenes.header.spec.title.rstrip("."), notes)}
 
@@ -209,7 +219,7 @@ def sweep_gif(job: Job) -> dict[str, bytes]:
 def sweep_mp4(job: Job) -> dict[str, bytes]:
     """The same as a video."""
     moving = job.moving
-    return {"sweep.mp4": video(pages(moving.drawn, moving.phi, moving.label, moving.notes), STEP, HELD)}
+    return {"sweep.mp4": video(pages(moving.drawn, moving.phi, moving.label, moving.notes), PAGE_MS, LAST_MS)}
 
 
 def heatmap(job: Job) -> dict[str, bytes]:
@@ -260,12 +270,8 @@ FIGURES: dict[str, Callable[[Job], dict[str, bytes]]] = {
 }
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Figures of motions: an animation, a strip of moments, phi over time.
-
-
-KINDS = ("gif", "mp4", "strip", "phi")
-MOVING = (".gif", ".mp4")  # endings of files with one motion
+MOTION_FIGURES = ("gif", "mp4", "strip", "phi")
+MOTION_ENDINGS = (".gif", ".mp4")  # endings of files with one motion
 
 
 def motion_figures(
@@ -280,18 +286,17 @@ def motion_figures(
 ) -> tuple[Path, ...]:
     """See `MotionSet.figures`."""
     folder = as_path("out", out)
-    check_kinds(kinds, KINDS)
+    check_kinds(kinds, MOTION_FIGURES)
     look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
     spec = check_text(motions.header.spec.source, "the spec of these motions")
     chosen = chosen_label(spec.labels, label)
     made: dict[str, bytes] = {}
     for number in range(len(motions.poses)):
         name = f"motion_{number + 1:0{max(4, len(str(len(motions.poses))))}d}"
-        made |= {f"{name}{end}": data for end, data in _one(motions, number, spec, chosen, kinds, look).items()}
-    with whole_files(folder) as put:
-        for name, data in made.items():
-            put(name, data)
-    return tuple(folder / name for name in made)
+        made |= {
+            f"{name}{end}": data for end, data in _motion_files(motions, number, spec, chosen, kinds, look).items()
+        }
+    return write_files(folder, made)
 
 
 def animate(
@@ -308,8 +313,8 @@ def animate(
     """See `MotionSet.animate`; `motion` counts from 1."""
     path = as_path("path", path)
     ending = path.suffix.lower()
-    if ending not in MOVING:
-        raise RequestError(UNKNOWN_CHOICE(what="ending", name=path.suffix, known=MOVING))
+    if ending not in MOTION_ENDINGS:
+        raise RequestError(UNKNOWN_CHOICE(what="ending", name=path.suffix, known=MOTION_ENDINGS))
     count = len(motions.poses)
     if motion is None and count > 1:
         raise RequestError(NOT_ONE_MOTION(path=path.name, count=count))
@@ -320,11 +325,11 @@ def animate(
     look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
     check_writable(path)
     spec = check_text(motions.header.spec.source, "the spec of these motions")
-    write_whole(path, _one(motions, number - 1, spec, chosen_label(spec.labels, label), kinds, look)[ending])
+    write_whole(path, _motion_files(motions, number - 1, spec, chosen_label(spec.labels, label), kinds, look)[ending])
     return path
 
 
-def _one(
+def _motion_files(
     motions: MotionArrays, number: int, spec: CheckedSpec, label: str, kinds: tuple[str, ...], look: PictureStyle
 ) -> dict[str, bytes]:
 
@@ -346,11 +351,10 @@ def _one(
     if "gif" in kinds:
         made[".gif"] = animation(drawn, values, label)
     if "mp4" in kinds:
-        made[".mp4"] = video(pages(drawn, values, label), STEP, HELD)
+        made[".mp4"] = video(pages(drawn, values, label), PAGE_MS, LAST_MS)
     if "strip" in kinds:
-        picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, SHOWN)})
-        small = round(look.size[0] * 0.5), round(look.size[1] * 0.5)
-        shown = [drawn[place].resize(small, Image.Resampling.LANCZOS) for place in picked]
+        picked = sorted({round(place) for place in np.linspace(0, len(drawn) - 1, STRIP_SCENES)})
+        shown = halves(drawn, picked)
         shown_at = [f"t = {times[place]:g} s" for place in picked]
         title = motions.header.spec.title.rstrip(".")
         made["_strip.png"] = strip(shown, [values[place] for place in picked], label, title, times=shown_at)

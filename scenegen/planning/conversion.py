@@ -19,9 +19,9 @@ from scenegen.planning.export import (
     Problems,
     candidates,
     goal_labels,
+    goal_notes,
     refuse_other,
-    undecided,
-    unsaid,
+    undecided_notes,
     vocabulary,
 )
 from scenegen.planning.facts import ground
@@ -29,15 +29,14 @@ from scenegen.planning.goal import NameMap, read_map
 from scenegen.planning.problem import Domain, domain_of, problem_of, read
 from scenegen.planning.translation import CompiledProblem, Imported, compile_problem
 from scenegen.scenes.files import scene_name, whole_files
-from scenegen.scenes.formats.registry import is_motions
+from scenegen.scenes.formats.registry import check_out, is_motions, is_one_file
 from scenegen.validation import as_path
-from scenegen.worlds.exporting import check_out, is_file
 
 __all__ = ["Exported", "Imported", "export_problems", "import_problem"]
 
-ENDING = ".pddl"
-OF_SCENES = "the spec of the scenes"
-OF_MOTIONS = "its first moment, and its last one as the goal."
+PDDL_ENDING = ".pddl"
+SPEC_NAME = "the spec of the scenes"
+MOTION_COMMENT = "its first moment, and its last one as the goal."
 
 Own = Mapping[str, str] | None  # predicates and formulas of a map
 
@@ -69,7 +68,7 @@ def of_scenes(
     source = scenes.header.spec.source
     named: dict[tuple[str, int], str] = {}
     parts = [
-        (ground(source, OF_SCENES, facts, own, counts=numbers, parts=named), numbers, which)
+        (ground(source, SPEC_NAME, facts, own, counts=numbers, parts=named), numbers, which)
         for numbers, which in scenes.parts()
     ]
     words = vocabulary([grounded for grounded, _, _ in parts])
@@ -86,12 +85,12 @@ def of_scenes(
                 comments = {place + 1: _comment(scenes, place) for place in which.tolist()}
                 written = problems.of_scenes(first, comments)
             else:
-                comments = {place + 1: f"Motion {place + 1}: {OF_MOTIONS}" for place in which.tolist()}
+                comments = {place + 1: f"Motion {place + 1}: {MOTION_COMMENT}" for place in which.tolist()}
                 written = problems.of_pairs(first, last[0], comments)
             yield from zip(comments, written, strict=True)
 
     files = _write(out, texts(), made[0].domain, len(scenes))
-    return replace(files, warnings=unsaid(made))
+    return replace(files, warnings=goal_notes(made))
 
 
 def _comment(scenes: SceneSet, place: int) -> str:
@@ -101,15 +100,15 @@ def _comment(scenes: SceneSet, place: int) -> str:
 
 def _write(out: Path, texts: Iterable[tuple[int, str]], words: str | None, count: int) -> Exported:
     """Writes texts, which come with the numbers of their scenes."""
-    together = is_file(out, "pddl")
+    together = is_one_file(out, "pddl")
     if together and count > 1:
         raise RequestError(ONE_PROBLEM_A_FILE(path=out, count=count))
     folder = out.parent if together else out
-    domain = f"{out.stem}_domain{ENDING}" if together else f"domain{ENDING}"
+    domain = f"{out.stem}_domain{PDDL_ENDING}" if together else f"domain{PDDL_ENDING}"
     written: dict[int, Path] = {}
     with whole_files(folder) as put:
         for number, text in texts:
-            name = out.name if together else f"{scene_name(number, count)}{ENDING}"
+            name = out.name if together else f"{scene_name(number, count)}{PDDL_ENDING}"
             put(name, text.encode())
             written[number] = folder / name
         if words is not None:
@@ -178,13 +177,13 @@ def _in_its_words(
 ) -> Exported:
     check_count(scenes)
     source = scenes.header.spec.source
-    checked = check_text(source, OF_SCENES)
+    checked = check_text(source, SPEC_NAME)
     refuse_other(reading, checked.objects, [one.name for one in checked.regions], file)
     rows = rows_of(checked, scenes)
-    originals = Originals(ground(source, OF_SCENES, explicit=candidates(reading, facts)), reading)
+    originals = Originals(ground(source, SPEC_NAME, explicit=candidates(reading, facts)), reading)
     texts = originals.texts(rows, [f"Scene {number}" for number in range(1, len(scenes) + 1)])
     made = _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
-    return replace(made, warnings=undecided(originals, file))
+    return replace(made, warnings=undecided_notes(originals, file))
 
 
 def read_for_planning(path: Path) -> SceneSet | MotionSet:

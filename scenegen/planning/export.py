@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 
@@ -16,25 +16,21 @@ from scenegen.errors.worlds import NO_GOAL_OVER_TIME, NOT_ITS_SCENES, PDDL_GOAL,
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.planning.facts import (
-    MOST_FACTS,
-    MOST_PARTS,
+    MAX_FACTS,
+    MAX_GOAL_PARTS,
     Fact,
     FactJunction,
     Formula,
     GroundedFacts,
     Literal,
-    asked_for,
     facts_of,
-    text,
-    value,
+    formula_text,
+    holding_part,
+    truth_of,
 )
 from scenegen.planning.goal import GoalReader, PredicateFormula, TranslatedFormula
 from scenegen.planning.problem import Node, SExprAtom, SExprList
-from scenegen.planning.translation import CompiledProblem, carried, filled, resting
-
-# --------------------------------------------------------------------------------------------------------------------
-# Names as every planner reads them: letters, digits, `-` and `_`, no two alike when case is ignored.
-
+from scenegen.planning.translation import CompiledProblem, carried_formula, fill_arguments, resting_formula
 
 RESERVED = frozenset(  # words with a meaning where facts and types stand
     "and or not imply forall exists when either object number assign increase decrease scale-up scale-down preference "
@@ -114,7 +110,7 @@ def vocabulary(members: Sequence[GroundedFacts]) -> DomainNames:
         key = _key(fact)
         if key not in predicates:
             predicates[key] = names.give(fact.predicate)
-            comments[key] = "the label" if fact.said == fact.predicate else explained.get(fact.predicate, "")
+            comments[key] = "the label" if fact.description == fact.predicate else explained.get(fact.predicate, "")
         kinds = tuple("thing" if one in objects else "region" for one in fact.arguments)
         known = arguments.get(key, kinds)
         arguments[key] = tuple(one if one == other else "object" for one, other in zip(kinds, known, strict=True))
@@ -142,38 +138,9 @@ def domain_text(words: DomainNames, name: str) -> str:
     return "\n".join([*lines, "  ))", ""])
 
 
-def problem_text(
-    words: DomainNames,
-    facts: Sequence[Fact],
-    truths: npt.NDArray[np.bool_],
-    goal: Formula,
-    *,
-    name: str,
-    domain: str,
-    comments: Sequence[str] = (),
-    missing: Collection[str] = (),
-) -> str:
-    """The problem whose initial facts are those of `facts` for which `truths` (F,) says so, without the
-    `missing` things."""
-    lines = [*(f"; {clean(one)}" for one in comments), f"(define (problem {name})", f"  (:domain {domain})"]
-    lines.append("  (:objects")
-    for one, kind in words.kinds.items():
-        if one not in missing:
-            made = words.things[one]
-            lines.append(f"    {made} - {kind}" + (f" ; {clean(one)}" if made != one else ""))
-    lines += ["  )", "  (:init"]
-    lines += [f"    {words.fact(facts[number])}" for number in np.flatnonzero(truths).tolist()]
-    lines += ["  )", f"  (:goal {text(goal, lambda number: words.fact(facts[number]))}))", ""]
-    return "\n".join(lines)
-
-
 def clean(said: str) -> str:
     """A text on one line, without what ends or hides a comment."""
     return " ".join("".join(char if char.isprintable() else " " for char in said).split())
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Scenes as planning problems: which goal, which facts, and the texts of the files.
 
 
 Rows = npt.NDArray[np.float64]
@@ -213,7 +180,7 @@ class Problems:
         goal, numbers = self.goal, list(comments.items())
         for here, truths in self.grounded.truths(rows):
             wanted = np.all([truths[self.grounded.labels[label]] for label in self.labels], axis=0)
-            self.edge += int((value(goal, truths) != wanted).sum())
+            self.edge += int((truth_of(goal, truths) != wanted).sum())
             for offset, said in enumerate(numbers[here]):
                 yield self._text(truths[:, offset], goal, *said)
 
@@ -227,21 +194,23 @@ class Problems:
                 if self.whole_goal or not self.labels:
                     goal: Formula = FactJunction("and", tuple(Literal(int(one)) for one in np.flatnonzero(then[:, 0])))
                 else:
-                    goal = asked_for(self.goal, then)
+                    goal = holding_part(self.goal, then)
                 yield self._text(truths[:, offset], goal, *said)
 
     def _text(self, truths: npt.NDArray[np.bool_], goal: Formula, number: int, comment: str) -> str:
-        grounded = self.grounded
-        return problem_text(
-            self.words,
-            grounded.facts,
-            truths,
-            goal,
-            name=f"scene-{number}",
-            domain=DOMAIN,
-            comments=(comment,),
-            missing=self.words.objects - frozenset(grounded.spec.objects),
-        )
+        """The problem whose initial facts are those for which `truths` (F,) says so, without things that are not
+        there."""
+        words, facts = self.words, self.grounded.facts
+        missing = words.objects - frozenset(self.grounded.spec.objects)
+        lines = [f"; {clean(comment)}", f"(define (problem scene-{number})", f"  (:domain {DOMAIN})", "  (:objects"]
+        for one, kind in words.kinds.items():
+            if one not in missing:
+                made = words.things[one]
+                lines.append(f"    {made} - {kind}" + (f" ; {clean(one)}" if made != one else ""))
+        lines += ["  )", "  (:init"]
+        lines += [f"    {words.fact(facts[place])}" for place in np.flatnonzero(truths).tolist()]
+        lines += ["  )", f"  (:goal {formula_text(goal, lambda place: words.fact(facts[place]))}))", ""]
+        return "\n".join(lines)
 
 
 def goal_labels(grounded: GroundedFacts, wanted: Sequence[str] | None) -> tuple[str, ...]:
@@ -255,10 +224,6 @@ def goal_labels(grounded: GroundedFacts, wanted: Sequence[str] | None) -> tuple[
         if name not in known:
             raise RequestError(UNKNOWN_CHOICE(what="label", name=name, known=known))
     return tuple(dict.fromkeys(wanted)) if wanted else (GOAL,) if GOAL in known else known
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Scenes of an imported problem, in its own words: its predicates, its names, its goal.
 
 
 BDDL_ONLY = ("forn", "forpairs", "fornpairs")
@@ -300,8 +265,8 @@ def candidates(reading: CompiledProblem, wanted: Sequence[str] | None = None) ->
         found = reading.known(name)
         for count in sorted(arities[key]) if found is not None else ():
             assert found is not None
-            if len(things) ** min(count, 3) > MOST_FACTS:
-                raise RequestError(PDDL_TOO_LARGE(count=len(things) ** count, limit=MOST_FACTS))
+            if len(things) ** min(count, 3) > MAX_FACTS:
+                raise RequestError(PDDL_TOO_LARGE(count=len(things) ** count, limit=MAX_FACTS))
             for names in _choices(things, places, count):
                 if any(names[place] not in asked_of.get((key, place), ()) for place in _unread(found, count)):
                     continue
@@ -330,14 +295,14 @@ def _formula(reading: CompiledProblem, found: PredicateFormula, names: tuple[str
     assert node is not None
     refs = [setting.resolve(name, node) for name in names]
     if not found.holds:
-        return filled(found.formula, [one.argument for one in refs])
+        return fill_arguments(found.formula, [one.argument for one in refs])
     if len(refs) != 2:
         return ""
     if refs[1].kind != "thing":
-        return resting(refs[0].argument, refs[1])
+        return resting_formula(refs[0].argument, refs[1])
     owner = refs[1].owner
-    off = setting.off(names[0], owner, inside=found.holds == "in") if owner != names[0] else None
-    return "" if off is None else carried(found, refs[0].argument, refs[1].argument, off)
+    off = setting.height_error(names[0], owner, inside=found.holds == "in") if owner != names[0] else None
+    return "" if off is None else carried_formula(found, refs[0].argument, refs[1].argument, off)
 
 
 def refuse_other(reading: CompiledProblem, objects: Sequence[str], regions: Sequence[str], file: str) -> None:
@@ -400,13 +365,13 @@ class Originals:
         names = [*problem.things, *(kind for one in problem.things.values() for kind in one.kinds)]
         self.plain = not (problem.regions or problem.fixtures or _bddl(problem.goal)) and all(map(fits, names))
         geometric = {(one.predicate.lower(), one.arguments) for one in grounded.facts}
-        self.kept = [one for one in problem.init if not _replaced(one, geometric)]
+        self.kept = [one for one in problem.init if not _is_replaced(one, geometric)]
         self._lost: dict[str, None] = {}
         self._goal, self._goal_facts = _goal(reading, self._lost)
         self._words = _ProblemText(self) if not self.plain else None
 
     @property
-    def undecided(self) -> tuple[str, ...]:
+    def undecided_parts(self) -> tuple[str, ...]:
         """Parts of the goal without geometry."""
         known = {(one.predicate.lower(), one.arguments) for one in self.grounded.facts}
         facts = [one for one in self._goal_facts if (one[0].lower(), one[1]) not in known]
@@ -419,7 +384,7 @@ class Originals:
 
     def texts(self, rows: npt.NDArray[np.float64], comments: Sequence[str]) -> Iterator[str]:
         """The problem of each scene of `rows` (3N, n)."""
-        geometric = [number for number, fact in enumerate(self.grounded.facts) if not fact.said]
+        geometric = [number for number, fact in enumerate(self.grounded.facts) if not fact.description]
         for here, truths in self.grounded.truths(rows):
             for offset, number in enumerate(range(here.start, here.stop)):
                 facts = [self.grounded.facts[one] for one in geometric if truths[one, offset]]
@@ -457,7 +422,7 @@ class _ProblemText:
         names = Names()
         kept = [_call(one) for one in owner.kept]
         self.kept = [one for one in kept if one is not None]
-        calls = [*((one.predicate, one.arguments) for one in owner.grounded.facts if not one.said), *self.kept]
+        calls = [*((one.predicate, one.arguments) for one in owner.grounded.facts if not one.description), *self.kept]
         calls += owner._goal_facts
         more = dict.fromkeys(one for _, arguments in calls for one in arguments if one not in problem.things)
         self.things = {one: names.give(one) for one in (*problem.things, *more)}
@@ -489,7 +454,7 @@ class _ProblemText:
             name: replace(one, kinds=tuple(self.types[kind.lower()] for kind in one.kinds)).kind
             for name, one in things.items()
         }
-        goal = text(owner._goal, lambda at: self.fact(*owner._goal_facts[at]))
+        goal = formula_text(owner._goal, lambda at: self.fact(*owner._goal_facts[at]))
         lines = [f"(define (problem scene-{number})", "  (:domain scenes)", "  (:objects"]
         lines += [f"    {made} - {kinds.get(one, self.region)}" for one, made in self.things.items()]
         lines += ["  )", "  (:init", *(f"    {self.fact(*one)}" for one in self.kept)]
@@ -505,10 +470,10 @@ def _call(node: Node) -> Call | None:
     return (node.items[0].span.text, names) if len(names) == len(node.rest) else None
 
 
-def _replaced(node: Node, geometric: set[Call]) -> bool:
+def _is_replaced(node: Node, geometric: set[Call]) -> bool:
     """Whether an initial fact is one that scenes decide, or that such a fact does not hold."""
     if isinstance(node, SExprList) and node.head == "not" and len(node.rest) == 1:
-        return _replaced(node.rest[0], geometric)
+        return _is_replaced(node.rest[0], geometric)
     found = _call(node)
     return found is not None and (found[0].lower(), found[1]) in geometric
 
@@ -530,14 +495,10 @@ def _one_line(node: Node) -> str:
     return " ".join(re.sub(r";[^\n]*", " ", node.span.text).split())
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What of a goal PDDL has no words for, and where planners read it otherwise: told, once files are written.
+MAX_NAMED_PARTS = 3  # parts that are named; the domain has all
 
 
-MOST_SAID = 3  # parts that are named; the domain has all
-
-
-def unsaid(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
+def goal_notes(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
     """Notes on problems that share a domain."""
     found: list[Diagnostic] = []
     timed = problems[0].grounded.spec.timed
@@ -552,19 +513,19 @@ def unsaid(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
                 long[label] = None
                 continue
             for fact in (one.grounded.facts[number] for number in facts_of(goal)):
-                if fact.said:
-                    parts[fact.predicate] = fact.said
+                if fact.description:
+                    parts[fact.predicate] = fact.description
     if long:
-        found.append(PDDL_GOAL(labels=tuple(long), limit=MOST_PARTS))
+        found.append(PDDL_GOAL(labels=tuple(long), limit=MAX_GOAL_PARTS))
     if parts:
-        said = ", ".join(f"{name} is `{text}`" for name, text in list(parts.items())[:MOST_SAID])
-        more = f" and {len(parts) - MOST_SAID:,} more" if len(parts) > MOST_SAID else ""
+        said = ", ".join(f"{name} is `{text}`" for name, text in list(parts.items())[:MAX_NAMED_PARTS])
+        more = f" and {len(parts) - MAX_NAMED_PARTS:,} more" if len(parts) > MAX_NAMED_PARTS else ""
         found.append(PDDL_GOAL(parts=said + more))
     count = sum(one.edge for one in problems)
     return (*found, PDDL_GOAL(edge=count)) if count else tuple(found)
 
 
-def undecided(originals: Originals, file: str) -> tuple[Diagnostic, ...]:
+def undecided_notes(originals: Originals, file: str) -> tuple[Diagnostic, ...]:
     """Notes on scenes in the words of a problem."""
-    names = originals.undecided
+    names = originals.undecided_parts
     return (PDDL_GOAL(facts=names, file=file),) if names else ()

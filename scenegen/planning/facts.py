@@ -35,14 +35,10 @@ from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.planning.goal import relation as meaning
 
-# --------------------------------------------------------------------------------------------------------------------
-# Which relations become predicates: those of the prelude and of the spec, those of a map, and calls in a goal.
-
-
 THING, PLACE = "thing", "region"
-MOST_ARGUMENTS = 3  # of relations that are asked for by name
+MAX_ARGUMENTS = 3  # of relations that are asked for by name
 OVER_PLACES = ("on", "inside", "restsOn", "insideOf")  # their second argument is a region, too, by default
-LONGEST = 100  # characters of a definition in a comment
+MAX_DEFINITION_LENGTH = 100  # characters of a definition in a comment
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,21 +54,23 @@ class RelationTemplate:
     required: bool = False
 
 
-def chosen(scope: Scope, wanted: Sequence[str] | None, own: Mapping[str, str] | None) -> tuple[RelationTemplate, ...]:
+def templates(
+    scope: Scope, wanted: Sequence[str] | None, own: Mapping[str, str] | None
+) -> tuple[RelationTemplate, ...]:
     """The relations whose facts are written. Raises RequestError for an unknown name."""
     if own is not None:
         known = [name for name, written in own.items() if _formula(written)]
         _refuse_unknown(wanted, known)
-        return tuple(one for name in known if wanted is None or name in wanted for one in _of_map(name, own[name]))
-    known = [name for name, one in scope.definitions.items() if _needed(one) <= MOST_ARGUMENTS]
+        return tuple(one for name in known if wanted is None or name in wanted for one in _own_facts(name, own[name]))
+    known = [name for name, one in scope.definitions.items() if _arity(one) <= MAX_ARGUMENTS]
     _refuse_unknown(wanted, known)
     if wanted is None:
-        wanted = [name for name in known if 1 <= _needed(scope.definitions[name]) <= 2]
+        wanted = [name for name in known if 1 <= _arity(scope.definitions[name]) <= 2]
         wanted.sort(key=lambda name: scope.definitions[name].source is scope.prelude)
     found: list[RelationTemplate] = []
     for name in dict.fromkeys(wanted):
         declared = scope.definitions[name]
-        needed, comment = _needed(declared), _comment(declared, scope)
+        needed, comment = _arity(declared), _comment(declared, scope)
         found.append(RelationTemplate(name, _call(name, needed), (THING,) * needed, comment))
         if name in OVER_PLACES and declared.source is scope.prelude:
             found.append(RelationTemplate(name, _call(name, 2), (THING, PLACE), comment))
@@ -85,7 +83,7 @@ def _refuse_unknown(wanted: Sequence[str] | None, known: Sequence[str]) -> None:
             raise RequestError(UNKNOWN_CHOICE(what="relation", name=name, known=known))
 
 
-def _needed(declared: Declared) -> int:
+def _arity(declared: Declared) -> int:
     assert isinstance(declared.statement, ast.Definition)
     return signature_of(declared.statement).needed
 
@@ -104,7 +102,7 @@ def _comment(declared: Declared, scope: Scope) -> str:
             lines.insert(0, above.pop()[2:])
         return " ".join(lines)
     text = print_expr(declared.statement.body)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    return text if len(text) <= MAX_DEFINITION_LENGTH else f"{text[: MAX_DEFINITION_LENGTH - 3]}..."
 
 
 def _formula(written: str) -> str:
@@ -113,7 +111,7 @@ def _formula(written: str) -> str:
     return {"on": "restsOn($1, $2)", "in": "insideOf($1, $2)"}.get(found.holds, found.formula)
 
 
-def _of_map(name: str, written: str) -> Iterator[RelationTemplate]:
+def _own_facts(name: str, written: str) -> Iterator[RelationTemplate]:
     text = _formula(written)
     count = max((int(one) for one in re.findall(r"\$(\d)", text)), default=0)
     text = re.sub(r"\$(\d)", lambda one: f"_slot{int(one[1]) - 1}", text)
@@ -123,7 +121,7 @@ def _of_map(name: str, written: str) -> Iterator[RelationTemplate]:
         yield RelationTemplate(name, text, (THING, PLACE), written)
 
 
-def of_calls(
+def call_templates(
     lowering: Lowering, node: Callable[[str, Mapping[str, Value]], int | None]
 ) -> dict[int, tuple[RelationTemplate, tuple[str, ...]]]:
     """The calls of definitions that were expanded so far and whose arguments are things, regions and fixed numbers: the
@@ -144,7 +142,7 @@ def of_calls(
         count = next((place for place, one in enumerate(arguments) if not one), len(given))
         if not count or any(not one for one in texts[count:]):
             continue
-        needed = _needed(declared)
+        needed = _arity(declared)
         env = {f"_slot{place}": one for place, one in enumerate(given)}
         last = next(
             (last for last in range(max(count, needed), len(given)) if node(_call(name, last), env) == value.node),
@@ -178,10 +176,6 @@ def _number(lowering: Lowering, value: Value) -> str:
     return f"minus{said[1:]}" if said.startswith("-") else said
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Formulas over facts, as planners read them: literals joined by `and` and `or`.
-
-
 Truths = npt.NDArray[np.bool_]
 
 
@@ -204,19 +198,19 @@ class FactJunction:
 Formula = Literal | FactJunction
 
 
-def value(formula: Formula, truths: Truths) -> Truths:
+def truth_of(formula: Formula, truths: Truths) -> Truths:
     """Whether it holds in each of n scenes, (n,), where facts hold as in `truths` (F, n)."""
     if isinstance(formula, Literal):
         found: Truths = truths[formula.fact]
         return found if formula.holds else ~found
     start = np.full(truths.shape[1], formula.kind == "and")
     for part in formula.parts:
-        found = value(part, truths)
+        found = truth_of(part, truths)
         start = start & found if formula.kind == "and" else start | found
     return start
 
 
-def asked_for(formula: Formula, truths: Truths) -> Formula:
+def holding_part(formula: Formula, truths: Truths) -> Formula:
     """What a formula asks for, as it is in one scene (`truths` (F, 1)): a conjunction of literals that hold there. Of a
     disjunction these are the parts that hold. Where the formula does not hold, what it asks for and the scene has."""
     kept: dict[Literal, None] = {}
@@ -224,7 +218,7 @@ def asked_for(formula: Formula, truths: Truths) -> Formula:
     while stack:
         one = stack.pop()
         if isinstance(one, FactJunction):
-            stack += [part for part in reversed(one.parts) if one.kind == "and" or value(part, truths)[0]]
+            stack += [part for part in reversed(one.parts) if one.kind == "and" or truth_of(part, truths)[0]]
         elif truths[one.fact, 0] == one.holds:
             kept[one] = None
     return FactJunction("and", tuple(kept))
@@ -243,16 +237,16 @@ def facts_of(formula: Formula) -> tuple[int, ...]:
     return tuple(found)
 
 
-def text(formula: Formula, fact: Callable[[int], str], indent: int = 4) -> str:
+def formula_text(formula: Formula, fact: Callable[[int], str], indent: int = 4) -> str:
     """The formula as PDDL; `fact` writes a fact. Long ones stand on several lines."""
     if isinstance(formula, Literal):
         said = fact(formula.fact)
         return said if formula.holds else f"(not {said})"
-    parts = [text(part, fact, indent + 2) for part in formula.parts]
-    return _joined(formula.kind, parts, indent)
+    parts = [formula_text(part, fact, indent + 2) for part in formula.parts]
+    return _join(formula.kind, parts, indent)
 
 
-def _joined(kind: str, parts: Sequence[str], indent: int) -> str:
+def _join(kind: str, parts: Sequence[str], indent: int) -> str:
     line = f"({kind} {' '.join(parts)})" if parts else f"({kind})"
     if len(line) <= 100 and "\n" not in line:
         return line
@@ -260,20 +254,20 @@ def _joined(kind: str, parts: Sequence[str], indent: int) -> str:
     return f"({kind}\n{' ' * indent}{inner})"
 
 
-MOST_FACTS = 60_000  # that could hold in a scene
-MOST_PARTS = 2_000  # of a goal that is written out; a larger one is the fact of its label
-DEEPEST = 60
-LIVE = 1 << 23  # numbers that a look at some scenes may hold
+MAX_FACTS = 60_000  # that could hold in a scene
+MAX_GOAL_PARTS = 2_000  # of a goal that is written out; a larger one is the fact of its label
+MAX_GOAL_DEPTH = 60
+MAX_TRUTH_NUMBERS = 1 << 23  # numbers that a look at some scenes may hold
 
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A predicate with the names of its arguments, as the spec has them. `said` is what a predicate without arguments
-    stands for, where that is a part of a goal."""
+    """A predicate with the names of its arguments, as the spec has them. `description` is what a predicate without
+    arguments stands for, where that is a part of a goal."""
 
     predicate: str
     arguments: tuple[str, ...] = ()
-    said: str = ""
+    description: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,7 +287,7 @@ class GroundedFacts:
         """Which facts hold, (F, m), in the m scenes of a slice of `rows` (3N, n): their phi is 0 or more."""
         if self.spec.timed is not None:  # a step in which nothing moves
             rows = np.concatenate([rows, rows])
-        block = max(1, LIVE // max(1, len(self.core.nodes) + len(self.facts)))
+        block = max(1, MAX_TRUTH_NUMBERS // max(1, len(self.core.nodes) + len(self.facts)))
         for start in range(0, rows.shape[1], block):
             here = slice(start, min(start + block, rows.shape[1]))
             found = np.zeros((len(self.facts), here.stop - here.start), dtype=np.bool_)
@@ -346,27 +340,27 @@ class _Expansion:
     _parsed: dict[str, ast.Expr] = field(default_factory=dict)
     _calls: dict[int, tuple[RelationTemplate, tuple[str, ...]]] = field(default_factory=dict)
     _parts: int = 0
-    _said: Counter[str] = field(default_factory=Counter)
+    _described: Counter[str] = field(default_factory=Counter)
 
     def __call__(self, lowering: Lowering) -> None:
         self._lowering = lowering
         noticed, used = list(lowering.noticed), set(lowering.used)
         labels = {} if lowering.scope.timed else self._labels()
-        self._calls = of_calls(lowering, self.node)
+        self._calls = call_templates(lowering, self.node)
         if self.explicit:
             for fact, text in self.explicit:
                 node = self.node(text, {})
                 if node is not None:
                     self._add(fact, node)
         else:
-            relations = chosen(lowering.scope, self.wanted, self.own)
+            relations = templates(lowering.scope, self.wanted, self.own)
             self._check_size(relations)
             count = len(lowering.scope.objects)
             for relation in relations:
                 self._refuse_unknown(relation)
-                if not self._all(relation) and relation.required and count >= len(relation.kinds):
+                if not self._add_relation(relation) and relation.required and count >= len(relation.kinds):
                     raise RequestError(FACTS_MEAN_NOTHING(name=relation.name, formula=relation.comment))
-        self.labels = {name: self._add(Fact(name, said=name), node, part=False) for name, node in labels.items()}
+        self.labels = {name: self._add(Fact(name, description=name), node, part=False) for name, node in labels.items()}
         for name, node in labels.items():
             if not self.explicit:
                 self._parts = 0
@@ -391,8 +385,8 @@ class _Expansion:
         count = len(self._lowering.scope.objects)
         places = len(self._lowering.areas)
         several = sum(math.prod(count if kind == THING else places for kind in one.kinds) for one in relations)
-        if several + len(self.facts) > MOST_FACTS:
-            raise RequestError(PDDL_TOO_LARGE(count=several, limit=MOST_FACTS))
+        if several + len(self.facts) > MAX_FACTS:
+            raise RequestError(PDDL_TOO_LARGE(count=several, limit=MAX_FACTS))
 
     def _refuse_unknown(self, relation: RelationTemplate) -> None:
         """Raises RequestError for a formula of a map that cannot be read, or names what there is not."""
@@ -409,8 +403,6 @@ class _Expansion:
         if problems:
             reason = problems[0].title
             raise RequestError(FACTS_MEAN_NOTHING(name=relation.name, formula=relation.comment, reason=reason))
-
-    # ---- facts
 
     def _add(self, fact: Fact, node: int, *, part: bool = True) -> int:
         """`part`: goals with this formula in them refer to this fact."""
@@ -431,7 +423,7 @@ class _Expansion:
         found = self._lowering.builder.nodes[node]
         return found.margin if isinstance(found, Atom) else node
 
-    def _all(self, relation: RelationTemplate) -> bool:
+    def _add_relation(self, relation: RelationTemplate) -> bool:
         """Adds all facts of a relation; whether there are any."""
         scope = self._lowering.scope
         names = {THING: tuple(scope.objects), PLACE: tuple(self._lowering.areas)}
@@ -489,16 +481,14 @@ class _Expansion:
     def _frame(self, text: str) -> CallFrame:
         return CallFrame(Source("<facts>", text))
 
-    # ---- goals
-
     def _goal(self, node: int, depth: int) -> Formula | None:
         """A formula of the core over facts; None where it is too large to be written out."""
         self._parts += 1
-        if self._parts > MOST_PARTS or depth > DEEPEST:
+        if self._parts > MAX_GOAL_PARTS or depth > MAX_GOAL_DEPTH:
             return None
         turned = self._lowering.builder.negate(node)
         for one, holds in ((node, True), (turned, False)):
-            if self._same(one) in self._nodes or self._named(one):
+            if self._same(one) in self._nodes or self._add_call(one):
                 return Literal(self._nodes[self._same(one)], holds)
         inner = self._lowering.builder.nodes[node]
         if isinstance(inner, Junction):
@@ -510,13 +500,13 @@ class _Expansion:
                 parts.append(part)
             return FactJunction("and" if inner.kind == "min" else "or", tuple(parts))
         assert isinstance(inner, Atom)
-        said = self._told(inner)
-        name = self.parts.setdefault((said, self._said[said]), f"part-{len(self.parts) + 1}")
-        self._said[said] += 1
-        self.comments[name] = said
-        return Literal(self._add(Fact(name, said=said), node))
+        words = self._describe(inner)
+        name = self.parts.setdefault((words, self._described[words]), f"part-{len(self.parts) + 1}")
+        self._described[words] += 1
+        self.comments[name] = words
+        return Literal(self._add(Fact(name, description=words), node))
 
-    def _told(self, atom: Atom) -> str:
+    def _describe(self, atom: Atom) -> str:
         """The text of an atom, with its things where these are not in it: heights are written out as numbers."""
         builder, stack, things = self._lowering.builder, [atom.margin], dict[str, None]()
         while stack:
@@ -527,13 +517,13 @@ class _Expansion:
         told = dict.fromkeys(one.partition(".")[0] for one in things)  # `mug.on` is the surface of `mug`
         return atom.text if not told or any(one in atom.text for one in told) else f"{atom.text}, of {', '.join(told)}"
 
-    def _named(self, node: int) -> bool:
+    def _add_call(self, node: int) -> bool:
         """Whether a node is a call of a definition over things and numbers: then all facts of it are added."""
         if node not in self._calls:
             return False
         relation, arguments = self._calls[node]
         self._check_size([relation])
-        self._all(relation)
+        self._add_relation(relation)
         number = self._numbers.get(Fact(relation.name, arguments))
         if number is None:
             return False

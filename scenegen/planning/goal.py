@@ -21,11 +21,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from scenegen.errors import DataError
 from scenegen.errors.worlds import BAD_MAP, PDDL_FORM, PDDL_TOO_LARGE, PDDL_UNKNOWN_NAME
-from scenegen.planning.problem import Node, PddlProblem, SExprAtom, SExprList, typed
+from scenegen.planning.problem import Node, PddlProblem, SExprAtom, SExprList, typed_names
 from scenegen.scenes.files import read_bytes
 
-MOST = 20_000  # instances of a formula
-MOST_PAIRED = 2_000  # parts of a formula about pairs: all ways to pair 4 things with 6, or 5 with 5
+MAX_INSTANCES = 20_000  # instances of a formula
+MAX_PAIRED = 2_000  # parts of a formula about pairs: all ways to pair 4 things with 6, or 5 with 5
 NUMERIC = ("=", "<", "<=", ">", ">=", "increase", "decrease", "assign", "scale-up", "scale-down")  # over numbers
 
 Names = Mapping[str, str]  # of variables
@@ -49,9 +49,9 @@ Lose = Callable[
 ]  # what is left out, and why; `NO_PLACE` where it says nothing about places
 
 NO_PLACE = "without geometry"
-WITH_IT = "left out, as a part of it has no geometry"
-AT_LEAST = "kept as `at least`, as a part of it has no geometry"
-PARTLY = "kept in part (how many have a partner, not that no two share one: there are too many ways)"
+LEFT_OUT_WITH_IT = "left out, as a part of it has no geometry"
+KEPT_AS_AT_LEAST = "kept as `at least`, as a part of it has no geometry"
+KEPT_IN_PART = "kept in part (how many have a partner, not that no two share one: there are too many ways)"
 
 
 @dataclass(slots=True)
@@ -66,15 +66,15 @@ class GoalReader:
     def read(self, node: Node, names: Names, wanted: bool = True) -> TranslatedFormula:
         """Raises DataError for what is no formula."""
         self.instances += 1
-        if self.instances > MOST:
-            raise DataError(PDDL_TOO_LARGE(node.span, what="this formula", limit=MOST))
+        if self.instances > MAX_INSTANCES:
+            raise DataError(PDDL_TOO_LARGE(node.span, what="this formula", limit=MAX_INSTANCES))
         if not isinstance(node, SExprList) or not node.items:
             if isinstance(node, SExprList):
                 return TranslatedFormula("true")
             raise DataError(PDDL_FORM(node.span, wanted="a formula", reason="(PREDICATE ...) belongs here"))
         match node.head:
             case "and":
-                return both(self._until("false", node.rest, names, wanted))
+                return all_hold(self._until("false", node.rest, names, wanted))
             case "or":
                 return self._whole(node, either(self._until("true", node.rest, names, wanted)))
             case "not":
@@ -88,7 +88,7 @@ class GoalReader:
             case "forall" | "exists":
                 variables, body = self._parts(node, 2)
                 found = [self.read(body, {**names, **one}, wanted) for one in self._choices(variables)]
-                return both(found) if node.head == "forall" else self._whole(node, either(found))
+                return all_hold(found) if node.head == "forall" else self._whole(node, either(found))
             case "forn":
                 count, variables, body = self._parts(node, 3)
                 found = [self.read(body, {**names, **one}, wanted) for one in self._choices(variables)]
@@ -124,7 +124,7 @@ class GoalReader:
     def _whole(self, node: Node, meaning: TranslatedFormula) -> TranslatedFormula:
         """Tell where more is left out than what has no geometry."""
         if meaning.text is None and meaning.more:
-            self.lose(node, WITH_IT)
+            self.lose(node, LEFT_OUT_WITH_IT)
             return TranslatedFormula(None, whole=False)
         return meaning
 
@@ -141,12 +141,12 @@ class GoalReader:
     def _choices(self, variables: Node) -> list[dict[str, str]]:
         if not isinstance(variables, SExprList):
             raise DataError(PDDL_FORM(variables.span, wanted="a list of variables", reason="(?x - TYPE) belongs here"))
-        kinds = {name: found.kinds for name, found in typed(variables.items)}
+        kinds = {name: found.kinds for name, found in typed_names(variables.items)}
         for kind in (kind for several in kinds.values() for kind in several):
             self._refuse_unknown("type", kind.lower(), self.problem.types, variables)
         known = [[one for one in self.problem.things if self.problem.is_a(one, each)] for each in kinds.values()]
-        if math.prod(len(each) for each in known) > MOST:
-            raise DataError(PDDL_TOO_LARGE(variables.span, what="this quantifier", limit=MOST))
+        if math.prod(len(each) for each in known) > MAX_INSTANCES:
+            raise DataError(PDDL_TOO_LARGE(variables.span, what="this quantifier", limit=MAX_INSTANCES))
         return [dict(zip(kinds, chosen, strict=True)) for chosen in itertools.product(*known)]
 
     def _count(self, node: Node) -> int:
@@ -158,14 +158,14 @@ class GoalReader:
     def _exactly(self, count: int, found: Sequence[TranslatedFormula], node: SExprList) -> TranslatedFormula:
         least, most = self._least(count, found, node), negation(self._least(count + 1, found, node))
         if least.text is not None and most.more:
-            self.lose(node, AT_LEAST)
-        return both([least, most])
+            self.lose(node, KEPT_AS_AT_LEAST)
+        return all_hold([least, most])
 
     def _least(self, count: int, found: Sequence[TranslatedFormula], node: SExprList) -> TranslatedFormula:
         """At least `count` of them hold: some subset of that size does."""
-        if math.comb(len(found), min(count, len(found))) * max(count, 1) > MOST:
-            raise DataError(PDDL_TOO_LARGE(node.span, what="this count", limit=MOST))
-        return either([both(one) for one in itertools.combinations(found, count)])
+        if math.comb(len(found), min(count, len(found))) * max(count, 1) > MAX_INSTANCES:
+            raise DataError(PDDL_TOO_LARGE(node.span, what="this count", limit=MAX_INSTANCES))
+        return either([all_hold(one) for one in itertools.combinations(found, count)])
 
     def _pairs(
         self, count: int | None, one: Node, other: Node, body: Node, names: Names, wanted: bool, node: SExprList
@@ -174,8 +174,8 @@ class GoalReader:
         partner of its own. Nothing is a partner of itself. Where there are too many ways to pair them, as many of
         either side have a partner, which is necessary."""
         rows, columns = self._choices(one), self._choices(other)
-        if len(rows) * len(columns) > MOST:
-            raise DataError(PDDL_TOO_LARGE(node.span, what="this formula", limit=MOST))
+        if len(rows) * len(columns) > MAX_INSTANCES:
+            raise DataError(PDDL_TOO_LARGE(node.span, what="this formula", limit=MAX_INSTANCES))
         count = min(len(rows), len(columns)) if count is None else count
         table = [
             [
@@ -186,24 +186,24 @@ class GoalReader:
             ]
             for row in rows
         ]
-        if math.comb(len(rows), count) * math.perm(len(columns), count) * count <= MOST_PAIRED:
+        if math.comb(len(rows), count) * math.perm(len(columns), count) * count <= MAX_PAIRED:
             return either(
                 [
-                    both([table[row][column] for row, column in zip(chosen, partners, strict=True)])
+                    all_hold([table[row][column] for row, column in zip(chosen, partners, strict=True)])
                     for chosen in itertools.combinations(range(len(rows)), count)
                     for partners in itertools.permutations(range(len(columns)), count)
                 ]
             )
         by_row, by_column = [either(each) for each in table], [either(each) for each in zip(*table, strict=True)]
-        partly = self.lose(node, PARTLY)
-        return both([self._least(count, by_row, node), self._least(count, by_column, node), partly])
+        partly = self.lose(node, KEPT_IN_PART)
+        return all_hold([self._least(count, by_row, node), self._least(count, by_column, node), partly])
 
 
 def _is_number(text: str) -> bool:
     return re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text) is not None
 
 
-def both(parts: Sequence[TranslatedFormula]) -> TranslatedFormula:
+def all_hold(parts: Sequence[TranslatedFormula]) -> TranslatedFormula:
     """All of them, as far as they are about places."""
     texts = list(dict.fromkeys(one.text for one in parts if one.text is not None and one.text != "true"))
     whole = all(one.whole for one in parts)
@@ -234,10 +234,6 @@ def negation(part: TranslatedFormula) -> TranslatedFormula:
     return TranslatedFormula({"true": "false", "false": "true"}.get(part.text, f"!({part.text})"))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Predicates -> relations of the language. `$1`, `$2` are arguments; matching ignores case, hyphens and underscores.
-
-
 Holds = Literal["on", "in", ""]
 
 
@@ -263,33 +259,33 @@ class PredicateFormula:
         return self.arity == count if self.arity >= 0 else count > max(self.places, default=-1)
 
 
-NONE = PredicateFormula(-1)
-FLOOR = PredicateFormula(-1, "z($1) <= EPS_LEVEL")
+NO_GEOMETRY = PredicateFormula(-1)
+ON_FLOOR = PredicateFormula(-1, "z($1) <= EPS_LEVEL")
 ON, IN = PredicateFormula(2, holds="on"), PredicateFormula(2, holds="in")
 
-LIBERO: dict[str, PredicateFormula] = {
+LIBERO_PREDICATES: dict[str, PredicateFormula] = {
     "on": PredicateFormula(2, holds="on", near=0.03),
     "in": IN,
     "stack": PredicateFormula(2, holds="on", near=0.03),
     "incontact": PredicateFormula(2, "apart($1, $2) <= EPS_TOUCH"),
-    "open": NONE,
-    "close": NONE,
-    "turnon": NONE,
-    "turnoff": NONE,
-    "up": NONE,
+    "open": NO_GEOMETRY,
+    "close": NO_GEOMETRY,
+    "turnon": NO_GEOMETRY,
+    "turnoff": NO_GEOMETRY,
+    "up": NO_GEOMETRY,
 }
 
-COMMON: dict[str, PredicateFormula] = {
+COMMON_PREDICATES: dict[str, PredicateFormula] = {
     "on": ON,
     "ontop": ON,
     "ontopof": ON,
-    "at": NONE,
+    "at": NO_GEOMETRY,
     "in": IN,
     "inside": IN,
     "overlaid": ON,
     "draped": ON,
-    "ontable": FLOOR,
-    "onfloor": FLOOR,
+    "ontable": ON_FLOOR,
+    "onfloor": ON_FLOOR,
     "under": PredicateFormula(2, "underneath($1, $2)"),
     "nextto": PredicateFormula(2, "0 m <= gap($1, $2) & gap($1, $2) <= 15 cm"),
     "touching": PredicateFormula(2, "apart($1, $2) <= EPS_TOUCH"),
@@ -303,7 +299,7 @@ COMMON: dict[str, PredicateFormula] = {
         "open closed toggledon turnon turnoff cooked frozen burnt soaked stained dusty sliced diced broken perished "
         "screwed hot onfire heated covered filled contains empty attached folded unfolded assembled inroom insource "
         "timeset handempty armempty holding saturated boiled melted real future saturated grasped dirty clean".split(),
-        NONE,
+        NO_GEOMETRY,
     ),
 }
 
@@ -317,7 +313,7 @@ def relation(written: str) -> PredicateFormula:
     """What a map says of a predicate: a formula, `on`, `in` or `none`."""
     match written.strip():
         case "none" | "":
-            return NONE
+            return NO_GEOMETRY
         case "on":
             return ON
         case "in":
@@ -328,11 +324,7 @@ def relation(written: str) -> PredicateFormula:
             )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# MAP.toml: what a user says of kinds of things and of predicates.
-
-
-MAX_BYTES = 1_000_000
+MAX_MAP_BYTES = 1_000_000
 
 
 class NameMap(BaseModel):
@@ -347,7 +339,7 @@ class NameMap(BaseModel):
 
 def read_map(path: Path) -> NameMap:
     """Raises DataError for what is no map."""
-    data = read_bytes(path, "a map", limit=MAX_BYTES)
+    data = read_bytes(path, "a map", limit=MAX_MAP_BYTES)
     try:
         return NameMap.model_validate(tomllib.loads(data.decode("utf-8-sig")))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:

@@ -17,17 +17,13 @@ from scenegen.errors.worlds import PDDL_FORM, PDDL_NO_PROBLEM, PDDL_TEXT, PDDL_T
 from scenegen.lang.syntax.parse import plain_breaks
 from scenegen.scenes.files import read_bytes
 
-# --------------------------------------------------------------------------------------------------------------------
-# Text -> s-expressions with places. One loop, no recursion, and limits that hostile text meets early.
-
-
-MAX_BYTES = 4_000_000
+MAX_PDDL_BYTES = 4_000_000
 MAX_DEPTH = 200  # what reads the tree may recurse
 
 # A word ends where a variable begins (`nextto?x?y`), and a hyphen that joins nothing is one of its own (`a -block`).
 _LETTER = r"[^\s();?\x00-\x1f\x7f\ufffd-]"
 _WORD = rf"\??(?:{_LETTER}+|-(?={_LETTER})|\?(?!\w))++"
-_TOKEN = re.compile(rf"(?P<beside>[ \t\n\f]+|;[^\n]*)|[()]|-?(?=[\d.]){_WORD}|-|{_WORD}|(?P<odd>.)", re.DOTALL)
+_SEXPR_TOKEN = re.compile(rf"(?P<beside>[ \t\n\f]+|;[^\n]*)|[()]|-?(?=[\d.]){_WORD}|-|{_WORD}|(?P<odd>.)", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +57,7 @@ Node = SExprAtom | SExprList
 
 def read(path: Path, what: str) -> tuple[Source, tuple[Node, ...]]:
     """A file and its expressions. Raises DataError for files too large, binary or unbalanced."""
-    data = read_bytes(path, what, limit=MAX_BYTES)
+    data = read_bytes(path, what, limit=MAX_PDDL_BYTES)
     text = plain_breaks(data.decode("utf-8-sig", errors="replace"))
     source = Source(str(path), text)
     return source, expressions(source)
@@ -89,7 +85,7 @@ def expressions(source: Source) -> tuple[Node, ...]:
 
 
 def _tokens(source: Source) -> Iterator[tuple[str, int, int]]:
-    for found in _TOKEN.finditer(source.text):
+    for found in _SEXPR_TOKEN.finditer(source.text):
         if found["odd"]:
             said = f"character U+{ord(found[0]):04X}"
             raise DataError(PDDL_TEXT(Span(source, *found.span()), file=source.name, character=said))
@@ -98,7 +94,7 @@ def _tokens(source: Source) -> Iterator[tuple[str, int, int]]:
 
 
 Numbers = tuple[float, ...]
-MOST_THINGS = 200  # each pair of them may be a clause of the spec
+MAX_PDDL_THINGS = 200  # each pair of them may be a clause of the spec
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,11 +180,11 @@ def domain_of(source: Source, nodes: Sequence[Node]) -> Domain:
     for one in sections:
         match one.head:
             case ":types":
-                for name, found in typed(one.rest):
+                for name, found in typed_names(one.rest):
                     above = (kind.lower() for kind in found.kinds)
                     parents[name.lower()] = tuple(dict.fromkeys((*parents.get(name.lower(), ()), *above)))
             case ":constants":
-                _declare(constants, typed(one.rest))
+                _declare(constants, typed_names(one.rest))
             case ":predicates":
                 for each in _flat(one.rest):
                     if isinstance(each, SExprList) and each.head:
@@ -213,7 +209,7 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> PddlPro
             case ":language":
                 language = _words(one.rest)
             case ":objects" | ":fixtures":
-                found = _declare(things, typed(one.rest))
+                found = _declare(things, typed_names(one.rest))
                 if one.head == ":fixtures":
                     fixtures.update(found)
             case ":regions":
@@ -232,8 +228,8 @@ def problem_of(source: Source, nodes: Sequence[Node], domain: Domain) -> PddlPro
                 other.append(one)
     if goal is None:
         raise DataError(PDDL_NO_PROBLEM(file=source.name, reason="it has no (:goal ...)"))
-    if len(things) > MOST_THINGS:
-        raise DataError(PDDL_TOO_LARGE(file=source.name, count=len(things), limit=MOST_THINGS))
+    if len(things) > MAX_PDDL_THINGS:
+        raise DataError(PDDL_TOO_LARGE(file=source.name, count=len(things), limit=MAX_PDDL_THINGS))
     spelled = {one.lower(): one for one in things}
     for place in places:
         target = spelled.get(place.target.lower(), place.target)
@@ -279,7 +275,7 @@ def _flat(nodes: Iterable[Node]) -> list[Node]:
     ]
 
 
-def typed(nodes: Sequence[Node]) -> list[tuple[str, TypedName]]:
+def typed_names(nodes: Sequence[Node]) -> list[tuple[str, TypedName]]:
     """`a b - block c - (either cup mug) d` as names with their types, in order; a name can come twice. What has no type
     is an `object`. Raises DataError."""
     found: list[tuple[str, TypedName]] = []

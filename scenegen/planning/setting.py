@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -21,14 +21,10 @@ from scenegen.planning.problem import Node, PddlProblem, PddlRegion, TypedName
 from scenegen.things.library import ALIASES, ASSETS, Shape
 from scenegen.things.surfaces import fits, surfaces_of
 
-# --------------------------------------------------------------------------------------------------------------------
 # What things look like: by category a shape of the language, or furniture that is held in place.
-#
 # Sizes are in metres and of our own choosing, after everyday things: a map of one's own takes their place. Furniture
 # has a body, which is solid, and sites, at which things can be: the top of the body, or a board at a height, in the
 # furniture's frame.
-
-
 Rectangle = tuple[float, float, float, float]
 
 
@@ -135,7 +131,7 @@ GROUNDS: dict[str, Rectangle] = {  # what the workspace is
     "coffee_table": (-0.35, -0.8, 0.35, 0.8),
     "floor": (-0.75, -0.75, 0.75, 0.75),
 }
-ROOM = (0.0, 0.0, 5.0, 4.0)  # the floor of a household, where furniture stands
+ROOM_FLOOR = (0.0, 0.0, 5.0, 4.0)  # the floor of a household, where furniture stands
 
 THINGS: dict[str, str] = {
     "akita_black_bowl": "bowl",
@@ -188,7 +184,7 @@ THINGS: dict[str, str] = {
 
 
 BODILESS = ("agent", "robot", "gripper", "arm", "hand", "room", "location", "waypoint")  # kinds without a place here
-STEP = 0.05  # metres between pieces of furniture that no region places
+FURNITURE_GAP = 0.05  # metres between pieces of furniture that no region places
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,9 +235,9 @@ class Setting:
             self.ids[name] = self._identifier(re.sub(r"\.n\.\d+", "", name, flags=re.IGNORECASE))
             if name in targets or (not targets and known in ("floor", "ground", "lawn", "driveway")):
                 self.grounds.append(name)
-                fallback = GROUNDS["kitchen_table"] if targets else ROOM
-                self.space = GROUNDS.get(known) or GROUNDS.get(name.lower()) or fallback if targets else ROOM
-            elif (shape := _mapped(mapped, name, kind, known)) is not None:
+                fallback = GROUNDS["kitchen_table"] if targets else ROOM_FLOOR
+                self.space = GROUNDS.get(known) or GROUNDS.get(name.lower()) or fallback if targets else ROOM_FLOOR
+            elif (shape := _map_entry(mapped, name, kind, known)) is not None:
                 self.shapes[name] = shape
                 shape_from(shape)
             elif known in BODILESS:
@@ -262,13 +258,13 @@ class Setting:
             raise DataError(*problems)
         for region in self.problem.regions.values():  # the sizes of grounds are ours: regions lie on them
             if region.target in self.grounds:
-                self.space = _around(self.space, region.ranges)
+                self.space = enclosing([self.space, *region.ranges])
         self._lay_out()
 
     def _kind(self, thing: TypedName, mapped: Mapping[str, str]) -> tuple[str, str]:
         """A thing's type and its category; of several types the first of which a size is known."""
         kinds = [(kind, category(kind)) for kind in thing.kinds]
-        sized = (one for one in kinds if _mapped(mapped, *one) or one[1] in (THINGS | FURNITURE) or _asset(one[1]))
+        sized = (one for one in kinds if _map_entry(mapped, *one) or one[1] in (THINGS | FURNITURE) or _asset(one[1]))
         return next(sized, kinds[0])
 
     def _identifier(self, name: str) -> str:
@@ -285,16 +281,16 @@ class Setting:
             return
         x = y = row = 0.0
         if self.furniture and not self.grounds:
-            self.space = ROOM
+            self.space = ROOM_FLOOR
         for name, made in self.furniture.items():
             boards = [one.outline for one in made.sites.values() if one is not None]
             body = made.body or (0.1, 0.1, 0.1)
             length = max([body[0], *(one[2] - one[0] for one in boards)])
             width = max([body[1], *(one[3] - one[1] for one in boards)])
             if x + length > self.space[2]:
-                x, y, row = 0.0, y + row + STEP, 0.0
+                x, y, row = 0.0, y + row + FURNITURE_GAP, 0.0
             self.poses[name] = (round(x + length / 2, 4), round(y + width / 2, 4), 0.0)
-            x, row = x + length + STEP, max(row, width)
+            x, row = x + length + FURNITURE_GAP, max(row, width)
         self.space = (*self.space[:3], max(self.space[3], y + row + 1.0))
 
     def place(self, name: str, region: PddlRegion) -> None:
@@ -354,7 +350,7 @@ class Setting:
             left, right, bottom, top = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
             right, top = max(right, left + 0.001), max(top, bottom + 0.001)
             box = (left, bottom, right, top)
-            self.used[made] = PddlArea(f"region {made} = rect({', '.join(map(_n, box))})", _rounded(box))
+            self.used[made] = PddlArea(f"region {made} = rect({', '.join(map(_number_text, box))})", _round(box))
             line = self.problem.source.position(region.node.span.start)[0]
             self.notes[made] = f"line {line}: (:ranges ...) of {region.name}"
             names.append(made)
@@ -362,7 +358,7 @@ class Setting:
 
     def carries(self, upper: str, lower: str, *, inside: bool) -> float:
         """How far the height of `upper` on `lower` may be off, in metres. What cannot carry it becomes solid."""
-        off = self.off(upper, lower, inside=inside)
+        off = self.height_error(upper, lower, inside=inside)
         if off is not None:
             return off
         under = shape_from(self.shapes[lower])
@@ -370,7 +366,7 @@ class Setting:
         self.shapes[lower] = _solid(under)
         return 0.001
 
-    def off(self, upper: str, lower: str, *, inside: bool) -> float | None:
+    def height_error(self, upper: str, lower: str, *, inside: bool) -> float | None:
         """How far the height of `upper` on `lower` may be off, in metres; None where it cannot be carried."""
         over, under = shape_from(self.shapes[upper]), shape_from(self.shapes[lower])
         found = surfaces_of(under, over)
@@ -384,7 +380,7 @@ def category(kind: str) -> str:
     return re.sub(r"_?\d+$", "", re.sub(r"\.n\.\d+.*$", "", kind.lower())).replace("-", "_")
 
 
-def _mapped(table: Mapping[str, str], *names: str) -> str | None:
+def _map_entry(table: Mapping[str, str], *names: str) -> str | None:
     """What a map, whose keys are in lower case, says of the first of some names that it has."""
     return next((table[name.lower()] for name in names if name.lower() in table), None)
 
@@ -410,19 +406,18 @@ def _asset(name: str) -> str | None:
     return None
 
 
-def _around(space: Rectangle, rows: Sequence[Sequence[float]]) -> Rectangle:
-    """The rectangle round another and some ranges."""
-    xs = [space[0], space[2], *(one for row in rows for one in row[0::2])]
-    ys = [space[1], space[3], *(one for row in rows for one in row[1::2])]
-    return min(xs), min(ys), max(xs), max(ys)
+def enclosing(boxes: Iterable[Sequence[float]]) -> Rectangle:
+    """The rectangle round some others, (x, y, x, y) each, in any order of their ends."""
+    x0, y0, x1, y1 = zip(*boxes, strict=True)
+    return min(x0 + x1), min(y0 + y1), max(x0 + x1), max(y0 + y1)
 
 
 def _solid(shape: Shape) -> str:
     match shape.footprint:
         case Circle(radius):
-            return f"cylinder({_n(radius)}, {_n(shape.height)})"
+            return f"cylinder({_number_text(radius)}, {_number_text(shape.height)})"
         case Box(length, width):
-            return f"box({_n(length)}, {_n(width)}, {_n(shape.height)})"
+            return f"box({_number_text(length)}, {_number_text(width)}, {_number_text(shape.height)})"
         case _:
             return "block"
 
@@ -433,21 +428,21 @@ def _area(name: str, board: Board, pose: tuple[float, float, float]) -> PddlArea
     x0, y0, x1, y1 = board.outline
     corners = [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
     xs, ys = zip(*corners, strict=True)
-    height = f"at {_n(board.height)} m"
+    height = f"at {_number_text(board.height)} m"
     if abs(math.sin(2 * turn)) < 1e-6:
         box = (min(xs), min(ys), max(xs), max(ys))
-        return PddlArea(f"region {name} = rect({', '.join(map(_n, box))}) {height}", _rounded(box), board=True)
-    outline = ", ".join(f"({_n(u)}, {_n(v)})" for u, v in corners)
+        return PddlArea(f"region {name} = rect({', '.join(map(_number_text, box))}) {height}", _round(box), board=True)
+    outline = ", ".join(f"({_number_text(u)}, {_number_text(v)})" for u, v in corners)
     return PddlArea(f"region {name} = polygon([{outline}]) {height}", None, board=True)
 
 
-def _rounded(box: Rectangle) -> Rectangle:
+def _round(box: Rectangle) -> Rectangle:
     """As the text has it."""
-    x0, y0, x1, y1 = (float(_n(one)) for one in box)
+    x0, y0, x1, y1 = (float(_number_text(one)) for one in box)
     return x0, y0, x1, y1
 
 
-def _n(value: float) -> str:
+def _number_text(value: float) -> str:
     return f"{round(value, 4) + 0.0:.10g}"
 
 

@@ -27,8 +27,8 @@ from scenegen.geometry import Circle
 from scenegen.lang.checker import check_text
 from scenegen.lang.syntax.printer import format_source
 from scenegen.planning.goal import (
-    COMMON,
-    LIBERO,
+    COMMON_PREDICATES,
+    LIBERO_PREDICATES,
     NO_PLACE,
     GoalReader,
     NameMap,
@@ -39,11 +39,8 @@ from scenegen.planning.goal import (
     relation,
 )
 from scenegen.planning.problem import Node, PddlProblem, SExprAtom, SExprList
-from scenegen.planning.setting import Rectangle, Referent, Setting, category, shape_from, supports_of
+from scenegen.planning.setting import Rectangle, Referent, Setting, category, enclosing, shape_from, supports_of
 from scenegen.things.surfaces import reach_of
-
-# --------------------------------------------------------------------------------------------------------------------
-# Which pairs of a spec's bodies could share space: only these need a requirement, and phi stays cheap.
 
 
 def collisions(setting: Setting, options: dict[str, list[str]]) -> list[str]:
@@ -57,16 +54,16 @@ def collisions(setting: Setting, options: dict[str, list[str]]) -> list[str]:
     for name, made in setting.furniture.items():
         if made.body is not None:
             x, y, _ = setting.poses.get(name, (0.0, 0.0, 0.0))
-            boxes[setting.ids[name]] = grown((x, y, x, y), max(made.body[:2]) * 0.75)
+            boxes[setting.ids[name]] = grow((x, y, x, y), max(made.body[:2]) * 0.75)
             fixed.add(setting.ids[name])
     for name, shape in setting.shapes.items():
         reach = reach_of(shape_from(shape).footprint)
         places = [_box(setting, one, boxes) for one in options.get(name) or ["workspace"]]
-        boxes[setting.ids[name]] = grown(around(places), reach)
+        boxes[setting.ids[name]] = grow(enclosing(places), reach)
     return [
         f"require apart({one}, {other}) >= 0"
         for (one, first), (other, second) in itertools.combinations({**boxes, **boards}.items(), 2)
-        if not (one in fixed and other in fixed) and meet(first, second)
+        if not (one in fixed and other in fixed) and overlap(first, second)
     ]
 
 
@@ -78,28 +75,23 @@ def _box(setting: Setting, surface: str, boxes: dict[str, Rectangle]) -> Rectang
     return boxes.get(surface, setting.space)
 
 
-def grown(box: Rectangle, by: float) -> Rectangle:
+def grow(box: Rectangle, by: float) -> Rectangle:
     return box[0] - by, box[1] - by, box[2] + by, box[3] + by
 
 
-def around(boxes: Sequence[Rectangle]) -> Rectangle:
-    left, bottom, right, top = zip(*boxes, strict=True)
-    return min(left), min(bottom), max(right), max(top)
-
-
-def meet(one: Rectangle, other: Rectangle) -> bool:
+def overlap(one: Rectangle, other: Rectangle) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-LONGEST = 100  # characters of the source in a comment
+MAX_QUOTE_LENGTH = 100  # characters of the source in a comment
 OVER_ALL = ("reachableFromAbove", "others", "objects", "load", "stable", "noOverlap", "noCollision")  # take all things
 ADVICE = {  # where a spec fails for another reason than sizes, by code
     "constant-label": "the goal holds in every scene or in none, whatever the sizes: ask for less, or for more",
     "too-many-cases": "leave out some of the things, or of what the goal puts them on",
 }
 PROPOSED = {1: "reachableFromAbove($1)", 2: "restsOn($1, $2)", 3: "between($1, $2, $3)"}  # by number of arguments
-ALIKE = 0.81  # of difflib: a name of a map for others is seldom so like one of this problem
-TURN = math.radians(5.0)  # the least tolerance of a heading that a region gives
+MIN_SIMILARITY = 0.81  # of difflib: a name of a map for others is seldom so like one of this problem
+MIN_HEADING_TOLERANCE = math.radians(5.0)  # the least tolerance of a heading that a region gives
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,19 +121,19 @@ class _Compiler:
     setting: Setting
     table: NameMap
     lost: list[str] = field(default_factory=list)
-    told: dict[str, Diagnostic] = field(default_factory=dict)
-    said: list[str] = field(default_factory=list)  # comments of the formula being read
+    unknown: dict[str, Diagnostic] = field(default_factory=dict)
+    comments: list[str] = field(default_factory=list)  # comments of the formula being read
     wanted: list[tuple[str, Referent, str]] = field(default_factory=list)  # mover, carrier, its name
     unwanted: list[tuple[str, str]] = field(default_factory=list)  # a thing, and what it is not to be on
     bodiless: list[str] = field(default_factory=list)  # things of relations that have no body
-    met: dict[str, int] = field(default_factory=dict)  # predicates of the problem, and their arguments
+    arities: dict[str, int] = field(default_factory=dict)  # predicates of the problem, and their arguments
     tried: dict[str, int] = field(default_factory=dict)  # those of them that the map has, and their arguments
     formulas: dict[tuple[str, tuple[str, ...]], str] = field(default_factory=dict)
 
     def line(self, node: Node) -> str:
         text = " ".join(node.span.text.split())
-        if len(text) > LONGEST:
-            text = f"{text[: LONGEST - 3]}..."
+        if len(text) > MAX_QUOTE_LENGTH:
+            text = f"{text[: MAX_QUOTE_LENGTH - 3]}..."
         return f"line {self.problem.source.position(node.span.start)[0]}: {text}"
 
     def lose(self, node: Node, why: str = NO_PLACE) -> TranslatedFormula:
@@ -150,17 +142,17 @@ class _Compiler:
             self.lost.append(line)
         return TranslatedFormula(None, whole=False)
 
-    def known(self, name: str) -> PredicateFormula | None:
+    def predicate_formula(self, name: str) -> PredicateFormula | None:
         mapped = {plain(key): value for key, value in self.table.predicates.items()}
         name = plain(name)
         if name in mapped:
             return relation(mapped[name])
-        return (LIBERO.get(name) if self.problem.regions else None) or COMMON.get(name)
+        return (LIBERO_PREDICATES.get(name) if self.problem.regions else None) or COMMON_PREDICATES.get(name)
 
     def atom(self, node: SExprList, names: Sequence[str], wanted: bool) -> TranslatedFormula:
-        self.met[plain(node.head)] = max(len(names), self.met.get(plain(node.head), 0))
+        self.arities[plain(node.head)] = max(len(names), self.arities.get(plain(node.head), 0))
         mapped = self._is_mapped(node.head, len(names))
-        found = self.known(node.head)
+        found = self.predicate_formula(node.head)
         declared = self.problem.domain.predicates.get(node.head)
         arity = declared if declared is not None or found is None else found.arity
         if arity is not None and 0 <= arity != len(names):
@@ -168,7 +160,7 @@ class _Compiler:
         if found is not None and not mapped and not found.takes(len(names)):
             found = None  # the domain's own predicate of that name
         if found is None:
-            self.told.setdefault(node.head, _unknown(node, len(names)))
+            self.unknown.setdefault(node.head, _unknown_predicate(node, len(names)))
         if found is None or (not found.formula and not found.holds):
             return self.lose(node)
         bodiless = [name for name in names if name in self.setting.without]
@@ -178,7 +170,7 @@ class _Compiler:
         refs = [self.setting.resolve(name, part) for name, part in zip(names, node.rest, strict=True)]
         if (found.holds or len(found.places) == 1) and refs[found.places[0]].kind != "thing":
             return self.lose(node)
-        self.said.append(self.line(node))
+        self.comments.append(self.line(node))
         text = self._formula(found, names, refs, wanted)
         self.formulas.setdefault((node.items[0].span.text, tuple(names)), text)
         return TranslatedFormula(text, whole=len(self.setting.grounds) < 2 or all(one.kind != "ground" for one in refs))
@@ -188,16 +180,16 @@ class _Compiler:
         if len({arguments[place] for place in found.places}) < len(found.places):
             return "false"  # nothing is in a relation with itself
         if not found.holds:
-            return filled(found.formula, arguments)
+            return fill_arguments(found.formula, arguments)
         upper, lower = refs[:2]
         if wanted:
             self.wanted.append((upper.owner, lower, names[1]))
         else:
             self.unwanted.append((names[0], names[1]))
         if lower.kind != "thing":
-            return resting(upper.argument, lower)
+            return resting_formula(upper.argument, lower)
         off = self.setting.carries(upper.owner, lower.owner, inside=found.holds == "in")
-        return carried(found, upper.argument, lower.argument, off)
+        return carried_formula(found, upper.argument, lower.argument, off)
 
     def _is_mapped(self, name: str, count: int) -> bool:
         """Whether the map has a predicate. Raises DataError for a formula that has not the arguments of its facts."""
@@ -220,13 +212,13 @@ class _Compiler:
         return True
 
 
-def _unknown(node: SExprList, count: int) -> Diagnostic:
-    close = nearest(plain(node.head), {*LIBERO, *COMMON})
+def _unknown_predicate(node: SExprList, count: int) -> Diagnostic:
+    close = nearest(plain(node.head), {*LIBERO_PREDICATES, *COMMON_PREDICATES})
     near = [close] if close and close != plain(node.head) else []
     return UNKNOWN_PREDICATE(node.span, name=node.head, key=key(node.head), relation=PROPOSED.get(count), near=near)
 
 
-def filled(formula: str, arguments: Sequence[str]) -> str:
+def fill_arguments(formula: str, arguments: Sequence[str]) -> str:
     """A relation's formula with its arguments, in parentheses."""
     text = re.sub(
         r"\$(\d)", lambda one: arguments[int(one[1]) - 1] if 1 <= int(one[1]) <= len(arguments) else one[0], formula
@@ -234,7 +226,7 @@ def filled(formula: str, arguments: Sequence[str]) -> str:
     return text if text.startswith("(") else f"({text})"
 
 
-def resting(upper: str, lower: Referent) -> str:
+def resting_formula(upper: str, lower: Referent) -> str:
     """That a thing stands on the ground, or on a region."""
     if lower.kind == "ground":
         return f"z({upper}) <= EPS_LEVEL"
@@ -242,7 +234,7 @@ def resting(upper: str, lower: Referent) -> str:
     return parts[0] if len(parts) == 1 else f"({' | '.join(parts)})"
 
 
-def carried(found: PredicateFormula, upper: str, lower: str, off: float) -> str:
+def carried_formula(found: PredicateFormula, upper: str, lower: str, off: float) -> str:
     """That one thing carries another, whose height may be `off` by so many metres."""
     if found.holds == "in":
         return f"insideOf({upper}, {lower})"
@@ -264,11 +256,11 @@ def compile_problem(problem: PddlProblem, table: NameMap) -> Imported:
                 setting.notes[name] = f"{own.line(fact)}, held in the middle"
     assert problem.goal is not None
     meaning = GoalReader(problem, own.atom, own.lose).read(problem.goal, {})
-    goal_lines, own.said = own.said, []
+    goal_lines, own.comments = own.comments, []
     if meaning.text is None:
         raise DataError(_no_places(own, problem.goal))
-    lines = _written(own, meaning.text, list(dict.fromkeys(goal_lines)))
-    unused = _unused(own)
+    lines = _spec_lines(own, meaning.text, list(dict.fromkeys(goal_lines)))
+    unused = _unused_names(own)
     text = "\n".join(lines) + "\n"
     try:
         text = format_source(Source(problem.source.name, text))
@@ -278,14 +270,14 @@ def compile_problem(problem: PddlProblem, table: NameMap) -> Imported:
         first = error.diagnostics[0]
         advice = ADVICE.get(first.code)
         raise DataError(IMPORT_FAILS(file=problem.source.name, reason=first.title, advice=advice)) from None
-    reading = CompiledProblem(problem, setting, own.formulas, own.known)
+    reading = CompiledProblem(problem, setting, own.formulas, own.predicate_formula)
     lost = (*own.lost, *(f"not read, {own.line(one)}" for one in problem.other))
-    return Imported(text, lost, (*own.told.values(), *unused), reading)
+    return Imported(text, lost, (*own.unknown.values(), *unused), reading)
 
 
 def _no_places(own: _Compiler, goal: Node) -> Diagnostic:
-    missing = sorted(own.met)
-    of_two = next((key(one) for one in missing if own.met[one] == 2 and own.known(one) is None), None)
+    missing = sorted(own.arities)
+    of_two = next((key(one) for one in missing if own.arities[one] == 2 and own.predicate_formula(one) is None), None)
     thing = own.bodiless[0] if own.bodiless else None
     kind = None if thing is None else key(own.problem.things[thing].kinds[0])
     file = own.problem.source.name
@@ -298,18 +290,18 @@ def _refuse_formulas(own: _Compiler) -> None:
         things = [f"thing_{number}" for number in range(1, count + 1)]
         formula = own.table.predicates[name]
         try:
-            check_text(f"object {', '.join(things)}\ngoal: {filled(formula, things)}\n")
+            check_text(f"object {', '.join(things)}\ngoal: {fill_arguments(formula, things)}\n")
         except SpecError as error:
             first = error.diagnostics[0]
             if first.code != "constant-label":
                 raise DataError(FACTS_MEAN_NOTHING(formula=formula, name=name, reason=first.title)) from None
 
 
-def _unused(own: _Compiler) -> list[Diagnostic]:
+def _unused_names(own: _Compiler) -> list[Diagnostic]:
     """Notes on what a map has and this problem has not: it may serve several problems, or be misspelt."""
     words = {one for name, thing in own.problem.things.items() for one in (name, *thing.kinds)}
     words |= {one.partition(".")[0] for one in words} | {category(one) for one in words}
-    predicates = {*own.met, *own.problem.domain.predicates}
+    predicates = {*own.arities, *own.problem.domain.predicates}
     notes, others = [], []
     for names, known, alike, bare in (
         (own.table.objects, words, str.lower, category),
@@ -318,7 +310,7 @@ def _unused(own: _Compiler) -> list[Diagnostic]:
         had, mapped = {alike(one) for one in known}, {alike(one) for one in names}
         free = {bare(one): one for one in sorted(known) if alike(one) not in mapped}
         for name in (one for one in names if alike(one) not in had):
-            close = get_close_matches(bare(name), free, 1, cutoff=ALIKE)
+            close = get_close_matches(bare(name), free, 1, cutoff=MIN_SIMILARITY)
             if close:
                 notes.append(MAP_NAMES_NOTHING(file="the map", names=[name], nearest=free[close[0]]))
             else:
@@ -326,7 +318,7 @@ def _unused(own: _Compiler) -> list[Diagnostic]:
     return notes + ([MAP_NAMES_NOTHING(file="the map", names=others)] if others else [])
 
 
-def _written(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
+def _spec_lines(own: _Compiler, goal: str, goal_lines: Sequence[str]) -> list[str]:
     setting, problem = own.setting, own.problem
     edges: dict[str, list[str]] = {}
     options: dict[str, list[str]] = {}
@@ -419,11 +411,11 @@ def _initial(
     name = names[0] if names else ""
     head = fact.head if isinstance(fact, SExprList) else ""
     held = len(names) == 2 and name in setting.furniture and name in setting.poses
-    if held and (own.known(head) or PredicateFormula(0)).holds:
-        own.met[plain(head)] = 2
+    if held and (own.predicate_formula(head) or PredicateFormula(0)).holds:
+        own.arities[plain(head)] = 2
         setting.notes.setdefault(name, f"{own.line(fact)}, in a row")
         return
-    own.said, before = [], len(own.wanted)
+    own.comments, before = [], len(own.wanted)
     meaning = GoalReader(problem, own.atom, own.lose).read(fact, {})
     new = own.wanted[before:]
     del own.wanted[before:]
@@ -435,7 +427,7 @@ def _initial(
     texts, place = [meaning.text], problem.regions.get(names[-1]) if names else None
     if len(new) == 1 and place is not None and place.yaw and name in setting.shapes:
         low, high = place.yaw[0]
-        half = max(abs(high - low) / 2, TURN)
+        half = max(abs(high - low) / 2, MIN_HEADING_TOLERANCE)
         if half < math.pi and not isinstance(shape_from(setting.shapes[name]).footprint, Circle):
             middle = math.degrees((low + high) / 2)
             texts.append(f"angle({setting.ids[name]}, {middle:.6g} deg, {math.degrees(half):.6g} deg)")

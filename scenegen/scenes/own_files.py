@@ -6,18 +6,22 @@ import stat
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import TypeVar
 
 import numpy as np
 
+from scenegen.errors import DataError
+from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.resources import note_input
-from scenegen.scenes.data import ShapeData, footprint_of
-from scenegen.things.indexed import AssetEntry, IndexFileError, fitted, read_index
+from scenegen.scenes.data import SceneFile, ShapeData, footprint_of
+from scenegen.things.indexed import AssetEntry, IndexFileError, fit_asset, read_index
 from scenegen.things.library import INDEX
-from scenegen.things.meshfile import GLTF, PLAIN, ending_of, local_name
+from scenegen.things.meshfile import GLTF, MESH_FILES, ending_of, local_name
 from scenegen.things.outline import Floats, MeshError
-from scenegen.things.urdf import measured, mesh_shadow, robot_shadow
+from scenegen.things.urdf import footprint_and_height, mesh_shadow, robot_shadow
 
+T = TypeVar("T")
 MOST_BYTES = 64_000_000  # of a file, as specs read it
 SAME = 1e-6  # metres by which an outline may differ from the one that the scenes were made with
 
@@ -44,13 +48,28 @@ def is_read(shape: ShapeData, folder: Path) -> bool:
     if shape.asset == "asset":
         return _entry(folder, shape.path)[1].is_read
     if shape.asset == "mesh":
-        return ending_of(shape.path) in (*GLTF, *PLAIN)
+        return ending_of(shape.path) in (*GLTF, *MESH_FILES)
     return shape.asset == "urdf" and bool(shape.path)
 
 
-def reason_of(error: Exception) -> str:
-    """Why a file is of no use, on one line that a terminal can show: names in files may hold anything."""
-    return "".join(one if one.isprintable() else "?" for one in str(error))
+def read_files(file: SceneFile, folder: Path, read: Callable[[ShapeData], T], *, body: bool = False) -> list[T | None]:
+    """What `read` makes of the shape of every object that is of a file in `folder`, each shape once; None for other
+    objects. Raises DataError where `read` raises MeshError, and where no object has such a file; `body`: it is about
+    what collides."""
+    known: dict[str, T | None] = {}
+    for item in file.objects:
+        key = item.shape.model_dump_json()
+        try:
+            if key not in known:
+                known[key] = read(item.shape) if is_read(item.shape, folder) else None
+        except MeshError as error:
+            # on one line that a terminal can show: names in files may hold anything
+            reason = "".join(one if one.isprintable() else "?" for one in str(error))
+            facts = {"body": True} if body else {}
+            raise DataError(UNUSABLE_MODEL(path=item.shape.path, name=item.name, reason=reason, **facts)) from None
+    if not any(known.values()):
+        raise DataError(NO_MODEL())
+    return [known[item.shape.model_dump_json()] for item in file.objects]
 
 
 def own_file(folder: Path, shape: ShapeData) -> OwnFile:
@@ -67,12 +86,12 @@ def own_file(folder: Path, shape: ShapeData) -> OwnFile:
 
     is_robot, matrix = shape.asset == "urdf", np.eye(3)
     if entry is not None:
-        fit = fitted(entry, data, beside)
+        fit = fit_asset(entry, data, beside)
         is_robot = entry.is_robot
         footprint, height, matrix, offset = fit.footprint, fit.height, entry.matrix, fit.offset
     else:
         shadow = robot_shadow(data, beside) if is_robot else mesh_shadow(name, data, beside)
-        footprint, height = measured(shadow)
+        footprint, height = footprint_and_height(shadow)
         offset = np.array([0.0, 0.0, -shadow.bottom])
     if not _same(footprint, footprint_of(shape.footprint)) or abs(height - shape.height) > SAME:
         raise MeshError("its outline is not that of the scenes: the file has changed, or it is another one")

@@ -17,12 +17,12 @@ from scenegen.things.outline import Floats, Indices, MeshError
 if TYPE_CHECKING:
     from PIL import Image
 
-FARTHEST = 1e9  # of a coordinate, in the file's own unit
-MOST_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
-MOST_TRIANGLES = 4_000_000
-MOST_PIXELS = 2**26  # of all textures together: four of 4,096 by 4,096
-MOST_BYTES = 128_000_000  # of all files together
-MOST_LAYERS = 200  # of surface over surface: each is drawn, and only one is seen
+MAX_COORDINATE = 1e9  # of a coordinate, in the file's own unit
+MAX_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
+MAX_TRIANGLES = 4_000_000
+MAX_PIXELS = 2**26  # of all textures together: four of 4,096 by 4,096
+MAX_MESH_BYTES = 128_000_000  # of all files together
+MAX_LAYERS = 200  # of surface over surface: each is drawn, and only one is seen
 WHITE: RGB = (1.0, 1.0, 1.0)
 
 
@@ -62,24 +62,24 @@ class MeshBudget:
 
     def add_vertices(self, count: int) -> None:
         self.vertices += count
-        if self.vertices > MOST_VERTICES:
-            raise MeshError(f"its meshes have more than {MOST_VERTICES:,} vertices together")
+        if self.vertices > MAX_VERTICES:
+            raise MeshError(f"its meshes have more than {MAX_VERTICES:,} vertices together")
 
     def add_triangles(self, count: int) -> None:
         self.triangles += count
-        if self.triangles > MOST_TRIANGLES:
-            raise MeshError(f"its meshes have more than {MOST_TRIANGLES:,} triangles together")
+        if self.triangles > MAX_TRIANGLES:
+            raise MeshError(f"its meshes have more than {MAX_TRIANGLES:,} triangles together")
 
     def add_texture(self, data: bytes, what: str) -> None:
         self.pixels += pixels_of(data, what)
-        if self.pixels > MOST_PIXELS:
-            raise MeshError(f"its textures have more than {MOST_PIXELS:,} pixels together")
+        if self.pixels > MAX_PIXELS:
+            raise MeshError(f"its textures have more than {MAX_PIXELS:,} pixels together")
         check_texture(data, what, quick=True)
 
     def add_file(self, data: bytes) -> None:
         self.size += len(data)
-        if self.size > MOST_BYTES:
-            raise MeshError(f"its files are larger than {MOST_BYTES:,} bytes together")
+        if self.size > MAX_MESH_BYTES:
+            raise MeshError(f"its files are larger than {MAX_MESH_BYTES:,} bytes together")
 
 
 def refuse_layers(surfaces: Sequence[ColoredMesh]) -> None:
@@ -96,9 +96,9 @@ def refuse_layers(surfaces: Sequence[ColoredMesh]) -> None:
         a, b, c = one.vertices[one.faces].transpose(1, 0, 2)
         area += 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     box = 2.0 * float(x * y + y * z + z * x)
-    if area > MOST_LAYERS * box:
+    if area > MAX_LAYERS * box:
         raise MeshError(
-            f"its surfaces have more than {MOST_LAYERS} times the area of the box round them: leave out what is hidden"
+            f"its surfaces have more than {MAX_LAYERS} times the area of the box round them: leave out what is hidden"
         )
 
 
@@ -114,14 +114,14 @@ def used(points: Floats, faces: Indices) -> Indices:
 
 def pixels_of(data: bytes, what: str) -> int:
     """How many pixels a PNG or JPEG file announces; they are not read. Raises MeshError."""
-    with _opened(data, f"{what} is neither PNG nor JPEG") as image:
+    with _open_texture(data, f"{what} is neither PNG nor JPEG") as image:
         return image.width * image.height
 
 
 def check_texture(data: bytes, what: str, *, quick: bool = False) -> None:
     """Raises MeshError for a picture that ends early or is damaged; what it announces has been checked. `quick`: by the
     checksums of a PNG file, or an eighth of the pixels of a JPEG file."""
-    with _opened(data, f"{what} is damaged or cut short") as image:
+    with _open_texture(data, f"{what} is damaged or cut short") as image:
         if quick and image.format == "PNG":
             image.verify()
             return
@@ -131,7 +131,7 @@ def check_texture(data: bytes, what: str, *, quick: bool = False) -> None:
 
 
 @contextmanager
-def _opened(data: bytes, otherwise: str) -> Iterator[Image.Image]:
+def _open_texture(data: bytes, otherwise: str) -> Iterator[Image.Image]:
     """A PNG or JPEG file. Raises MeshError, also where the block finds damage."""
     from PIL import Image  # only objects with textures need it
 
@@ -141,6 +141,6 @@ def _opened(data: bytes, otherwise: str) -> Iterator[Image.Image]:
             with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
                 yield image
     except Image.DecompressionBombError:
-        raise MeshError(f"its textures have more than {MOST_PIXELS:,} pixels together") from None
+        raise MeshError(f"its textures have more than {MAX_PIXELS:,} pixels together") from None
     except (OSError, ValueError, SyntaxError):
         raise MeshError(otherwise) from None

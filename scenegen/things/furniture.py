@@ -14,9 +14,6 @@ import numpy as np
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
 
-# --------------------------------------------------------------------------------------------------------------------
-# What furniture is made of: upright pieces, and surfaces. In the object's frame, with its front along +x; metres.
-
 
 @dataclass(frozen=True, slots=True)
 class DrawerPull:
@@ -87,14 +84,10 @@ class ShelfUnit:
         return (*sides, back, *(Slab(inner, level - self.board, level) for level in self.levels))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Things with room inside: vessels of revolution and crates, as convex pieces and as the rooms that they leave.
-
-
 Rooms = tuple[tuple[Circle | Box, float], ...]
 
-SIDES = 16  # of a vessel's wall
-STEP = 0.004  # metres between the heights at which a sloping wall is looked at
+WALL_SIDES = 16  # of a vessel's wall
+WALL_STEP = 0.004  # metres between the heights at which a sloping wall is looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +106,9 @@ class Vessel:
                 found.setdefault(z1, inner1)
                 continue
             if inner1 > inner0:
-                for share in np.linspace(0.0, 1.0, 1 + math.ceil((z1 - z0) / STEP)):
+                for share in np.linspace(0.0, 1.0, 1 + math.ceil((z1 - z0) / WALL_STEP)):
                     found.setdefault(z0 + float(share) * (z1 - z0), inner0 + float(share) * (inner1 - inner0))
-        flat = math.cos(math.pi / SIDES)
+        flat = math.cos(math.pi / WALL_SIDES)
         return tuple((Circle(radius * flat), z) for z, radius in sorted(found.items()))
 
 
@@ -143,25 +136,21 @@ class RoundSolid:
     rows: Rows
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # A chest of drawers, each open by a share of its length; and one drawer alone.
-#
 # The carcass is one solid piece: what is in it can neither be seen nor reached. A drawer's surface is the part of its
 # floor that is out, clear of all that juts out above it: whatever stands there has free height above it.
-
-
-WIDTH = 0.440
-BODY = 0.320  # from the back to the fronts of closed drawers
-FRONT = 0.018  # how thick a drawer's front is; the top reaches as far
-GRIP = 0.022  # how far handles stand out
+CABINET_WIDTH = 0.440
+CABINET_DEPTH = 0.320  # from the back to the fronts of closed drawers
+DRAWER_FRONT = 0.018  # how thick a drawer's front is; the top reaches as far
+HANDLE_DEPTH = 0.022  # how far handles stand out
 PLINTH, PITCH, TOP = 0.030, 0.100, 0.020  # heights: below the drawers, of each, of the board above them
-FULL = 0.300  # how far a drawer comes out at most
+MAX_PULL = 0.300  # how far a drawer comes out at most
 WALL, FLOOR = 0.012, 0.008  # how thick a drawer's sides and its floor are
 SUNK, SIDE, SEAM = 0.010, 0.062, 0.003  # a drawer's underside and height; the gap round its front
 LEDGE = 0.0001  # of a drawer's outline that nothing can stand on
 HANDLE, BAR = (0.050, 0.062), 0.130  # heights of a handle above the seam, and how long it is
 DRAWERS = 3  # where a spec does not say how many
-MOST = 6
+MAX_DRAWERS = 6
 CLOSED = (0.0,) * DRAWERS
 
 
@@ -174,7 +163,7 @@ class Cabinet:
     @property
     def length(self) -> float:
         """From the back to the handle that is farthest out."""
-        return BODY + FRONT + GRIP + max(self.open) * FULL
+        return CABINET_DEPTH + DRAWER_FRONT + HANDLE_DEPTH + max(self.open) * MAX_PULL
 
     @property
     def height(self) -> float:
@@ -193,16 +182,16 @@ class Cabinet:
 
     def fronts(self) -> tuple[float, ...]:
         """x of the inner side of each drawer's front."""
-        return tuple(self.back + BODY + share * FULL for share in self.open)
+        return tuple(self.back + CABINET_DEPTH + share * MAX_PULL for share in self.open)
 
     def slabs(self) -> tuple[Slab, ...]:
         """The carcass; of each drawer the handle, and of one that is open its floor, its sides and its front."""
-        face, y = self.back + BODY + FRONT, WIDTH / 2.0
+        face, y = self.back + CABINET_DEPTH + DRAWER_FRONT, CABINET_WIDTH / 2.0
         found = [Slab((self.back, -y, face, y), 0.0, self.height)]
         for number, front in enumerate(self.fronts()):
             low = PLINTH + number * PITCH
-            grip = front + FRONT
-            found.append(Slab((grip, -BAR / 2.0, grip + GRIP, BAR / 2.0), low + HANDLE[0], low + HANDLE[1]))
+            grip = front + DRAWER_FRONT
+            found.append(Slab((grip, -BAR / 2.0, grip + HANDLE_DEPTH, BAR / 2.0), low + HANDLE[0], low + HANDLE[1]))
             if grip > face:
                 found.append(Slab((max(front, face), SEAM - y, grip, y - SEAM), low + SEAM, low + PITCH - SEAM))
             if front > face:
@@ -211,15 +200,15 @@ class Cabinet:
 
     def surfaces(self) -> tuple[SupportSurface, ...]:
         """The top, and the drawers from the lowest up."""
-        face, y = self.back + BODY + FRONT, WIDTH / 2.0
+        face, y = self.back + CABINET_DEPTH + DRAWER_FRONT, CABINET_WIDTH / 2.0
         found = [SupportSurface("top", Slab((self.back, -y, face, y), 0.0, 0.0).footprint, self.height)]
         fronts = self.fronts()
         for number, front in enumerate(fronts):
             above = fronts[number + 1 :]
-            start = max(face, *(one + FRONT + GRIP for one in above)) if above else face
+            start = max(face, *(one + DRAWER_FRONT + HANDLE_DEPTH for one in above)) if above else face
             inner = (min(start, front - LEDGE), -_inner(), front, _inner())
             height = PLINTH + number * PITCH + SUNK + FLOOR
-            pull = DrawerPull(self.open[number], front - start, FULL, 2.0 * _inner())
+            pull = DrawerPull(self.open[number], front - start, MAX_PULL, 2.0 * _inner())
             outline = Slab(inner, 0.0, 0.0).footprint
             found.append(SupportSurface(f"drawer[{number + 1}]", outline, height, walled=True, pull=pull))
         return tuple(found)
@@ -229,30 +218,30 @@ class Cabinet:
 class Drawer:
     """A drawer alone: floor, back, sides, front and handle."""
 
-    length: float = WALL + FULL - FRONT + FRONT + GRIP
-    width: float = WIDTH - 2.0 * SEAM
+    length: float = WALL + MAX_PULL - DRAWER_FRONT + DRAWER_FRONT + HANDLE_DEPTH
+    width: float = CABINET_WIDTH - 2.0 * SEAM
     height: float = PITCH - 2.0 * SEAM
     rim: float = PITCH - 2.0 * SEAM
 
     def slabs(self) -> tuple[Slab, ...]:
-        back, front = -self.length / 2.0, self.length / 2.0 - GRIP - FRONT
+        back, front = -self.length / 2.0, self.length / 2.0 - HANDLE_DEPTH - DRAWER_FRONT
         y = self.width / 2.0
         side = _inner() + WALL
         return (
             *_box(back, front, 0.0),
             Slab((back, WALL - side, back + WALL, side - WALL), FLOOR, SIDE),
-            Slab((front, -y, front + FRONT, y), 0.0, self.height),
-            Slab((front + FRONT, -BAR / 2.0, front + FRONT + GRIP, BAR / 2.0), *HANDLE),
+            Slab((front, -y, front + DRAWER_FRONT, y), 0.0, self.height),
+            Slab((front + DRAWER_FRONT, -BAR / 2.0, front + DRAWER_FRONT + HANDLE_DEPTH, BAR / 2.0), *HANDLE),
         )
 
     def surfaces(self) -> tuple[SupportSurface, ...]:
-        inner = (WALL - self.length / 2.0, -_inner(), self.length / 2.0 - GRIP - FRONT, _inner())
+        inner = (WALL - self.length / 2.0, -_inner(), self.length / 2.0 - HANDLE_DEPTH - DRAWER_FRONT, _inner())
         return (SupportSurface("inside", Slab(inner, 0.0, 0.0).footprint, FLOOR, walled=True),)
 
 
 def _inner() -> float:
     """Half of a drawer's width inside."""
-    return WIDTH / 2.0 - 0.018 - WALL
+    return CABINET_WIDTH / 2.0 - 0.018 - WALL
 
 
 def _box(start: float, stop: float, low: float) -> tuple[Slab, ...]:
@@ -260,10 +249,6 @@ def _box(start: float, stop: float, low: float) -> tuple[Slab, ...]:
     y = _inner()
     sides = [Slab((start, at, stop, at + WALL), low + FLOOR, low + SIDE) for at in (-y - WALL, y)]
     return Slab((start, -y - WALL, stop, y + WALL), low, low + FLOOR), *sides
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A rack for bottles and glasses: six cells between low boards, and a bar to carry it by. Metres.
 
 
 CELL = 0.094  # the side of a cell

@@ -19,19 +19,15 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.things.colored_mesh import FARTHEST, WHITE, ColoredMesh, MeshBudget, tidy
+from scenegen.things.colored_mesh import MAX_COORDINATE, WHITE, ColoredMesh, MeshBudget, tidy
 from scenegen.things.library import RGB
 from scenegen.things.outline import Floats, Indices, MeshError
 
-# --------------------------------------------------------------------------------------------------------------------
-# A glTF file as JSON and buffers: items, arrays and images by their numbers, each checked before it is read.
-
-
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
-MOST_JSON = 16_000_000  # bytes of JSON
-MOST_BYTES = 128_000_000  # of all buffers and images together
+MAX_JSON_BYTES = 16_000_000  # bytes of JSON
+MAX_BUFFER_BYTES = 128_000_000  # of all buffers and images together
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+ACCESSOR_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +68,7 @@ class GltfItem:
     def numbers(self, name: str, count: int, default: Sequence[float]) -> Floats:
         value = self.data.get(name, default)
         numeric = isinstance(value, list | tuple) and all(type(one) in (int, float) for one in value)
-        if not numeric or len(value) != count or not all(abs(one) <= FARTHEST for one in value):  # nor nan
+        if not numeric or len(value) != count or not all(abs(one) <= MAX_COORDINATE for one in value):  # nor nan
             raise MeshError(
                 f"{name} of {self.place} is not {count} numbers"
                 if count > 1
@@ -104,7 +100,7 @@ class GltfDocument:
             raise MeshError(f"{name}[{number}] is no object")
         return GltfItem(value, f"{name}[{number}]")
 
-    def required(self) -> list[str]:
+    def required_extensions(self) -> list[str]:
         value = self.root.data.get("extensionsRequired", [])
         if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
             raise MeshError("its extensionsRequired are no list of names")
@@ -120,7 +116,7 @@ class GltfDocument:
             raise MeshError(f"{accessor.place} has sparse or no data, which is not read here")
         kind, form = accessor.data.get("componentType"), accessor.data.get("type")
         code = COMPONENTS.get(kind) if type(kind) is int else None
-        if code is None or not isinstance(form, str) or WIDTHS.get(form) != width:
+        if code is None or not isinstance(form, str) or ACCESSOR_WIDTHS.get(form) != width:
             raise MeshError(f"{accessor.place} has values of the wrong type")
         count, start = accessor.index("count"), accessor.index("byteOffset", 0)
         view = self._view(accessor.index("bufferView"))
@@ -177,8 +173,8 @@ class GltfDocument:
         else:
             data = self.read(unquote(uri).replace("\\", "/"))
         self.size += len(data)
-        if self.size > MOST_BYTES:
-            raise MeshError(f"its buffers and textures are larger than {MOST_BYTES:,} bytes together")
+        if self.size > MAX_BUFFER_BYTES:
+            raise MeshError(f"its buffers and textures are larger than {MAX_BUFFER_BYTES:,} bytes together")
         return data
 
 
@@ -188,8 +184,8 @@ def open_document(name: str, data: bytes, read: Callable[[str], bytes]) -> GltfD
     text = data
     if PurePosixPath(name.replace("\\", "/")).suffix.lower() == ".glb":
         text, binary = _chunks(data)
-    if len(text) > MOST_JSON:
-        raise MeshError(f"its JSON is larger than {MOST_JSON:,} bytes")
+    if len(text) > MAX_JSON_BYTES:
+        raise MeshError(f"its JSON is larger than {MAX_JSON_BYTES:,} bytes")
     try:
         root = json.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError):
@@ -225,8 +221,8 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
     return found[JSON_CHUNK], found.get(BINARY_CHUNK)
 
 
-MOST_NODES = 20_000
-MOST_PARTS = 10_000  # with a material each, of all meshes together, counted as often as they are placed
+MAX_GLTF_NODES = 20_000
+MAX_GLTF_PARTS = 10_000  # with a material each, of all meshes together, counted as often as they are placed
 # What a file may require of its readers: what is read here is the same without it.
 HARMLESS = (
     *(
@@ -240,8 +236,8 @@ HARMLESS = (
     "KHR_xmp_json_ld",
 )
 DIFFUSE, MOVED = "KHR_materials_pbrSpecularGlossiness", "KHR_texture_transform"  # these are read
-REPEAT = 10497  # the usual wrap mode of a texture
-SLACK = 1e-3  # of a texture's size, by which places may lie outside it where it does not repeat
+REPEAT_MODE = 10497  # the usual wrap mode of a texture
+UV_SLACK = 1e-3  # of a texture's size, by which places may lie outside it where it does not repeat
 TRIANGLES, STRIP, FAN = 4, 5, 6  # the modes of a primitive that have faces
 
 
@@ -259,8 +255,8 @@ class _GltfReader:
             if "mesh" in node.data:
                 mesh = self.document.item("meshes", node.index("mesh"))
                 parts += [(part, turn) for part in mesh.items("primitives")]
-            if len(parts) > MOST_PARTS:  # before any of them is read
-                raise MeshError(f"its meshes have more than {MOST_PARTS:,} parts together")
+            if len(parts) > MAX_GLTF_PARTS:  # before any of them is read
+                raise MeshError(f"its meshes have more than {MAX_GLTF_PARTS:,} parts together")
         read = (self._surface(part, turn) for part, turn in parts)
         found = [surface for surface in read if surface is not None]
         if not found:
@@ -271,8 +267,8 @@ class _GltfReader:
         """The nodes of the scene that is shown, each with its place (4, 4) in it."""
         document = self.document
         count = document.count("nodes")
-        if count > MOST_NODES:
-            raise MeshError(f"it has more than {MOST_NODES:,} nodes")
+        if count > MAX_GLTF_NODES:
+            raise MeshError(f"it has more than {MAX_GLTF_NODES:,} nodes")
         if document.count("scenes"):
             roots = document.item("scenes", document.root.index("scene", 0)).indices("nodes")
         else:
@@ -281,14 +277,14 @@ class _GltfReader:
         seen = set(roots)
         if len(seen) < len(roots):
             raise MeshError("its scene names a node twice")
-        found = [(document.item("nodes", root), _placed(document.item("nodes", root))) for root in roots]
+        found = [(document.item("nodes", root), _node_matrix(document.item("nodes", root))) for root in roots]
         for node, turn in found:  # grows while it is walked
             for child in node.indices("children"):
                 if child in seen:
                     raise MeshError(f"node {child} has two parents, or is its own")
                 seen.add(child)
                 one = document.item("nodes", child)
-                found.append((one, turn @ _placed(one)))
+                found.append((one, turn @ _node_matrix(one)))
         return found
 
     def _surface(self, part: GltfItem, turn: Floats) -> ColoredMesh | None:
@@ -310,7 +306,7 @@ class _GltfReader:
         if not len(faces):
             return None
         placed = points @ turn[:3, :3].T + turn[:3, 3]
-        if not np.isfinite(placed).all() or np.abs(placed).max() > FARTHEST:
+        if not np.isfinite(placed).all() or np.abs(placed).max() > MAX_COORDINATE:
             raise MeshError("a coordinate in it is no number, or beyond all measure")
         if np.linalg.det(turn[:3, :3]) < 0.0:
             faces = faces[:, ::-1].copy()
@@ -353,8 +349,8 @@ class _GltfReader:
             uv = uv + moved.numbers("offset", 2, (0.0, 0.0))
         sampler = document.item("samplers", texture.index("sampler")) if "sampler" in texture.data else GltfItem({}, "")
         for axis, mode in enumerate(("wrapS", "wrapT")):
-            outside = uv[:, axis].min(initial=0.0) < -SLACK or uv[:, axis].max(initial=1.0) > 1.0 + SLACK
-            if outside and sampler.index(mode, REPEAT) != REPEAT:
+            outside = uv[:, axis].min(initial=0.0) < -UV_SLACK or uv[:, axis].max(initial=1.0) > 1.0 + UV_SLACK
+            if outside and sampler.index(mode, REPEAT_MODE) != REPEAT_MODE:
                 raise MeshError(
                     f"{texture.place} does not repeat ({mode} of its sampler), and a mesh reaches beyond its edge, "
                     "which is not read here: export it with places in the texture from 0 to 1"
@@ -376,7 +372,7 @@ def surfaces(name: str, data: bytes, read: Callable[[str], bytes]) -> tuple[Colo
     cameras, lights, morphs and all of a material but its base colour are left out. Raises MeshError.
     """
     document = open_document(name, data, read)
-    for extension in document.required():
+    for extension in document.required_extensions():
         if extension not in (*HARMLESS, DIFFUSE, MOVED):
             raise MeshError(f"it needs the extension {extension}, which is not read here: export it without")
     with np.errstate(all="ignore"):  # what overflows is found as no number
@@ -395,7 +391,7 @@ def _faces(order: Indices, mode: int) -> Indices:
     return faces
 
 
-def _placed(node: GltfItem) -> Floats:
+def _node_matrix(node: GltfItem) -> Floats:
     """The (4, 4) matrix of a node in its parent's frame."""
     if "matrix" in node.data:
         return node.numbers("matrix", 16, ()).reshape(4, 4).T

@@ -16,18 +16,18 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, ValidationError
 
 from scenegen.geometry import Footprint
-from scenegen.things.meshfile import GLTF, LEAST_MASS, MOST_FRICTION, MOST_MASS, PLAIN, Read, ending_of, mesh_points
+from scenegen.things.meshfile import GLTF, MAX_FRICTION, MAX_MASS, MESH_FILES, MIN_MASS, Read, ending_of, mesh_points
 from scenegen.things.outline import Floats, MeshError, Shadow
-from scenegen.things.urdf import ROBOT, RobotPlacement, robot_shadow
+from scenegen.things.urdf import URDF_ENDING, RobotPlacement, robot_shadow
 
-MOST_BYTES = 16_000_000  # of an index: a hundred thousand entries
-LARGEST, SMALLEST = 20.0, 0.001  # metres: what is larger or smaller is in another unit than its index says
-USUAL = 2.0  # metres: sizes up to here are what a hint takes a mistaken unit to have meant
-UNITS = ((0.01, "centimetres"), (0.001, "millimetres"))
-SHARE = 1e-9  # metres to which offsets are rounded, as outlines are
+MAX_INDEX_BYTES = 16_000_000  # of an index: a hundred thousand entries
+MAX_ASSET_SIZE, MIN_ASSET_SIZE = 20.0, 0.001  # metres: what is not between is in another unit
+USUAL_SIZE = 2.0  # metres: sizes up to here are what a hint takes a mistaken unit to have meant
+OTHER_UNITS = ((0.01, "centimetres"), (0.001, "millimetres"))
+OFFSET_ROUNDING = 1e-9  # metres to which offsets are rounded, as outlines are
 
 # Which axis of the file points up -> rows of the rotation that makes it z.
-UPRIGHT: Mapping[str, tuple[tuple[int, int, int], ...]] = {
+UPRIGHTS: Mapping[str, tuple[tuple[int, int, int], ...]] = {
     "x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
     "-x": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
     "y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
@@ -90,17 +90,17 @@ class AssetEntry(BaseModel):
     pitch: Number = 0.0
     yaw: Number = 0.0
     center: bool = False
-    mass: Annotated[Number, Field(ge=LEAST_MASS, le=MOST_MASS)] | None = None
-    friction: Annotated[Number, Field(ge=0.0, le=MOST_FRICTION)] | None = None
+    mass: Annotated[Number, Field(ge=MIN_MASS, le=MAX_MASS)] | None = None
+    friction: Annotated[Number, Field(ge=0.0, le=MAX_FRICTION)] | None = None
 
     @property
     def is_read(self) -> bool:
         """Whether its file is one that can be read."""
-        return ending_of(self.file) in (*GLTF, *PLAIN, ROBOT)
+        return ending_of(self.file) in (*GLTF, *MESH_FILES, URDF_ENDING)
 
     @property
     def is_robot(self) -> bool:
-        return ending_of(self.file) == ROBOT
+        return ending_of(self.file) == URDF_ENDING
 
     @property
     def matrix(self) -> Floats:
@@ -111,13 +111,13 @@ class AssetEntry(BaseModel):
     def turn(self) -> Floats:
         """(3, 3): the rotation alone."""
         own = "y" if ending_of(self.file) in GLTF else "z"
-        turn = np.array(UPRIGHT[self.up or own], dtype=np.float64) @ np.array(UPRIGHT[own], dtype=np.float64).T
+        turn = np.array(UPRIGHTS[self.up or own], dtype=np.float64) @ np.array(UPRIGHTS[own], dtype=np.float64).T
         for axis, degrees in enumerate((self.roll, self.pitch, self.yaw)):
-            turn = _about(axis, degrees) @ turn
+            turn = _rotation(axis, degrees) @ turn
         return turn
 
 
-def _about(axis: int, degrees: float) -> Floats:
+def _rotation(axis: int, degrees: float) -> Floats:
     quarters, rest = divmod(degrees, 90.0)
     angle = math.radians(degrees)
     exact = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarters) % 4]
@@ -137,15 +137,15 @@ class _File(BaseModel):
 @lru_cache(maxsize=8)
 def read_index(data: bytes) -> Mapping[str, AssetEntry]:
     """The entries of an index by name, in its order. Raises IndexFileError."""
-    if len(data) > MOST_BYTES:
-        raise IndexFileError(f"it is larger than {MOST_BYTES:,} bytes")
+    if len(data) > MAX_INDEX_BYTES:
+        raise IndexFileError(f"it is larger than {MAX_INDEX_BYTES:,} bytes")
     try:
         text = data.decode("utf-8-sig")
         found = _File.model_validate(tomllib.loads(text))
     except UnicodeDecodeError:
         raise IndexFileError("it is not UTF-8") from None
     except ValidationError as error:
-        raise IndexFileError(_said(text, error.errors()[0])) from None
+        raise IndexFileError(_error_text(text, error.errors()[0])) from None
     except (ValueError, RecursionError) as error:
         reason = "it is nested too deeply" if isinstance(error, RecursionError) else str(error).splitlines()[0]
         raise IndexFileError(f"it is not TOML: {reason[:200]}") from None
@@ -174,7 +174,7 @@ def _where(text: str, place: int) -> str:
     return f"asset {place + 1}{line}"
 
 
-def _said(text: str, error: Any) -> str:
+def _error_text(text: str, error: Any) -> str:
     """One of pydantic's errors in a line."""
     where = [part for part in error["loc"] if part != "asset"]
     reason = str(error["msg"]).removeprefix("Value error, ")
@@ -207,7 +207,7 @@ class FittedAsset:
     offset: Floats
 
 
-def fitted(entry: AssetEntry, data: bytes, read: Read) -> FittedAsset:
+def fit_asset(entry: AssetEntry, data: bytes, read: Read) -> FittedAsset:
     """The asset whose file has these bytes; `read` gives those of a file that a glTF or URDF names. Raises MeshError,
     AssetSizeError where it is far too large or small for a thing on a table, and what `read` raises."""
     if not entry.is_read:
@@ -218,10 +218,10 @@ def fitted(entry: AssetEntry, data: bytes, read: Read) -> FittedAsset:
     low, high = shadow_at(np.zeros(3)).spread
     _check_size(float((high - low).max()), entry.scale)
     middle = (low + high) / 2.0 if entry.center else np.zeros(3)
-    offset = -np.round(np.array([middle[0], middle[1], low[2]]) / SHARE) * SHARE
+    offset = -np.round(np.array([middle[0], middle[1], low[2]]) / OFFSET_ROUNDING) * OFFSET_ROUNDING
     shadow = shadow_at(offset)
     height = round(shadow.top - shadow.bottom, 9)
-    if height < SMALLEST / 1000.0:
+    if height < MIN_ASSET_SIZE / 1000.0:
         raise MeshError("it has no height")
     return FittedAsset(shadow.footprint(), height, offset)
 
@@ -240,19 +240,21 @@ def _robot_shadows(entry: AssetEntry, data: bytes, read: Read) -> Callable[[Floa
 def _mesh_shadows(entry: AssetEntry, data: bytes, read: Read) -> Callable[[Floats], Shadow]:
     points = np.concatenate([part @ entry.matrix.T for part in mesh_points(entry.file, data, read)])
 
-    def at(offset: Floats) -> Shadow:
+    def shadow_at(offset: Floats) -> Shadow:
         shadow = Shadow()
         shadow.points(np.eye(3), offset, points)
         return shadow
 
-    return at
+    return shadow_at
 
 
 def _check_size(size: float, scale: float) -> None:
-    if size > LARGEST:
-        likely = [f"in {unit}? scale = {scale * factor:g}" for factor, unit in UNITS if size * factor <= USUAL]
+    if size > MAX_ASSET_SIZE:
+        likely = [
+            f"in {unit}? scale = {scale * factor:g}" for factor, unit in OTHER_UNITS if size * factor <= USUAL_SIZE
+        ]
         raise AssetSizeError(size, f"is its file {'; '.join(likely)}" if likely else "")
-    if size < SMALLEST:
+    if size < MIN_ASSET_SIZE:
         raise AssetSizeError(
-            size, f"is its file in metres? scale = {scale * 1000.0:g}" if size * 1000.0 <= USUAL else ""
+            size, f"is its file in metres? scale = {scale * 1000.0:g}" if size * 1000.0 <= USUAL_SIZE else ""
         )

@@ -10,11 +10,11 @@ import re
 from dataclasses import dataclass
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
-from scenegen.things.furniture import WIDTH, Cabinet, Crate, Drawer, Form, Rack, RoundSolid, ShelfUnit, Vessel
+from scenegen.things.furniture import CABINET_WIDTH, Cabinet, Crate, Drawer, Form, Rack, RoundSolid, ShelfUnit, Vessel
 
 RGB = tuple[float, float, float]
 
-NAMED = ("red", "orange", "yellow", "green", "blue", "purple", "pink", "brown", "white", "grey", "black")  # some names
+COLOR_WORDS = ("red", "orange", "yellow", "green", "blue", "purple", "pink", "brown", "white", "grey", "black")
 
 
 def hex_of(written: str) -> str | None:
@@ -226,7 +226,7 @@ def own_size(shape: Shape) -> tuple[float, float, float]:
     """Length, width and height of the library's object that a shape is, before it is stretched; metres."""
     if shape.open:
         made = Cabinet(shape.open)
-        return made.length, WIDTH, made.height
+        return made.length, CABINET_WIDTH, made.height
     asset = ASSETS.get(shape.asset, ASSETS[UNKNOWN])
     return *asset.footprint.extent, asset.height
 
@@ -249,4 +249,4 @@ def stretch_of(shape: Shape) -> tuple[float, float, float]:
 def cabinet_shape(open: tuple[float, ...]) -> Shape:
     """A cabinet with one drawer for each share, the lowest first."""
     made = Cabinet(open)
-    return Shape("cabinet", Box(made.length, WIDTH), made.height, open=open)
+    return Shape("cabinet", Box(made.length, CABINET_WIDTH), made.height, open=open)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Polygon, centroid
 from scenegen.things.library import RGB
-from scenegen.things.outline import DRAWN, Floats, Indices, simplified
+from scenegen.things.outline import MAX_DRAWN_CORNERS, Floats, Indices, simplify
 from scenegen.things.palette import mix
 
 CREASE = math.radians(35.0)  # edges sharper than this are drawn as edges, flatter ones as a smooth surface
@@ -28,26 +28,26 @@ class Mesh:
     vertices: Floats
     faces: Indices
 
-    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
+    def shift(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
         return Mesh(self.vertices + np.array([x, y, z]), self.faces)
 
-    def tipped(self) -> Mesh:
+    def tip(self) -> Mesh:
         """Turned by a quarter about the x axis: what pointed up points along -y."""
         x, y, z = self.vertices.T
         return Mesh(np.column_stack([x, -z, y]), self.faces)
 
-    def laid(self) -> Mesh:
+    def lay(self) -> Mesh:
         """Turned by a quarter about the y axis: what pointed up points along +x."""
         x, y, z = self.vertices.T
         return Mesh(np.column_stack([z, y, -x]), self.faces)
 
-    def turned(self, angle: float) -> Mesh:
+    def turn(self, angle: float) -> Mesh:
         """Turned about the z axis, counter-clockwise, by radians."""
         x, y, z = self.vertices.T
         cos, sin = math.cos(angle), math.sin(angle)
         return Mesh(np.column_stack([cos * x - sin * y, sin * x + cos * y, z]), self.faces)
 
-    def scaled(self, x: float, y: float, z: float) -> Mesh:
+    def scale(self, x: float, y: float, z: float) -> Mesh:
         """Stretched along the axes by positive factors."""
         return Mesh(self.vertices * np.array([x, y, z]), self.faces)
 
@@ -58,14 +58,14 @@ class Mesh:
         return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
     @property
-    def closed(self) -> bool:
+    def is_closed(self) -> bool:
         """Whether every edge is used once in each direction."""
         edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]])
         forward = {(int(a), int(b)) for a, b in edges}
         return len(forward) == len(edges) and all((b, a) in forward for a, b in forward)
 
 
-def shaded(mesh: Mesh) -> tuple[Floats, Floats, Indices]:
+def shade_mesh(mesh: Mesh) -> tuple[Floats, Floats, Indices]:
     """Vertices, unit normals (both (3F, 3)) and indices (3F,) with one corner each: smooth but for creases."""
     corners = mesh.vertices[mesh.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -88,7 +88,7 @@ def shaded(mesh: Mesh) -> tuple[Floats, Floats, Indices]:
     return corners.reshape(-1, 3), normals, np.arange(flat.size)
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
+def join(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
@@ -201,14 +201,10 @@ def ribbon(stations: Sequence[tuple[float, float, float, float, float]]) -> Mesh
     return loft(sections)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What a part is, and the few details that several objects share.
-
-
 CREAM: RGB = (0.96, 0.93, 0.84)
-WHITE: RGB = (0.97, 0.97, 0.96)
+CHINA: RGB = (0.97, 0.97, 0.96)
 STEEL: RGB = (0.70, 0.72, 0.75)
-DARK: RGB = (0.20, 0.18, 0.18)
+SOOT: RGB = (0.20, 0.18, 0.18)
 COFFEE: RGB = (0.28, 0.17, 0.11)
 
 
@@ -272,24 +268,20 @@ def pip(length: float, width: float, bottom: float, top: float) -> Mesh:
     return prism([(-x, -y), (x, -tip), (x, tip), (-x, y)], bottom, top)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Plain shapes with sizes of their own: boxes, cylinders and prisms, with an arrow head on top for their heading.
-
-
 BEVEL = 0.05  # of the smallest size: what edges lose
-RAISED = 0.02  # of the smallest size: how far the mark stands out
-LARGEST_MARK = 0.06  # metres
+MARK_HEIGHT = 0.02  # of the smallest size: how far the mark stands out
+MAX_MARK = 0.06  # metres
 
 
 def plain(footprint: Footprint, height: float, color: RGB) -> tuple[Part, ...]:
     """Footprint x height as closed meshes: the body in its colour, and the mark. Sizes in metres."""
     light = sum(color) / 3 > 0.55
-    ink = mix(color, DARK, 0.55) if light else mix(color, WHITE, 0.65)
+    ink = mix(color, SOOT, 0.55) if light else mix(color, CHINA, 0.65)
     match footprint:
         case Circle(radius):
             smallest = min(2.0 * radius, height)
-            body = _round(radius, height - RAISED * smallest, BEVEL * smallest)
-            long = wide = min(radius, LARGEST_MARK)
+            body = _round(radius, height - MARK_HEIGHT * smallest, BEVEL * smallest)
+            long = wide = min(radius, MAX_MARK)
             x, y = 0.0, 0.0
         case Box(length, width):
             smallest = min(length, width, height)
@@ -297,36 +289,28 @@ def plain(footprint: Footprint, height: float, color: RGB) -> tuple[Part, ...]:
             half = np.array(corners) / 2.0
             body = _upright(half, 1.0 - 2.0 * BEVEL * smallest / np.array([length, width]), height, smallest)
             # In the middle of a cube, at the front of what is longer or larger.
-            long = wide = min(0.5 * min(length, width), LARGEST_MARK)
+            long = wide = min(0.5 * min(length, width), MAX_MARK)
             x, y = length / 2.0 - 0.25 * min(length, width) - long / 2.0, 0.0
         case Polygon(vertices):
-            outline = simplified(vertices, DRAWN)
+            outline = simplify(vertices, MAX_DRAWN_CORNERS)
             x, y, room = _middle(outline)
             smallest = min(2.0 * room, height)
             centred = np.array(outline) - (x, y)
-            body = _upright(centred, np.full(2, 1.0 - BEVEL * smallest / room), height, smallest).moved(x, y)
-            long = wide = min(room, LARGEST_MARK)
-    raised = RAISED * smallest
-    mark = pip(long, wide, height - 2.0 * raised, height).moved(x, y)
+            body = _upright(centred, np.full(2, 1.0 - BEVEL * smallest / room), height, smallest).shift(x, y)
+            long = wide = min(room, MAX_MARK)
+    raised = MARK_HEIGHT * smallest
+    mark = pip(long, wide, height - 2.0 * raised, height).shift(x, y)
     return Part(body, color), Part(mark, ink)
 
 
 def _round(radius: float, height: float, bevel: float) -> Mesh:
-    return revolve(
-        [
-            (0.0, 0.0),
-            (radius - bevel, 0.0),
-            (radius, bevel),
-            (radius, height - bevel),
-            (radius - bevel, height),
-            (0.0, height),
-        ]
-    )
+    inner, top = radius - bevel, height - bevel
+    return revolve([(0.0, 0.0), (inner, 0.0), (radius, bevel), (radius, top), (inner, height), (0.0, height)])
 
 
 def _upright(outline: Floats, inset: Floats, height: float, smallest: float) -> Mesh:
     """A convex outline (K, 2) round the origin, extruded; `inset` scales it at its bevelled ends."""
-    bevel, top = BEVEL * smallest, height - RAISED * smallest
+    bevel, top = BEVEL * smallest, height - MARK_HEIGHT * smallest
     levels = [(0.0, inset), (bevel, np.ones(2)), (top - bevel, np.ones(2)), (top, inset)]
     return loft(np.stack([np.column_stack([outline * scale, np.full(len(outline), z)]) for z, scale in levels]))
 

@@ -18,27 +18,16 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from scenegen.things import gltf
-from scenegen.things.colored_mesh import (
-    FARTHEST,
-    WHITE,
-    ColoredMesh,
-    MeshBudget,
-    refuse_layers,
-    tidy,
-    used,
-)
+from scenegen.things.colored_mesh import MAX_COORDINATE, WHITE, ColoredMesh, MeshBudget, refuse_layers, tidy, used
 from scenegen.things.library import RGB
 from scenegen.things.outline import Floats, Indices, MeshError
 
-LEAST_MASS, MOST_MASS = 1e-6, 1e6  # kg
-MOST_FRICTION = 100.0  # coefficient of sliding friction
-PLAIN = (".obj", ".stl")
+MIN_MASS, MAX_MASS = 1e-6, 1e6  # kg
+MAX_FRICTION = 100.0  # coefficient of sliding friction
+MESH_FILES = (".obj", ".stl")
 GLTF = (".glb", ".gltf")
 
 Read = Callable[[str], bytes]  # the bytes of a file by its name, relative to the one that names it; raises MeshError
-
-# --------------------------------------------------------------------------------------------------------------------
-# Names of files, as descriptions write them.
 
 
 def ending_of(name: str) -> str:
@@ -46,7 +35,7 @@ def ending_of(name: str) -> str:
     return PurePosixPath(name.replace("\\", "/")).suffix.lower()
 
 
-def beside(name: str, other: str) -> str:
+def sibling_name(name: str, other: str) -> str:
     """The name of a file that the file `name` names, as `name` is written."""
     folder = name.replace("\\", "/").rpartition("/")[0]
     return f"{folder}/{other}" if folder else other
@@ -76,10 +65,6 @@ def local_name(name: str, folder: Path, root: Path) -> str:
     return inner
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Reading a file: as it is drawn, or its geometry alone.
-
-
 def mesh_surfaces(
     name: str, data: bytes, read: Read, budget: MeshBudget | None = None, *, painted: bool = True
 ) -> tuple[ColoredMesh, ...]:
@@ -93,7 +78,7 @@ def mesh_surfaces(
     if ending in GLTF:
         found = gltf.surfaces(name, data, read)
     elif ending == ".obj" and painted:
-        found = tuple(map(tidy, _painted(data, read, budget)))
+        found = tuple(map(tidy, _material_surfaces(data, read, budget)))
     else:
         points, faces = _geometry(name, data)
         if not len(faces):
@@ -123,14 +108,14 @@ def vertices(name: str, data: bytes) -> Floats:
 def _finite(found: Floats) -> Floats:
     if not len(found):
         raise MeshError("it has no vertices")
-    if not np.isfinite(found).all() or np.abs(found).max() > FARTHEST:
+    if not np.isfinite(found).all() or np.abs(found).max() > MAX_COORDINATE:
         raise MeshError("a coordinate in it is no number, or beyond all measure")
     return found
 
 
 def _geometry(name: str, data: bytes) -> tuple[Floats, Indices]:
     """All vertices and triangles of an .obj or .stl file."""
-    if ending_of(name) not in PLAIN:
+    if ending_of(name) not in MESH_FILES:
         kind = f"{ending_of(name)} files" if ending_of(name) else "a file without an ending"
         known = "convert it to .glb, .gltf, .obj or .stl, or give the outline beside it"
         raise MeshError(f"{kind} cannot be read here: {known}")
@@ -152,10 +137,6 @@ def _numbers(rows: list[bytes]) -> Floats:
         raise MeshError("a vertex in it is not three numbers") from None
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Binary STL files, and those in words.
-
-
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 80  # bytes of a binary STL before the number of triangles
 
@@ -175,7 +156,7 @@ def _stl(data: bytes) -> Floats:
     size = start + _TRIANGLE.itemsize * count
     # A binary file may open with the word `solid`, too: its length decides. Four letters as a count mean 7 GB and more.
     if count < 0 or len(data) < size:
-        if data.removeprefix(MARK).lstrip()[:5].lower() == b"solid" and b"\0" not in data:
+        if data.removeprefix(BYTE_ORDER_MARK).lstrip()[:5].lower() == b"solid" and b"\0" not in data:
             return _stl_in_words(_text(data))
         raise MeshError("it is cut short" if count >= 0 else "it is no STL file")
     triangles = np.frombuffer(data, dtype=_TRIANGLE, count=count, offset=start)
@@ -202,18 +183,14 @@ def _stl_in_words(text: bytes) -> Floats:
     return _numbers(corners)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Wavefront .obj files, with the colours and textures of their .mtl files.
-#
 # The format: http://www.martinreddy.net/gfx/3d/OBJ.spec and http://paulbourke.net/dataformats/mtl/.
-
-
-MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a text
-MOST_MATERIALS = 10_000
-WITHOUT = ("", "None", "(null)")  # names of exporters for no material
-# Options of a texture: how many numbers or words follow at most. Those with a place in `MOVES` shift or stretch it.
-OPTIONS = {f"-{one}": 1 for one in "blendu blendv boost bm clamp imfchan texres".split()} | {"-o": 3, "-s": 3}
-MOVES = ("-o", "-s")
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # of the order of bytes, which editors write before a text
+MAX_MATERIALS = 10_000
+NO_MATERIAL = ("", "None", "(null)")  # names of exporters for no material
+# Options of a texture: how many numbers or words follow at most. Those in `SHIFTS` shift or stretch it.
+MAP_OPTIONS = {f"-{one}": 1 for one in "blendu blendv boost bm clamp imfchan texres".split()} | {"-o": 3, "-s": 3}
+SHIFTS = ("-o", "-s")
 
 
 @dataclass(slots=True)
@@ -227,7 +204,7 @@ class _Material:
 
 def _text(data: bytes) -> bytes:
     """A file in words: without a byte order mark, and its lines end with a newline, whatever ended them."""
-    text = data.removeprefix(MARK)
+    text = data.removeprefix(BYTE_ORDER_MARK)
     return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
 
 
@@ -318,7 +295,7 @@ def _fans(corners: Indices, sizes: Indices, faces: Indices) -> Indices:
     return found
 
 
-def _painted(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
+def _material_surfaces(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
     """A surface for each material, coloured by its Kd and map_Kd. A material without a colour, and faces without a
     material, get none. A surface has `uv` where all its corners name places in a texture."""
     text = _plain(data)
@@ -354,7 +331,7 @@ def _painted(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
                 firsts.append(place)
             corners[place] = known[key]
         budget.add_vertices(len(firsts))
-        if name not in materials and libraries and name not in WITHOUT:
+        if name not in materials and libraries and name not in NO_MATERIAL:
             line = faces.line(next(start for start, row in _rows(text, b"usemtl") if _words(row) == name))
             raise MeshError(f"{line}: material `{name[:60]}` is not in {', '.join(libraries)[:100]}")
         material = materials.get(name, _Material(""))
@@ -363,7 +340,7 @@ def _painted(data: bytes, read: Read, budget: MeshBudget) -> list[ColoredMesh]:
             line = faces.line_of(firsts[bare[0]])
             raise MeshError(f"{line}: a face has a texture, but no places in it (1/2 names the second vt)")
         if material.image and material.image not in images:
-            image = _beside(material.image, material.place, read, budget)
+            image = _read_sibling(material.image, material.place, read, budget)
             budget.add_texture(image, f"{material.place}: {material.image}")
             images[material.image] = image
         uv = None
@@ -383,22 +360,22 @@ def _libraries(faces: _ObjFaces, read: Read, budget: MeshBudget) -> tuple[dict[s
     for start, row in _rows(faces.text, b"mtllib"):
         names, line = _words(row), faces.line(start)
         try:
-            found = [(names, _beside(names, line, read, budget))]
+            found = [(names, _read_sibling(names, line, read, budget))]
         except MeshError:
             parts = names.split()
             if len(parts) < 2:
                 raise
-            found = [(part, _beside(part, line, read, budget)) for part in parts]
+            found = [(part, _read_sibling(part, line, read, budget)) for part in parts]
         for name, data in found:
             libraries.append(name)
             for title, material in _materials(name, data):
                 materials.setdefault(title, material)
-            if len(materials) > MOST_MATERIALS:
-                raise MeshError(f"{line}: its files have more than {MOST_MATERIALS:,} materials together")
+            if len(materials) > MAX_MATERIALS:
+                raise MeshError(f"{line}: its files have more than {MAX_MATERIALS:,} materials together")
     return materials, libraries
 
 
-def _beside(name: str, place: str, read: Read, budget: MeshBudget) -> bytes:
+def _read_sibling(name: str, place: str, read: Read, budget: MeshBudget) -> bytes:
     try:
         data = read(name.replace("\\", "/"))
     except MeshError as error:
@@ -431,7 +408,7 @@ def _floats(words: list[bytes], place: str) -> list[float]:
         values = [float(word) for word in words]
     except ValueError:
         raise MeshError(f"{place}: here must be numbers") from None
-    if not all(abs(value) <= FARTHEST for value in values):  # nor nan
+    if not all(abs(value) <= MAX_COORDINATE for value in values):  # nor nan
         raise MeshError(f"{place}: a number is none, or beyond all measure")
     return values
 
@@ -462,13 +439,13 @@ def _texture(material: _Material, text: str, place: str) -> None:
     """The options and file of a `map_Kd`."""
     words = text.split()
     at = 0
-    while at < len(words) and words[at] in OPTIONS:
-        option, most = words[at], OPTIONS[words[at]]
+    while at < len(words) and words[at] in MAP_OPTIONS:
+        option, most = words[at], MAP_OPTIONS[words[at]]
         at += 1
         given = 0
-        while given < most and at + given < len(words) - 1 and (option not in MOVES or _is_number(words[at + given])):
+        while given < most and at + given < len(words) - 1 and (option not in SHIFTS or _is_number(words[at + given])):
             given += 1
-        if option in MOVES:
+        if option in SHIFTS:
             values = _floats([word.encode() for word in words[at : at + given]], place)
             rest = 1.0 if option == "-s" else 0.0
             pair = values[0], values[1] if len(values) > 1 else rest

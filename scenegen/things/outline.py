@@ -14,13 +14,13 @@ from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Polygon, 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-DRAWN = 64  # corners of a prism at most; one with more is drawn as one round it
-CORNERS = 32  # of an outline at most: clearances are worked out corner by corner
-SAME = 1e-5  # sizes, relative: 1.5708 is a right angle. Outlines are a circle or a box where they are to this
+MAX_DRAWN_CORNERS = 64  # corners of a prism at most; one with more is drawn as one round it
+MAX_OUTLINE_CORNERS = 32  # of an outline at most: clearances are worked out corner by corner
+SAME_SIZE = 1e-5  # sizes, relative: 1.5708 is a right angle. Outlines are a circle or a box where they are to this
 STRAIGHT = 1e-6  # relative: a corner that stands out less is none
-THINNEST = 1e-6  # metres
-DIGITS = 9  # of metres: a nanometre, so that outlines read back as they were written
-SIDES = 32  # of the polygons that stand for round things
+MIN_THICKNESS = 1e-6  # metres
+OUTLINE_DIGITS = 9  # of metres: a nanometre, so that outlines read back as they were written
+OUTLINE_SIDES = 32  # of the polygons that stand for round things
 
 
 class MeshError(Exception):
@@ -60,10 +60,10 @@ class Shadow:
         tilt = math.hypot(axis[0], axis[1])
         rise = abs(float(axis[2])) * length / 2.0 + radius * tilt
         self._heights(float(at[2]) - rise, float(at[2]) + rise)
-        if tilt < SAME:
+        if tilt < SAME_SIZE:
             self.discs.append((float(at[0]), float(at[1]), radius))
             return
-        ring = np.array(_around(0.0, 0.0, radius))
+        ring = np.array(_circle_corners(0.0, 0.0, radius))
         rims = np.concatenate([np.column_stack([ring, np.full(len(ring), z)]) for z in (-length / 2, length / 2)])
         self.corners.append((rims @ turn.T + at)[:, :2])
 
@@ -79,7 +79,7 @@ class Shadow:
 
     def footprint(self) -> Footprint:
         """The convex hull of all shadows: a circle or an axis-aligned box round the origin where it is that, else a
-        polygon of at most `CORNERS` corners.
+        polygon of at most `MAX_OUTLINE_CORNERS` corners.
 
         Round shadows count as polygons drawn round them, which reach 0.5 % of the radius further, and an outline with
         too many corners is replaced by one drawn round it: a polygon holds all that was added, but for a millionth of
@@ -87,32 +87,32 @@ class Shadow:
         Raises MeshError where it covers no area.
         """
         points = np.concatenate([*self.corners, np.empty((0, 2))])
-        center = max((r for x, y, r in self.discs if math.hypot(x, y) <= SAME * r), default=0.0)
+        center = max((r for x, y, r in self.discs if math.hypot(x, y) <= SAME_SIZE * r), default=0.0)
         reach = [math.hypot(x, y) + r for x, y, r in self.discs]
         reach += [float(np.hypot(points[:, 0], points[:, 1]).max())] if len(points) else []
-        if center and max(reach) <= center * (1.0 + SAME):
-            return Circle(round(center, DIGITS))
-        rings = [corner for disc in self.discs for corner in _around(*disc)]
+        if center and max(reach) <= center * (1.0 + SAME_SIZE):
+            return Circle(round(center, OUTLINE_DIGITS))
+        rings = [corner for disc in self.discs for corner in _circle_corners(*disc)]
         corners = tuple((float(x), float(y)) for x, y in [*points.tolist(), *rings])
         hull = _hull(corners)
         diameter = max((math.dist(hull[0], corner) for corner in hull), default=0.0)
-        if not hull or signed_area(hull) < THINNEST * max(diameter, THINNEST):
+        if not hull or signed_area(hull) < MIN_THICKNESS * max(diameter, MIN_THICKNESS):
             raise MeshError("it covers no area of the table")
         x, y = (max(abs(corner[axis]) for corner in hull) for axis in (0, 1))
-        outline = simplified(hull, CORNERS)
-        slack = SAME * max(x, y)
+        outline = simplify(hull, MAX_OUTLINE_CORNERS)
+        slack = SAME_SIZE * max(x, y)
         if len(outline) == 4 and all(abs(abs(u) - x) <= slack and abs(abs(v) - y) <= slack for u, v in outline):
-            return Box(round(2.0 * x, DIGITS), round(2.0 * y, DIGITS))
-        rounded = _hull([(round(u, DIGITS) + 0.0, round(v, DIGITS) + 0.0) for u, v in outline])
+            return Box(round(2.0 * x, OUTLINE_DIGITS), round(2.0 * y, OUTLINE_DIGITS))
+        rounded = _hull([(round(u, OUTLINE_DIGITS) + 0.0, round(v, OUTLINE_DIGITS) + 0.0) for u, v in outline])
         if not rounded:
             raise MeshError("it covers no area of the table")
         return Polygon(rounded)
 
 
-def _around(x: float, y: float, radius: float) -> list[Point]:
+def _circle_corners(x: float, y: float, radius: float) -> list[Point]:
     """Corners of a regular polygon drawn round a circle; it touches the circle at the ends of both axes."""
-    far = radius / math.cos(math.pi / SIDES)
-    turns = [(k + 0.5) * math.tau / SIDES for k in range(SIDES)]
+    far = radius / math.cos(math.pi / OUTLINE_SIDES)
+    turns = [(k + 0.5) * math.tau / OUTLINE_SIDES for k in range(OUTLINE_SIDES)]
     return [(x + far * math.cos(turn), y + far * math.sin(turn)) for turn in turns]
 
 
@@ -151,10 +151,10 @@ def corners_of(footprint: Footprint, sides: int, most: int | None = None) -> Seq
             x, y = length / 2.0, width / 2.0
             return [(-x, -y), (x, -y), (x, y), (-x, y)]
         case Polygon(vertices):
-            return vertices if most is None else simplified(vertices, most)
+            return vertices if most is None else simplify(vertices, most)
 
 
-def simplified(corners: Sequence[Point], most: int) -> tuple[Point, ...]:
+def simplify(corners: Sequence[Point], most: int) -> tuple[Point, ...]:
     """A convex polygon with at most `most` >= 4 corners round one with more, both counter-clockwise.
 
     Corners that do not stand out go first. Then, as long as there are too many, the edge goes whose neighbours, drawn

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from scenegen.things.library import ASSETS, PLAIN, RGB, UNKNOWN, known_as
 
 
-def rgb_of(color: str) -> RGB:
+def parse_rgb(color: str) -> RGB:
     """The channels, 0 to 1, of "#rrggbb"."""
     red, green, blue = (int(color[at : at + 2], 16) / 255.0 for at in (1, 3, 5))
     return red, green, blue
@@ -37,7 +37,7 @@ PALETTE: tuple[RGB, ...] = (
 )
 
 
-def stable(name: str, taken: Sequence[RGB] = ()) -> RGB:
+def name_color(name: str, taken: Sequence[RGB] = ()) -> RGB:
     """The colour of a name: the same on every machine; the next free one of the palette where it is already taken."""
     start = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
     colors = [PALETTE[(start + step) % len(PALETTE)] for step in range(len(PALETTE))]
@@ -48,11 +48,11 @@ def stable(name: str, taken: Sequence[RGB] = ()) -> RGB:
     return shade(colors[len(taken) % len(PALETTE)], turns, turns + 1 + len(taken))
 
 
-def of_regions(names: Sequence[str]) -> list[RGB]:
+def region_colors(names: Sequence[str]) -> list[RGB]:
     """A pale colour for each region of a table, no two alike, none that of the wood."""
     used: list[RGB] = [CHOCOLATE]
     for name in names:
-        used.append(stable(name, used))
+        used.append(name_color(name, used))
     return [mix(color, LINEN, 0.35) for color in used[1:]]
 
 
@@ -77,10 +77,6 @@ def mix(color: RGB, other: RGB, share: float) -> RGB:
     return red, green, blue
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The colours of a scene's objects.
-
-
 def _family(name: str, asset: str) -> str | None:
     """What an object gets a shade of its colour with: the array of a plain shape, the library's objects of one name.
     None where its colour is its own."""
@@ -96,11 +92,11 @@ def _array(name: str) -> str:
 def _family_color(name: str, asset: str, used: Sequence[RGB]) -> RGB:
     known = known_as(_array(name)) if asset in PLAIN else asset
     if known is None or (asset in PLAIN and ASSETS[known].color in used):
-        return stable(_array(name), used)
+        return name_color(_array(name), used)
     return ASSETS[known].color
 
 
-def colors_of(objects: Sequence[tuple[str, str]], *, distinct: bool = False) -> tuple[RGB, ...]:
+def object_colors(objects: Sequence[tuple[str, str]], *, distinct: bool = False) -> tuple[RGB, ...]:
     """The main colour of every object of a scene, given as (name, asset), in the order given.
 
     What the library knows has the library's colour, and the elements of an array look the same. Blocks and plain shapes
@@ -109,13 +105,13 @@ def colors_of(objects: Sequence[tuple[str, str]], *, distinct: bool = False) -> 
     """
     if distinct:
         return _all_different(objects)
-    alike = [(asset if _natural(asset) else _array(name), asset) for name, asset in objects]
+    alike = [(asset if _has_own_color(asset) else _array(name), asset) for name, asset in objects]
     kinds = list(dict.fromkeys(alike))
     color = dict(zip(kinds, _all_different(kinds), strict=True))
     return tuple(color[kind] for kind in alike)
 
 
-def _natural(asset: str) -> bool:
+def _has_own_color(asset: str) -> bool:
     """Whether a colour belongs to what the asset is: apples are red, whereas blocks and bins come in all colours."""
     return asset not in (*PLAIN, UNKNOWN, "bin")
 
@@ -132,7 +128,7 @@ def _all_different(objects: Sequence[tuple[str, str]]) -> tuple[RGB, ...]:
     for (name, asset), family in zip(objects, families, strict=True):
         used = taken.setdefault("" if asset in PLAIN else asset, [])
         if family is None:
-            color = stable(name, used)
+            color = name_color(name, used)
         else:
             if family not in first:
                 first[family] = _family_color(name, asset, used)

@@ -18,7 +18,7 @@ from scenegen.geometry import MATH, NUMPY, POINT, PRIMITIVES, Box, Circle, Footp
 from scenegen.geometry.footprint import area, centroid
 from scenegen.pose import flat, places
 from scenegen.things.furniture import (
-    SIDES,
+    WALL_SIDES,
     Cabinet,
     Crate,
     Drawer,
@@ -35,7 +35,7 @@ from scenegen.things.library import PLAIN, Shape, entry_of, stretch_of
 
 Floats = npt.NDArray[np.float64]
 
-TURNS = 180  # headings that are tried where a footprint has to fit between walls
+TRIED_HEADINGS = 180  # headings that are tried where a footprint has to fit between walls
 
 
 def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[SupportSurface, ...]:
@@ -47,23 +47,23 @@ def surfaces_of(shape: Shape, upper: Shape | None = None) -> tuple[SupportSurfac
     if entry is None:
         own = shape.asset in PLAIN or isinstance(shape.footprint, Polygon)
         return (SupportSurface("top", shape.footprint, shape.height),) if own else ()
-    pockets = pocketed(shape)
+    pockets = pocket_furniture(shape)
     if pockets is not None:
-        return tuple(_stretched(one, x, y, z) for one in pockets.surfaces())
+        return tuple(_stretch(one, x, y, z) for one in pockets.surfaces())
     if isinstance(entry.form, ShelfUnit):
-        levels = tuple(_stretched(one, x, y, z) for one in _of_unit(entry.form))
+        levels = tuple(_stretch(one, x, y, z) for one in _of_unit(entry.form))
         return (levels[-1], *levels[:-1])
     rooms = rooms_of(shape)
     if rooms:
         inside = SupportSurface("inside", *rooms[0], walled=True)
         if upper is not None and not fits(upper.footprint, inside.outline):
-            found = nested(shape, upper)
+            found = nesting_surface(shape, upper)
             inside = inside if found is None or (found.name == "rim" and entry.rim is not None) else found
         if entry.rim is None:
             return (inside,)
-        return inside, _stretched(SupportSurface("rim", entry.rim, shape.height / z), x, y, z)
+        return inside, _stretch(SupportSurface("rim", entry.rim, shape.height / z), x, y, z)
     if entry.top is not None:
-        return (_stretched(SupportSurface("top", entry.top, shape.height / z), x, y, z),)
+        return (_stretch(SupportSurface("top", entry.top, shape.height / z), x, y, z),)
     return (SupportSurface("top", shape.footprint, shape.height),) if entry.flat else ()
 
 
@@ -83,7 +83,7 @@ def slabs_of(shape: Shape) -> tuple[Slab, ...]:
 
     entry, (x, y, z) = entry_of(shape), stretch_of(shape)
     unit = None if entry is None or not isinstance(entry.form, ShelfUnit) else entry.form
-    made = pocketed(shape) or unit
+    made = pocket_furniture(shape) or unit
     if made is None:
         return ()
     return tuple(
@@ -92,7 +92,7 @@ def slabs_of(shape: Shape) -> tuple[Slab, ...]:
     )
 
 
-def pocketed(shape: Shape) -> Cabinet | Drawer | Rack | None:
+def pocket_furniture(shape: Shape) -> Cabinet | Drawer | Rack | None:
     """Furniture whose walled surfaces have nothing above them: all that stands there in full is clear of its pieces."""
     entry = entry_of(shape)
     form = None if entry is None else entry.form
@@ -114,14 +114,14 @@ def _of_unit(unit: ShelfUnit) -> tuple[SupportSurface, ...]:
 
 def cells_of(shape: Shape) -> tuple[Box | Polygon, ...]:
     """What drawings from above show of furniture: the outlines of its surfaces; none of what is one prism or round."""
-    made = surfaces_of(shape) if pocketed(shape) is not None or shape.asset == "bin" else ()
+    made = surfaces_of(shape) if pocket_furniture(shape) is not None or shape.asset == "bin" else ()
     seen = (one.outline for one in made if one.pull is None or one.pull.reach > 0.0)
     return tuple(outline for outline in seen if not isinstance(outline, Circle))
 
 
 def rim_of(shape: Shape) -> float:
     """How high an object stands on pocketed furniture where it fits into no pocket: on the walls round them, metres."""
-    made = pocketed(shape)
+    made = pocket_furniture(shape)
 
     return shape.height if made is None else made.rim * stretch_of(shape)[2]
 
@@ -142,7 +142,7 @@ def fits(upper: Footprint, outline: Footprint) -> bool:
     """Whether a footprint fits into an outline at one heading or another, its centre in the outline's middle."""
     x, y = _middle(outline)
     room = PRIMITIVES["room"].evaluate
-    headings = (0.0, math.pi / 2.0, *(math.pi * turn / TURNS for turn in range(TURNS)))
+    headings = (0.0, math.pi / 2.0, *(math.pi * turn / TRIED_HEADINGS for turn in range(TRIED_HEADINGS)))
     return any(room(MATH, upper, outline, x, y, theta, 0.0, 0.0, 0.0) >= 0.0 for theta in headings)
 
 
@@ -154,8 +154,8 @@ def narrowest(upper: Footprint, width: float) -> float | None:
         return 2.0 * upper.radius if 2.0 * upper.radius <= width else None
     corners = upper.vertices if isinstance(upper, Polygon) else _corners(upper)
     found = []
-    for turn in range(2 * TURNS):  # of a polygon, half a turn is enough as well
-        cos, sin = math.cos(math.pi * turn / (2 * TURNS)), math.sin(math.pi * turn / (2 * TURNS))
+    for turn in range(2 * TRIED_HEADINGS):  # of a polygon, half a turn is enough as well
+        cos, sin = math.cos(math.pi * turn / (2 * TRIED_HEADINGS)), math.sin(math.pi * turn / (2 * TRIED_HEADINGS))
         xs, ys = zip(*((cos * x - sin * y, sin * x + cos * y) for x, y in corners), strict=True)
         if max(ys) - min(ys) <= width:
             found.append(max(xs) - min(xs))
@@ -174,7 +174,7 @@ def _middle(outline: Footprint) -> tuple[float, float]:
     return (min(x) + max(x)) / 2.0, (min(y) + max(y)) / 2.0
 
 
-def _stretched(one: SupportSurface, x: float, y: float, z: float) -> SupportSurface:
+def _stretch(one: SupportSurface, x: float, y: float, z: float) -> SupportSurface:
     outline: Footprint
     match one.outline:
         case Circle(radius):
@@ -200,14 +200,10 @@ def rooms_of(shape: Shape) -> Rooms:
     return tuple(rooms)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # What objects stand on: the table, or another object that carries their middle.
-#
 # Where a spec does not declare heights (docs/adr/0011-supports.md), this is how they are read from the poses (x, y,
 # theta), for pictures, for files of simulators and for settling alike.
-
-
-ROUNDING = 1e-9  # of a distance: far more than computing it can lose
+DISTANCE_ROUNDING = 1e-9  # of a distance: far more than computing it can lose
 
 
 def base_heights(
@@ -250,11 +246,11 @@ def _heights(shapes: Sequence[Shape], poses: Floats, solid: bool) -> Floats:
     for place, upper in enumerate(order):
         u, v, _ = _centroid_at(shapes[upper].footprint, poses[:, upper])
         apart = (x[:, :place] - u[:, None]) ** 2 + (y[:, :place] - v[:, None]) ** 2
-        scenes, lower = np.nonzero(apart <= (reach[:place] * (1.0 + ROUNDING)) ** 2)
+        scenes, lower = np.nonzero(apart <= (reach[:place] * (1.0 + DISTANCE_ROUNDING)) ** 2)
         for kind in np.unique(kinds[lower]):
             some, below = (numbers[kinds[lower] == kind] for numbers in (scenes, lower))
             carrier = shapes[order[below[0]]]
-            carried = _carried(carrier, shapes[upper], poses[some, np.take(order, below)], poses[some, upper], solid)
+            carried = _rises(carrier, shapes[upper], poses[some, np.take(order, below)], poses[some, upper], solid)
             np.maximum.at(heights, (some, place), np.where(carried >= 0.0, heights[some, below] + carried, 0.0))
     found = np.empty_like(heights)
     found[:, order] = heights
@@ -267,14 +263,14 @@ def kinds_of(shapes: Sequence[Shape]) -> npt.NDArray[np.int64]:
     return np.array([numbers.setdefault(shape, len(numbers)) for shape in shapes], dtype=np.int64)
 
 
-def _carried(lower: Shape, upper: Shape, below: Floats, poses: Floats, solid: bool) -> Floats:
+def _rises(lower: Shape, upper: Shape, below: Floats, poses: Floats, solid: bool) -> Floats:
     """(P,): how high above the lowest point of an object another one stands in it or on it, at poses (P, 3) each; -1
     where it is not carried."""
     inside = PRIMITIVES["room"].evaluate
     carried = carries(lower, upper, below, poses)
     if not carried.any():
         return np.full(len(poses), -1.0)
-    pockets = None if solid else pocketed(lower)
+    pockets = None if solid else pocket_furniture(lower)
     floor = np.full(len(poses), lower.height if pockets is None else rim_of(lower))
     rooms = rooms_of(lower) if pockets is None else ()
     for room, height in () if solid else reversed(rooms):  # from the rim downwards
@@ -307,22 +303,16 @@ def _centroid_at(footprint: Footprint, poses: Floats) -> tuple[Floats, Floats, F
     return x + cos * u - sin * v, y + sin * u + cos * v, theta
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # How things that taper stand in vessels whose walls slope: how deep they go, and how far they can then be moved.
-#
 # Both are taken as solids of revolution on one axis: how wide a thing is at each height, against how wide the vessel
 # is there. `rooms_of` has what fits as a prism; this is for what does not.
-
-
-SLACK = (
-    0.0001  # metres to each side of what stands between sloping walls: where it fits exactly there is one place alone
-)
-NARROWEST = 0.001  # metres that a foot overlaps a rim on which it stands
-UNSURE = 0.0018  # metres by which a height may be off: walls are flat pieces, so it depends on how both are turned
-TILT = math.tan(math.radians(2.2))  # that what is no solid of revolution may lean by
-GRIP = 0.013  # how wide a handle is
-COME_IN = math.cos(math.pi / SIDES)  # how far the pieces of a wall come in
-STEPS = 60  # of a bisection
+WALL_SLACK = 0.0001  # metres to each side of what stands between sloping walls: an exact fit leaves one place alone
+MIN_RIM_OVERLAP = 0.001  # metres that a foot overlaps a rim on which it stands
+HEIGHT_TOLERANCE = 0.0018  # metres: walls are flat pieces, so heights depend on how both are turned
+MAX_TILT = math.tan(math.radians(2.2))  # that what is no solid of revolution may lean by
+HANDLE_WIDTH = 0.013  # how wide a handle is
+COME_IN = math.cos(math.pi / WALL_SIDES)  # how far the pieces of a wall come in
+BISECTION_STEPS = 60  # of a bisection
 
 
 @dataclass(frozen=True, slots=True)
@@ -343,13 +333,13 @@ def profile_of(shape: Shape) -> Profile:
     entry, (x, y, z) = entry_of(shape), stretch_of(shape)
     match None if entry is None else entry.form:
         case RoundSolid(rows):
-            return Profile(_scaled(rows, max(x, y), z))
+            return Profile(_scale_profile(rows, max(x, y), z))
         case Vessel(rows, handle):
-            body = _scaled([(height, outer) for height, outer, _ in rows], max(x, y), z)
+            body = _scale_profile([(height, outer) for height, outer, _ in rows], max(x, y), z)
             if handle is None:
                 return Profile(body)
             _, end, low, high = handle
-            return Profile(body, ((low * z, high * z, math.hypot(end, GRIP / 2.0) * max(x, y)),))
+            return Profile(body, ((low * z, high * z, math.hypot(end, HANDLE_WIDTH / 2.0) * max(x, y)),))
         case _:
             reach = reach_of(shape.footprint)
             return Profile(((0.0, reach), (shape.height, reach)))
@@ -364,7 +354,7 @@ def leeway(lower: Shape, upper: Shape, height: float) -> float | None:
 
 
 @cache
-def nested(lower: Shape, upper: Shape) -> SupportSurface | None:
+def nesting_surface(lower: Shape, upper: Shape) -> SupportSurface | None:
     """Where an object stands in a vessel, as deep as its own shape lets it, or on the vessel's rim. Its outline holds
     the circle round the footprint wherever the object can stand. None where it would tilt, jam or fall through, and
     where `lower` is no vessel."""
@@ -373,16 +363,16 @@ def nested(lower: Shape, upper: Shape) -> SupportSurface | None:
         return None
     profile, (floor, _), (rim, mouth) = profile_of(upper), walls[0], walls[-1]
     free = _leeway(walls, profile, floor)
-    if free >= SLACK:
+    if free >= WALL_SLACK:
         return _surface("inside", upper, floor, free)
-    if profile.foot >= mouth + NARROWEST:
+    if profile.foot >= mouth + MIN_RIM_OVERLAP:
         return _on_rim(upper, profile.foot * COME_IN - mouth, mouth * COME_IN, rim)
-    high = _lowest(lambda height: _of_body(walls, profile, height, COME_IN) >= SLACK, floor, rim)
+    high = _lowest(lambda height: _of_body(walls, profile, height, COME_IN) >= WALL_SLACK, floor, rim)
     low = _lowest(lambda height: _of_body(walls, profile, height, 1.0) >= 0.0, floor, rim)
-    height = high if high - low <= UNSURE / 2.0 else (low + high) / 2.0
-    held = _of_body(walls, profile, high, COME_IN) >= SLACK and _of_ears(walls, profile, low) >= SLACK
-    held = held and high - height <= UNSURE and _lies_level(upper, high - low)
-    return _surface("inside", upper, height, SLACK) if held else None
+    height = high if high - low <= HEIGHT_TOLERANCE / 2.0 else (low + high) / 2.0
+    held = _of_body(walls, profile, high, COME_IN) >= WALL_SLACK and _of_ears(walls, profile, low) >= WALL_SLACK
+    held = held and high - height <= HEIGHT_TOLERANCE and _lies_level(upper, high - low)
+    return _surface("inside", upper, height, WALL_SLACK) if held else None
 
 
 def _lies_level(upper: Shape, unsure: float) -> bool:
@@ -390,12 +380,12 @@ def _lies_level(upper: Shape, unsure: float) -> bool:
     if isinstance(upper.footprint, Circle):
         return True
     entry = entry_of(upper)
-    return not (entry is not None and entry.bulging) and unsure <= TILT * min(upper.footprint.extent)
+    return not (entry is not None and entry.bulging) and unsure <= MAX_TILT * min(upper.footprint.extent)
 
 
 def _on_rim(upper: Shape, free: float, mouth: float, height: float) -> SupportSurface | None:
     """On a ring: a foot that covers all of it, the middle over the mouth."""
-    if free < SLACK or not isinstance(upper.footprint, Circle):
+    if free < WALL_SLACK or not isinstance(upper.footprint, Circle):
         return None
     if free < mouth:
         return _surface("rim", upper, height, free)
@@ -416,7 +406,7 @@ def _walls(shape: Shape) -> Rows | None:
     if entry is None or not isinstance(entry.form, Vessel):
         return None
     x, y, z = stretch_of(shape)
-    return _scaled([(height, inner) for height, _, inner in entry.form.rows if inner > 0.0], min(x, y), z)
+    return _scale_profile([(height, inner) for height, _, inner in entry.form.rows if inner > 0.0], min(x, y), z)
 
 
 def _leeway(walls: Rows, profile: Profile, height: float) -> float:
@@ -427,17 +417,19 @@ def _of_body(walls: Rows, profile: Profile, height: float, flat: float) -> float
     """The least of what the walls are wider than a thing, of all heights up to the rim."""
     start, end = max(walls[0][0], height), min(walls[-1][0], height + profile.body[-1][0])
     levels = {start, end, *(z for z, _ in walls), *(height + z for z, _ in profile.body)}
-    return min(flat * _at(walls, z, min) - _at(profile.body, z - height, max) for z in levels if start <= z <= end)
+    return min(
+        flat * _radius(walls, z, min) - _radius(profile.body, z - height, max) for z in levels if start <= z <= end
+    )
 
 
 def _of_ears(walls: Rows, profile: Profile, height: float) -> float:
     """The same of handles: walls lean outwards, so they are closest to the lowest point of one."""
     floor, rim = walls[0][0], walls[-1][0]
     places = ((max(floor, height + low), reach) for low, _, reach in profile.ears)
-    return min((COME_IN * _at(walls, z, min) - reach for z, reach in places if z <= rim), default=math.inf)
+    return min((COME_IN * _radius(walls, z, min) - reach for z, reach in places if z <= rim), default=math.inf)
 
 
-def _at(rows: Rows, z: float, pick: Callable[[Iterable[float]], float]) -> float:
+def _radius(rows: Rows, z: float, pick: Callable[[Iterable[float]], float]) -> float:
     """The radius at a height; at a step, `pick` of both."""
     found = []
     for (low, below), (high, above) in pairwise(rows):
@@ -448,21 +440,17 @@ def _at(rows: Rows, z: float, pick: Callable[[Iterable[float]], float]) -> float
 
 def _lowest(holds: Callable[[float], bool], low: float, high: float) -> float:
     """The least number between two from which on something holds."""
-    for _ in range(STEPS):
+    for _ in range(BISECTION_STEPS):
         middle = (low + high) / 2.0
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
 
 
-def _scaled(rows: Sequence[tuple[float, float]], wide: float, tall: float) -> Rows:
+def _scale_profile(rows: Sequence[tuple[float, float]], wide: float, tall: float) -> Rows:
     return tuple((z * tall, radius * wide) for z, radius in rows)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Which objects of a scene stand in each other: what pictures show as one thing going through another.
-
-
-SEEN = 1e-3  # metres that two objects share at least, sideways and upwards
+TOUCH = 1e-3  # metres that two objects share at least, sideways and upwards
 
 
 def overlapping(
@@ -486,21 +474,21 @@ def overlapping(
             rest = slice(a + 1, None)
             near = np.hypot(x[:, a, None] - x[:, rest], y[:, a, None] - y[:, rest]) < reach[a] + reach[rest]
             near &= (
-                np.minimum(tops[:, a, None], tops[:, rest]) - np.maximum(bottoms[:, a, None], bottoms[:, rest]) > SEEN
+                np.minimum(tops[:, a, None], tops[:, rest]) - np.maximum(bottoms[:, a, None], bottoms[:, rest]) > TOUCH
             )
             scenes, others = np.nonzero(near)
             others += a + 1
             pairs: list[tuple[int, int]] = []
             for kind in np.unique(kinds[others]):
                 some, b = (numbers[kinds[others] == kind] for numbers in (scenes, others))
-                seen = _seen(shapes, (a, int(b[0])), poses[some, a], poses[some, b], bottoms[some, a], bottoms[some, b])
+                seen = _meet(shapes, (a, int(b[0])), poses[some, a], poses[some, b], bottoms[some, a], bottoms[some, b])
                 pairs += zip(some[seen].tolist(), b[seen].tolist(), strict=True)
             for scene, other in sorted(pairs):
                 found[scene].append((a, other))
     return found
 
 
-def _seen(
+def _meet(
     shapes: Sequence[Shape], pair: tuple[int, int], first: Floats, second: Floats, low: Floats, lowest: Floats
 ) -> npt.NDArray[np.bool_]:
     """(P,): whether two objects overlap, and neither carries the other, at poses (P, 3) each."""
@@ -508,10 +496,10 @@ def _seen(
     lower, upper = carrier_first(shapes, a, b)
     below, above = (first, second) if lower == a else (second, first)
     carried = carries(shapes[lower], shapes[upper], below, above)
-    return np.asarray((_apart(shapes[a], shapes[b], first, second, low, lowest) < -SEEN) & ~carried)
+    return np.asarray((_clearance(shapes[a], shapes[b], first, second, low, lowest) < -TOUCH) & ~carried)
 
 
-def _apart(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats, lowest: Floats) -> Floats:
+def _clearance(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats, lowest: Floats) -> Floats:
     """(P,): the clearance of two objects' footprints at poses (P, 3); of furniture, of its pieces at that height."""
     gap = PRIMITIVES["gap"].evaluate
     found = np.full(len(first), np.inf)
@@ -519,7 +507,7 @@ def _apart(one: Shape, other: Shape, first: Floats, second: Floats, low: Floats,
         for b, begin, end in _prisms(other):
             apart = gap(NUMPY, a, b, *first.T, *second.T)
             shared = np.minimum(low + stop, lowest + end) - np.maximum(low + start, lowest + begin)
-            found = np.where(shared > SEEN, np.minimum(found, apart), found)
+            found = np.where(shared > TOUCH, np.minimum(found, apart), found)
     return found
 
 

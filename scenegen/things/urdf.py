@@ -19,19 +19,15 @@ from scenegen.geometry import Box, Circle, Footprint
 from scenegen.things.colored_mesh import WHITE, ColoredMesh, MeshBudget, refuse_layers
 from scenegen.things.library import RGB
 from scenegen.things.mesh import Mesh, box, disc, revolve
-from scenegen.things.meshfile import PLAIN, Read, beside, ending_of, mesh_points, mesh_surfaces
+from scenegen.things.meshfile import MESH_FILES, Read, ending_of, mesh_points, mesh_surfaces, sibling_name
 from scenegen.things.outline import Floats, MeshError, Shadow
 
-# --------------------------------------------------------------------------------------------------------------------
 # XML from strangers: elements with their attributes, lines and short texts, nothing else.
-#
 # Document types are refused, and with them entities; size, depth and number of elements are limited.
-
-
-MOST_XML_BYTES = 8_000_000
-MOST_ELEMENTS = 20_000
-DEEPEST = 50
-LONGEST = 200  # characters of text that are kept of an element
+MAX_XML_BYTES = 8_000_000
+MAX_ELEMENTS = 20_000
+MAX_XML_DEPTH = 50
+MAX_ELEMENT_TEXT = 200  # characters of text that are kept of an element
 
 
 @dataclass(slots=True)
@@ -48,13 +44,13 @@ class Element:
     def place(self) -> str:
         return f"line {self.line}, <{self.tag}>"
 
-    def all(self, tag: str) -> list[Element]:
+    def findall(self, tag: str) -> list[Element]:
         """The children of that tag."""
         return [child for child in self.children if child.tag == tag]
 
-    def one(self, tag: str) -> Element:
+    def find(self, tag: str) -> Element:
         """The first child of that tag. Raises MeshError where there is none."""
-        found = self.all(tag)
+        found = self.findall(tag)
         if not found:
             raise MeshError(f"{self.place}: there is no <{tag}> in it")
         return found[0]
@@ -69,8 +65,8 @@ class Element:
 
 def elements(data: bytes) -> Element:
     """The outermost element of an XML document. Raises MeshError."""
-    if len(data) > MOST_XML_BYTES:
-        raise MeshError(f"it is larger than {MOST_XML_BYTES:,} bytes")
+    if len(data) > MAX_XML_BYTES:
+        raise MeshError(f"it is larger than {MAX_XML_BYTES:,} bytes")
     parser = expat.ParserCreate()
     document = Element("", {}, 0)
     path = [document]
@@ -82,10 +78,10 @@ def elements(data: bytes) -> Element:
         count += 1
         if tag.startswith("xacro:"):
             raise MeshError(f"line {line}: it is a xacro file; expand it first: xacro in.xacro > out.urdf")
-        if count > MOST_ELEMENTS:
-            raise MeshError(f"it has more than {MOST_ELEMENTS:,} elements")
-        if len(path) > DEEPEST:
-            raise MeshError(f"line {line}: it is nested more than {DEEPEST} deep")
+        if count > MAX_ELEMENTS:
+            raise MeshError(f"it has more than {MAX_ELEMENTS:,} elements")
+        if len(path) > MAX_XML_DEPTH:
+            raise MeshError(f"line {line}: it is nested more than {MAX_XML_DEPTH} deep")
         element = Element(tag, attributes, line)
         path[-1].children.append(element)
         path.append(element)
@@ -98,8 +94,8 @@ def elements(data: bytes) -> Element:
 
     def characters(text: str) -> None:
         here = path[-1]
-        if not here.children and len(here.text) < LONGEST:
-            here.text += text[:LONGEST]
+        if not here.children and len(here.text) < MAX_ELEMENT_TEXT:
+            here.text += text[:MAX_ELEMENT_TEXT]
 
     parser.buffer_text = True
     parser.CharacterDataHandler = characters
@@ -115,12 +111,8 @@ def elements(data: bytes) -> Element:
     return document.children[0]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The links of a URDF file with their poses, all joints at zero, and the numbers of its elements.
-
-
-FARTHEST = 1e6  # of any number in the file
-KINDS = ("box", "cylinder", "sphere", "mesh")
+MAX_URDF_NUMBER = 1e6  # of any number in the file
+SOLIDS = ("box", "cylinder", "sphere", "mesh")
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +131,7 @@ def links_of(robot: Element) -> list[tuple[Element, LinkFrame]]:
     if robot.tag != "robot":
         raise MeshError(f"its outermost element is <{robot.tag}>, a URDF's is <robot>")
     links: dict[str, Element] = {}
-    for link in robot.all("link"):
+    for link in robot.findall("link"):
         name = link.get("name")
         if name in links:
             raise MeshError(f"{link.place}: a second link `{name}`")
@@ -148,10 +140,10 @@ def links_of(robot: Element) -> list[tuple[Element, LinkFrame]]:
         raise MeshError("it has no link")
     below: dict[str, list[tuple[str, LinkFrame]]] = {}
     parents: dict[str, str] = {}
-    for joint in robot.all("joint"):
+    for joint in robot.findall("joint"):
         ends = []
         for role in ("parent", "child"):
-            end = joint.one(role)
+            end = joint.find(role)
             name = end.get("link")
             if name not in links:
                 raise MeshError(f"{end.place}: there is no link `{name}`")
@@ -175,7 +167,7 @@ def links_of(robot: Element) -> list[tuple[Element, LinkFrame]]:
 
 def origin_of(element: Element) -> LinkFrame:
     """The pose that an element's <origin> gives: `rpy` are turns about the fixed x, y and z axes, in that order."""
-    origins = element.all("origin")
+    origins = element.findall("origin")
     if not origins:
         return LinkFrame(np.eye(3), np.zeros(3))
     roll, pitch, yaw = numbers_of(origins[0], "rpy", 3, "0 0 0")
@@ -192,8 +184,8 @@ def origin_of(element: Element) -> LinkFrame:
 
 def solid_of(shape: Element) -> Element:
     """The box, cylinder, sphere or mesh of a <visual> or <collision>. Raises MeshError."""
-    geometry = shape.one("geometry")
-    if len(geometry.children) != 1 or geometry.children[0].tag not in KINDS:
+    geometry = shape.find("geometry")
+    if len(geometry.children) != 1 or geometry.children[0].tag not in SOLIDS:
         found = " and ".join(f"<{child.tag}>" for child in geometry.children[:3]) or "nothing"
         raise MeshError(f"{geometry.place}: a shape is one box, cylinder, sphere or mesh; here is {found}")
     return geometry.children[0]
@@ -208,7 +200,7 @@ def numbers_of(element: Element, name: str, count: int, default: str = "") -> li
     if len(values) != count or len(text.split()) != count:
         wanted = "a number" if count == 1 else f"{count} numbers"
         raise MeshError(f'{element.place}: {name}="{text[:40]}" is not {wanted}')
-    if not all(abs(value) <= FARTHEST for value in values):  # nor nan
+    if not all(abs(value) <= MAX_URDF_NUMBER for value in values):  # nor nan
         raise MeshError(f'{element.place}: {name}="{text[:40]}" is beyond all measure')
     return values
 
@@ -223,10 +215,17 @@ def sizes_of(element: Element, name: str, count: int) -> list[float]:
 @contextmanager
 def placed_error(element: Element) -> Iterator[None]:
     """Errors of the block name the element."""
+    with named_error(element.place):
+        yield
+
+
+@contextmanager
+def named_error(what: str) -> Iterator[None]:
+    """Errors of the block begin with `what`."""
     try:
         yield
     except MeshError as error:
-        raise MeshError(f"{element.place}: {error}") from None
+        raise MeshError(f"{what}: {error}") from None
 
 
 def solid_mesh(solid: Element, sides: int, around: int, rings: int) -> Mesh:
@@ -234,7 +233,7 @@ def solid_mesh(solid: Element, sides: int, around: int, rings: int) -> Mesh:
     match solid.tag:
         case "box":
             x, y, z = sizes_of(solid, "size", 3)
-            return box(x, y, z).moved(z=-z / 2.0)
+            return box(x, y, z).shift(z=-z / 2.0)
         case "cylinder":
             (radius,), (length,) = sizes_of(solid, "radius", 1), sizes_of(solid, "length", 1)
             return disc(radius, -length / 2.0, length / 2.0, sides)
@@ -264,43 +263,34 @@ class MeshFiles:
                 self.budget.add_triangles(len(one.faces))
             return self.known[name]
         data = self._data(name)
-        try:
-            found = mesh_surfaces(name, data, self._beside(name), self.budget, painted=self.painted)
-        except MeshError as error:
-            raise MeshError(f"mesh {name[:60]}: {error}") from None
-        self.known[name] = found
-        return found
+        with named_error(f"mesh {name[:60]}"):
+            self.known[name] = mesh_surfaces(name, data, self._reader_beside(name), self.budget, painted=self.painted)
+        return self.known[name]
 
     def points(self, name: str) -> list[Floats]:
         """The vertices (V, 3) of its triangles."""
         if name not in self.outlines:
             data = self._data(name)
-            try:
-                self.outlines[name] = mesh_points(name, data, self._beside(name))
-            except MeshError as error:
-                raise MeshError(f"mesh {name[:60]}: {error}") from None
+            with named_error(f"mesh {name[:60]}"):
+                self.outlines[name] = mesh_points(name, data, self._reader_beside(name))
         self.budget.add_vertices(sum(map(len, self.outlines[name])))
         return self.outlines[name]
 
     def _data(self, name: str) -> bytes:
-        if ending_of(name) not in PLAIN:
+        if ending_of(name) not in MESH_FILES:
             why = "only .obj and .stl meshes are read in a URDF file: convert it, or give the outline beside it"
             raise MeshError(f"mesh {name[:60]}: {why}")
         data = self.read(name)
         self.budget.add_file(data)
         return data
 
-    def _beside(self, name: str) -> Read:
-        return lambda other: self.read(beside(name, other))
+    def _reader_beside(self, name: str) -> Read:
+        return lambda other: self.read(sibling_name(name, other))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Outlines.
-
-
-LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects, as in the language
-USUAL = 20.0  # metres: a file of something larger is in another unit
-ROBOT = ".urdf"
+MAX_URDF_SIZE, MIN_URDF_SIZE = 1e3, 1e-6  # metres: sizes of objects, as in the language
+USUAL_URDF_SIZE = 20.0  # metres: a file of something larger is in another unit
+URDF_ENDING = ".urdf"
 
 
 def outline(data: bytes, read_mesh: Read) -> tuple[Footprint, float]:
@@ -311,7 +301,7 @@ def outline(data: bytes, read_mesh: Read) -> tuple[Footprint, float]:
     stands with its lowest point on the table, wherever its origin is. `read_mesh` gives the bytes of a mesh file (.obj
     or .stl) as the file names it; what it raises passes through. Raises MeshError.
     """
-    return measured(robot_shadow(data, read_mesh), 'write scale="0.001 0.001 0.001" in its <mesh>')
+    return footprint_and_height(robot_shadow(data, read_mesh), 'write scale="0.001 0.001 0.001" in its <mesh>')
 
 
 def mesh_outline(name: str, data: bytes, read: Read) -> tuple[Footprint, float]:
@@ -319,7 +309,7 @@ def mesh_outline(name: str, data: bytes, read: Read) -> tuple[Footprint, float]:
     the metre; z points up in the first two, y in glTF files. As in `outline`, the footprint is the convex hull of what
     it covers, and the object stands with its lowest point on the table. `read` gives the bytes of a file that a glTF
     file names; what that raises passes through. Raises MeshError."""
-    return measured(
+    return footprint_and_height(
         mesh_shadow(name, data, read), 'give it an entry in assets.toml with scale = 0.001, and write asset("NAME")'
     )
 
@@ -343,7 +333,7 @@ def robot_shadow(data: bytes, read_mesh: Read, placed: RobotPlacement | None = N
     placed = placed or RobotPlacement()
     shadow, files = Shadow(), MeshFiles(read_mesh, painted=False)
     for link, pose in links_of(elements(data)):
-        for shape in link.all("collision") or link.all("visual"):
+        for shape in link.findall("collision") or link.findall("visual"):
             _add(shadow, shape, placed.then(pose.then(origin_of(shape))), placed.scale, files)
     if shadow.top < shadow.bottom:
         raise MeshError("no link of it has a shape")
@@ -358,19 +348,19 @@ def mesh_shadow(name: str, data: bytes, read: Read) -> Shadow:
     return shadow
 
 
-def measured(shadow: Shadow, hint: str = "") -> tuple[Footprint, float]:
+def footprint_and_height(shadow: Shadow, hint: str = "") -> tuple[Footprint, float]:
     """Footprint and height of a shadow, in metres. Raises MeshError. With a `hint`, which says what to do about a
     file in millimetres, what is larger than things on tables is refused."""
     footprint = shadow.footprint()
     height = round(shadow.top - shadow.bottom, 9)
     size = max(*footprint.extent, height)
-    if hint and size > USUAL:
+    if hint and size > USUAL_URDF_SIZE:
         raise MeshError(f"it would measure {size:,.4g} m; if its numbers are millimetres, {hint}")
-    if size > LARGEST:
-        raise MeshError(f"it is larger than {LARGEST:,.0f} m")
-    least = min(footprint.extent) if isinstance(footprint, Box | Circle) else SMALLEST
-    if min(least, height) < SMALLEST:
-        raise MeshError("it covers no area of the table" if least < SMALLEST else "it has no height")
+    if size > MAX_URDF_SIZE:
+        raise MeshError(f"it is larger than {MAX_URDF_SIZE:,.0f} m")
+    least = min(footprint.extent) if isinstance(footprint, Box | Circle) else MIN_URDF_SIZE
+    if min(least, height) < MIN_URDF_SIZE:
+        raise MeshError("it covers no area of the table" if least < MIN_URDF_SIZE else "it has no height")
     return footprint, height
 
 
@@ -391,11 +381,7 @@ def _add(shadow: Shadow, shape: Element, pose: LinkFrame, by: float, files: Mesh
                 shadow.points(pose.turn, pose.at, points * scale)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Drawings.
-
-
-ROUND = 40, 32, 16  # sides of a cylinder; of a sphere round and from pole to pole
+SOLID_SIDES = 40, 32, 16  # sides of a cylinder; of a sphere round and from pole to pole
 
 
 def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
@@ -407,13 +393,13 @@ def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
     """
     robot = elements(data)
     links = links_of(robot)
-    shapes = [(one, pose) for link, pose in links for one in link.all("visual")]
-    shapes = shapes or [(one, pose) for link, pose in links for one in link.all("collision")]
+    shapes = [(one, pose) for link, pose in links for one in link.findall("visual")]
+    shapes = shapes or [(one, pose) for link, pose in links for one in link.findall("collision")]
     if not shapes:
         raise MeshError("no link of it has a shape")
-    inside = [one for shape, _ in shapes for one in shape.all("material")]
+    inside = [one for shape, _ in shapes for one in shape.findall("material")]
     named: dict[str, Element] = {}
-    for material in (*robot.all("material"), *inside):
+    for material in (*robot.findall("material"), *inside):
         if material.children:
             named.setdefault(material.attributes.get("name", ""), material)
     files = MeshFiles(read)
@@ -422,7 +408,7 @@ def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
     for shape, pose in shapes:
         solid, place = solid_of(shape), pose.then(origin_of(shape))
         color, texture = _material(shape, named, files, textures)
-        for one in _drawn(solid, files):
+        for one in _solid_surfaces(solid, files):
             if one.color is None:
                 if texture and one.uv is None:
                     why = "it has a texture and no places in it: only .obj meshes have them"
@@ -433,10 +419,10 @@ def robot_surfaces(data: bytes, read: Read) -> tuple[ColoredMesh, ...]:
     return tuple(found)
 
 
-def _drawn(solid: Element, files: MeshFiles) -> tuple[ColoredMesh, ...]:
+def _solid_surfaces(solid: Element, files: MeshFiles) -> tuple[ColoredMesh, ...]:
     """A shape in its own frame."""
     if solid.tag != "mesh":
-        mesh = solid_mesh(solid, *ROUND)
+        mesh = solid_mesh(solid, *SOLID_SIDES)
         with placed_error(solid):
             files.budget.add_vertices(len(mesh.vertices))
             files.budget.add_triangles(len(mesh.faces))
@@ -456,7 +442,7 @@ def _material(
     shape: Element, named: Mapping[str, Element], files: MeshFiles, textures: dict[str, bytes]
 ) -> tuple[RGB | None, bytes]:
     """Colour and texture of a visual shape's <material>; `textures` keeps files that were read."""
-    if not (given := shape.all("material")):
+    if not (given := shape.findall("material")):
         return None, b""
     material, name = given[0], given[0].attributes.get("name", "")
     if not material.children and name:
@@ -464,10 +450,10 @@ def _material(
             raise MeshError(f"{material.place}: there is no material `{name[:60]}`")
         material = named[name]
     color: RGB | None = None
-    if colors := material.all("color"):
+    if colors := material.findall("color"):
         red, green, blue, _ = np.clip(numbers_of(colors[0], "rgba", 4), 0.0, 1.0).tolist()
         color = red, green, blue
-    if not (pictures := material.all("texture")):
+    if not (pictures := material.findall("texture")):
         return color, b""
     file = pictures[0].get("filename")
     if file not in textures:

@@ -7,6 +7,8 @@
     files(world, folder, together=...)   their bytes: one with all scenes in it, or one for each scene
 
 These are written, never read: they store no request, and only USD has the spec and phi, which are in scene files.
+Other packages add such modules by entry points of the group `scenegen.exporters`, looked up for names that are not in
+the table.
 """
 
 from __future__ import annotations
@@ -20,20 +22,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenegen.api.scene_arrays import SceneArrays
-from scenegen.errors import OutputError, RequestError
+from scenegen.errors import RequestError
 from scenegen.errors.declarations import ONE_FILE_MANY_NUMBERS
-from scenegen.errors.files import CANNOT_WRITE, ENDING_OF_ANOTHER, NO_FORMAT, WRONG_ENDING
+from scenegen.errors.files import NO_FORMAT, WRONG_ENDING
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, UNKNOWN_CHOICE
-from scenegen.looks.look import LOOKS
-from scenegen.needs import need
+from scenegen.looks.look import LOOKS_FILE
+from scenegen.needs import load_plugin, need, plugins
 from scenegen.scenes.blocks import Block, joined
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.files import check_folder, check_writable, ending_of, reported, scene_name, whole_files
+from scenegen.scenes.files import check_writable, ending_of, scene_name, whole_files
 from scenegen.scenes.formats import registry as table
-from scenegen.scenes.formats.registry import ENDINGS, FORMATS
+from scenegen.scenes.formats.registry import ENDINGS, FORMATS, check_out, is_one_file
 from scenegen.things.outline import Floats
-from scenegen.worlds.export.world import FOLDER as TEXTURES
-from scenegen.worlds.export.world import Own, recorded, worlds_of
+from scenegen.worlds.export.world import TEXTURES, Own, with_record, worlds_of
 
 if TYPE_CHECKING:
     from scenegen.worlds.export.looks import SceneLooks
@@ -43,43 +44,37 @@ EXPORTS: dict[str, str] = {
     "sdf": "scenegen.worlds.export.sdf",
     "usd": "scenegen.worlds.export.usd",
 }
-TITLES = {"mjcf": "MuJoCo", "sdf": "SDF (Gazebo)", "usd": "USD (Isaac Sim)"}  # on the page; else the name itself
+FORMAT_TITLES = {"mjcf": "MuJoCo", "sdf": "SDF (Gazebo)", "usd": "USD (Isaac Sim)"}  # on the page; else the name itself
 NEEDS = {"usd": "pxr"}  # packages that only an extra of scenegen installs
+PLANNERS, PROBLEMS = "pddl", "scenegen.planning.conversion"  # the format, and the module of it
+SCENE_FORMATS = {ending.removeprefix("."): ending for ending in FORMATS}
+KNOWN = (*EXPORTS, PLANNERS, *SCENE_FORMATS)
 CRATES = (".usd", ".usdc")  # endings of files that are binary: `files` gives their text
-MESHES = "meshes"
+EXPORTERS, WHAT = "scenegen.exporters", "export format"  # entry points of other packages: name -> such a module
+CONTRACT = ("ENDING", "meshes", "files")
+MESHES_FOLDER = "meshes"
 WITH_LOOKS = ("mjcf", "usd")
 
 
-def is_file(out: Path, to: str) -> bool:
-    """Whether `out` is one file with all scenes, by its ending; else it is a folder with a file each.
-
-    Raises RequestError for the ending of another format.
-    """
-    ending = ending_of(out)
-    if ending in FORMATS or ENDINGS.get(ending, to) != to:
-        other = ENDINGS.get(ending, "scene files")
-        raise RequestError(ENDING_OF_ANOTHER(path=out, other=other, format=to, places=_places(to)))
-    return ending in ENDINGS
+def is_world(to: str) -> bool:
+    """Whether a format is of simulators: one of `EXPORTS`, or of another package."""
+    return to != PLANNERS and to not in SCENE_FORMATS
 
 
-def _places(to: str) -> str:
-    endings = " or ".join(f"`{ending}`" for ending, name in ENDINGS.items() if name == to)
-    return f"name a folder, or a file that ends in {endings}"
+def exporter(to: str) -> Any:
+    """The module of a simulator's format. Raises RequestError for one of another package that cannot be used."""
+    if to in EXPORTS:
+        return importlib.import_module(EXPORTS[to])
+    return load_plugin(plugins(EXPORTERS, WHAT, KNOWN)[to], WHAT, CONTRACT)
 
 
-def check_out(out: Path, to: str, *inputs: Path) -> None:
-    """Refuse, before any work is done, an `out` that cannot be written to, and a format whose library is missing.
-    Raises RequestError, OutputError."""
-    if to in NEEDS:
-        need(NEEDS[to], f"to write {to.upper()}")
-    if is_file(out, to):
-        check_writable(out, *inputs)
-        return
-    with reported(out):
-        if out.is_file():
-            reason = f"it is a file, and a folder is made for {to}"
-            raise OutputError(CANNOT_WRITE(path=out, reason=reason, remedy=_places(to)))
-    check_folder(out)
+def own_ending(to: str) -> str | None:
+    """The ending of one file with all scenes in a format of another package; None for formats of our own, which
+    `ENDINGS` has."""
+    if not is_world(to) or to in EXPORTS:
+        return None
+    ending: str = exporter(to).ENDING
+    return ending
 
 
 def write_worlds(
@@ -101,7 +96,7 @@ def write_worlds(
 
     Raises RequestError for no scenes, DataError for objects too far from the table, OutputError.
     """
-    module: Any = importlib.import_module(EXPORTS[to])
+    module = exporter(to)
     if not scenes.count:
         raise RequestError(NO_SCENES())
     own: Own = {}
@@ -109,15 +104,15 @@ def write_worlds(
         from scenegen.worlds.own_body import own_bodies_of
 
         own = own_bodies_of(header, sources, painted=to in WITH_LOOKS)
-    together = is_file(out, to)
+    together = is_one_file(out, to, own_ending(to))
     if together and header.counts:
         raise RequestError(ONE_FILE_MANY_NUMBERS(path=out, format=to))
-    folder, meshes = (out.parent, f"{out.stem}_{MESHES}") if together else (out, MESHES)
+    folder, meshes = (out.parent, f"{out.stem}_{MESHES_FOLDER}") if together else (out, MESHES_FOLDER)
     written: dict[int, Path] = {}
     with whole_files(folder) as put:
         put_already = set[str]()
         for bare in worlds_of(header, scenes, own):
-            world = replace(recorded(bare, header, scenes, labels), dressing=dressing)
+            world = replace(with_record(bare, header, scenes, labels), dressing=dressing)
             if rest is not None:
                 names = [one.name for one in header.objects]
                 here = [names.index(body.name) for body in world.bodies]
@@ -129,26 +124,16 @@ def write_worlds(
             numbers = world.scenes[:1] if together else world.scenes
             for number, data in zip(numbers, module.files(world, meshes, together=together), strict=True):
                 name = out.name if together else f"{scene_name(number, scenes.count)}{module.ENDING}"
-                put(name, _crate(data) if together and out.suffix.lower() in CRATES else data)
+                put(name, module.crate(data) if together and to == "usd" and out.suffix.lower() in CRATES else data)
                 written[number] = folder / name
         if dressing is not None:
             for name, data in dressing.textures():
                 put(f"{TEXTURES}/{name}", data)
-            put(LOOKS, dressing.record([path.name for _, path in sorted(written.items())]))
+            put(LOOKS_FILE, dressing.record([path.name for _, path in sorted(written.items())]))
     return tuple(path for _, path in sorted(written.items()))
 
 
-def _crate(text: bytes) -> bytes:
-    from scenegen.worlds.export.usd import crate
-
-    return crate(text)
-
-
-PLANNERS, PROBLEMS = "pddl", "scenegen.planning.conversion"  # the format, and the module of it
-NAMES = {ending.removeprefix("."): ending for ending in FORMATS}  # formats of scene files
-
-
-CALLED = {  # what formats are called elsewhere, mostly after what reads them
+OTHER_NAMES = {  # what formats are called elsewhere, mostly after what reads them
     **dict.fromkeys(("mujoco", "mjx", "mujocoplayground", "dmcontrol", "robosuite", "maniskill", "xml"), "mjcf"),
     **dict.fromkeys(("isaac", "isaacsim", "isaaclab", "omniverse", "openusd", "usda", "usdc", "usdz"), "usd"),
     **dict.fromkeys(("gazebo", "gz", "ignition", "gzsim", "world", "drake"), "sdf"),
@@ -156,38 +141,41 @@ CALLED = {  # what formats are called elsewhere, mostly after what reads them
 }
 
 
-def chosen(to: str | None, out: Path) -> str:
+def export_format(to: str | None, out: Path) -> str:
     """The format that is asked for, by its name or else by the ending of `out`. Raises RequestError."""
-    known = (*EXPORTS, PLANNERS, *NAMES)
     if to is None:
         ending = ending_of(out)
         if ending in ENDINGS:
             return ENDINGS[ending]
         if ending in FORMATS:
             return ending.removeprefix(".")
+        known = (*KNOWN, *plugins(EXPORTERS, WHAT, KNOWN))
         raise RequestError(NO_FORMAT(path=out, known=known, name="", instead=table.INSTEAD.get(ending[1:])))
-    if to not in known:
+    others = plugins(EXPORTERS, WHAT, KNOWN) if to not in KNOWN else {}
+    if to not in (*KNOWN, *others):
         name = to.casefold().translate({ord(odd): None for odd in "_-. "})
-        instead = f"the format for {to} is `{CALLED[name]}`" if name in CALLED else table.INSTEAD.get(name)
-        raise RequestError(UNKNOWN_CHOICE(what="format", name=to, known=known, instead=instead))
+        instead = f"the format for {to} is `{OTHER_NAMES[name]}`" if name in OTHER_NAMES else table.INSTEAD.get(name)
+        raise RequestError(UNKNOWN_CHOICE(what="format", name=to, known=(*KNOWN, *others), instead=instead))
     return to
 
 
 def check_export(out: Path, to: str, *inputs: Path) -> None:
     """Refuse, before any work is done, what cannot be written. Raises RequestError, OutputError."""
-    if to in EXPORTS or to == PLANNERS:
-        check_out(out, to, *inputs)
+    if to not in SCENE_FORMATS:
+        if to in NEEDS:
+            need(NEEDS[to], f"to write {to.upper()}")
+        check_out(out, to, *inputs, own=own_ending(to))
         return
-    if ending_of(out) != NAMES[to]:
-        better = out.with_suffix(NAMES[to])
-        raise RequestError(WRONG_ENDING(path=out, ending=NAMES[to], format=to, better=better, leave="to"))
+    if ending_of(out) != SCENE_FORMATS[to]:
+        better = out.with_suffix(SCENE_FORMATS[to])
+        raise RequestError(WRONG_ENDING(path=out, ending=SCENE_FORMATS[to], format=to, better=better, leave="to"))
     table.format_of(out)
     check_writable(out, *inputs)
 
 
 def check_meshes(to: str, meshes: Path | None, option: str = "meshes") -> None:
     """Raises RequestError where a folder of meshes is given for a format without bodies."""
-    if meshes is not None and to not in EXPORTS:
+    if meshes is not None and not is_world(to):
         raise RequestError(
             OUT_OF_PLACE(option=option, rule="gives bodies to simulators", remedy="take mjcf, sdf or usd")
         )
@@ -199,7 +187,7 @@ def check_looks(out: Path, to: str, looks: str | Path | None, option: str = "loo
         return
     if to not in WITH_LOOKS:
         raise RequestError(OUT_OF_PLACE(option=option, rule="goes with mjcf and usd", remedy="leave it out"))
-    if is_file(out, to):
+    if is_one_file(out, to):
         rule = "gives each scene a file of its own"
         raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="name a folder"))
 
@@ -213,11 +201,11 @@ def export(
     seed: int = 0,
 ) -> tuple[Path, ...]:
     """See `SceneSet.export`."""
-    to = chosen(to, out)
+    to = export_format(to, out)
     check_export(out, to)
     check_meshes(to, meshes)
     check_looks(out, to, looks)
-    if to in EXPORTS:
+    if is_world(to):
         from scenegen.worlds.export.looks import dressing_of
 
         given = None if looks is None else dressing_of(scenes.file(), looks, seed)
@@ -234,21 +222,21 @@ def convert(source: Path, out: Path, to: str | None = None, meshes: Path | None 
 
     Scene files go through memory in blocks. Raises RequestError, DataError, OutputError.
     """
-    to = chosen(to, out)
+    to = export_format(to, out)
     check_export(out, to, source)
     check_meshes(to, meshes)
     reading = table.read_scenes(source)
-    if to in EXPORTS:
+    if is_world(to):
         scenes = reading.whole()
         files = write_worlds(out, to, reading.header, scenes, reading.labels, meshes)
         return scenes.count, files
-    counts: list[int] = []
-    table.write_scenes(out, reading.header, reading.labels, _counted(reading.blocks, counts))
-    return sum(counts), (out,)
+    count = 0
 
+    def blocks() -> Iterator[Block]:
+        nonlocal count
+        for block in reading.blocks:
+            count += block.count
+            yield block
 
-def _counted(blocks: Iterator[Block], counts: list[int]) -> Iterator[Block]:
-    """The same blocks; `counts` is called with the number of scenes of each."""
-    for block in blocks:
-        counts.append(block.count)
-        yield block
+    table.write_scenes(out, reading.header, reading.labels, blocks())
+    return count, (out,)

@@ -18,21 +18,20 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.errors import DataError
-from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.needs import need
 from scenegen.processes.process import DONE, GONE, WorkerMessage, WorkerProcess
 from scenegen.scenes.data import SceneFile, ShapeData
-from scenegen.scenes.own_files import is_read, own_file, reason_of
+from scenegen.scenes.own_files import own_file, read_files
 from scenegen.things.colored_mesh import ColoredMesh, check_texture
-from scenegen.things.mesh import Mesh, joined
-from scenegen.things.meshfile import LEAST_MASS, MOST_FRICTION, MOST_MASS, Read, mesh_surfaces
+from scenegen.things.mesh import Mesh, join
+from scenegen.things.meshfile import MAX_FRICTION, MAX_MASS, MIN_MASS, Read, mesh_surfaces
 from scenegen.things.outline import Floats, Indices, MeshError
 from scenegen.things.urdf import (
     Element,
     MeshFiles,
     elements,
     links_of,
+    named_error,
     numbers_of,
     origin_of,
     placed_error,
@@ -42,21 +41,17 @@ from scenegen.things.urdf import (
     solid_of,
 )
 
-# --------------------------------------------------------------------------------------------------------------------
 # Convex pieces of a mesh, by CoACD (Wei et al. 2022, https://colin97.github.io/CoACD/): what it collides with.
-#
 # CoACD runs in a process of its own: what it makes of a damaged mesh, crashes and endless searches included, ends
 # there. The seed is fixed, so the same mesh gives the same pieces. They are kept for the next time, by the mesh's
 # content.
-
-
 # Fewer nodes and iterations of its search than the default: a closed bowl takes 7 s, an open box 23 s instead of 100 s.
-OPTIONS = {"threshold": 0.05, "max_convex_hull": 64, "mcts_nodes": 10, "mcts_iterations": 40, "seed": 0}
-MOST_TRIANGLES = 300_000  # of a mesh that is cut
-SECONDS = 300.0  # that cutting one mesh may take
-SMALL = 3_000  # triangles up to which it is seen whether a mesh is convex
-FLAT = 1e-6  # relative: how far a convex mesh may be from that, and which share of the box a piece must fill
-LEAST_PIECE = 1e-6  # of the box round a mesh: what is less is left out
+COACD_OPTIONS = {"threshold": 0.05, "max_convex_hull": 64, "mcts_nodes": 10, "mcts_iterations": 40, "seed": 0}
+MAX_CUT_TRIANGLES = 300_000  # of a mesh that is cut
+MAX_CUT_SECONDS = 300.0  # that cutting one mesh may take
+MAX_CONVEX_TEST = 3_000  # triangles up to which it is seen whether a mesh is convex
+CONVEX_TOLERANCE = 1e-6  # relative: how far a convex mesh may be from that
+MIN_PIECE_SHARE = 1e-6  # of the box round a mesh: what is less is left out
 
 
 def convex_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
@@ -73,19 +68,19 @@ def convex_pieces(mesh: Mesh) -> tuple[Mesh, ...]:
     whole = Mesh(points, faces)
     if not len(faces) or not (np.ptp(points, axis=0) > 0.0).all():
         raise MeshError("it has no volume")
-    if len(faces) <= SMALL and whole.closed:
+    if len(faces) <= MAX_CONVEX_TEST and whole.is_closed:
         if whole.volume < 0.0:
             whole = Mesh(points, faces[:, ::-1].copy())
         if _is_convex(whole):
             return (whole,)
-    if len(faces) > MOST_TRIANGLES:
-        raise MeshError(f"it has more than {MOST_TRIANGLES:,} triangles to be cut into convex pieces: simplify it")
+    if len(faces) > MAX_CUT_TRIANGLES:
+        raise MeshError(f"it has more than {MAX_CUT_TRIANGLES:,} triangles to be cut into convex pieces: simplify it")
     found = _pieces(whole.vertices.tobytes(), whole.faces.astype("<i8").tobytes())
     least, most = points.min(axis=0), points.max(axis=0)
     pieces = []
     for vertices, corners in found:
         piece = Mesh(np.clip(vertices, least, most), corners)  # CoACD's own rounding, and its remeshing, reach outside
-        if abs(piece.volume) > LEAST_PIECE * float(np.prod(most - least)):
+        if abs(piece.volume) > MIN_PIECE_SHARE * float(np.prod(most - least)):
             pieces.append(piece if piece.volume > 0.0 else Mesh(piece.vertices, corners[:, ::-1].copy()))
     if not pieces:
         raise MeshError("it has no volume")
@@ -97,18 +92,18 @@ def _is_convex(mesh: Mesh) -> bool:
     across = np.cross(b - a, c - a)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
     beyond = mesh.vertices @ across.T - (across * a).sum(axis=1)
-    return mesh.volume > 0.0 and bool(beyond.max() <= FLAT * np.ptp(mesh.vertices, axis=0).max())
+    return mesh.volume > 0.0 and bool(beyond.max() <= CONVEX_TOLERANCE * np.ptp(mesh.vertices, axis=0).max())
 
 
 @lru_cache(maxsize=64)
 def _pieces(vertices: bytes, faces: bytes) -> tuple[tuple[Floats, Indices], ...]:
     need("coacd", "to cut meshes into convex pieces")
-    name = hashlib.sha256(repr((_version(), OPTIONS, len(vertices))).encode() + vertices + faces).hexdigest()
+    name = hashlib.sha256(repr((_version(), COACD_OPTIONS, len(vertices))).encode() + vertices + faces).hexdigest()
     path = _folder() / f"{name}.npz"
-    kept = _kept(path)
+    kept = _load_pieces(path)
     if kept is None:
         kept = _cut(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype="<i8").reshape(-1, 3))
-        _keep(path, kept)
+        _save_pieces(path, kept)
     return kept
 
 
@@ -121,13 +116,13 @@ def _version() -> str:
 
 def _cut(vertices: Floats, faces: Indices) -> tuple[tuple[Floats, Indices], ...]:
     answers: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()
-    cutter = WorkerProcess("CoACD", pickle.dumps(cut, protocol=5), answers, (0, (vertices, faces, OPTIONS)))
+    cutter = WorkerProcess("CoACD", pickle.dumps(cut, protocol=5), answers, (0, (vertices, faces, COACD_OPTIONS)))
     try:
-        made = answers.get(timeout=SECONDS)
+        made = answers.get(timeout=MAX_CUT_SECONDS)
         if made.ready and made.status == DONE:
-            made = answers.get(timeout=SECONDS)
+            made = answers.get(timeout=MAX_CUT_SECONDS)
     except queue.Empty:
-        raise MeshError(f"cutting it into convex pieces takes more than {SECONDS:.0f} s: simplify it") from None
+        raise MeshError(f"cutting it into convex pieces takes more than {MAX_CUT_SECONDS:.0f} s: simplify it") from None
     finally:
         said = cutter.end()
     if made.status != DONE:
@@ -156,7 +151,7 @@ def _folder() -> Path:
     return Path(root).expanduser() / "scenegen" / "convex"
 
 
-def _kept(path: Path) -> tuple[tuple[Floats, Indices], ...] | None:
+def _load_pieces(path: Path) -> tuple[tuple[Floats, Indices], ...] | None:
     """What an earlier run found; None where it did not, or the file is damaged."""
     try:
         with np.load(path, allow_pickle=False) as held:
@@ -173,7 +168,7 @@ def _kept(path: Path) -> tuple[tuple[Floats, Indices], ...] | None:
     return found if fits else None
 
 
-def _keep(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
+def _save_pieces(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
     """Where it cannot be written, the next run cuts again."""
     data = io.BytesIO()
     counts = np.array([(len(vertices), len(faces)) for vertices, faces in pieces])
@@ -191,8 +186,8 @@ def _keep(path: Path, pieces: tuple[tuple[Floats, Indices], ...]) -> None:
                 raise
 
 
-ROUND = 24, 24, 8  # sides of a cylinder; of a sphere round and from pole to pole
-MOST_PIECES = 1_000
+PIECE_SIDES = 24, 24, 8  # sides of a cylinder; of a sphere round and from pole to pole
+MAX_OWN_PIECES = 1_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,13 +200,13 @@ class OwnBody:
     friction: float | None = None
     skins: tuple[ColoredMesh, ...] = ()
 
-    def moved(self, offset: Floats) -> OwnBody:
+    def shift(self, offset: Floats) -> OwnBody:
         """By an offset (3,) in metres."""
-        pieces = tuple(one.moved(*offset.tolist()) for one in self.pieces)
+        pieces = tuple(one.shift(*offset.tolist()) for one in self.pieces)
         skins = tuple(replace(one, vertices=one.vertices + offset) for one in self.skins)
         return replace(self, pieces=pieces, skins=skins)
 
-    def turned(self, matrix: Floats) -> OwnBody:
+    def turn(self, matrix: Floats) -> OwnBody:
         """Turned and scaled by a matrix (3, 3) that does not mirror; the mass stays."""
         pieces = tuple(Mesh(one.vertices @ matrix.T, one.faces) for one in self.pieces)
         skins = tuple(replace(one, vertices=one.vertices @ matrix.T) for one in self.skins)
@@ -225,7 +220,7 @@ def mesh_body(name: str, data: bytes, read: Read, matrix: Floats | None = None, 
     and RequestError as `convex_pieces`."""
     place = np.eye(3) if matrix is None else matrix
     found = mesh_surfaces(name, data, read, painted=painted)
-    mesh = joined([Mesh(one.vertices, one.faces) for one in found])
+    mesh = join([Mesh(one.vertices, one.faces) for one in found])
     pieces = convex_pieces(mesh if matrix is None else Mesh(mesh.vertices @ place.T, mesh.faces))
     skins = tuple(replace(one, vertices=one.vertices @ place.T) for one in found) if painted else ()
     return OwnBody(pieces, skins=skins)
@@ -246,7 +241,7 @@ def robot_body(data: bytes, read: Read, *, painted: bool = False) -> OwnBody:
     pieces = [
         Mesh(piece.vertices @ place.turn.T + place.at, piece.faces)
         for link, pose in links
-        for shape in link.all("collision") or link.all("visual")
+        for shape in link.findall("collision") or link.findall("visual")
         for place in (pose.then(origin_of(shape)),)
         for piece in reader.pieces(solid_of(shape))
     ]
@@ -267,33 +262,31 @@ class _PieceReader:
         """Raises MeshError, with line and element."""
         found = self._pieces(solid)
         self.count += len(found)
-        if self.count > MOST_PIECES:
-            raise MeshError(f"{solid.place}: it has more than {MOST_PIECES:,} convex pieces")
+        if self.count > MAX_OWN_PIECES:
+            raise MeshError(f"{solid.place}: it has more than {MAX_OWN_PIECES:,} convex pieces")
         return found
 
     def _pieces(self, solid: Element) -> tuple[Mesh, ...]:
         if solid.tag != "mesh":
-            return (solid_mesh(solid, *ROUND),)
+            return (solid_mesh(solid, *PIECE_SIDES),)
         key = name, scale = solid.get("filename"), tuple(numbers_of(solid, "scale", 3, "1 1 1"))
         if key not in self.meshes:
             with placed_error(solid):
-                mesh = joined([Mesh(one.vertices, one.faces) for one in self.files.surfaces(name)])
+                mesh = join([Mesh(one.vertices, one.faces) for one in self.files.surfaces(name)])
                 faces = mesh.faces[:, ::-1].copy() if float(np.prod(scale)) < 0.0 else mesh.faces
-                try:
+                with named_error(f"mesh {name[:60]}"):
                     self.meshes[key] = convex_pieces(Mesh(mesh.vertices * np.array(scale), faces))
-                except MeshError as error:
-                    raise MeshError(f"mesh {name[:60]}: {error}") from None
         return self.meshes[key]
 
 
 def _mass(links: list[Element]) -> float | None:
     total = 0.0
     for link in links:
-        for inertial in link.all("inertial")[:1]:
-            (mass,) = sizes_of(inertial.one("mass"), "value", 1)
+        for inertial in link.findall("inertial")[:1]:
+            (mass,) = sizes_of(inertial.find("mass"), "value", 1)
             total += mass
-    if total and not LEAST_MASS <= total <= MOST_MASS:
-        raise MeshError(f"its mass of {total:g} kg is beyond {LEAST_MASS:g} to {MOST_MASS:g} kg")
+    if total and not MIN_MASS <= total <= MAX_MASS:
+        raise MeshError(f"its mass of {total:g} kg is beyond {MIN_MASS:g} to {MAX_MASS:g} kg")
     return total or None
 
 
@@ -301,21 +294,17 @@ def _friction(robot: Element, links: list[Element]) -> float | None:
     said = [
         sizes_of(one, "value", 1)[0]
         for link in links
-        for contact in link.all("contact")
-        for one in contact.all("lateral_friction")
+        for contact in link.findall("contact")
+        for one in contact.findall("lateral_friction")
     ]
-    for gazebo in robot.all("gazebo"):
-        for one in gazebo.all("mu1"):
+    for gazebo in robot.findall("gazebo"):
+        for one in gazebo.findall("mu1"):
             # Both <mu1>0.8</mu1> and <mu1 value="0.8"/> are written.
             given = one if "value" in one.attributes else Element(one.tag, {"value": one.text.strip()}, one.line)
             said += sizes_of(given, "value", 1)
-    if any(one > MOST_FRICTION for one in said):
-        raise MeshError(f"its friction of {max(said):g} is beyond {MOST_FRICTION:g}")
+    if any(one > MAX_FRICTION for one in said):
+        raise MeshError(f"its friction of {max(said):g} is beyond {MAX_FRICTION:g}")
     return max(said) if said else None
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The bodies of a scene file's objects that are from files of one's own, read again from these files.
 
 
 def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> dict[str, OwnBody]:
@@ -327,33 +316,18 @@ def own_bodies_of(file: SceneFile, folder: Path, *, painted: bool = False) -> di
     Raises DataError where a file cannot be read or cut into convex pieces, where it has another outline than the scenes
     were made with, and where no object has such a file, RequestError where CoACD is needed and not installed.
     """
-    known: dict[str, OwnBody | None] = {}
-    bodies: dict[str, OwnBody] = {}
-    for item in file.objects:
-        key = item.shape.model_dump_json()
-        try:
-            if key not in known:
-                known[key] = _own_body(folder, item.shape, painted) if is_read(item.shape, folder) else None
-        except MeshError as error:
-            raise DataError(
-                UNUSABLE_MODEL(body=True, path=item.shape.path, name=item.name, reason=reason_of(error))
-            ) from None
-        body = known[key]
-        if body is not None:
-            bodies[item.name] = body
-    if not bodies:
-        raise DataError(NO_MODEL())
-    return bodies
+    bodies = read_files(file, folder, lambda shape: _own_body(folder, shape, painted), body=True)
+    return {item.name: body for item, body in zip(file.objects, bodies, strict=True) if body is not None}
 
 
 def _own_body(folder: Path, shape: ShapeData, painted: bool) -> OwnBody:
     file = own_file(folder, shape)
     if file.is_robot:
-        made = robot_body(file.data, file.beside, painted=painted).turned(file.matrix)
+        made = robot_body(file.data, file.beside, painted=painted).turn(file.matrix)
     else:
         made = mesh_body(file.path, file.data, file.beside, file.matrix, painted=painted)
     for texture in {one.texture for one in made.skins if one.texture} if painted else ():
         check_texture(texture, "a texture of it")
     mass = made.mass if file.mass is None else file.mass
     friction = made.friction if file.friction is None else file.friction
-    return replace(made, mass=mass, friction=friction).moved(file.offset)
+    return replace(made, mass=mass, friction=friction).shift(file.offset)

@@ -7,7 +7,7 @@ import torch
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import evaluate, phi
 from scenegen.learn.robustness import Robustness
-from scenegen.pictures.figures.sweep import BETA, approach, atom_shares, gradients
+from scenegen.pictures.figures.sweep import SOFTMAX_BETA, approach, atom_shares, gradients
 
 SPEC = """object tray, mug, fork
 task: (leftOf(mug, tray) | closeTo(mug, fork, 0.2)) & !overlaps(mug, fork) & angle(fork, NORTH, 20 deg)
@@ -15,7 +15,7 @@ safe: farFrom(mug, fork, 0.3) | between(fork, mug, tray)
 """
 
 
-@pytest.mark.parametrize("beta", [None, BETA])
+@pytest.mark.parametrize("beta", [None, SOFTMAX_BETA])
 def test_gradients_are_torchs(beta):
     core = check_text(SPEC).core
     robustness = Robustness(core)
@@ -36,7 +36,7 @@ def test_many_coordinates_are_shifted_a_few_at_a_time(monkeypatch):
     row = np.random.default_rng(4).uniform(0.0, 1.0, 9)
     shares = [atom_shares(core, evaluate(core, row.tolist()), node, None) for node in core.labels.values()]
     whole = gradients(core, row, shares, np.arange(9), np.full(9, 1e-6))
-    monkeypatch.setattr("scenegen.pictures.figures.sweep.LIVE", 4 * len(core.nodes))
+    monkeypatch.setattr("scenegen.pictures.figures.sweep.MAX_COPY_NUMBERS", 4 * len(core.nodes))
     assert np.array_equal(gradients(core, row, shares, np.arange(9), np.full(9, 1e-6)), whole)
 
 

@@ -19,7 +19,7 @@ import scenegen
 from scenegen.api.scenes import evaluate, requirement
 from scenegen.errors import RequestError
 from scenegen.pictures import notebook
-from scenegen.pictures.figures.sweep import DONE, HARD, sweep
+from scenegen.pictures.figures.sweep import HARD_PHI, SOLVED_PHI, sweep
 from scenegen.pictures.render import scenes as pictures
 from scenegen.pictures.scenes import FIGURES, figures
 from scenegen.things import asset_of
@@ -44,7 +44,7 @@ def test_a_sweep_climbs_evenly_keeps_the_rules_and_holds_what_is_fixed(scenes):
     found, label = sweep(scenes, frames=12)
     phi = found.phi["task"]
     assert label == "task" and len(found) > 9
-    assert (np.diff(phi) > 0).all() and phi[0] <= HARD and phi[-1] >= DONE - 0.003
+    assert (np.diff(phi) > 0).all() and phi[0] <= HARD_PHI and phi[-1] >= SOLVED_PHI - 0.003
     assert np.allclose(evaluate(spec, found)["task"], phi)
     assert (requirement(spec, found) >= 0.0).all()
     assert np.allclose(found.poses[:, 0], (0.5, 0.3, 0.0))
@@ -69,7 +69,7 @@ def test_a_sweep_is_about_the_label_asked_for(scenes):
 
 @pytest.mark.long
 def test_every_figure_is_made_and_named(scenes, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenegen.pictures.scenes.FRAMES", 4)
+    monkeypatch.setattr("scenegen.pictures.scenes.ANIMATION_SCENES", 4)
     kinds = [kind for kind in FIGURES if kind != "mp4"]  # tests/pictures/figures/test_figures.py
     made = scenes.figures(tmp_path / "figures", *kinds, size=(40, 30), workers=1)
     names = [path.name for path in made]
@@ -142,8 +142,8 @@ def test_a_set_shows_a_sheet_and_draws_it_once(scenes_notebook, calls):
 
 @pytest.mark.long
 def test_of_many_scenes_a_few_are_shown(scenes_notebook, calls, monkeypatch):
-    assert notebook.SHOWN <= 16
-    monkeypatch.setattr(notebook, "SHOWN", 2)
+    assert notebook.NOTEBOOK_SCENES <= 16
+    monkeypatch.setattr(notebook, "NOTEBOOK_SCENES", 2)
     many = scenes_notebook[np.arange(1000) % 3]
     page = many._repr_html_()
     assert calls == [(2, (320, 240))] and "the first 2 of 1,000 scenes" in page
@@ -184,7 +184,7 @@ def test_a_spec_shows_its_formulas_as_trees(monkeypatch):
     assert texts[:2] == [("0.5", "all of"), ("2", "leftOf(mug, plate)")]
     assert ("2", "one of") in texts and ("3.5", "aboveOf(mug, plate)") in texts
     assert "[-1, 1] m" in page
-    monkeypatch.setattr(notebook, "LINES", 2)
+    monkeypatch.setattr(notebook, "NOTEBOOK_LINES", 2)
     assert "and 3 more" in scenegen.parse(text)._repr_html_()
 
 

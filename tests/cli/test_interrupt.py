@@ -146,9 +146,9 @@ def test_a_program_that_ignores_the_end_of_its_terminal(here):
 CUTS = """
 import numpy as np
 from scenegen.worlds.own_body import convex_pieces
-from scenegen.things.mesh import box, joined
+from scenegen.things.mesh import box, join
 draw = np.random.default_rng(0).uniform
-convex_pieces(joined([box(*draw(0.1, 1.0, 3)).moved(*draw(0.0, 2.0, 3)) for _ in range(60)]))
+convex_pieces(join([box(*draw(0.1, 1.0, 3)).shift(*draw(0.0, 2.0, 3)) for _ in range(60)]))
 """
 
 

@@ -223,7 +223,7 @@ def test_what_is_handed_out_settles(scenegen, here):
     for name in ("any", "still"):
         data = json.loads((here / f"{name}.json").read_text())
         poses = [[list(scene["poses"][one].values()) for one in ("mug", "crackerbox")] for scene in data["scenes"]]
-        kept[name] = settle_scenes([shape_of("mug"), shape_of("crackerbox")], np.array(poses), workers=1).kept
+        kept[name] = settle_scenes([shape_of("mug"), shape_of("crackerbox")], np.array(poses), workers=1).stays
         assert data["sampler"].get("settled", False) == (name == "still")
     assert kept["still"].all() and not kept["any"].all()
 

@@ -32,10 +32,10 @@ def names():
 
 def tray():
     """A mesh that is not convex, as STL."""
-    from scenegen.things.mesh import box, joined
+    from scenegen.things.mesh import box, join
     from scenegen.worlds.export.meshes import stl
 
-    return stl(joined([box(0.2, 0.1, 0.01), box(0.01, 0.1, 0.05).moved(x=0.1, z=0.02)]))
+    return stl(join([box(0.2, 0.1, 0.01), box(0.01, 0.1, 0.05).shift(x=0.1, z=0.02)]))
 
 
 def commands():

@@ -70,7 +70,7 @@ def test_motions_that_begin_settled(scenegen, here):
     assert found.poses.tobytes() == package.read_motions(f"{here}/z/").poses.tobytes()
     assert found.header.sampler["settled"]
     spec = package.load(here / "pass.spec").declared
-    assert settle_scenes(spec.shapes, found.poses[:, 0], fixed=tuple(spec.fixed), workers=1).kept.all()
+    assert settle_scenes(spec.shapes, found.poses[:, 0], fixed=tuple(spec.fixed), workers=1).stays.all()
 
 
 @pytest.mark.usefixtures("passing")

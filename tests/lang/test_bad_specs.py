@@ -271,9 +271,9 @@ def test_what_is_to_be_written_is_known(name):
 
 def test_the_names_of_formats(tmp_path):
     from scenegen.errors import RequestError
-    from scenegen.worlds.exporting import chosen
+    from scenegen.worlds.exporting import export_format
 
     for name, meant in {"mujoco": "mjcf", "Isaac-Sim": "usd", "gazebo": "sdf", "isaac": "usd"}.items():
         with pytest.raises(RequestError, match="unknown format") as caught:
-            chosen(name, tmp_path)
+            export_format(name, tmp_path)
         assert f"the format for {name} is `{meant}`" in caught.value.diagnostics[0].help

@@ -13,7 +13,7 @@ SIZE = (640, 480)
 
 def look(folder, text):
     (folder / "looks.toml").write_text(text)
-    return read_looks(folder / "looks.toml").at(0, 0)
+    return read_looks(folder / "looks.toml").draw_look(0, 0)
 
 
 def test_a_camera_is_where_it_is_said_and_looks_where_it_is_said(tmp_path):
@@ -56,7 +56,7 @@ def test_the_focal_length_is_that_of_a_picture_24_mm_high(tmp_path):
 
 def test_a_moved_frame_moves_the_camera_with_it(tmp_path):
     drawn = look(tmp_path, "[camera]\nposition = [2, 3, 1]\nlook_at = [1, 1, 0]\n")
-    moved = drawn.moved(1000.0, -5.0).camera(POINTS - (1000.0, -5.0, 0.0), SIZE)
+    moved = drawn.shift(1000.0, -5.0).camera(POINTS - (1000.0, -5.0, 0.0), SIZE)
     some = np.array([[0.2, 0.7, 0.1]])
     np.testing.assert_allclose(moved.project(some - (1000.0, -5.0, 0.0)), drawn.camera(POINTS, SIZE).project(some))
 

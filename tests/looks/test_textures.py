@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenegen.looks.configuration import read_looks
-from scenegen.looks.textures import BUILT_IN, PATTERNS, Textures, checked, found_files, image_of, mean_of
+from scenegen.looks.textures import PATTERNS, TEXTURE_NAMES, Textures, check_image, image_of, list_files, mean_of
 from tests.looks.pictures import four_colors
 
 RED, GREEN, BLUE, WHITE = (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)
@@ -50,37 +50,37 @@ def test_patterns_are_greys_that_darken_a_little_and_repeat_without_a_seam(name)
 
 def test_plain_is_without_a_texture():
     assert (Textures({}).shares("plain", 1.0, np.zeros(3), np.zeros(3), np.ones(3)) == 1.0).all()
-    assert "plain" in BUILT_IN and Textures({}).mean("plain") == (1.0, 1.0, 1.0)
+    assert "plain" in TEXTURE_NAMES and Textures({}).mean("plain") == (1.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize("data", [b"", b"no picture", b"GIF89a" + bytes(40)])
 def test_what_is_no_picture_is_refused(data):
     with pytest.raises(ValueError, match="not a PNG or JPEG"):
-        checked(data)
+        check_image(data)
 
 
 def test_pictures_cut_short_or_huge_are_refused(tmp_path):
     data = (tmp_path / four_colors(tmp_path, size=(400, 400))).read_bytes()
     with pytest.raises(ValueError, match="damaged"):
-        checked(data[: len(data) // 2])
+        check_image(data[: len(data) // 2])
     huge = bytearray(data)
     huge[16:24] = (60_000).to_bytes(4, "big") * 2  # the size that its header announces
     with pytest.raises(ValueError, match=r"pixels|damaged"):
-        checked(bytes(huge))
+        check_image(bytes(huge))
 
 
 def test_files_are_found_below_the_folder_in_order(tmp_path):
     for name in ("b.png", "a/c.png", "a/b.jpg"):
         four_colors(tmp_path, name)
     (tmp_path / "a" / "notes.txt").write_text("no picture")
-    assert found_files(tmp_path, "**/*") == ["a/b.jpg", "a/c.png", "b.png"]
+    assert list_files(tmp_path, "**/*") == ["a/b.jpg", "a/c.png", "b.png"]
     for pattern in ("../*.png", "/etc/*", "none/*.png", ""):
         with pytest.raises(ValueError):
-            found_files(tmp_path, pattern)
+            list_files(tmp_path, pattern)
 
 
 def test_a_file_of_looks_may_begin_with_a_byte_order_mark(tmp_path):
     text = '[ground]\ntexture = "speckle"\n'
     for name, mark in (("a.toml", b""), ("b.toml", b"\xef\xbb\xbf")):
         (tmp_path / name).write_bytes(mark + text.encode())
-    assert read_looks(tmp_path / "a.toml").at(3, 1) == read_looks(tmp_path / "b.toml").at(3, 1)
+    assert read_looks(tmp_path / "a.toml").draw_look(3, 1) == read_looks(tmp_path / "b.toml").draw_look(3, 1)

@@ -23,7 +23,7 @@ from scenegen.page.export import export_page
 from scenegen.page.jobs import sample
 from scenegen.page.jobs.source import refusal, spec_of
 from scenegen.page.limits import FIELDS, MAX_TEXT, control, without_command_line
-from scenegen.page.project import STARTER, STATIC, FileRefused, Folder, digest, open_, shipped
+from scenegen.page.project import FIRST_SPEC, STATIC, FileRefused, Folder, digest, open_, shipped_json
 from scenegen.resources import shipped_specs
 from scenegen.sampling.request import METHODS
 from scenegen.worlds.exporting import EXPORTS
@@ -99,7 +99,7 @@ def test_large_texts_are_refused(folder):
 
 
 def test_shipped_specs_have_titles():
-    assert all(one["title"] and one["text"] for one in shipped())
+    assert all(one["title"] and one["text"] for one in shipped_json())
 
 
 def test_drafts_are_kept_outside_the_folder(tmp_path, monkeypatch):
@@ -139,9 +139,9 @@ def test_each_tab_has_a_draft_and_those_of_open_tabs_stay_there(tmp_path, monkey
     assert folder.draft("a.spec", ["two"]) is None and folder.draft("a.spec")["text"] == "# two"
     # what no file has is listed, once its tab is closed
     folder.keep_draft("scene", "# three", None, "three")
-    assert folder.lost(["three"]) == ["a.spec"] and folder.lost(["two"]) == ["scene"]
+    assert folder.lost_drafts(["three"]) == ["a.spec"] and folder.lost_drafts(["two"]) == ["scene"]
     (folder.root / "a.spec").write_text("")
-    assert folder.lost([]) == ["scene"] and Folder(tmp_path).lost([]) == []
+    assert folder.lost_drafts([]) == ["scene"] and Folder(tmp_path).lost_drafts([]) == []
 
 
 TEXT = "object mug, plate\ntask: leftOf(mug, plate)\n"
@@ -173,7 +173,7 @@ def test_specs_folders_and_names(tmp_path, monkeypatch):
     found = open_(tmp_path / "two.spec")
     assert (found.text, found.path, found.folder.root) == (TEXT, "two.spec", tmp_path.resolve())
     assert open_(tmp_path.__class__("two")).path == "two.spec"
-    assert open_(tmp_path).name == STARTER and open_(None).folder.root == tmp_path.resolve()
+    assert open_(tmp_path).name == FIRST_SPEC and open_(None).folder.root == tmp_path.resolve()
     shipped = open_(tmp_path.__class__("sort_3"))
     assert shipped.path is None and shipped.folder.root == tmp_path.resolve()
 

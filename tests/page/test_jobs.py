@@ -19,8 +19,8 @@ import scenegen
 from scenegen.cli.eval import as_json
 from scenegen.errors import DataError, RequestError, SpecError
 from scenegen.errors.program import PAGE_LIMIT
-from scenegen.page.jobs import TABLE, job_of, source
-from scenegen.page.limits import SECONDS
+from scenegen.page.jobs import JOBS, job_of, source
+from scenegen.page.limits import JOB_SECONDS
 from scenegen.page.worker import dumps
 from scenegen.resources import shipped_specs
 
@@ -40,8 +40,8 @@ def do(job, tmp_path, **fields):
 
 
 def test_every_job_has_a_time_limit():
-    assert set(TABLE) == set(SECONDS)
-    assert all(callable(job_of(name)) for name in TABLE)
+    assert set(JOBS) == set(JOB_SECONDS)
+    assert all(callable(job_of(name)) for name in JOBS)
 
 
 def test_check_describes_a_spec_and_lists_its_problems(tmp_path):
@@ -209,11 +209,11 @@ def test_warnings_come_with_their_codes(tmp_path, monkeypatch):
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux alone")
 def test_work_gives_way_in_a_thread_of_its_own(monkeypatch):
     before = os.getpriority(os.PRIO_PROCESS, 0)  # other tests may have changed it
-    monkeypatch.setattr(source, "_own", lambda: before)
-    niced = source.calmly(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), 2)
+    monkeypatch.setattr(source, "_own_priority", lambda: before)
+    niced = source.run_calmly(lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), 2)
     assert niced == min(before + 2, 19) and os.getpriority(os.PRIO_PROCESS, 0) == before
     with pytest.raises(ZeroDivisionError):
-        source.calmly(lambda: 1 // 0)
+        source.run_calmly(lambda: 1 // 0)
 
 
 def test_meshes_unpack_to_the_size_of_their_object(tmp_path):

@@ -222,7 +222,7 @@ def test_a_motion_travels_in_one_message():
 
 def test_motions_are_shown_while_they_are_found(tmp_path, monkeypatch):
     """At first any, then what comes nearer, then those in the range as they are found; the last answer is as ever."""
-    monkeypatch.setattr("scenegen.page.jobs.sample.BEAT", 0.0)
+    monkeypatch.setattr("scenegen.page.jobs.sample.BEAT_SECONDS", 0.0)
     wanted = {"phi": {"task": [0.02, None]}, "n": 12, "seed": 3, "method": "splitting"}
     *looks, last = do("sample", tmp_path, NEAR, request=wanted, watch=True)
     spec = scenegen.parse(NEAR)
@@ -238,7 +238,7 @@ def test_motions_are_shown_while_they_are_found(tmp_path, monkeypatch):
 
 
 def test_motions_that_were_found_when_time_is_up_are_shown(tmp_path, monkeypatch):
-    monkeypatch.setattr("scenegen.page.jobs.sample.BEAT", 0.0)
+    monkeypatch.setattr("scenegen.page.jobs.sample.BEAT_SECONDS", 0.0)
 
     def slow(spec, request, watch):
         found = draw_motions(spec, replace(request, n=5), watch=None)

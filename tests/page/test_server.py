@@ -143,7 +143,7 @@ def test_a_newer_request_ends_the_older(page):
 
 
 def test_what_takes_too_long_is_ended(page, monkeypatch):
-    monkeypatch.setattr(lanes, "SECONDS", {**lanes.SECONDS, "range": 0.2})
+    monkeypatch.setattr(lanes, "JOB_SECONDS", {**lanes.JOB_SECONDS, "range": 0.2})
     (answer,) = page.ask("range", text=SLOW)[-1:]
     assert "as long as it may take" in answer["failed"]
 

@@ -13,7 +13,7 @@ from scenegen.api.scenes import SceneSet, evaluate
 from scenegen.errors import ScenegenError, Source
 from scenegen.lang.checker import check_text
 from scenegen.planning.conversion import export_problems
-from scenegen.planning.export import Problems, goal_labels, unsaid, vocabulary
+from scenegen.planning.export import Problems, goal_labels, goal_notes, vocabulary
 from scenegen.planning.facts import ground
 from scenegen.planning.problem import Domain, expressions, problem_of
 from scenegen.pose import as_poses
@@ -86,7 +86,7 @@ def test_the_goal_is_written_in_the_relations_of_the_label() -> None:
         "    (and (not (beside mug block_1)) (part-1)))))\n"
     )
     assert "(part-1) ; !(x(mug) >= 0.4)" in problems.domain
-    assert [one.title for one in unsaid([problems])] == [
+    assert [one.title for one in goal_notes([problems])] == [
         "what is no relation of things in the goal is a predicate by number: part-1 is `!(x(mug) >= 0.4)`"
     ]
     assert "(touching ?a - thing ?b - thing) ; a and b touch" in problems.domain
@@ -106,7 +106,7 @@ def test_the_goal_holds_where_phi_of_its_label_is_0_or_more() -> None:
 def test_a_margin_of_exactly_0_is_told() -> None:
     text = "object a at (0.2, 0.2)\nobject b at (0.2, 0.5)\nobject c\ntask: !leftOf(a, b) & leftOf(c, a)\n"
     problems, _ = problems_of(random_scenes(text, 30, 3))
-    assert [one.code for one in unsaid([problems])] in ([], ["pddl-goal"])
+    assert [one.code for one in goal_notes([problems])] in ([], ["pddl-goal"])
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import scenegen
 from scenegen.api.scenes import SceneSet, evaluate
 from scenegen.errors import ScenegenError, Source
 from scenegen.planning.export import _goal
-from scenegen.planning.facts import value
+from scenegen.planning.facts import truth_of
 from scenegen.planning.problem import Domain, expressions, problem_of
 from tests.planning.test_import import HOUSE, KITCHEN
 
@@ -58,7 +58,7 @@ def agree(folder: Path, text: str, domain: str = "", count: int = 4) -> list[Pat
         init = problem_of(source, expressions(source), Domain()).init
         facts = {tuple(one.span.text for one in fact.items) for fact in init}  # type: ignore[union-attr]
         written = [(name, *(one.replace(".", "_") for one in names)) in facts for name, names in atoms]
-        assert value(goal, np.array(written)[:, None])[0] == wanted[number]
+        assert truth_of(goal, np.array(written)[:, None])[0] == wanted[number]
         formulas = [one for one in reading.formulas.items() if one[1] != "false"]
         source_text = scenes.header.spec.source
         far = f"x({scenes.objects[0]}) <= 99 m"

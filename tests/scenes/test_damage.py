@@ -218,7 +218,7 @@ def test_a_line_without_end(scenes, tmp_path, monkeypatch):
     ("ending", "to", "most"), [(".xml", "mjcf", 5_000), (".sdf", "sdf", 30_000), (".usda", "usd", 15_000)]
 )
 def test_one_file_with_too_many_scenes(ending, to, most, scenes, tmp_path, monkeypatch):
-    monkeypatch.setattr(xml, "MOST_BYTES", most)
+    monkeypatch.setattr(xml, "MAX_DOCUMENT_BYTES", most)
     with pytest.raises(RequestError, match=r"the first \d do(.|\n)*name a folder"):
         scenes.export(tmp_path / f"x{ending}")
     assert not list(tmp_path.iterdir())

@@ -32,7 +32,7 @@ def test_a_box_stands_upright_with_its_colour():
     (surface,) = surfaces("box.GLB", glb(), nothing)
     assert surface.color == (1.0, 0.0, 0.0) and surface.texture == b"" and surface.uv is None
     mesh = Mesh(surface.vertices, surface.faces)
-    assert mesh.closed and mesh.volume == pytest.approx(0.2 * 0.3 * 0.1)
+    assert mesh.is_closed and mesh.volume == pytest.approx(0.2 * 0.3 * 0.1)
     footprint, height = mesh_outline("box.glb", glb(), nothing)
     assert isinstance(footprint, Box) and height == pytest.approx(0.3, abs=1e-6)
     assert (footprint.length, footprint.width) == pytest.approx((0.2, 0.1), abs=1e-6)

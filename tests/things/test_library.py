@@ -22,7 +22,7 @@ from scenegen.things.furniture import PITCH, Cabinet
 from scenegen.things.library import cabinet_shape
 from scenegen.things.meshfile import mesh_surfaces
 from scenegen.things.outline import MeshError
-from scenegen.things.palette import colors_of
+from scenegen.things.palette import object_colors
 from scenegen.things.surfaces import base_heights, fits, narrowest, overlapping, slabs_of, surfaces_of
 from scenegen.things.urdf import robot_surfaces
 
@@ -53,7 +53,7 @@ def test_meshes_are_closed_and_stay_within_footprint_and_height(asset):
     vertices = np.concatenate([part.mesh.vertices for part in parts])
     assert np.isfinite(vertices).all()
     for part in parts:
-        assert part.mesh.closed
+        assert part.mesh.is_closed
         assert part.mesh.volume > 0.0  # triangles face outwards
         assert all(0.0 <= channel <= 1.0 for channel in part.color)
         assert len(part.mesh.faces) * 3 < 8192  # pybullet's limit for meshes in memory on some systems
@@ -93,9 +93,9 @@ def test_the_main_color_can_be_chosen():
 
 
 def test_an_unknown_name_keeps_its_color():
-    alone = colors_of([("gizmo", "block")])
-    assert alone == colors_of([("gizmo", "block"), ("mug", "mug")])[:1]
-    assert alone != colors_of([("lamp", "block")])
+    alone = object_colors([("gizmo", "block")])
+    assert alone == object_colors([("gizmo", "block"), ("mug", "mug")])[:1]
+    assert alone != object_colors([("lamp", "block")])
 
 
 @pytest.mark.parametrize(
@@ -108,13 +108,13 @@ def test_an_unknown_name_keeps_its_color():
     ],
 )
 def test_objects_of_one_asset_can_be_told_apart(objects):
-    for a, b in itertools.combinations(colors_of(objects, distinct=True), 2):
+    for a, b in itertools.combinations(object_colors(objects, distinct=True), 2):
         assert np.abs(np.subtract(a, b)).max() > 0.08
 
 
 def test_thirty_objects_of_one_asset_can_all_differ():
     for objects in ([(f"thing{k}", "block") for k in range(30)], [(f"mug{k}", "mug") for k in range(30)]):
-        assert len(set(colors_of(objects, distinct=True))) == 30
+        assert len(set(object_colors(objects, distinct=True))) == 30
 
 
 @pytest.mark.parametrize(
@@ -129,13 +129,13 @@ def test_thirty_objects_of_one_asset_can_all_differ():
 )
 def test_what_is_the_same_thing_looks_the_same(objects, color):
     """No blue apples, no purple plates."""
-    (only,) = set(colors_of(objects))
+    (only,) = set(object_colors(objects))
     assert color is None or only == color
 
 
 def test_blocks_and_shapes_with_names_of_their_own_differ():
     for names, asset in ((["block1", "block2", "block3", "lamp"], "block"), (["pawn[1]", "king", "rook"], "cylinder")):
-        assert len(set(colors_of([(name, asset) for name in names]))) == len(names)
+        assert len(set(object_colors([(name, asset) for name in names]))) == len(names)
 
 
 def test_which_names_have_a_picture():
@@ -182,7 +182,7 @@ def test_what_is_drawn_is_as_high_as_the_surfaces_to_the_micrometre(shape):
     """Closed meshes within footprint and height, with a flat part at the height of every surface, none above it."""
     parts = parts_of(shape, ASSETS[shape.asset].color)
     points = np.concatenate([part.mesh.vertices for part in parts])
-    assert all(part.mesh.closed and part.mesh.volume > 0.0 for part in parts)
+    assert all(part.mesh.is_closed and part.mesh.volume > 0.0 for part in parts)
     limits = np.array(shape.footprint.extent) / 2.0
     assert (np.abs(points[:, :2]).max(axis=0) <= limits + 1e-9).all()
     assert points[:, 2].min() == pytest.approx(0.0, abs=1e-12) and points[:, 2].max() <= shape.height + 1e-9
@@ -252,8 +252,8 @@ def test_what_is_under_an_open_drawer_does_not_overlap_it():
 
 
 def test_bins_with_names_of_their_own_differ_in_colour():
-    assert len(set(colors_of([("food", "bin"), ("metal", "bin"), ("toy", "bin")]))) == 3
-    assert len(set(colors_of([(f"bin[{k}]", "bin") for k in (1, 2, 3)]))) == 1
+    assert len(set(object_colors([("food", "bin"), ("metal", "bin"), ("toy", "bin")]))) == 3
+    assert len(set(object_colors([(f"bin[{k}]", "bin") for k in (1, 2, 3)]))) == 1
 
 
 MTL = b"newmtl skin\nKd 0.5 1 1\nmap_Kd -o 0.25 -s 2 2 2 skin 1.png\nnewmtl red\nKd 1 0 0\nd 0.5\n"
@@ -353,16 +353,16 @@ def test_hostile_materials_are_refused(line, words):
 
 
 def test_files_that_are_too_much_are_refused(monkeypatch):
-    monkeypatch.setattr(colored_mesh, "MOST_PIXELS", 31)
+    monkeypatch.setattr(colored_mesh, "MAX_PIXELS", 31)
     with pytest.raises(MeshError, match="more than 31 pixels"):
         obj()
-    monkeypatch.setattr(colored_mesh, "MOST_TRIANGLES", 3)
+    monkeypatch.setattr(colored_mesh, "MAX_TRIANGLES", 3)
     with pytest.raises(MeshError, match="more than 3 triangles"):
         obj()
-    monkeypatch.setattr(meshfile, "MOST_MATERIALS", 1)
+    monkeypatch.setattr(meshfile, "MAX_MATERIALS", 1)
     with pytest.raises(MeshError, match="line 1: its files have more than 1 materials"):
         obj()
-    monkeypatch.setattr(colored_mesh, "MOST_BYTES", 10)
+    monkeypatch.setattr(colored_mesh, "MAX_MESH_BYTES", 10)
     with pytest.raises(MeshError, match="its files are larger than 10 bytes"):
         obj()
 
@@ -506,7 +506,7 @@ SKIN = '<material name="s"><texture filename="package://props/skin.png"/></mater
 
 
 def test_many_shapes_are_counted_together(monkeypatch):
-    monkeypatch.setattr(colored_mesh, "MOST_TRIANGLES", 5000)
+    monkeypatch.setattr(colored_mesh, "MAX_TRIANGLES", 5000)
     with pytest.raises(MeshError, match="line 1, <sphere>: its meshes have more than 5,000 triangles"):
         robot(visual(BALL) * 6)
     with pytest.raises(MeshError, match="more than 5,000 triangles"):
@@ -585,7 +585,7 @@ def test_meshes_are_closed_and_fill_footprint_and_height(footprint, height):
     body, mark = parts_of(Shape("urdf", footprint, height), GREY)
     size = max(*footprint.extent, height)
     for part in (body, mark):
-        assert part.mesh.closed and part.mesh.volume > 0.0
+        assert part.mesh.is_closed and part.mesh.volume > 0.0
         assert len(part.mesh.faces) * 3 < 8192  # pybullet's limit for meshes in memory on some systems
         assert reach(footprint, part.mesh.vertices[:, :2]) < 1e-9 * size
         assert part.mesh.vertices[:, 2].min() > -1e-12 * size
@@ -614,7 +614,7 @@ def test_a_prism_with_very_many_corners_can_be_drawn():
     turns = np.linspace(0.0, math.tau, 3000, endpoint=False)
     body, _ = parts_of(Shape("prism", Polygon(tuple(zip(np.cos(turns), np.sin(turns), strict=True))), 1.0), GREY)
     assert len(body.mesh.faces) * 3 < 8192
-    assert body.mesh.closed
+    assert body.mesh.is_closed
 
 
 def test_an_asset_with_a_polygon_is_a_prism_and_with_another_size_is_stretched():
@@ -630,20 +630,20 @@ def test_an_asset_with_a_polygon_is_a_prism_and_with_another_size_is_stretched()
 
 def test_elements_of_an_array_can_have_shades_and_the_first_has_the_colour_of_the_name():
     names = [f"post[{k}]" for k in range(1, 8)]
-    colors = colors_of([(name, "cylinder") for name in names], distinct=True)
+    colors = object_colors([(name, "cylinder") for name in names], distinct=True)
     for a, b in itertools.combinations(colors, 2):
         assert np.abs(np.subtract(a, b)).max() > 0.08
-    assert colors[:1] == colors_of([("post", "cylinder")])
+    assert colors[:1] == object_colors([("post", "cylinder")])
     # The same whatever stands beside it, as long as that is of the library.
-    assert colors_of([("mug", "mug"), *((name, "cylinder") for name in names)], distinct=True)[1:] == colors
+    assert object_colors([("mug", "mug"), *((name, "cylinder") for name in names)], distinct=True)[1:] == colors
 
 
 def test_a_plain_shape_with_the_name_of_an_asset_has_its_colour():
-    assert colors_of([("block[1]", "box"), ("mug", "prism")]) == (ASSETS["block"].color, ASSETS["mug"].color)
+    assert object_colors([("block[1]", "box"), ("mug", "prism")]) == (ASSETS["block"].color, ASSETS["mug"].color)
 
 
 def test_plain_shapes_of_all_kinds_can_be_told_apart():
     names = [("tray", "box"), ("post", "cylinder"), ("wedge", "prism"), ("server", "urdf"), ("block", "box")]
     names += [("block2", "box"), ("shelf[1]", "box"), ("shelf[2]", "box")]
-    for a, b in itertools.combinations(colors_of(names, distinct=True), 2):
+    for a, b in itertools.combinations(object_colors(names, distinct=True), 2):
         assert np.abs(np.subtract(a, b)).max() > 0.08

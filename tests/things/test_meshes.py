@@ -13,8 +13,8 @@ from scenegen.geometry import Box, Polygon
 from scenegen.lang.checker import check_file
 from scenegen.pictures.render.scenes import models_of, still_outlines
 from scenegen.things import Shape, shape_of
-from scenegen.things.indexed import UPRIGHT, AssetEntry, IndexFileError, categories, fitted, read_index
-from scenegen.things.mesh import Mesh, box, disc, prism, revolve, shaded, tube
+from scenegen.things.indexed import UPRIGHTS, AssetEntry, IndexFileError, categories, fit_asset, read_index
+from scenegen.things.mesh import Mesh, box, disc, prism, revolve, shade_mesh, tube
 from scenegen.things.outline import MeshError
 from scenegen.things.surfaces import overlapping
 
@@ -34,27 +34,27 @@ def test_volumes_follow_the_formulas():
 
 def test_an_open_mesh_is_not_called_closed():
     whole = box(1.0, 1.0, 1.0)
-    assert whole.closed
-    assert not Mesh(whole.vertices, whole.faces[1:]).closed
+    assert whole.is_closed
+    assert not Mesh(whole.vertices, whole.faces[1:]).is_closed
     flipped = whole.faces.copy()
     flipped[0] = flipped[0][::-1]
-    assert not Mesh(whole.vertices, flipped).closed
+    assert not Mesh(whole.vertices, flipped).is_closed
 
 
 def test_moving_scaling_and_tipping_keep_the_form():
     mesh = box(2.0, 3.0, 4.0)
-    assert mesh.moved(1.0, 2.0, 3.0).volume == pytest.approx(24.0)
-    assert mesh.scaled(1.0, 2.0, 0.5).volume == pytest.approx(24.0)
-    tipped = mesh.tipped()
+    assert mesh.shift(1.0, 2.0, 3.0).volume == pytest.approx(24.0)
+    assert mesh.scale(1.0, 2.0, 0.5).volume == pytest.approx(24.0)
+    tipped = mesh.tip()
     assert tipped.volume == pytest.approx(24.0)
     assert tipped.vertices[:, 1].min() == pytest.approx(-4.0)
 
 
 def test_normals_are_flat_on_a_box_and_smooth_on_a_cylinder():
-    vertices, normals, indices = shaded(box(1.0, 1.0, 1.0))
+    vertices, normals, indices = shade_mesh(box(1.0, 1.0, 1.0))
     assert np.allclose(np.abs(normals).max(axis=1), 1.0)
     assert len(vertices) == len(normals) == len(indices)
-    vertices, normals, _ = shaded(disc(1.0, 0.0, 1.0, sides=36))
+    vertices, normals, _ = shade_mesh(disc(1.0, 0.0, 1.0, sides=36))
     wall = np.abs(normals[:, 2]) < 0.5
     assert np.allclose(normals[wall][:, :2], vertices[wall][:, :2], atol=0.02)
     assert np.allclose(normals[~wall][:, :2], 0.0, atol=1e-9)
@@ -78,7 +78,9 @@ def nothing(name):
 
 def sizes(data=None, **fields):
     data = data or solid(100, 50, 20)
-    fit = fitted(AssetEntry(**{"name": "a", "file": "a.obj", "scale": 0.001, "center": True} | fields), data, nothing)
+    fit = fit_asset(
+        AssetEntry(**{"name": "a", "file": "a.obj", "scale": 0.001, "center": True} | fields), data, nothing
+    )
     assert isinstance(fit.footprint, Box)
     return tuple(round(size, 6) for size in (fit.footprint.length, fit.footprint.width, fit.height))
 
@@ -94,7 +96,7 @@ def test_meshes_are_scaled_and_turned_upright():
     assert sizes(**box, up="z") == (0.2, 0.3, 0.1)
 
 
-@pytest.mark.parametrize("up", UPRIGHT)
+@pytest.mark.parametrize("up", UPRIGHTS)
 def test_the_axis_that_is_up_becomes_z_without_a_mirror(up):
     axis = np.eye(3)["xyz".index(up[-1])] * (-1.0 if up[0] == "-" else 1.0)
     turn = AssetEntry(name="a", file="a.obj", up=up).matrix
@@ -201,7 +203,7 @@ def test_sizes_that_nothing_on_a_table_has_name_the_unit(folder):
     (folder / "mug.obj").write_bytes(solid(1, 1, 0))
     refused(folder, '"mug"', "unusable-shape-file", "no height")
     with pytest.raises(MeshError, match=r"\.ply files cannot be read here: convert it to \.glb"):
-        fitted(AssetEntry(name="a", file="a.ply"), b"", nothing)
+        fit_asset(AssetEntry(name="a", file="a.ply"), b"", nothing)
     index = folder / "set" / "assets.toml"
     (folder / "set" / "old.dae").write_text("<COLLADA/>")
     index.write_text(index.read_text() + '[[asset]]\nname = "old"\nfile = "old.dae"\n')

@@ -9,7 +9,7 @@ import pytest
 from scenegen import needs
 from scenegen.errors import RequestError
 from scenegen.processes.process import WorkerProcess
-from scenegen.things.mesh import Mesh, box, joined
+from scenegen.things.mesh import Mesh, box, join
 from scenegen.things.outline import MeshError
 from scenegen.worlds import own_body
 from scenegen.worlds import own_body as convex
@@ -17,7 +17,7 @@ from scenegen.worlds.own_body import convex_pieces, mesh_body, robot_body
 
 from .gltf_files import glb
 
-APART = joined([box(1.0, 1.0, 1.0), box(1.0, 1.0, 1.0).moved(x=3.0)])
+APART = join([box(1.0, 1.0, 1.0), box(1.0, 1.0, 1.0).shift(x=3.0)])
 
 
 @pytest.fixture(autouse=True)
@@ -56,13 +56,13 @@ def test_a_convex_mesh_is_its_own_piece(turned):
         whole.vertices[whole.faces].reshape(-1, 3), np.arange(whole.faces.size).reshape(-1, 3)
     )  # as .stl files have it
     (piece,) = convex_pieces(Mesh(split.vertices, split.faces[:, ::-1]) if turned else split)
-    assert piece.closed and piece.volume == pytest.approx(0.006)
+    assert piece.is_closed and piece.volume == pytest.approx(0.006)
 
 
 def test_a_gltf_box_is_a_body_without_mass():
     body = mesh_body("a.glb", glb(), None)
     assert len(body.pieces) == 1 and body.mass is None and body.friction is None
-    assert body.moved(np.array([0.0, 0.0, -0.1])).pieces[0].vertices[:, 2].min() == pytest.approx(
+    assert body.shift(np.array([0.0, 0.0, -0.1])).pieces[0].vertices[:, 2].min() == pytest.approx(
         body.pieces[0].vertices[:, 2].min() - 0.1
     )
 
@@ -73,7 +73,7 @@ def test_pieces_stay_in_the_box_face_outwards_and_are_kept(monkeypatch):
     made = [
         (half.vertices, half.faces[:, ::-1]),
         (sheet, np.array([(0, 1, 2)])),
-        (half.moved(x=3.0).vertices, half.faces),
+        (half.shift(x=3.0).vertices, half.faces),
     ]
     answer = pickle.dumps([(np.asarray(v, float), np.asarray(f, np.int64)) for v, f in made])
     runs = cutter(monkeypatch, f"import pickle; made = pickle.loads({answer!r})")
@@ -104,10 +104,10 @@ def test_what_cannot_be_cut_says_why(monkeypatch):
     with pytest.raises(MeshError, match="CoACD cannot cut it"):
         convex_pieces(APART)
     cutter(monkeypatch, "import time; time.sleep(20)")
-    monkeypatch.setattr(convex, "SECONDS", 0.3)
+    monkeypatch.setattr(convex, "MAX_CUT_SECONDS", 0.3)
     with pytest.raises(MeshError, match="takes more than 0 s"):
         convex_pieces(APART)
-    monkeypatch.setattr(convex, "MOST_TRIANGLES", 23)
+    monkeypatch.setattr(convex, "MAX_CUT_TRIANGLES", 23)
     with pytest.raises(MeshError, match="more than 23 triangles"):
         convex_pieces(APART)
 
@@ -139,12 +139,12 @@ def test_a_robot_has_its_own_shapes_mass_and_friction():
     first, second, third = body.pieces  # the visual ball counts where no collision shape is
     assert np.allclose([first.vertices.min(0), first.vertices.max(0)], [(-0.5, -1, -0.5), (0.5, 1, 2.5)])
     assert np.allclose(second.vertices[:, 2].max(), 1.0) and np.allclose(third.vertices[:, 0].max(), 6.0)
-    assert all(piece.closed and piece.volume > 0 for piece in body.pieces)
+    assert all(piece.is_closed and piece.volume > 0 for piece in body.pieces)
     assert (body.mass, body.friction) == (0.75, 0.7)
 
 
 def test_pieces_are_counted_together(monkeypatch):
-    monkeypatch.setattr(own_body, "MOST_PIECES", 20)
+    monkeypatch.setattr(own_body, "MAX_OWN_PIECES", 20)
     with pytest.raises(MeshError, match="line 1, <cylinder>: it has more than 20 convex pieces"):
         robot(ROD * 21)
 

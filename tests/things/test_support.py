@@ -111,7 +111,7 @@ def reach(shape, points):
 def test_pieces_are_convex_closed_and_within_footprint_and_height(shape):
     pieces = collision_of(shape)
     for piece in pieces:
-        assert piece.closed
+        assert piece.is_closed
         hull = ConvexHull(piece.vertices)
         assert piece.volume == pytest.approx(hull.volume, rel=1e-6)
     points = np.concatenate([piece.vertices for piece in pieces])
@@ -151,7 +151,7 @@ def test_rooms_are_free_of_pieces(name):
             z = height + 1e-6 + share * (shape.height - height)
             points = np.column_stack([ring, np.full(len(ring), z), np.ones(len(ring))])
             for piece in collision_of(shape):
-                inside = (ConvexHull(piece.vertices).equations @ points.T < -1e-6).all(axis=0)
+                inside = (ConvexHull(piece.vertices).equations @ points.T < -1e-6).children(axis=0)
                 assert not inside.any()
 
 

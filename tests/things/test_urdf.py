@@ -15,7 +15,7 @@ from scenegen.geometry import Box, Circle, Polygon
 from scenegen.geometry.footprint import convex_hull, is_convex
 from scenegen.lang.checker import check_file, check_text
 from scenegen.things.meshfile import vertices
-from scenegen.things.outline import CORNERS, MeshError, simplified
+from scenegen.things.outline import MAX_OUTLINE_CORNERS, MeshError, simplify
 from scenegen.things.urdf import outline
 
 from .urdf_files import HERE, OBJ, box, close, cylinder, no_mesh, robot, stl, stl_text
@@ -126,7 +126,7 @@ def test_random_chains_against_scipy_and_shapely(seed):
     assert ours.area < 1.02 * truth.area
     assert height == pytest.approx(np.ptp(cloud[:, 2]), rel=0.005)
     if isinstance(footprint, Polygon):
-        assert len(footprint.vertices) <= CORNERS and is_convex(footprint.vertices)
+        assert len(footprint.vertices) <= MAX_OUTLINE_CORNERS and is_convex(footprint.vertices)
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_a_fine_mesh_gets_few_corners_round_it():
     footprint, _ = robot(('<mesh filename="m.obj"/>', ""), m=lines.encode())
     truth = shapely.Polygon(np.column_stack([0.2 * np.cos(turn) + 0.01, 0.1 * np.sin(turn)]))
     ours = shapely.Polygon(footprint.vertices)
-    assert len(footprint.vertices) == CORNERS
+    assert len(footprint.vertices) == MAX_OUTLINE_CORNERS
     assert ours.buffer(1e-6).contains(truth)
     assert ours.area < 1.01 * truth.area
 
@@ -175,10 +175,10 @@ def test_fewer_corners_hold_more(seed):
     source = np.random.default_rng(seed)
     turn = np.sort(source.uniform(0.0, math.tau, 200))
     before = convex_hull([(math.cos(t) * 0.3, math.sin(t) * (0.01 + 0.3 * source.random())) for t in turn]).vertices
-    after = simplified(before, 8)
+    after = simplify(before, 8)
     assert len(after) <= 8 and is_convex(after)
     assert shapely.Polygon(after).buffer(1e-6).contains(shapely.Polygon(before))
-    same = shapely.Polygon(simplified(before, 1000))  # without corners that do not stand out
+    same = shapely.Polygon(simplify(before, 1000))  # without corners that do not stand out
     assert same.symmetric_difference(shapely.Polygon(before)).area < 2e-6
 
 

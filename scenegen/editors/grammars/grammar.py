@@ -39,10 +39,10 @@ from scenegen.lang.syntax.printer import print_statement
 from scenegen.pose import SIZE
 from scenegen.search.prune import find
 
-WRITERS: Mapping[str, Callable[[Grammar], str]] = {"lark": lark, "gbnf": gbnf, "json": json}
-SHAPES = ("goals", "formulas")
-PARTS = ("spec", "labels")
-MOST_OBJECTS = 40  # the time it takes grows with their square: a minute for 40
+DIALECTS: Mapping[str, Callable[[Grammar], str]] = {"lark": lark, "gbnf": gbnf, "json": json}
+GRAMMAR_SHAPES = ("goals", "formulas")
+GRAMMAR_PARTS = ("spec", "labels")
+MAX_GRAMMAR_OBJECTS = 40  # the time it takes grows with their square: a minute for 40
 
 
 def grammar_of(about: Spec | Sequence[str], to: str = "lark", *, shape: str = "goals", only: str = "spec") -> str:
@@ -56,18 +56,18 @@ def grammar_of(about: Spec | Sequence[str], to: str = "lark", *, shape: str = "g
     Raises RequestError for an unknown choice, for more than 40 objects, and where no scene was found that meets what
     the spec requires; SpecError for names that cannot be objects.
     """
-    _one_of("dialect", to, tuple(WRITERS))
+    _one_of("dialect", to, tuple(DIALECTS))
     grammar = rules_of(about, shape=shape, only=only)
-    return WRITERS[to](grammar)
+    return DIALECTS[to](grammar)
 
 
 def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "spec") -> Grammar:
     """The rules that `grammar_of` writes, as data. Raises what it raises."""
-    _one_of("shape", shape, SHAPES)
-    _one_of("part", only, PARTS)
+    _one_of("shape", shape, GRAMMAR_SHAPES)
+    _one_of("part", only, GRAMMAR_PARTS)
     spec = about if isinstance(about, Spec) else of_objects(about)
-    if len(spec.objects) > MOST_OBJECTS:
-        wanted = f"at most {MOST_OBJECTS} objects: a grammar names every pair"
+    if len(spec.objects) > MAX_GRAMMAR_OBJECTS:
+        wanted = f"at most {MAX_GRAMMAR_OBJECTS} objects: a grammar names every pair"
         raise RequestError(OUT_OF_RANGE(argument="objects", value=len(spec.objects), wanted=wanted))
     text = spec.source
     _, least = next(iter(spec.members))  # names what is there whatever the number of things
@@ -77,7 +77,7 @@ def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "
     found = findings(Source(spec.declared.name, least.source), scenes)
     declared = declarations(text, spec.objects)
     chosen: Any = shape
-    return grammar(found, declared if only == "spec" else "", label_names(text, GOALS), chosen)
+    return grammar(found, declared if only == "spec" else "", label_names(text, MAX_LABELS_WRITTEN), chosen)
 
 
 def of_objects(names: Sequence[str]) -> Spec:
@@ -94,14 +94,6 @@ def of_objects(names: Sequence[str]) -> Spec:
 def _one_of(what: str, value: object, known: tuple[str, ...]) -> None:
     if value not in known:
         raise RequestError(UNKNOWN_CHOICE(what=what, name=value, known=known))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The rules of whole answers: labels over given declarations.
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Rows of names as rules: which arguments may stand together, shared by all relations that take the same.
 
 
 Row = tuple[str, ...]
@@ -121,10 +113,10 @@ class Sets:
         key = (wanted, between)
         known = self._known.get(key)
         if known is None:
-            known = self._known[key] = self._named(self._made(wanted, between))
+            known = self._known[key] = self._name_rule(self._rule(wanted, between))
         return known
 
-    def _made(self, rows: frozenset[Row], between: Row) -> Part:
+    def _rule(self, rows: frozenset[Row], between: Row) -> Part:
         if not between:
             return choice([Terminal(name) for (name,) in sorted(rows)])
         rests: dict[str, set[Row]] = {}
@@ -140,7 +132,7 @@ class Sets:
             options.append(seq(head, Terminal(between[0]), rest_part))
         return choice(options)
 
-    def _named(self, part: Part) -> Part:
+    def _name_rule(self, part: Part) -> Part:
         if isinstance(part, Terminal):
             return part
         name = f"{self.prefix}{len(self.rules) + 1}"
@@ -148,11 +140,7 @@ class Sets:
         return RuleRef(name)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Statements as rules: one rule for each relation, with the arguments and numbers that it can have.
-
-
-MOST_NUMBER = 100  # in the unit's own suffix
+MAX_NUMBER = 100  # in the unit's own suffix
 
 
 class Literals:
@@ -172,7 +160,7 @@ class Literals:
                 values = self.extras.setdefault(one.form, {}).setdefault(one.extra, {})
                 values.setdefault(one.value, {})[one.arguments] = one.high
         for form, rows in self.base.items():
-            made = self._compared(form, rows) if form.number else self._called(form, rows)
+            made = self._comparisons(form, rows) if form.number else self._call_rules(form, rows)
             if made:
                 self.relations.setdefault(form.relation, []).extend(made)
 
@@ -193,18 +181,18 @@ class Literals:
         before, bracket, after = last.partition(")")
         return seq(Terminal(head), arguments, Terminal(before), end, Terminal(bracket + after))
 
-    def _called(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
+    def _call_rules(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
         """The plain call, and one with each further argument."""
         possible = [row for row, (_, high) in rows.items() if high >= 0.0]
         made = [self._call(form, possible, Terminal(""))] if possible else []
         for extra, shifts in self.found.shifts.get(form, {}).items():
             table = {value: {row: high + shift for row, (_, high) in rows.items()} for value, shift in shifts.items()}
-            made += self._with(form, extra, table, between=True)
+            made += self._more(form, extra, table, between=True)
         for extra, table in self.extras.get(form, {}).items():
-            made += self._with(form, extra, table, between=False)
+            made += self._more(form, extra, table, between=False)
         return made
 
-    def _with(self, form: PhraseForm, extra: Extra, table: dict[str, dict[Row, float]], *, between: bool) -> list[Part]:
+    def _more(self, form: PhraseForm, extra: Extra, table: dict[str, dict[Row, float]], *, between: bool) -> list[Part]:
         """The call with one more argument: the run of values with most to say, and the rows that can have all of it.
         `between` two values that were tried lie others as good."""
         values = list(table)
@@ -226,19 +214,19 @@ class Literals:
             number = choice([Terminal(value) for value in values[first : last + 1]])
         return [self._call(form, rows, seq(Terminal(extra.before), number))]
 
-    def _compared(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
+    def _comparisons(self, form: PhraseForm, rows: dict[Row, tuple[float, float]]) -> list[Part]:
         """A function compared with numbers that it is at most, and at least, in some scene."""
         measure = MEASURES[self.found.units[form]]
         made = []
         least = {row: max(1, math.ceil(low / measure.scale + EXACT)) for row, (low, _) in rows.items()}
         most = {row: math.floor(high / measure.scale - EXACT) for row, (_, high) in rows.items()}
-        low_rows = {row: low for row, low in least.items() if low < MOST_NUMBER}
+        low_rows = {row: low for row, low in least.items() if low < MAX_NUMBER}
         high_rows = {row: high for row, high in most.items() if high >= 2}
         for sign, chosen in (("<=", low_rows), (">=", high_rows)):
             if not chosen:
                 continue
             low = max(chosen.values()) if sign == "<=" else 1
-            high = MOST_NUMBER if sign == "<=" else min(MOST_NUMBER, min(chosen.values()))
+            high = MAX_NUMBER if sign == "<=" else min(MAX_NUMBER, min(chosen.values()))
             number = seq(IntegerRange(low, high), Terminal(measure.suffix))
             made.append(seq(self._call(form, chosen, Terminal("")), Terminal(f" {sign} "), number))
         return made
@@ -246,10 +234,10 @@ class Literals:
 
 Shape = Literal["goals", "formulas"]
 
-GOALS = 8  # labels at most
-OPTIONS = 2  # further options of one goal
-CONJUNCTS = 8
-DEPTH = 3  # of parentheses in free formulas
+MAX_LABELS_WRITTEN = 8  # labels at most
+MAX_OPTIONS = 2  # further options of one goal
+MAX_CONJUNCTS = 8
+MAX_PARENTHESES = 3  # of parentheses in free formulas
 
 
 def grammar(found: Findings, declared: str, names: tuple[str, ...], shape: Shape = "goals") -> Grammar:
@@ -264,19 +252,19 @@ def grammar(found: Findings, declared: str, names: tuple[str, ...], shape: Shape
         more = () if last else (Repeat(seq(Terminal("\n"), RuleRef(f"goal{place + 1}")), 0, 1),)
         rules[f"goal{place}"] = seq(Terminal(f"{name}: "), RuleRef("formula"), *more)
     if shape == "formulas":
-        rules.update(_free(timed, found.steps, bool(moving)))
+        rules.update(_free_rules(timed, found.steps, bool(moving)))
     elif timed:
-        rules["formula"] = seq(RuleRef("timed"), Repeat(seq(Terminal(" & "), RuleRef("timed")), 0, CONJUNCTS - 1))
-        rules["timed"] = _timed(found.steps, "state", moving=bool(moving))
+        rules["formula"] = seq(RuleRef("timed"), Repeat(seq(Terminal(" & "), RuleRef("timed")), 0, MAX_CONJUNCTS - 1))
+        rules["timed"] = _timed_rule(found.steps, "state", moving=bool(moving))
     else:
-        rules["formula"] = seq(RuleRef("state"), Repeat(seq(Terminal(" | "), RuleRef("state")), 0, OPTIONS))
+        rules["formula"] = seq(RuleRef("state"), Repeat(seq(Terminal(" | "), RuleRef("state")), 0, MAX_OPTIONS))
     return Grammar({**rules, **literals, **moving})
 
 
-def _free(timed: bool, steps: int, moving: bool) -> dict[str, Part]:
+def _free_rules(timed: bool, steps: int, moving: bool) -> dict[str, Part]:
     """Formulas that nest: every pair of parentheses is one level."""
     rules: dict[str, Part] = {}
-    for depth in range(DEPTH):
+    for depth in range(MAX_PARENTHESES):
         options: list[Part] = [RuleRef("state"), seq(Terminal("!"), RuleRef("state"))]
         if depth:
             inner = RuleRef(f"nested{depth}")
@@ -286,16 +274,16 @@ def _free(timed: bool, steps: int, moving: bool) -> dict[str, Part]:
             ]
             options += [*both, seq(Terminal("("), inner, Terminal(" -> "), inner, Terminal(")"))]
         rules[f"nested{depth + 1}"] = choice(options)
-    top = f"nested{DEPTH}"
+    top = f"nested{MAX_PARENTHESES}"
     if timed:
-        rules["timed"] = _timed(steps, top, moving=moving)
+        rules["timed"] = _timed_rule(steps, top, moving=moving)
         top = "timed"
     conjunct = RuleRef(top)
-    rules["formula"] = seq(conjunct, Repeat(seq(Terminal(" & "), conjunct), 0, CONJUNCTS - 1))
+    rules["formula"] = seq(conjunct, Repeat(seq(Terminal(" & "), conjunct), 0, MAX_CONJUNCTS - 1))
     return rules
 
 
-def _timed(steps: int, inner: str, *, moving: bool) -> Part:
+def _timed_rule(steps: int, inner: str, *, moving: bool) -> Part:
     """A formula over time of formulas of a moment. Windows end with the motion: they begin with the moment, or end with
     the last one; where operators are nested, the inner one takes all moments that are left. What an operator takes
     stands in parentheses, whatever binds how. What needs a step (`moving`) is not asked of the first moment."""
@@ -321,14 +309,10 @@ def _timed(steps: int, inner: str, *, moving: bool) -> Part:
     return choice(options)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Scenes that meet what a spec requires: what can be said is held against them.
-
-
-SCENES = 512
-DRAWS = 12  # blocks of uniform scenes that are looked through
-ENOUGH = 64  # valid ones among them, or chains are run from those that there are
-ROUNDS = 150  # moves of one object each
+GRAMMAR_SCENES = 512
+UNIFORM_BLOCKS = 12  # blocks of uniform scenes that are looked through
+ENOUGH_VALID = 64  # valid ones among them, or chains are run from those that there are
+CHAIN_ROUNDS = 150  # moves of one object each
 
 
 def valid_scenes(spec: CheckedSpec) -> Array | None:
@@ -344,22 +328,22 @@ def valid_scenes(spec: CheckedSpec) -> Array | None:
         return _uniform(lowest, highest, rng)
     core = part_of(core, (REQUIRE,))
     kept: list[Array] = []
-    for _ in range(DRAWS):
+    for _ in range(UNIFORM_BLOCKS):
         rows = _uniform(lowest, highest, rng)
         kept.append(rows[:, _valid(core, rows)])
-        if sum(one.shape[1] for one in kept) >= SCENES:
-            return np.concatenate(kept, axis=1)[:, :SCENES]
+        if sum(one.shape[1] for one in kept) >= GRAMMAR_SCENES:
+            return np.concatenate(kept, axis=1)[:, :GRAMMAR_SCENES]
     found = np.concatenate(kept, axis=1)
     if not found.shape[1]:
         witness = find(core, lowest, highest, {core.labels[REQUIRE]: (0.0, np.inf)}).witness
         if witness is None:
             return None
         found = witness[:, None]
-    return found if found.shape[1] >= ENOUGH else _chains(core, lowest, highest, found, rng)
+    return found if found.shape[1] >= ENOUGH_VALID else _chains(core, lowest, highest, found, rng)
 
 
 def _uniform(lowest: Array, highest: Array, rng: np.random.Generator) -> Array:
-    return lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), SCENES))
+    return lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), GRAMMAR_SCENES))
 
 
 def _valid(core: Core, rows: Array) -> npt.NDArray[np.bool_]:
@@ -368,24 +352,20 @@ def _valid(core: Core, rows: Array) -> npt.NDArray[np.bool_]:
 
 def _chains(core: Core, lowest: Array, highest: Array, start: Array, rng: np.random.Generator) -> Array:
     """Chains from valid scenes: in each round one object goes to a place of its own, near or far."""
-    rows = np.resize(start.T, (SCENES, len(lowest))).T.copy()
+    rows = np.resize(start.T, (GRAMMAR_SCENES, len(lowest))).T.copy()
     objects = len(lowest) // SIZE
-    for _ in range(ROUNDS):
+    for _ in range(CHAIN_ROUNDS):
         moved = rows.copy()
-        which = SIZE * rng.integers(objects, size=SCENES)
-        near = rng.random(SCENES) < 0.5
+        which = SIZE * rng.integers(objects, size=GRAMMAR_SCENES)
+        near = rng.random(GRAMMAR_SCENES) < 0.5
         for axis in range(SIZE):
-            at, ends = (which + axis, np.arange(SCENES)), (lowest[which + axis], highest[which + axis])
-            far = ends[0] + (ends[1] - ends[0]) * rng.random(SCENES)
-            step = rows[at] + 0.05 * (ends[1] - ends[0]) * rng.standard_normal(SCENES)
+            at, ends = (which + axis, np.arange(GRAMMAR_SCENES)), (lowest[which + axis], highest[which + axis])
+            far = ends[0] + (ends[1] - ends[0]) * rng.random(GRAMMAR_SCENES)
+            step = rows[at] + 0.05 * (ends[1] - ends[0]) * rng.standard_normal(GRAMMAR_SCENES)
             moved[at] = np.clip(np.where(near, step, far), *ends)
         good = _valid(core, moved)
         rows[:, good] = moved[:, good]
     return rows
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The part of a spec that an answer continues: its declarations, without its labels.
 
 
 BASES = ("goal", "aim", "target")  # what labels are called, whichever is free

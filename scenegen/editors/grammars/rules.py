@@ -118,10 +118,6 @@ def _same_length(low: str, high: str) -> list[tuple[tuple[str, str], ...]]:
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Grammars as text: GBNF, the dialect of llama.cpp; the Lark dialect of llguidance, and its JSON form.
-
-
 _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"})
 
 
@@ -139,7 +135,7 @@ def gbnf(grammar: Grammar) -> str:
                 return f"({' | '.join(rows)})"
 
     notes = [f"# {note}" for note in grammar.notes]
-    rules = [f"{leaf(RuleRef(name))} ::= {written(part, leaf)}" for name, part in grammar.rules.items()]
+    rules = [f"{leaf(RuleRef(name))} ::= {write_part(part, leaf)}" for name, part in grammar.rules.items()]
     return "\n".join([*notes, *rules]) + "\n"
 
 
@@ -156,7 +152,7 @@ def lark(grammar: Grammar) -> str:
                 return f"/{pattern(low, high)}/"
 
     head = ["%llguidance {}", *(f"// {note}" for note in grammar.notes)]
-    return "\n".join([*head, *(f"{name}: {written(part, leaf)}" for name, part in grammar.rules.items())]) + "\n"
+    return "\n".join([*head, *(f"{name}: {write_part(part, leaf)}" for name, part in grammar.rules.items())]) + "\n"
 
 
 def json(grammar: Grammar) -> str:
@@ -164,16 +160,16 @@ def json(grammar: Grammar) -> str:
     return dumps({"grammars": [{"lark_grammar": lark(grammar)}]}, ensure_ascii=False) + "\n"
 
 
-def written(part: Part, leaf: Callable[[Terminal | RuleRef | IntegerRange], str], *, inside: bool = False) -> str:
+def write_part(part: Part, leaf: Callable[[Terminal | RuleRef | IntegerRange], str], *, inside: bool = False) -> str:
     """A part as the right side of a rule; `inside` a sequence or a repetition, choices stand in parentheses."""
     match part:
         case Seq(parts):
-            line = " ".join(written(one, leaf, inside=True) for one in parts)
+            line = " ".join(write_part(one, leaf, inside=True) for one in parts)
         case Alternation(options):
-            line = " | ".join(written(one, leaf) for one in options)
+            line = " | ".join(write_part(one, leaf) for one in options)
         case Repeat(one, least, most):
             mark = "?" if (least, most) == (0, 1) else f"{{{least},{most}}}"
-            body = written(one, leaf, inside=True)
+            body = write_part(one, leaf, inside=True)
             return f"({body}){mark}" if isinstance(one, Repeat) else body + mark
         case _:
             return leaf(part)

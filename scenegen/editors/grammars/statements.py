@@ -29,15 +29,11 @@ from scenegen.lang.formula.interpret import evaluate, phi
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 
-# --------------------------------------------------------------------------------------------------------------------
-# What a formula over a spec can name, by kind, as a model writes it.
-
-
 OBJECT, REGION, POINT, LIST, HEADING = "object", "region", "point", "list", "heading"
-KINDS = (OBJECT, REGION, POINT, LIST, HEADING)
-HEADINGS = ("NORTH", "EAST", "SOUTH", "WEST", "45 deg", "135 deg", "225 deg", "315 deg")
-FEW = 8  # objects up to which points of regions, groups of three and fine steps of numbers take part
-SIDES = ("left", "right", "top", "bottom")
+ARGUMENT_KINDS = (OBJECT, REGION, POINT, LIST, HEADING)
+HEADING_WORDS = ("NORTH", "EAST", "SOUTH", "WEST", "45 deg", "135 deg", "225 deg", "315 deg")
+FEW_THINGS = 8  # objects up to which points of regions, groups of three and fine steps of numbers take part
+MIDPOINTS = ("left", "right", "top", "bottom")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +45,7 @@ class Measure:
     coarse: tuple[int, ...]
     scale: float  # of a whole one, in metres or radians
 
-    def tried(self, few: bool) -> tuple[int, ...]:
+    def trial_steps(self, few: bool) -> tuple[int, ...]:
         return self.steps if few else self.coarse
 
 
@@ -71,9 +67,9 @@ class GrammarNames:
     timed: bool
 
     @property
-    def few(self) -> bool:
+    def is_small(self) -> bool:
         """Whether there are so few objects that there is room for more to say of each."""
-        return len(self.names[OBJECT]) <= FEW
+        return len(self.names[OBJECT]) <= FEW_THINGS
 
 
 def vocabulary(lowering: Lowering) -> GrammarNames:
@@ -85,16 +81,16 @@ def vocabulary(lowering: Lowering) -> GrammarNames:
     surfaces = dict.fromkeys(
         f"{objects[one.carrier]}.{one.name}" for one in lowering.supports.values() if one.carrier in carriers
     )
-    points = tuple(f"{region}.{side}" for region in regions for side in SIDES) if len(objects) <= FEW else ()
+    points = tuple(f"{region}.{side}" for region in regions for side in MIDPOINTS) if len(objects) <= FEW_THINGS else ()
     lists = (*(("objects",) if len(objects) > 1 else ()), *scope.arrays)
     taken = {*scope.values(), *scope.functions()}
     free = [name for name in chain("pqrstuvw", (f"p{k}" for k in range(len(taken) + 2))) if name not in taken]
     own = frozenset(name for name, one in scope.definitions.items() if one.source is not scope.prelude)
-    names = {OBJECT: objects, REGION: (*regions, *surfaces), POINT: points, LIST: lists, HEADING: HEADINGS}
+    names = {OBJECT: objects, REGION: (*regions, *surfaces), POINT: points, LIST: lists, HEADING: HEADING_WORDS}
     return GrammarNames(names, (free[0], free[1]), own, scope.timed)
 
 
-MOST_THREES = 1500  # ways to fill three arguments; of more, the third is no object
+MAX_TRIPLES = 1500  # ways to fill three arguments; of more, the third is no object
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +125,7 @@ class PhraseForm:
 def calls(relation: str, count: int, own: bool) -> Iterator[PhraseForm]:
     """Calls with so many arguments, of every kind that each may have. The first is never a place: goals are about
     objects."""
-    for kinds in product(KINDS, repeat=count):
+    for kinds in product(ARGUMENT_KINDS, repeat=count):
         if kinds and kinds[0] in (REGION, POINT, HEADING):
             continue
         if count > 2 and (POINT in kinds or kinds[0] != OBJECT):
@@ -139,15 +135,15 @@ def calls(relation: str, count: int, own: bool) -> Iterator[PhraseForm]:
         )
 
 
-def grouped(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
+def list_forms(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
     """A call over a list with the objects written out."""
     if form.kinds == (LIST,):
-        for count in (2, 3) if words.few else (2,):
+        for count in (2, 3) if words.is_small else (2,):
             pieces = (f"{form.relation}([", *([", "] * (count - 1)), "])")
             yield replace(form, pieces=pieces, kinds=(OBJECT,) * count)
 
 
-def quantified(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
+def quantifier_forms(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
     """The call for all and for some elements of a list, and for pairs of them."""
     if not form.kinds or form.kinds[0] != OBJECT or len(form.kinds) > 2 or form.number:
         return
@@ -155,15 +151,15 @@ def quantified(form: PhraseForm, words: GrammarNames) -> Iterator[PhraseForm]:
     rest = form.kinds[1:]
     for kind in ("forall", "exists"):
         if not rest:
-            yield _over(form, (f"({kind} {p} in ", f": {form.relation}({p}))"), (LIST,))
-        elif rest[0] != POINT and words.few:
-            yield _over(form, (f"({kind} {p} in ", f": {form.relation}({p}, ", "))"), (LIST, *rest))
+            yield _over_list(form, (f"({kind} {p} in ", f": {form.relation}({p}))"), (LIST,))
+        elif rest[0] != POINT and words.is_small:
+            yield _over_list(form, (f"({kind} {p} in ", f": {form.relation}({p}, ", "))"), (LIST, *rest))
         if rest == (OBJECT,):
-            yield _over(form, (f"({kind} {p}, {q} in ", f": {form.relation}({p}, {q}))"), (LIST,))
-            yield _over(form, (f"({kind} {p}, {q} in consecutive(", f"): {form.relation}({p}, {q}))"), (LIST,))
+            yield _over_list(form, (f"({kind} {p}, {q} in ", f": {form.relation}({p}, {q}))"), (LIST,))
+            yield _over_list(form, (f"({kind} {p}, {q} in consecutive(", f"): {form.relation}({p}, {q}))"), (LIST,))
 
 
-def _over(form: PhraseForm, pieces: tuple[str, ...], kinds: tuple[str, ...]) -> PhraseForm:
+def _over_list(form: PhraseForm, pieces: tuple[str, ...], kinds: tuple[str, ...]) -> PhraseForm:
     return replace(form, pieces=pieces, kinds=kinds, quantified=True)
 
 
@@ -184,21 +180,13 @@ def samples(form: PhraseForm, words: GrammarNames) -> list[tuple[str, ...]]:
 def fits(form: PhraseForm, words: GrammarNames) -> bool:
     """Whether a form is small enough to be filled in in all ways."""
     threes = len(words.names[OBJECT]) ** 2
-    return form.kinds.count(OBJECT) < 3 or threes * len(words.names[OBJECT]) <= MOST_THREES
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What of all that could be said checks, and how phi of it varies over scenes that meet what the spec requires.
-#
-# Every formula is expanded by the checker itself, into one core; what it refuses, and what is the same in every
-# scene, is left out. A formula that some of the scenes satisfies can be satisfied: no proof to the contrary can be
-# found.
+    return form.kinds.count(OBJECT) < 3 or threes * len(words.names[OBJECT]) <= MAX_TRIPLES
 
 
 PROBES = 16  # scenes in which an extra argument has to shift phi by as much
 EXACT = 1e-9  # what rounding may make of a shift
-LIVE = 1 << 23  # numbers that a look at some scenes may hold
-MOST_SLOTS = 3  # arguments that relations can have here
+MAX_PHI_NUMBERS = 1 << 23  # numbers that a look at some scenes may hold
+MAX_SLOTS = 3  # arguments that relations can have here
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +201,7 @@ class Extra:
     def values(self, words: GrammarNames) -> tuple[str, ...]:
         if self.measure is None:
             return self.words
-        return tuple(f"{step}{self.measure.suffix}" for step in self.measure.tried(words.few))
+        return tuple(f"{step}{self.measure.suffix}" for step in self.measure.trial_steps(words.is_small))
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,11 +242,11 @@ def findings(source: Source, scenes: Array) -> Findings:
     return trial.found
 
 
-def _reached(core: Core, scenes: Array) -> Array:
+def _phi_ends(core: Core, scenes: Array) -> Array:
     """The least and the largest value of each label over scenes, (L, 2)."""
     places = list(core.labels.values())
     ends = np.tile([np.inf, -np.inf], (len(places), 1))
-    block = max(32, LIVE // max(1, len(core.nodes)))
+    block = max(32, MAX_PHI_NUMBERS // max(1, len(core.nodes)))
     for start in range(0, scenes.shape[1], block):
         values = evaluate(core, list(scenes[:, start : start + block]), NUMPY)
         for end, place in zip(ends, places, strict=True):
@@ -288,17 +276,17 @@ class _Trial:
         steps = np.concatenate([self.scenes, np.roll(self.scenes, 1, axis=1)]) if over_time else still
         self.probes = steps[:, :PROBES]
         noticed = list(lowering.noticed)
-        made = list(self._all())
+        made = list(self._trials())
         lowering.noticed[:] = noticed
         core = lowering.builder.finish({str(place): node for place, (_, node) in enumerate(made)})
-        found = _reached(core, still)
+        found = _phi_ends(core, still)
         self.found.statements = [_with_ends(one, ends) for (one, _), ends in zip(made, found, strict=True)]
         if over_time:
-            later = _reached(core, steps)
+            later = _phi_ends(core, steps)
             changed = np.flatnonzero((found != later).any(axis=1))
             self.found.moving = [_with_ends(made[place][0], later[place]) for place in changed]
 
-    def _all(self) -> Iterator[tuple[TrialStatement, int]]:
+    def _trials(self) -> Iterator[tuple[TrialStatement, int]]:
         scope, words = self.lowering.scope, self.words
         for name in (*scope.definitions, *signatures(scope.timed)):
             if name in LIST_FUNCTIONS or name == "height" or (name in PRIMITIVES and not PRIMITIVES[name].spatial):
@@ -311,15 +299,15 @@ class _Trial:
             if signature.needed < 2 and isinstance(first, ListValue | RegionValue | PointValue):
                 counts.append(signature.needed + 1)
             for count in counts:
-                if count > MOST_SLOTS:
+                if count > MAX_SLOTS:
                     continue
                 for form in calls(name, count, name in words.own):
-                    made = self._looked_at(form)
+                    made = self._try_form(form)
                     if made is None or not fits(form, words):
                         continue
                     extras = [] if made.number else self._extras(optional, signature.needed, count)
-                    for one in (made, *grouped(made, words), *quantified(made, words)):
-                        yield from self._filled(one, [] if one.quantified else extras)
+                    for one in (made, *list_forms(made, words), *quantifier_forms(made, words)):
+                        yield from self._fill(one, [] if one.quantified else extras)
 
     def _optional(self, name: str) -> dict[str, Value]:
         """The parameters that have defaults, with their values; none of built-in functions."""
@@ -343,12 +331,12 @@ class _Trial:
                 continue
             before = (", " if count else "") + ("" if place == count else f"{name} = ")
             if name == "heading":
-                found.append(Extra(before, None, HEADINGS))
+                found.append(Extra(before, None, HEADING_WORDS))
             elif value.unit in MEASURES:
                 found.append(Extra(before, MEASURES[value.unit]))
         return found
 
-    def _looked_at(self, form: PhraseForm) -> PhraseForm | None:
+    def _try_form(self, form: PhraseForm) -> PhraseForm | None:
         """The form, where a call of it can be a formula or a number; None where it cannot."""
         for arguments in samples(form, self.words):
             value = self._value(form, arguments)
@@ -360,9 +348,9 @@ class _Trial:
                 return made
         return None
 
-    def _filled(self, form: PhraseForm, extras: Sequence[Extra]) -> Iterator[tuple[TrialStatement, int]]:
-        rest = [one for one in extras if not self._shifted(form, one)]
-        if not self.words.few or len(form.kinds) > 2:
+    def _fill(self, form: PhraseForm, extras: Sequence[Extra]) -> Iterator[tuple[TrialStatement, int]]:
+        rest = [one for one in extras if not self._shift(form, one)]
+        if not self.words.is_small or len(form.kinds) > 2:
             rest = []
         for arguments in form.arguments(self.words):
             node = self._node(form, arguments)
@@ -375,7 +363,7 @@ class _Trial:
                     if node is not None:
                         yield TrialStatement(form, arguments, extra, value), node
 
-    def _shifted(self, form: PhraseForm, extra: Extra) -> bool:
+    def _shift(self, form: PhraseForm, extra: Extra) -> bool:
         """Whether the values of an extra argument shift phi by as much in every scene, and in proportion; then it is
         noted by how much."""
         if extra.measure is None:
@@ -396,7 +384,7 @@ class _Trial:
             shifts.append(moved[:, 0])
         if not shifts or any(np.abs(one - shifts[0]).max() > EXACT for one in shifts):
             return False
-        slopes = np.diff(shifts[0]) / np.diff(extra.measure.tried(self.words.few))
+        slopes = np.diff(shifts[0]) / np.diff(extra.measure.trial_steps(self.words.is_small))
         if np.ptp(slopes) > EXACT:
             return False
         self.found.shifts.setdefault(form, {})[extra] = dict(zip(values, map(float, shifts[0]), strict=True))
@@ -419,7 +407,7 @@ class _Trial:
         text = form.text(slots) + end
         template = self._templates.get(text)
         if template is None:
-            template = self._templates[text] = self._parsed(text)
+            template = self._templates[text] = self._parse(text)
         try:
             env = dict(zip(slots, map(self._argument, arguments), strict=True))
             return lowering.evaluate(template, self._frame(text), env)
@@ -429,11 +417,11 @@ class _Trial:
     def _argument(self, text: str) -> Value:
         value = self._values.get(text)
         if value is None:
-            value = self.lowering.evaluate(self._parsed(text), self._frame(text))
+            value = self.lowering.evaluate(self._parse(text), self._frame(text))
             self._values[text] = value
         return value
 
-    def _parsed(self, text: str) -> ast.Expr:
+    def _parse(self, text: str) -> ast.Expr:
         parsed = parse(Source("<grammar>", text), self.lowering.scope.timed).bare
         assert parsed is not None
         return parsed

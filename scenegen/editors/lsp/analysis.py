@@ -20,10 +20,10 @@ from scenegen.editors.lsp.answers import Page, Question, answer
 from scenegen.editors.lsp.document import Document
 from scenegen.processes.process import command, environment
 
-MOST = 4  # processes, and questions at a time
-LONGEST = 60.0  # seconds for one question
-GRACE = 1.0  # seconds that a question nobody waits for any more may still take: a new process also costs time
-LARGEST = 1 << 30  # bytes of one answer
+PROCESSES = 4  # processes, and questions at a time
+MAX_QUESTION_SECONDS = 60.0  # seconds for one question
+LATE_ANSWER_SECONDS = 1.0  # that a question nobody waits for may still take: a new process costs time, too
+MAX_ANSWER_BYTES = 1 << 30  # bytes of one answer
 
 
 class AnalysisEnded(Exception):  # noqa: N818 - a text can take too long, or more memory than there is
@@ -34,19 +34,19 @@ class AnalysisProcesses:
     """The processes of one language server, each started when it is needed. All methods run in the event loop."""
 
     def __init__(self) -> None:
-        self._turns = asyncio.Semaphore(MOST)
+        self._turns = asyncio.Semaphore(PROCESSES)
         self._alive: list[_AnalysisProcess] = []  # the one that was idle for longest first
 
     async def ask(self, text: dict[str, Any], question: Question) -> Any:
         """The answer to a question about a text (the fields of `_page`). Raises AnalysisEnded. To stop waiting
         ends the process, unless it is about to answer."""
         async with self._turns:
-            process = self._take(text["uri"])
+            process = self._acquire(text["uri"])
             asking = asyncio.ensure_future(process.ask({"text": text, "question": asdict(question)}))
             try:
-                await asyncio.wait([asking], timeout=LONGEST)
+                await asyncio.wait([asking], timeout=MAX_QUESTION_SECONDS)
             except asyncio.CancelledError:
-                await asyncio.wait([asking], timeout=GRACE)
+                await asyncio.wait([asking], timeout=LATE_ANSWER_SECONDS)
                 raise
             finally:
                 process.busy = False
@@ -55,17 +55,17 @@ class AnalysisProcesses:
                     self._alive.remove(process)
                     process.end()
             if asking.cancelled() or not asking.done():
-                raise AnalysisEnded(f"was ended after {LONGEST:g} s")
+                raise AnalysisEnded(f"was ended after {MAX_QUESTION_SECONDS:g} s")
             return asking.result()
 
-    def _take(self, uri: str) -> _AnalysisProcess:
+    def _acquire(self, uri: str) -> _AnalysisProcess:
         """An idle process: the one that has had the document, else a new one, or the one that was idle for longest."""
         idle = [one for one in self._alive if not one.busy]
         found = next((one for one in idle if one.uri == uri), None)
         if found is not None:
             self._alive.remove(found)
         else:
-            found = _AnalysisProcess() if len(self._alive) < MOST else self._alive.pop(self._alive.index(idle[0]))
+            found = _AnalysisProcess() if len(self._alive) < PROCESSES else self._alive.pop(self._alive.index(idle[0]))
         self._alive.append(found)
         found.busy, found.uri = True, uri
         return found
@@ -87,7 +87,7 @@ class _AnalysisProcess:
             pipe = asyncio.subprocess.PIPE
             try:
                 self._process = await asyncio.create_subprocess_exec(
-                    *command(__name__), stdin=pipe, stdout=pipe, limit=LARGEST, env=environment()
+                    *command(__name__), stdin=pipe, stdout=pipe, limit=MAX_ANSWER_BYTES, env=environment()
                 )
             except (OSError, RuntimeError) as error:  # no more processes, files or threads
                 raise AnalysisEnded(f"cannot start: {getattr(error, 'strerror', None) or error}") from error
@@ -106,10 +106,6 @@ class _AnalysisProcess:
         if self._process is not None:
             with contextlib.suppress(ProcessLookupError):
                 self._process.kill()
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The program that such a process runs.
 
 
 def main() -> None:

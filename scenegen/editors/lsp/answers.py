@@ -29,9 +29,6 @@ from scenegen.lang.syntax.printer import format_source
 from scenegen.lang.syntax.tokens import KEYWORDS
 from scenegen.search import label_bounds
 
-# --------------------------------------------------------------------------------------------------------------------
-# Where names are declared and used: go to definition, the outline of a file, renaming.
-
 
 @dataclass(frozen=True, slots=True)
 class SourceLocation:
@@ -125,10 +122,6 @@ def _is_in_reach(document: Document, binding: Binding, name: str) -> bool:
     return any(one.start < mine.end and mine.start < one.end for one in others for mine in own)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Everything that is wrong with a text, or worth a warning, as an editor shows it.
-
-
 @dataclass(frozen=True, slots=True)
 class DocumentProblem:
     """Characters `start` to `end` of the open text, what to say about them, and the diagnostic's facts as JSON.
@@ -205,15 +198,11 @@ def _place(document: Document, name: str) -> tuple[int, int]:
     return (formula.start, formula.end) if formula is not None else (0, 0)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Places in a text: character offsets, and the lines and characters that editors count in.
-#
 # An editor's `character` counts UTF-16 code units unless client and server agreed on UTF-8 bytes or on UTF-32. Lines
 # end at `\n`; `\r\n` and `\r` count as one break too, so a text keeps its positions when its breaks are made plain.
-
-
 # encoding -> how many units one character takes
-_UNITS: Mapping[str, Callable[[str], int]] = {
+_CODE_UNITS: Mapping[str, Callable[[str], int]] = {
     "utf-8": lambda char: len(char.encode("utf-8", "surrogatepass")),
     "utf-16": lambda char: 1 + (char > "\uffff"),
     "utf-32": lambda char: 1,
@@ -225,7 +214,7 @@ class EncodedLines:
 
     def __init__(self, text: str, encoding: str = "utf-16") -> None:
         self.text, self.encoding = text, encoding
-        self._units = _UNITS[encoding]
+        self._units = _CODE_UNITS[encoding]
         self._starts = [0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1])]
 
     def position(self, offset: int) -> tuple[int, int]:
@@ -251,10 +240,6 @@ class EncodedLines:
         return start + len(words)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The text as `scenegen fmt` writes it, as one change to the lines that differ.
-
-
 @dataclass(frozen=True, slots=True)
 class Change:
     """`text` takes the place of characters `start` to `end`."""
@@ -264,7 +249,7 @@ class Change:
     text: str
 
 
-def formatted(document: Document) -> Change | None:
+def formatting_change(document: Document) -> Change | None:
     """The change that turns the document into its canonical layout; None if it has that already, or does not parse."""
     try:
         wanted = format_source(document.source)
@@ -287,7 +272,7 @@ def formatted(document: Document) -> Change | None:
 Json = dict[str, Any]
 
 ERROR, WARNING, UNNECESSARY = 1, 2, 1  # DiagnosticSeverity, DiagnosticTag
-LOG = logging.getLogger("scenegen.editors.lsp")
+LSP_LOG = logging.getLogger("scenegen.editors.lsp")
 
 # CompletionItemKind
 _ITEMS: Mapping[str, int] = {
@@ -348,7 +333,7 @@ def answer(page: Page, question: Question) -> Any:
     except RequestRefused:
         raise
     except Exception as error:  # no text may end the server
-        LOG.exception("%s of %s failed", question.feature, page.uri)
+        LSP_LOG.exception("%s of %s failed", question.feature, page.uri)
         return failure(f"{type(error).__name__}: {error}") if question.feature == "diagnostics" else None
 
 
@@ -447,7 +432,7 @@ def _symbol(page: Page, found: Symbol) -> Json:
 
 
 def _formatting(page: Page, offset: int, question: Question) -> list[Json]:
-    found = formatted(page.document)
+    found = formatting_change(page.document)
     return [] if found is None else [{"range": page.span(found.start, found.end), "newText": found.text}]
 
 

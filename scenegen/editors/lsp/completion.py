@@ -60,11 +60,11 @@ def completions(document: Document, offset: int) -> list[CompletionItem]:
         return []
     if document.text[line:offset].count('"') % 2:
         return list(_files(document, offset))
-    here = _here(document, offset)
+    here = _word_at(document, offset)
     return list(_items(here)) if here is not None else []
 
 
-def _here(document: Document, offset: int) -> _WordAtCursor | None:
+def _word_at(document: Document, offset: int) -> _WordAtCursor | None:
     text = document.text
     start = offset
     while start > 0 and (text[start - 1].isalnum() or text[start - 1] == "_") and text[start - 1].isascii():
@@ -91,7 +91,7 @@ def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
         yield from _members(here)
     elif last is not None and last.kind == "number":
         if not last.text[-1:].isalpha() and here.document.text[last.end : here.start].strip(" \t") == "":
-            yield from (here.item(unit, "unit", about=words) for unit, words in vocabulary.UNITS.items())
+            yield from (here.item(unit, "unit", about=words) for unit, words in vocabulary.UNIT_TEXTS.items())
         yield from _after_operand(here, kind)
     elif kind == "object" and _opens_support(here):
         yield from _supports(here)
@@ -147,7 +147,7 @@ def _after_operand(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
         yield from _keywords(here, "at")
         words = ("by area",) if _in_support(here.before) else ("on", "of")
         for word in words:
-            yield here.item(word, "keyword", about=vocabulary.CLAUSES[word])
+            yield here.item(word, "keyword", about=vocabulary.CLAUSE_TEXTS[word])
     elif kind in ("label", "def", "require", "formula"):
         waiting = [one.text for one in here.before if one.text in ("forall", "exists", "∀", "∃", ":")]
         if waiting[-1:] not in ([], [":"]) and here.back(1) != "in":
@@ -177,9 +177,6 @@ def _files(document: Document, offset: int) -> Iterator[CompletionItem]:
             yield CompletionItem(path.name, "file", "", "", start, offset)
 
 
-# ---- what objects stand on
-
-
 def _in_support(tokens: tuple[Token, ...]) -> bool:
     """Whether the tokens of an `object` statement end in a clause `on ...`."""
     for at in range(len(tokens) - 1, 1, -1):
@@ -201,7 +198,7 @@ def _opens_support(here: _WordAtCursor) -> bool:
 def _supports(here: _WordAtCursor) -> Iterator[CompletionItem]:
     """What can carry an object: other objects with a surface, regions, the table."""
     if here.back(1) == "on":
-        yield here.item("any of", "keyword", about=vocabulary.CLAUSES["any of"])
+        yield here.item("any of", "keyword", about=vocabulary.CLAUSE_TEXTS["any of"])
     tokens = here.before
     mine = [
         after.text
@@ -213,7 +210,7 @@ def _supports(here: _WordAtCursor) -> Iterator[CompletionItem]:
             continue
         if binding.kind == "region" or (binding.kind == "object" and _surfaces(binding)):
             yield here.item(name, binding.kind, *here.document.notes[binding])
-    yield here.item("workspace", "keyword", about=vocabulary.BUILT_IN["workspace"])
+    yield here.item("workspace", "keyword", about=vocabulary.BUILT_IN_TEXTS["workspace"])
 
 
 def _surfaces(binding: Binding) -> tuple[str, ...]:
@@ -226,16 +223,13 @@ def _surfaces(binding: Binding) -> tuple[str, ...]:
     return tuple(one.name for one in surfaces_of(shape_of(word)))
 
 
-# ---- members
-
-
 def _members(here: _WordAtCursor) -> Iterator[CompletionItem]:
     binding = here.document.values.get(here.back(2))
     if binding is not None and binding.kind == "object" and not binding.is_array:
         for name in _surfaces(binding):
             yield here.item(name, "member", about="a surface that things can stand on")
     for name in _members_of(here):
-        yield here.item(name, "member", about=vocabulary.MEMBERS[name])
+        yield here.item(name, "member", about=vocabulary.MEMBER_TEXTS[name])
 
 
 def _members_of(here: _WordAtCursor) -> tuple[str, ...]:
@@ -255,9 +249,6 @@ def _members_of(here: _WordAtCursor) -> tuple[str, ...]:
         return ()
     shape = binding.source.text[binding.end : binding.closes].lstrip("= \t\n").split("(")[0].strip()
     return {"circle": (*SIDES, *SIZES), "polygon": (*SIDES, "corners", *SIZES), "rect": MEMBERS}.get(shape, ())
-
-
-# ---- operands
 
 
 def _locals(here: _WordAtCursor, offset: int) -> dict[str, Binding]:
@@ -283,7 +274,7 @@ def _operands(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
             continue  # an object that nothing declares, but the word that is being written
         yield here.item(name, binding.kind, *document.notes[binding])
     for name in BUILT_IN:
-        yield here.item(name, "keyword", about=vocabulary.BUILT_IN[name])
+        yield here.item(name, "keyword", about=vocabulary.BUILT_IN_TEXTS[name])
     if not constant:
         for name, binding in sorted(document.functions.items()):
             if not name.startswith("_"):

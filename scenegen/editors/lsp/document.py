@@ -67,14 +67,12 @@ class Document:
         """Where the spec may read from, with nothing read yet."""
         return EditedProject(self.path, self._root, open_texts=self.open_texts)
 
-    # ---- names
-
     @cached_property
     def index(self) -> NameIndex:
         return index(self.source, self.path)
 
     @cached_property
-    def imported(self) -> list[NameIndex]:
+    def imported_files(self) -> list[NameIndex]:
         """The files that this one imports, directly or indirectly; unreadable ones are left out."""
         project = self.project()
         found: dict[Path, NameIndex] = {}
@@ -98,32 +96,32 @@ class Document:
     @cached_property
     def values(self) -> dict[str, Binding]:
         """Names with a meaning of their own anywhere in the spec: objects, regions, constants, labels."""
-        return {one.name: one for one in self._declared() if one.kind != "definition"} | self._inferred
+        return {one.name: one for one in self._declarations() if one.kind != "definition"} | self._inferred_objects
 
     @cached_property
     def functions(self) -> dict[str, Binding]:
         """The definitions, those of the prelude included."""
-        return {one.name: one for one in self._declared() if one.kind == "definition"}
+        return {one.name: one for one in self._declarations() if one.kind == "definition"}
 
-    def _declared(self) -> Iterator[Binding]:
+    def _declarations(self) -> Iterator[Binding]:
         """All declarations; of two with one name the first counts, and any takes precedence over the prelude's."""
-        own = [one for file in (self.index, *self.imported) for one in file.declarations]
+        own = [one for file in (self.index, *self.imported_files) for one in file.declarations]
         yield from prelude_index().declarations
         yield from reversed(own)
 
     @cached_property
-    def _inferred(self) -> dict[str, Binding]:
+    def _inferred_objects(self) -> dict[str, Binding]:
         """Without an `object` statement, undefined names in formulas are objects."""
-        files = (self.index, *self.imported)
+        files = (self.index, *self.imported_files)
         if any(statement.kind == "object" for file in files for statement in file.statements):
             return {}
-        known = {*BUILT_IN, *(one.name for one in self._declared() if one.kind != "definition")}
+        known = {*BUILT_IN, *(one.name for one in self._declarations() if one.kind != "definition")}
         found: dict[str, Binding] = {}
         for file in files:
             for statement in file.statements:
                 if statement.kind not in ("def", "label", "require", "formula"):
                     continue
-                for one in file.between(statement.start, statement.end):
+                for one in file.names_between(statement.start, statement.end):
                     if one.role == "value" and one.local is None and one.name not in known:
                         place = (one.start, one.end, one.start, one.end)
                         binding = Binding("object", one.name, file.source, file.path, *place, inferred=True)
@@ -157,29 +155,27 @@ class Document:
 
     def parameters(self, definition: Binding) -> list[Binding]:
         """The parameters of a definition, in order."""
-        for file in (self.index, *self.imported, prelude_index()):
+        for file in (self.index, *self.imported_files, prelude_index()):
             if file.source is definition.source:
-                inside = (one.local for one in file.between(definition.opens, definition.closes))
+                inside = (one.local for one in file.names_between(definition.opens, definition.closes))
                 return [one for one in inside if one is not None and one.kind == "parameter" and one.owner]
         return []
 
     def occurrence(self, offset: int) -> Occurrence | None:
         """The name at an offset, or the one that ends there."""
-        at = [*self.index.between(offset - 1, offset + 1), *self.index.imports]
+        at = [*self.index.names_between(offset - 1, offset + 1), *self.index.imports]
         touching = [one for one in at if one.start <= offset <= one.end]
         return touching[-1] if touching else None
 
-    # ---- meaning
-
     @cached_property
-    def parsed(self) -> tuple[ast.Module | None, list[Diagnostic]]:
+    def parse_result(self) -> tuple[ast.Module | None, list[Diagnostic]]:
         """The statements that parse, and the errors of the rest."""
         return parse_tolerant(self.source)
 
     @cached_property
     def checked(self) -> CheckedSpec | tuple[Diagnostic, ...]:
         """The checked spec, or all errors."""
-        module, problems = self.parsed
+        module, problems = self.parse_result
         if problems or module is None:
             return tuple(problems)
         try:
@@ -188,14 +184,14 @@ class Document:
             return error.diagnostics
 
     @cached_property
-    def salvaged(self) -> tuple[ast.Module, CheckedSpec] | None:
+    def salvage(self) -> tuple[ast.Module, CheckedSpec] | None:
         """The largest part of the text that has a meaning, found by leaving out the statements that are wrong."""
-        module = self.parsed[0]
+        module = self.parse_result[0]
         if module is None:
             return None
         if isinstance(self.checked, CheckedSpec):
             return module, self.checked
-        problems: tuple[Diagnostic, ...] = () if self.parsed[1] else self.checked
+        problems: tuple[Diagnostic, ...] = () if self.parse_result[1] else self.checked
         for _ in range(SALVAGES):
             wrong = [one.span.start for one in problems if one.span is not None and one.span.source is self.source]
             kept = tuple(one for one in module.statements if not any(one.start <= at < one.end for at in wrong))

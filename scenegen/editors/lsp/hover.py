@@ -30,9 +30,7 @@ from scenegen.lang.syntax.tokens import Token
 from scenegen.search import node_bounds
 from scenegen.things import ASSETS, Shape, shape_of
 
-# --------------------------------------------------------------------------------------------------------------------
 # The value of the expression under the cursor, and the bounds of its phi.
-#
 # The core does not record the source of every sub-formula, so the statements that lead to the cursor are expanded
 # once more, by the checker's own code, and the results at the nodes around the cursor are kept. Inside a definition
 # or a quantifier one node has many results, one for each call and each iteration.
@@ -88,7 +86,7 @@ def _descend(level: Sequence[ast.Expr | ast.Argument], offset: int) -> list[ast.
 def extents(document: Document, offset: int) -> list[Extent]:
     """The extents of the expressions around an offset, innermost first; empty if the text has errors, or if there is
     nothing to expand."""
-    part = document.salvaged
+    part = document.salvage
     if part is None:
         return []
     module, spec = part
@@ -102,7 +100,7 @@ def extents(document: Document, offset: int) -> list[Extent]:
 
 def of_constant(document: Document, name: str) -> Extent | None:
     """The value of a constant; None if the text gives it none."""
-    part = document.salvaged
+    part = document.salvage
     node = ast.Name(name)
     found = (
         []
@@ -147,14 +145,14 @@ def _outcomes(
 def _lowering(document: Document, module: ast.Module, spec: CheckedSpec, fresh: bool) -> _RecordingLowering:
     """The document's lowering, which knows the labels and constants that an earlier hover has met."""
     kept = None if fresh else document.lowering
-    lowering = kept if isinstance(kept, _RecordingLowering) else _prepared(document, module, spec)
+    lowering = kept if isinstance(kept, _RecordingLowering) else _new_lowering(document, module, spec)
     lowering.steps = 0  # the limit is for one hover, not for all of them
     if not fresh:
         document.lowering = lowering
     return lowering
 
 
-def _prepared(document: Document, module: ast.Module, spec: CheckedSpec) -> _RecordingLowering:
+def _new_lowering(document: Document, module: ast.Module, spec: CheckedSpec) -> _RecordingLowering:
     """A lowering that knows the declarations. Raises SpecError, and FormulaTooLarge."""
     placed, _ = inline(module, document.project())
     scope, _ = collect(module.source, placed, module.bare)
@@ -222,15 +220,11 @@ def _union(ends: Sequence[Interval]) -> tuple[float, float]:
     return min(float(one.lo) for one in ends), max(float(one.hi) for one in ends)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Facts about the declarations of a spec: sizes, places, values; as far as the text has no errors.
-
-
-SHOWN = 12  # names that a list of objects shows
+MAX_LISTED_OBJECTS = 12  # names that a list of objects shows
 
 
 def _spec(document: Document) -> CheckedSpec | None:
-    return document.salvaged[1] if document.salvaged is not None else None
+    return document.salvage[1] if document.salvage is not None else None
 
 
 def size(footprint: Footprint) -> str:
@@ -303,15 +297,11 @@ def objects(document: Document) -> str:
     spec = _spec(document)
     if spec is None:
         return ""
-    more = f", ... ({len(spec.objects)} in all)" if len(spec.objects) > SHOWN else ""
-    return ", ".join(f"`{one}`" for one in spec.objects[:SHOWN]) + more
+    more = f", ... ({len(spec.objects)} in all)" if len(spec.objects) > MAX_LISTED_OBJECTS else ""
+    return ", ".join(f"`{one}`" for one in spec.objects[:MAX_LISTED_OBJECTS]) + more
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The text of a hover.
-
-
-LONGEST = 80  # characters of a formula that a hover repeats
+MAX_FORMULA_LENGTH = 80  # characters of a formula that a hover repeats
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,7 +319,9 @@ def hover(document: Document, offset: int) -> Hover | None:
     token = _token(document, offset)
     if token is None:
         return None
-    found = next((one for one in document.index.between(token.start, token.end) if one.start == token.start), None)
+    found = next(
+        (one for one in document.index.names_between(token.start, token.end) if one.start == token.start), None
+    )
     around = extents(document, _place(document, token, found))
     parts = _about_name(document, found, around) if found is not None else _about_token(token)
     start, end = token.start, token.end
@@ -361,26 +353,23 @@ def _place(document: Document, token: Token, found: Occurrence | None) -> int:
     return token.start
 
 
-# ---- names
-
-
 def _about_name(document: Document, found: Occurrence, around: Sequence[Extent]) -> list[str]:
     binding = document.meaning(found)
     own = next((one for one in around if _stands_for(one.node, found)), None)
     value = [_number(own)] if own is not None and own.kind != "formula" else []
     match found.role:
-        case "member" if found.name in names.MEMBERS:
-            return [f"`.{found.name}`: {names.MEMBERS[found.name]}", *value]
+        case "member" if found.name in names.MEMBER_TEXTS:
+            return [f"`.{found.name}`: {names.MEMBER_TEXTS[found.name]}", *value]
         case "asset":
             return [f"**asset** `{found.name}`", asset(found.name)]
-        case "value" if binding is None and found.name in names.BUILT_IN:
+        case "value" if binding is None and found.name in names.BUILT_IN_TEXTS:
             facts_ = workspace(document) if found.name == "workspace" else objects(document)
-            return [f"**built in** `{found.name}`: {names.BUILT_IN[found.name]}", facts_]
+            return [f"**built in** `{found.name}`: {names.BUILT_IN_TEXTS[found.name]}", facts_]
         case "call" if binding is None and found.name in names.functions():
             usage, meaning = names.functions()[found.name]
             return [_code(usage), meaning, *value]
         case _:
-            return _about(document, binding, value) if binding is not None else []
+            return _name_text(document, binding, value) if binding is not None else []
 
 
 def _stands_for(node: ast.Expr, found: Occurrence) -> bool:
@@ -395,15 +384,15 @@ def _stands_for(node: ast.Expr, found: Occurrence) -> bool:
             return isinstance(node, ast.Name) and node.start <= found.start and found.end <= node.end
 
 
-def _about(document: Document, binding: Binding, value: list[str]) -> list[str]:
+def _name_text(document: Document, binding: Binding, value: list[str]) -> list[str]:
     told = [names.remark(binding)] if binding.kind not in ("parameter", "variable") else []
     told = [words for words in told if words]
-    written = _shortened(" ".join(binding.source.text[binding.opens : binding.closes].split()))
+    written = _shorten(" ".join(binding.source.text[binding.opens : binding.closes].split()))
     match binding.kind:
         case "definition":
             usage, formula = names.usage(binding)
             where = "" if binding.source is document.source else f"\n\n*{binding.source.name}*"
-            return [_code(usage), *told, f"= `{_shortened(formula)}`{where}", *value]
+            return [_code(usage), *told, f"= `{_shorten(formula)}`{where}", *value]
         case "object":
             what = "array" if binding.is_array else "object"
             note = " (not declared: inferred from its use)" if binding.inferred else ""
@@ -420,7 +409,7 @@ def _about(document: Document, binding: Binding, value: list[str]) -> list[str]:
         case "variable":
             colon = binding.source.text.find(":", binding.closes)
             quantifier = " ".join(binding.source.text[binding.opens : colon].split())
-            return [f"**variable** `{binding.name}` of `{_shortened(quantifier)}`", *value]
+            return [f"**variable** `{binding.name}` of `{_shorten(quantifier)}`", *value]
 
 
 def _about_token(token: Token) -> list[str]:
@@ -436,12 +425,9 @@ def _about_token(token: Token) -> list[str]:
     return []
 
 
-# ---- numbers
-
-
 def _phi(extent: Extent, written: bool = False) -> str:
     ((low, high),) = extent.intervals
-    of = f" of `{_shortened(print_expr(extent.node))}`" if written else ""
+    of = f" of `{_shorten(print_expr(extent.node))}`" if written else ""
     if low == high and math.isinf(low):
         return f"phi{of}: {'holds' if low > 0 else 'fails'} in every scene"
     unit = f" {extent.unit}" if extent.unit is not None and str(extent.unit) else ""
@@ -465,5 +451,5 @@ def _code(text: str) -> str:
     return f"```spec\n{text}\n```"
 
 
-def _shortened(text: str) -> str:
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+def _shorten(text: str) -> str:
+    return text if len(text) <= MAX_FORMULA_LENGTH else text[: MAX_FORMULA_LENGTH - 3] + "..."

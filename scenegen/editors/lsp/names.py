@@ -94,7 +94,7 @@ class NameIndex:
     reaches: list[NameScope] = field(default_factory=list)
     imports: list[Occurrence] = field(default_factory=list)
 
-    def between(self, start: int, end: int) -> list[Occurrence]:
+    def names_between(self, start: int, end: int) -> list[Occurrence]:
         """The names that begin before `end` and end after `start`."""
         first = bisect_right(self.occurrences, start, key=lambda one: one.end)
         last = bisect_left(self.occurrences, end, key=lambda one: one.start)
@@ -283,10 +283,6 @@ class _Walk:
         return None if self.in_header else self.parameters.get(name)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The purpose of keywords, functions and definitions, in one line each.
-
-
 KEYWORDS_IN_WORDS: Mapping[str, str] = {
     "workspace": "the table: workspace [0, 1] x [0, 1], in metres",
     "object": "what stands on the table: object mug, block[7] = box(5 cm, 5 cm, 5 cm), tray at (0.5, 0.5)",
@@ -307,25 +303,25 @@ KEYWORDS_IN_WORDS: Mapping[str, str] = {
     "false": "holds in no scene",
 }
 
-CLAUSES: Mapping[str, str] = {
+CLAUSE_TEXTS: Mapping[str, str] = {
     "on": "what an object stands on: object mug on tray, book on shelfunit.shelf[2]",
     "of": 'another asset of an index in each scene: object mug of category("mug")',
     "any of": "one of several surfaces, all equally likely: object mug on any of [tray, workspace]",
     "by area": "surfaces are as likely as they are large: object mug on any of [tray, workspace] by area",
 }
 
-BUILT_IN: Mapping[str, str] = {
+BUILT_IN_TEXTS: Mapping[str, str] = {
     "objects": "the list of all objects",
     "workspace": "the table as a region, with .left .right .top .bottom .center",
 }
 
-_COORDINATES = {
+_COORDINATE_TEXTS = {
     "x": "the x coordinate of the centre, in metres, to the right",
     "y": "the y coordinate of the centre, in metres, away from the viewer",
     "theta": "the heading of an object, counter-clockwise from the x axis, in radians",
 }
 
-_SHAPES = {
+_SHAPE_TEXTS = {
     "box": "an upright box: its length along the heading, its width and height",
     "cylinder": "an upright cylinder",
     "prism": "an upright prism over a convex polygon",
@@ -339,7 +335,7 @@ _SHAPES = {
     "polygon": "a convex polygon, by its corners",
 }
 
-MEMBERS: Mapping[str, str] = {
+MEMBER_TEXTS: Mapping[str, str] = {
     "left": "the middle of the left side",
     "right": "the middle of the right side",
     "top": "the middle of the far side",
@@ -359,7 +355,7 @@ MEMBERS: Mapping[str, str] = {
     "count": "how many a list has",
 }
 
-UNITS: Mapping[str, str] = {
+UNIT_TEXTS: Mapping[str, str] = {
     "m": "metres",
     "cm": "centimetres",
     "mm": "millimetres",
@@ -373,12 +369,12 @@ UNITS: Mapping[str, str] = {
 def functions() -> Mapping[str, tuple[str, str]]:
     """Usage and meaning of every built-in function, including shapes of objects and regions."""
     table = {name: (signature.usage, _meaning(name)) for name, signature in signatures().items()}
-    return table | {name: (SIGNATURES[name].usage, words) for name, words in _SHAPES.items()}
+    return table | {name: (SIGNATURES[name].usage, words) for name, words in _SHAPE_TEXTS.items()}
 
 
 def _meaning(name: str) -> str:
-    if name in _COORDINATES:
-        return _COORDINATES[name]
+    if name in _COORDINATE_TEXTS:
+        return _COORDINATE_TEXTS[name]
     if name in HEIGHTS:
         return HEIGHTS[name]
     return LIST_FUNCTIONS[name] if name in LIST_FUNCTIONS else PRIMITIVES[name].doc

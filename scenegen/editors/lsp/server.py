@@ -29,8 +29,8 @@ from scenegen.editors.lsp.document import Document
 from scenegen.processes.process import exit_status
 
 PAUSE, LONGEST_PAUSE = 0.05, 1.0  # seconds without a further change after which a text is checked
-WATCH = 2.0  # seconds between two looks at the client's process
-LARGEST = 1 << 26  # bytes of a line of a message's head
+WATCH_SECONDS = 2.0  # seconds between two looks at the client's process
+MAX_HEADER_BYTES = 1 << 26  # bytes of a line of a message's head
 LOG = logging.getLogger("scenegen.editors.lsp")
 
 _IMPORT = re.compile(r'\bimport\s*"')
@@ -121,11 +121,11 @@ class Server(LanguageServer):
         self._analyses = AnalysisProcesses()
         self._converter = get_converter()
         for method, handler in (
-            (types.INITIALIZE, self._met),
-            (types.TEXT_DOCUMENT_DID_OPEN, self._changed),
-            (types.TEXT_DOCUMENT_DID_CHANGE, self._changed),
-            (types.TEXT_DOCUMENT_DID_SAVE, self._saved),
-            (types.TEXT_DOCUMENT_DID_CLOSE, self._closed),
+            (types.INITIALIZE, self._on_initialize),
+            (types.TEXT_DOCUMENT_DID_OPEN, self._on_change),
+            (types.TEXT_DOCUMENT_DID_CHANGE, self._on_change),
+            (types.TEXT_DOCUMENT_DID_SAVE, self._on_save),
+            (types.TEXT_DOCUMENT_DID_CLOSE, self._on_close),
             (types.TEXT_DOCUMENT_HOVER, self._hover),
         ):
             self.feature(method)(functools.partial(handler))
@@ -136,16 +136,16 @@ class Server(LanguageServer):
         if source is not FeatureRequestError:  # a request has its answer
             LOG.warning("%s", error)
 
-    def _changed(self, params: types.DidOpenTextDocumentParams | types.DidChangeTextDocumentParams) -> None:
+    def _on_change(self, params: types.DidOpenTextDocumentParams | types.DidChangeTextDocumentParams) -> None:
         self._revise(params.text_document.uri)
         self._revise_importers(params.text_document.uri)
 
-    def _saved(self, params: types.DidSaveTextDocumentParams) -> None:
+    def _on_save(self, params: types.DidSaveTextDocumentParams) -> None:
         """Files that no editor has open may have changed as well."""
         if params.text_document.uri in self._open:
             self._revise(params.text_document.uri)
 
-    def _closed(self, params: types.DidCloseTextDocumentParams) -> None:
+    def _on_close(self, params: types.DidCloseTextDocumentParams) -> None:
         uri = params.text_document.uri
         if (one := self._open.pop(uri, None)) is not None:
             one.forget()
@@ -202,7 +202,7 @@ class Server(LanguageServer):
                 found = answer(one.page, Question(feature, line, character, getattr(params, "new_name", "")))
             except RequestRefused as reason:
                 raise RequestFailed(str(reason)) from None
-            return self._typed(method, found)
+            return self._to_protocol(method, found)
 
         return ask
 
@@ -212,7 +212,7 @@ class Server(LanguageServer):
             return None
         asking = self._begin(one, self._ask(one, Question("hover", *_place(params))))
         try:
-            return self._typed(types.TEXT_DOCUMENT_HOVER, await asking)
+            return self._to_protocol(types.TEXT_DOCUMENT_HOVER, await asking)
         except AnalysisEnded as how:
             raise RequestFailed(f"the process that analyses this document {how}") from None
         except asyncio.CancelledError:
@@ -239,14 +239,14 @@ class Server(LanguageServer):
         }
         return await self._analyses.ask(text, question)
 
-    def _typed(self, method: str, found: Any) -> Any:
+    def _to_protocol(self, method: str, found: Any) -> Any:
         """JSON in the types of the protocol."""
         response: Any = types.METHOD_TO_TYPES[method][1]
         return self._converter.structure({"id": 0, "jsonrpc": "2.0", "result": found}, response).result
 
     async def converse(self, stream: BinaryIO, out: BinaryIO) -> None:
         """Answer a client until it goes away. Raises SystemExit when it says goodbye."""
-        loop, self._reader = asyncio.get_running_loop(), (reader := MessageReader(LARGEST))
+        loop, self._reader = asyncio.get_running_loop(), (reader := MessageReader(MAX_HEADER_BYTES))
 
         def read() -> None:  # in a thread that nobody waits for: pygls's own would outlive Ctrl-C
             with contextlib.suppress(RuntimeError):  # the loop has ended before the stream
@@ -264,7 +264,7 @@ class Server(LanguageServer):
         finally:
             self._analyses.close()
 
-    def _met(self, params: types.InitializeParams) -> None:
+    def _on_initialize(self, params: types.InitializeParams) -> None:
         """The client says which process it is: the conversation ends with that, even where another one holds the stream
         open. One in another container is not seen."""
         if (pid := params.process_id) and not has_ended(pid):
@@ -272,7 +272,7 @@ class Server(LanguageServer):
 
     async def _watch(self, pid: int) -> None:
         while not has_ended(pid):
-            await asyncio.sleep(WATCH)
+            await asyncio.sleep(WATCH_SECONDS)
         self._reader.feed_eof()
 
 

@@ -157,7 +157,7 @@ def indexed(path: str, here: Span, project: Project) -> Shape:
 
 
 def _read(path: str, here: Span, project: Project) -> Shape:
-    from scenegen.things.indexed import AssetSizeError, fitted
+    from scenegen.things.indexed import AssetSizeError, fit_asset
     from scenegen.things.outline import MeshError
 
     where, name = index_of(path)
@@ -175,7 +175,7 @@ def _read(path: str, here: Span, project: Project) -> Shape:
 
     try:
         kind = "a URDF file" if entry.is_robot else "a mesh file"
-        found = fitted(entry, project.read(file, here, kind), beside)
+        found = fit_asset(entry, project.read(file, here, kind), beside)
     except AssetSizeError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, name=name, size=error.size, hint=error.hint or None)) from None
     except MeshError as error:

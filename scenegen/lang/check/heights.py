@@ -49,7 +49,7 @@ from scenegen.lang.spec import Support, SurfaceChoice, carriers_first, options_o
 from scenegen.lang.syntax import ast
 from scenegen.pose import FLAT, PLACE, X
 from scenegen.things.furniture import SupportSurface
-from scenegen.things.surfaces import fits, leeway, pocketed, reach_of, sizes_of, slabs_of, surfaces_of
+from scenegen.things.surfaces import fits, leeway, pocket_furniture, reach_of, sizes_of, slabs_of, surfaces_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
@@ -314,7 +314,7 @@ def _pose(lowering: Lowering, which: int) -> tuple[int, ...]:
 def _is_hollow(lowering: Lowering, which: int) -> bool:
     from scenegen.things.surfaces import rooms_of
 
-    return bool(rooms_of(lowering.shapes[which])) or pocketed(lowering.shapes[which]) is not None
+    return bool(rooms_of(lowering.shapes[which])) or pocket_furniture(lowering.shapes[which]) is not None
 
 
 def _pieces(lowering: Lowering, which: int, low: float) -> list[tuple[Footprint, float, float]]:
@@ -334,7 +334,7 @@ def _inside(lowering: Lowering, upper: int, lower: int, above: float, supports: 
     rooms = rooms_of(vessel)
     poses, footprint = (*_pose(lowering, upper), *_pose(lowering, lower)), lowering.coerce.covers(upper)
     under = supports.get(upper)
-    if under is not None and under.carrier == lower and under.walled and (under.far or pocketed(vessel)):
+    if under is not None and under.carrier == lower and under.walled and (under.far or pocket_furniture(vessel)):
         return lowering.builder.apply("room", poses, (footprint, under.outline))
     open_at = [outline for outline, floor in rooms if floor <= above + ROUNDING]
     if not open_at:

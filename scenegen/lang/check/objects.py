@@ -46,7 +46,7 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr, print_module
 from scenegen.pose import TWO_PI
 from scenegen.things import ASSETS, PLAIN, Shape, meant_by, shape_of
-from scenegen.things.furniture import DRAWERS, MOST, Cabinet, SupportSurface
+from scenegen.things.furniture import DRAWERS, MAX_DRAWERS, Cabinet, SupportSurface
 from scenegen.things.library import cabinet_shape
 from scenegen.things.surfaces import narrowest
 
@@ -71,8 +71,8 @@ def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
         value, expr = given["drawers"]
         what = "the number of drawers"
         drawers = lowering.count(value, expr, CallFrame(source), what)
-        if not 1 <= drawers <= MOST:
-            raise SpecError(WRONG_DRAWERS(expr.span(source), given=drawers, most=MOST))
+        if not 1 <= drawers <= MAX_DRAWERS:
+            raise SpecError(WRONG_DRAWERS(expr.span(source), given=drawers, most=MAX_DRAWERS))
     if "open" not in given:
         return cabinet_shape((0.0,) * (drawers or DRAWERS))
     value, expr = given["open"]
@@ -85,8 +85,8 @@ def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
         shares.append(share)
     if not isinstance(value, ListValue):
         return cabinet_shape((*(0.0,) * ((drawers or DRAWERS) - 1), *shares))
-    if len(shares) != (drawers or len(shares)) or not 1 <= len(shares) <= MOST:
-        raise SpecError(WRONG_DRAWERS(here, given=len(shares), drawers=drawers or None, most=MOST, shares=True))
+    if len(shares) != (drawers or len(shares)) or not 1 <= len(shares) <= MAX_DRAWERS:
+        raise SpecError(WRONG_DRAWERS(here, given=len(shares), drawers=drawers or None, most=MAX_DRAWERS, shares=True))
     return cabinet_shape(tuple(shares))
 
 

@@ -38,7 +38,7 @@ from scenegen.lang.check.values import (
     rectangle,
 )
 from scenegen.lang.syntax import ast
-from scenegen.things.library import NAMED, hex_of
+from scenegen.things.library import COLOR_WORDS, hex_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
@@ -122,7 +122,7 @@ def color(given: Arguments, source: Source) -> str:
         raise SpecError(FILE_WITHOUT_QUOTES(here, what="a colour", usage='color = "red" or color = "#ffdd33"'))
     found = hex_of(expr.value)
     if found is None:
-        raise SpecError(UNKNOWN_CHOICE(here, what="colour", name=expr.value, known=(*NAMED, "#rrggbb")))
+        raise SpecError(UNKNOWN_CHOICE(here, what="colour", name=expr.value, known=(*COLOR_WORDS, "#rrggbb")))
     return found
 
 

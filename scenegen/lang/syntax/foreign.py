@@ -25,7 +25,7 @@ from scenegen.errors.language import (
 from scenegen.geometry import PRIMITIVES
 from scenegen.lang.syntax.tokens import ending
 from scenegen.pose import NAMES
-from scenegen.things.library import NAMED
+from scenegen.things.library import COLOR_WORDS
 
 # --------------------------------------------------------------------------------------------------------------------
 # What people call things in other languages and in everyday life, and what to write for it here.
@@ -359,7 +359,7 @@ def _not_here(source: Source, here: Span, line: str, accepts: set[str]) -> Diagn
         return UNEXPECTED(here, found="`in`", expected="a comparison", instead=instead)
     after = re.match(r"[ \t]+(\w+)", text[here.end :])
     words = [(here.start, here.end)]
-    if before is not None and ending(r"\b(?:object|,)\s*\w+[ \t]*$", line) and before[1].lower() in NAMED:
+    if before is not None and ending(r"\b(?:object|,)\s*\w+[ \t]*$", line) and before[1].lower() in COLOR_WORDS:
         start = here.start - len(before[0])
         return CANNOT_BE_SAID(Span(source, start, start + len(before[1])), word=before[1], instead=COLOR)
     if word in ("with", "has", "having", "at", "of") and after is not None:

@@ -309,7 +309,7 @@ def write_card(model: Model, path: Path, seconds: float = ALL) -> list[Path]:
     record(model, path, quality(measured), ranges(measured))
     written = [text]
     if measured.curves:
-        from scenegen.pictures.figures.charts import CalibrationPanel, calibration
+        from scenegen.learn.evaluation.calibration import CalibrationPanel, calibration  # Pillow
 
         panels = [
             CalibrationPanel(curve.label, curve.wanted, curve.reached, f"mean |phi - wanted| {curve.error:.4g}")

@@ -12,36 +12,32 @@ from typing import Any
 
 Job = Callable[[dict[str, Any]], Iterator[Any]]
 
-TABLE: dict[str, str] = {
+JOBS: dict[str, str] = {
     "check": "scenegen.page.jobs.check:check",
     "assist": "scenegen.page.jobs.check:assist",
     "evaluate": "scenegen.page.jobs.evaluate:evaluate",
     "sample": "scenegen.page.jobs.sample:sample",
     "first": "scenegen.page.jobs.sample:first",
     "spread": "scenegen.page.jobs.sample:spread",
-    "range": "scenegen.page.jobs.check:range_",
+    "range": "scenegen.page.jobs.check:label_range",
     "download": "scenegen.page.jobs.sample:download",
 }
 
 
-OF_MOTIONS = (
-    "scenegen.page.jobs.motions",
-    "scenegen.sampling.motions.rarity",
-    "scenegen.sampling.motions.sampler",
-)
+MOTION_MODULES = ("scenegen.page.jobs.motions", "scenegen.sampling.motions.rarity", "scenegen.sampling.motions.sampler")
 """What jobs import only for specs over time."""
 
 
 def job_of(name: str) -> Job:
     """The function of a job; its module is loaded when it is first wanted."""
-    module, _, function = TABLE[name].partition(":")
+    module, _, function = JOBS[name].partition(":")
     job: Job = getattr(importlib.import_module(module), function)
     return job
 
 
 def load_all() -> None:
     """Import what the jobs need, so that no process has to do it again."""
-    for name in TABLE:
+    for name in JOBS:
         job_of(name)
-    for module in OF_MOTIONS:
+    for module in MOTION_MODULES:
         importlib.import_module(module)

@@ -18,7 +18,7 @@ from scenegen.errors.program import NO_MESSAGE
 from scenegen.errors.requests import NO_BOUND_ON_STEPS
 from scenegen.lang.spec import CheckedSpec
 from scenegen.page.jobs.describe import describe, meshes_of, numbers_data, plain
-from scenegen.page.jobs.source import calmly, give_way, inside, path_of, spec_of, wanted_counts, with_numbers
+from scenegen.page.jobs.source import give_way, inside, path_of, run_calmly, spec_of, wanted_counts, with_numbers
 from scenegen.resources import grammar_file
 
 FEATURES = ("hover", "completion", "definition", "formatting", "symbols")
@@ -31,10 +31,10 @@ def assist(message: dict[str, Any]) -> Iterator[Any]:
         raise RequestError(NO_MESSAGE(reason="an unknown feature"))
     line, character = int(message.get("line", 0)), int(message.get("character", 0))
     found = answer(page_of(message), Question(str(feature), line, character))
-    yield _located(found, Path(message["root"])) if feature == "definition" and found else found
+    yield _locate(found, Path(message["root"])) if feature == "definition" and found else found
 
 
-def _located(found: dict[str, Any], root: Path) -> dict[str, Any]:
+def _locate(found: dict[str, Any], root: Path) -> dict[str, Any]:
     """A place with what the page can open of it: the `path` of a file in the folder, or whether it is the prelude."""
     file = Path(unquote(urlsplit(found["uri"]).path)).resolve()
     inside = file.is_relative_to(root.resolve())
@@ -79,13 +79,13 @@ def check(message: dict[str, Any]) -> Iterator[Any]:
     if described is not None and have is not None and (meshes := meshes_of(spec, set(have))):
         yield {"meshes": meshes}
     # what clashes takes as long to find out as scenes, which somebody waits for
-    problems = calmly(lambda: answer(page, Question("diagnostics")))
+    problems = run_calmly(lambda: answer(page, Question("diagnostics")))
     if described is not None and spec.over_time is not None:
-        problems = [*(problems or []), *_unbounded(page, spec)]
+        problems = [*(problems or []), *_unbounded_problems(page, spec)]
     yield {"problems": [{**one, "message": inside(one["message"], message["root"])} for one in problems or []]}
 
 
-def _unbounded(page: Page, spec: Spec) -> list[dict[str, Any]]:
+def _unbounded_problems(page: Page, spec: Spec) -> list[dict[str, Any]]:
     """A warning for each object of which nothing says how far it moves in a step: then no motions can be sampled."""
     from scenegen.sampling.motions.scores import unbounded
 
@@ -100,7 +100,7 @@ def _unbounded(page: Page, spec: Spec) -> list[dict[str, Any]]:
     return found
 
 
-def range_(message: dict[str, Any]) -> Iterator[Any]:
+def label_range(message: dict[str, Any]) -> Iterator[Any]:
     """One part per label, in the order of the spec. The labels of a spec over time share most of the work."""
     give_way()
     spec = spec_of(message)

@@ -25,7 +25,7 @@ from scenegen.page.limits import most_scenes
 from scenegen.scenes.data import RAISED, ObjectData, SceneFile, carried_first
 from scenegen.things import Shape
 from scenegen.things.bodies import parts_of
-from scenegen.things.mesh import shaded
+from scenegen.things.mesh import shade_mesh
 from scenegen.things.palette import mix
 
 
@@ -137,7 +137,7 @@ def mesh_key(thing: PictureObject) -> str:
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
 
 
-STEPS = 32767  # of the largest coordinate: positions are 16-bit numbers
+POSITION_STEPS = 32767  # of the largest coordinate: positions are 16-bit numbers
 
 
 def meshes_of(spec: Spec, have: Collection[str]) -> dict[str, Any]:
@@ -152,12 +152,12 @@ def packed_mesh(shape: Shape, color: tuple[float, float, float]) -> dict[str, An
     `index` in 16 or 32 bits; each as base64 of little-endian numbers."""
     positions, normals, colors = [], [], []
     for part in parts_of(shape, color):
-        vertices, normal, _ = shaded(part.mesh)
+        vertices, normal, _ = shade_mesh(part.mesh)
         positions.append(vertices)
         normals.append(normal)
         colors.append(np.tile(np.array(part.color), (len(vertices), 1)))
     position = np.concatenate(positions)
-    scale = max(float(np.abs(position).max()), 1e-9) / STEPS
+    scale = max(float(np.abs(position).max()), 1e-9) / POSITION_STEPS
     table = np.concatenate(
         [
             np.round(position / scale),

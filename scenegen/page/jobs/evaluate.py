@@ -21,7 +21,16 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.interpret import deciding_atom, is_constant, settled_atoms
 from scenegen.lang.formula.interpret import evaluate as interpret
-from scenegen.page.jobs.source import MOST_NODES, Json, decided, line_of, spec_of, stage_of_spec, tree_of
+from scenegen.page.jobs.source import (
+    MAX_LINE_NODES,
+    Json,
+    decider_json,
+    line_of,
+    numbers_of,
+    spec_of,
+    stage_of_spec,
+    tree_of,
+)
 from scenegen.page.limits import MAX_POSES
 from scenegen.scenes.data import RequestData, SceneFile, heights_of
 from scenegen.things.surfaces import base_heights, overlapping
@@ -38,19 +47,16 @@ def evaluate(message: dict[str, Any]) -> Iterator[Any]:
 
         found = motions.motions_of(spec, message["poses"])
         why = motions.reasons(spec, found[0]) if message.get("why") else {}
-        yield {**motions.told(spec, found), **why}
+        yield {**motions.phi_json(spec, found), **why}
         return
     scenes = scene_set(spec, message["poses"], on=message.get("on"))
-    yield told(spec, scenes, bool(message.get("why")))
+    yield evaluation_json(spec, scenes, bool(message.get("why")))
 
 
 def scene_set(spec: Spec, poses: object, sampler: Mapping[str, Any] | None = None, on: object = None) -> SceneSet:
     """Poses as they come from a page, and where there are choices the surfaces: (n, M) numbers, counted from 1. Raises
     DataError for what are no poses of the spec's objects, or no surfaces of its choices."""
-    try:
-        array = np.array(poses, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    array = numbers_of(poses)
     count = len(spec.objects)
     if array.ndim != 3 or array.shape[1:] != (count, 3) or not np.isfinite(array).all():
         raise DataError(NO_MESSAGE(reason=f"no poses of {count} objects"))
@@ -66,10 +72,7 @@ def _surfaces(header: SceneFile, count: int, on: object) -> Array | None:
     choosers = header.choosers
     if not choosers:
         return None
-    try:
-        found = np.array(on, dtype=np.float64)
-    except (TypeError, ValueError):
-        found = np.empty(0)
+    found = numbers_of(on)
     most = [len(one.support.any) for one in choosers if one.support is not None]
     fits = found.shape == (count, len(choosers)) and bool(((found >= 1) & (found <= most) & (found % 1 == 0)).all())
     if not fits:
@@ -77,7 +80,7 @@ def _surfaces(header: SceneFile, count: int, on: object) -> Array | None:
     return found
 
 
-def told(spec: Spec, scenes: SceneSet, why: bool) -> dict[str, Any]:
+def evaluation_json(spec: Spec, scenes: SceneSet, why: bool) -> dict[str, Any]:
     """What the page shows of scenes."""
     required = requirement(spec.checked, scenes)
     found: dict[str, Any] = {
@@ -91,10 +94,10 @@ def told(spec: Spec, scenes: SceneSet, why: bool) -> dict[str, Any]:
     return found
 
 
-def shown(spec: Spec, scenes: SceneSet, *notes: str) -> dict[str, Any]:
+def scenes_json(spec: Spec, scenes: SceneSet, *notes: str) -> dict[str, Any]:
     """Scenes that are there already, as the job `sample` sends those that it draws."""
     made = {"poses": scenes.poses.tolist(), "sampler": scenes.header.sampler}
-    return {**told(spec, scenes, False), **made, "warnings": [], "notes": list(notes), "took": 0.0}
+    return {**evaluation_json(spec, scenes, False), **made, "warnings": [], "notes": list(notes), "took": 0.0}
 
 
 def bases_of(spec: Spec, scenes: SceneSet) -> Array:
@@ -130,10 +133,10 @@ def _decides(spec: Spec, label: str, values: Sequence[float], rows: Sequence[flo
     if values[index] < phi:  # what does not change lifts phi, as one of several: it decides
         index = deciding_atom(core, label, values)
     lines = [number for number, nodes in enumerate(trees.groups) if nodes[0] == index or index in nodes]
-    found = {**decided(core, index, label, values[index], lines, rows), "settled": index in trees.settled}
+    found = {**decider_json(core, index, label, values[index], lines, rows), "settled": index in trees.settled}
     if values[index] != phi:  # another atom, which no move of an object changes, is phi
         keeper = deciding_atom(core, label, values, ())
-        found["keeper"] = decided(core, keeper, label, values[keeper], [], rows)
+        found["keeper"] = decider_json(core, keeper, label, values[keeper], [], rows)
     return found
 
 
@@ -157,7 +160,7 @@ class Trees:
 
     def _line(self, part: OutlinePart, least: bool) -> tuple[Json, list[OutlinePart]]:
         number = len(self.groups)
-        self.groups.append(part.nodes[:MOST_NODES])
+        self.groups.append(part.nodes[:MAX_LINE_NODES])
         self.least.append(least)
         return line_of(self.core, part, number), self._folded.children(part)
 

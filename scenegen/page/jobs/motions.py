@@ -19,8 +19,8 @@ from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.program import NO_MESSAGE, PAGE_LIMIT
 from scenegen.lang.formula.core import REQUIRE, BoundedUntil, Everywhere, Junction, Moment, Window
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimedValues, over_time
-from scenegen.page.jobs.source import MOST_NODES, Json, decided, line_of, stage_of_spec, tree_of
-from scenegen.page.limits import MAX_MOMENTS, MAX_MOTION, MAX_SCENES
+from scenegen.page.jobs.source import MAX_LINE_NODES, Json, decider_json, line_of, numbers_of, stage_of_spec, tree_of
+from scenegen.page.limits import MAX_MOMENTS, MAX_MOTION, MAX_PAGE_SCENES
 from scenegen.sampling.motions.scores import TraceScores
 from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.formats.motions import facts_of
@@ -28,24 +28,21 @@ from scenegen.scenes.motions import MotionRequestData, TimeData
 from scenegen.search import node_bounds
 from scenegen.things.surfaces import base_heights, overlapping
 
-MOST_VALUES = 40_000  # lines times moments whose values are all sent; of longer motions those that count
+MAX_TREE_VALUES = 40_000  # lines times moments whose values are all sent; of longer motions those that count
 
 
 def motions_of(spec: Spec, poses: object) -> Array:
     """Motions as they come from a page, (n, T + 1, N, 3). Raises DataError for what are no motions of the spec's
     objects and moments, RequestError for too many."""
     shape = timed_of(spec).horizon.moments, len(spec.objects), 3
-    try:
-        array = np.array(poses, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    array = numbers_of(poses)
     if array.ndim != 4 or array.shape[1:] != shape or not np.isfinite(array).all():
         raise DataError(NO_MESSAGE(reason=f"no motions of {shape[1]} objects at {shape[0]} moments"))
     check_size(spec, len(array))
     return array
 
 
-def told(spec: Spec, motions: Array) -> dict[str, Any]:
+def phi_json(spec: Spec, motions: Array) -> dict[str, Any]:
     """What the page shows of motions (n, T + 1, N, 3): phi of each label and the margin of what is required, (n,) each,
     and how high above the table each object stands at every moment, in metres; None where all stand on it."""
     scores = TraceScores(timed_of(spec))(np.ascontiguousarray(motions.transpose(2, 3, 1, 0)))
@@ -59,10 +56,10 @@ def told(spec: Spec, motions: Array) -> dict[str, Any]:
     }
 
 
-def shown(spec: Spec, motions: Array, sampler: Mapping[str, Any], *notes: str) -> dict[str, Any]:
+def motions_json(spec: Spec, motions: Array, sampler: Mapping[str, Any], *notes: str) -> dict[str, Any]:
     """Motions that are there already, as the job `sample` sends those that it draws."""
     made = {"motions": motions.tolist(), "sampler": sampler}
-    return {**told(spec, motions), **made, "warnings": [], "notes": list(notes), "took": 0.0}
+    return {**phi_json(spec, motions), **made, "warnings": [], "notes": list(notes), "took": 0.0}
 
 
 def bases_of(spec: Spec, motions: Array) -> Array:
@@ -87,15 +84,15 @@ def reasons(spec: Spec, motion: Array, *, everything: bool = True) -> dict[str, 
         "signals": {name: row.tolist() for name, row in signals.items()},
         "values": values[np.arange(len(values)), at].tolist(),
         "at": at,
-        "over": _short(values) if everything and values.size <= MOST_VALUES else None,
+        "over": [*map(six_digits, values.tolist())] if everything and values.size <= MAX_TREE_VALUES else None,
         "decides": {label: _decides(spec, label, scored, motion, at) for label in labels},
         "overlaps": [[spec.objects[a], spec.objects[b]] for a, b in overlapping(shapes, motion[-1:], None)[0]],
     }
 
 
-def _short(values: Array) -> list[list[float]]:
-    """To six digits: they colour a tree."""
-    return [[float(f"{one:.6g}") for one in row] for row in values.tolist()]
+def six_digits(values: list[float]) -> list[float]:
+    """Numbers as short as they may be where they colour a tree."""
+    return [float(f"{one:.6g}") for one in values]
 
 
 def _decides(spec: Spec, label: str, scored: TimedValues, motion: Array, at: list[int]) -> dict[str, Any] | None:
@@ -111,7 +108,7 @@ def _decides(spec: Spec, label: str, scored: TimedValues, motion: Array, at: lis
     values = scored.states[index]
     mine = [number for number, one in enumerate(trees.places) if index in one.states]
     lines = [number for number in mine if at[number] == moment] or mine
-    found = decided(core, index, label, float(values[moment]), lines, rows.reshape(-1).tolist())
+    found = decider_json(core, index, label, float(values[moment]), lines, rows.reshape(-1).tolist())
     return {**found, "moment": moment, "signal": values.tolist()}
 
 
@@ -121,7 +118,7 @@ def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], request: 
     ranges = {name: (one.low, one.high) for name, one in request.phi.items()}
     asked = MotionRequestData(phi=ranges, n=request.n)
     header = motion_header(spec.declared, sampler, asked, TimeData(steps=horizon.steps, dt=horizon.dt))
-    phi = {name: np.array(values) for name, values in told(spec, motions)["phi"].items()}
+    phi = {name: np.array(values) for name, values in phi_json(spec, motions)["phi"].items()}
     return MotionSet(motions, phi, facts_of(motions), header)
 
 
@@ -202,13 +199,13 @@ class TimedTrees:
                     return self._over_time(part, "time", node.text), [arg]
                 case Everywhere(holds):
                     return self._over_time(part, "atom", "true" if holds else "false"), []
-        number = self._take(LineNodes(place if isinstance(place, int) else None, part.nodes[:MOST_NODES], least))
+        number = self._number(LineNodes(place if isinstance(place, int) else None, part.nodes[:MAX_LINE_NODES], least))
         found = line_of(self.timed.state, part, number)
         self.lines.append(found)
         return found, list(self._folded.children(part))
 
     def _over_time(self, node: int, kind: str, text: str) -> Json:
-        number = self._take(LineNodes(node))
+        number = self._number(LineNodes(node))
         words = {"all": "all of", "one": "one of"}.get(kind, text)
         if kind in ("all", "one") and text and text != REQUIRE:
             words = f"{words}: {text}"
@@ -220,7 +217,7 @@ class TimedTrees:
         self.lines.append(line)
         return line
 
-    def _take(self, place: LineNodes) -> int:
+    def _number(self, place: LineNodes) -> int:
         self.places.append(place)
         return len(self.places) - 1
 
@@ -294,7 +291,7 @@ def timed_of(spec: Spec) -> Timed:
 def most_of(spec: Spec) -> int:
     """How many motions of a spec the page shows; 0 where a single one is too long."""
     size = timed_of(spec).horizon.moments * max(1, len(spec.objects))
-    return 0 if size > MAX_MOTION else min(MAX_SCENES, MAX_MOMENTS // size)
+    return 0 if size > MAX_MOTION else min(MAX_PAGE_SCENES, MAX_MOMENTS // size)
 
 
 def too_long(spec: Spec) -> Diagnostic:

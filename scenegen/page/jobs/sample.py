@@ -25,8 +25,8 @@ from scenegen.errors.declarations import NEVER_SATISFIED
 from scenegen.errors.program import ANOTHER_SPEC, NO_MESSAGE, PAGE_LIMIT
 from scenegen.errors.requests import NO_SCENES, TOO_FEW_MOTIONS, UNKNOWN_CHOICE
 from scenegen.needs import need
-from scenegen.page.jobs.evaluate import scene_set, told
-from scenegen.page.jobs.source import SLIGHTLY, calmly, give_way, spec_of
+from scenegen.page.jobs.evaluate import scene_set, scenes_json
+from scenegen.page.jobs.source import SLIGHTLY, give_way, run_calmly, spec_of
 from scenegen.page.limits import MAX_PLAYED, most_scenes
 from scenegen.sampling.request import USUAL, Range, SampleRequest
 from scenegen.scenes.data import RequestData
@@ -37,15 +37,15 @@ if TYPE_CHECKING:
     from scenegen.learn.model import Model
 
 
-MANY = 4  # objects from which on a page asks for a first look, which goes before the scenes themselves
-FIRST = 4  # scenes of the first look
-SPREAD = 32  # and of those over all of a range, at most
-TIMEOUT = 20.0  # seconds that sampling may take, unless the request says otherwise
-PATIENCE = 45.0  # of motions: those at a rare phi take longer
-LONGEST = 55.0
-TOUCH = 1e-9  # phi, in metres or radians, up to which a formula is met by nothing but rounding
-BEAT = 0.4  # seconds between two looks at motions that are being found
-QUICK = 5.0  # seconds that the first look may take
+MANY_THINGS = 4  # objects from which on a page asks for a first look, which goes before the scenes themselves
+FIRST_SCENES = 4  # scenes of the first look
+SPREAD_SCENES = 32  # and of those over all of a range, at most
+SAMPLE_SECONDS = 20.0  # seconds that sampling may take, unless the request says otherwise
+MOTION_SECONDS = 45.0  # of motions: those at a rare phi take longer
+MAX_SAMPLE_SECONDS = 55.0
+BORDER_PHI = 1e-9  # phi, in metres or radians, up to which a formula is met by nothing but rounding
+BEAT_SECONDS = 0.4  # seconds between two looks at motions that are being found
+LOOK_LIMIT = 5.0  # seconds that the first look may take
 
 
 def sample(message: dict[str, Any]) -> Iterator[Any]:
@@ -63,7 +63,9 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
     def draw() -> SceneSet:
         return sampling.draw_scenes(source or spec, request, on_note=notes.append)
 
-    found = draw() if len(spec.objects) < MANY else calmly(draw, SLIGHTLY)  # the page asks for a first look, too
+    found = (
+        draw() if len(spec.objects) < MANY_THINGS else run_calmly(draw, SLIGHTLY)
+    )  # the page asks for a first look, too
     data = scenes_data(spec, found)
     data["warnings"] += [
         {"code": NEVER_SATISFIED.code, "title": f"`{name}` is satisfied only at its border: phi is 0 in all scenes"}
@@ -75,9 +77,9 @@ def sample(message: dict[str, Any]) -> Iterator[Any]:
 
 def _touches(wanted: Range | None, phi: npt.NDArray[np.float64]) -> bool:
     """Whether scenes that may have any phi from 0 up have no more than rounding makes."""
-    if wanted is None or wanted.low != 0.0 or (wanted.high is not None and wanted.high <= TOUCH):
+    if wanted is None or wanted.low != 0.0 or (wanted.high is not None and wanted.high <= BORDER_PHI):
         return False
-    return bool(phi.max() < TOUCH)
+    return bool(phi.max() < BORDER_PHI)
 
 
 def _motions(spec: Spec, request: SampleRequest, message: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
@@ -89,16 +91,17 @@ def _motions(spec: Spec, request: SampleRequest, message: Mapping[str, Any]) -> 
     began = time.perf_counter()
     news: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
     in_range = np.empty((0,))  # motions
-    last = -BEAT  # when something was shown
+    last = -BEAT_SECONDS  # when something was shown
 
     def watch(nearest: npt.NDArray[np.float64], hits: int) -> None:
         nonlocal in_range, last
         now = time.perf_counter() - began
-        if len(in_range) == request.n or now - last < BEAT:
+        if len(in_range) == request.n or now - last < BEAT_SECONDS:
             return
         in_range, last = nearest[:hits], now
-        look = {**motions.told(spec, nearest), "motions": nearest.tolist(), "sampler": {}, "warnings": [], "notes": []}
-        news.put({"look": {**look, "took": 0.0}, "hits": hits, "left": max(0.0, request.timeout - now)})
+        news.put(
+            {"look": motions.motions_json(spec, nearest, {}), "hits": hits, "left": max(0.0, request.timeout - now)}
+        )
 
     def draw() -> MotionSet:
         try:
@@ -117,20 +120,16 @@ def _motions(spec: Spec, request: SampleRequest, message: Mapping[str, Any]) -> 
                 raise
             few = partial(TOO_FEW_MOTIONS(found=len(in_range), wanted=request.n, reason="time is up"))
             warnings = [{"code": few.code, "title": f"{few.title}; these are the first that were found, in no order"}]
-            data = {**motions.told(spec, in_range), "motions": in_range.tolist(), "sampler": {}, "warnings": warnings}
+            data = {**motions.motions_json(spec, in_range, {}), "warnings": warnings}
     yield {**data, "notes": [], "took": time.perf_counter() - began}
 
 
 def motions_data(spec: Spec, found: MotionSet) -> dict[str, Any]:
     """Motions as the page takes them."""
-    from scenegen.page.jobs.motions import told as told_of_motions
+    from scenegen.page.jobs.motions import motions_json
 
-    return {
-        **told_of_motions(spec, found.poses),
-        "motions": found.poses.tolist(),
-        "sampler": found.header.sampler,
-        "warnings": [{"code": one.code, "title": one.title} for one in found.warnings],
-    }
+    warnings = [{"code": one.code, "title": one.title} for one in found.warnings]
+    return {**motions_json(spec, found.poses, found.header.sampler), "warnings": warnings}
 
 
 def first(message: dict[str, Any]) -> Iterator[Any]:
@@ -140,11 +139,11 @@ def first(message: dict[str, Any]) -> Iterator[Any]:
     wanted = message.get("request") or {}
     if "others" in wanted:
         spec = spec_of(message)
-        message = {**message, "request": fitted(wanted, spec)}
-    yield _glimpse(message, FIRST)
+        message = {**message, "request": fit_request(wanted, spec)}
+    yield _glimpse(message, FIRST_SCENES)
 
 
-def fitted(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
+def fit_request(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Any]:
     """A request made before its text was read: of the spec's labels, and with no object held that the spec lacks."""
     try:
         phi = {name: wanted["phi"].get(name, wanted["others"]) for name in spec.labels}
@@ -159,7 +158,7 @@ def spread(message: dict[str, Any]) -> Iterator[Any]:
     """Some scenes over all of a range, soon, so that the page has some to show wherever a handle is moved. None where
     it fails."""
     give_way()
-    yield _glimpse(message, SPREAD)
+    yield _glimpse(message, SPREAD_SCENES)
 
 
 def _glimpse(message: dict[str, Any], most: int) -> dict[str, Any] | None:
@@ -168,20 +167,20 @@ def _glimpse(message: dict[str, Any], most: int) -> dict[str, Any] | None:
         return None
     request = request_of(message, spec)
     try:
-        found = glimpse(spec, request.phi, min(most, request.n), seed=request.seed, fix=request.fix, timeout=QUICK)
+        found = glimpse(spec, request.phi, min(most, request.n), seed=request.seed, fix=request.fix, timeout=LOOK_LIMIT)
     except RequestError:
         return None
-    return {**scenes_data(spec, found), "notes": [], "took": 0.0} if len(found) else None
+    return scenes_data(spec, found) if len(found) else None
 
 
 def request_of(message: Mapping[str, Any], spec: Spec) -> SampleRequest:
     """The request of a page: what is found in its time is kept, by one process. Raises RequestError for what is no
     request."""
     wanted = message.get("request") or {}
-    patience = TIMEOUT if spec.over_time is None else PATIENCE
+    patience = SAMPLE_SECONDS if spec.over_time is None else MOTION_SECONDS
     try:
         n, seed = int(wanted.get("n", USUAL)), int(wanted.get("seed", 0))
-        seconds = min(float(message.get("timeout") or patience), LONGEST)
+        seconds = min(float(message.get("timeout") or patience), MAX_SAMPLE_SECONDS)
         phi = {str(name): Range(_end(ends[0]), _end(ends[1])) for name, ends in dict(wanted.get("phi") or {}).items()}
         fix = {str(name): tuple(float(one) for one in pose) for name, pose in dict(wanted.get("fix") or {}).items()}
     except (TypeError, ValueError, LookupError, AttributeError, OverflowError):
@@ -206,12 +205,8 @@ def _end(value: Any) -> float | None:
 
 def scenes_data(spec: Spec, found: SceneSet) -> dict[str, Any]:
     """Scenes as the page takes them."""
-    return {
-        **told(spec, found, False),
-        "poses": found.poses.tolist(),
-        "sampler": found.header.sampler,
-        "warnings": [{"code": one.code, "title": one.title} for one in found.warnings],
-    }
+    warnings = [{"code": one.code, "title": one.title} for one in found.warnings]
+    return {**scenes_json(spec, found), "warnings": warnings}
 
 
 def _model_of(path: str, spec: Spec) -> Model:

@@ -11,9 +11,12 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numpy as np
+
 from scenegen.api.outline import OutlinePart
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec
+from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, ScenegenError, Span
 from scenegen.errors.diagnostic import render_all
 from scenegen.errors.program import NO_MESSAGE
@@ -39,7 +42,7 @@ def spec_of(message: dict[str, Any]) -> Spec:
     path, root, text = path_of(message), Path(message["root"]), str(message["text"])
     wanted = wanted_counts(message)
     if "import" in text:  # the files it imports may change between two messages
-        return _checked(path, root, text, wanted)
+        return _check(path, root, text, wanted)
     return _kept(path, root, text, wanted)
 
 
@@ -67,7 +70,7 @@ def with_numbers(spec: Spec, wanted: Counts) -> tuple[Spec, dict[str, int]]:
     raise AssertionError("every combination of numbers has a member")
 
 
-def _checked(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
+def _check(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
     try:
         data = text.encode()
     except UnicodeEncodeError:
@@ -75,7 +78,15 @@ def _checked(path: Path, root: Path, text: str, wanted: Counts) -> Spec:
     return with_numbers(Spec(check_file(path, data, root)), wanted)[0]
 
 
-_kept = lru_cache(maxsize=2)(_checked)
+_kept = lru_cache(maxsize=2)(_check)
+
+
+def numbers_of(value: object) -> Array:
+    """Numbers as they come from a page; an empty array for what are none."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.empty(0)
 
 
 def inside(text: str, root: str | None) -> str:
@@ -83,7 +94,7 @@ def inside(text: str, root: str | None) -> str:
     return text.replace(f"{str(root).rstrip('/')}/", "") if root else text
 
 
-def _said(one: Diagnostic, part: str, root: str | None) -> str:
+def _part_text(one: Diagnostic, part: str, root: str | None) -> str:
     told = inside(one.text(part, control), root)
     # a range stands in every part, and where something lies, as in `my.spec:2:28`, in notes
     return told if part == "note" else without_command_line(told)
@@ -95,7 +106,7 @@ def refusal(error: ScenegenError, root: str | None = None) -> dict[str, Any]:
     one = error.diagnostics[0]
     found: dict[str, Any] = {
         "code": one.code,
-        **{part: _said(one, part, root) for part in ("title", "label", "note", "help")},
+        **{part: _part_text(one, part, root) for part in ("title", "label", "note", "help")},
     }
     if one.span is not None:
         found["span"] = [one.span.start, one.span.end]
@@ -114,16 +125,16 @@ def stage_of_spec(spec: Spec) -> PictureSetup:
     return stage_of(header_of(spec))
 
 
-T = TypeVar("T")
+Result = TypeVar("Result")
 
 NICE = 10  # of 19: how far work gives way that nobody waits for
 SLIGHTLY = 2  # and work that somebody waits for, after a first look
 
 
-def calmly(work: Callable[[], T], nice: int = NICE) -> T:
+def run_calmly(work: Callable[[], Result], nice: int = NICE) -> Result:
     """Do work in a thread of its own that gives way to other processes. A process could not take that back afterwards,
     and its next job may be urgent; on Linux a thread has a priority of its own. Raises what the work raises."""
-    _own()
+    _own_priority()
     with ThreadPoolExecutor(1, initializer=give_way, initargs=(nice,)) as pool:
         return pool.submit(work).result()
 
@@ -131,11 +142,11 @@ def calmly(work: Callable[[], T], nice: int = NICE) -> T:
 def give_way(nice: int = NICE) -> None:
     """Let the thread that calls this give way by so much, for good."""
     with contextlib.suppress(OSError):  # elsewhere, threads are no processes: the work is urgent then
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), min(_own() + nice, 19))
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), min(_own_priority() + nice, 19))
 
 
 @cache
-def _own() -> int:
+def _own_priority() -> int:
     """What this process began with."""
     return os.getpriority(os.PRIO_PROCESS, 0)
 
@@ -153,7 +164,7 @@ def mark_data(mark: Mark) -> dict[str, Any]:
             return {"kind": "guide", "start": start, "end": end}
 
 
-def decided(
+def decider_json(
     core: Core, index: int, label: str, value: float, lines: list[int], rows: Sequence[float]
 ) -> dict[str, Any]:
     """What the page shows of the atom (its node) that decides phi of a label in a scene, and of the lines that it
@@ -170,8 +181,8 @@ def decided(
     }
 
 
-MOST = 300  # lines of one label
-MOST_NODES = 400  # nodes of one line whose values are looked at
+MAX_TREE_LINES = 300  # lines of one label
+MAX_LINE_NODES = 400  # nodes of one line whose values are looked at
 
 Json = dict[str, Any]
 
@@ -189,7 +200,7 @@ def tree_of(root: Part, line_of: Callable[[Part, bool], tuple[Json, list[Part]]]
         least = line["kind"] != "one"
         for part in parts:
             count += 1
-            if count > MOST:
+            if count > MAX_TREE_LINES:
                 line["more"] = line.get("more", 0) + 1
                 continue
             one, further = line_of(part, least)
@@ -210,11 +221,11 @@ def line_of(core: Core, part: OutlinePart, number: int) -> Json:
 
 def _places(node: object) -> list[list[int]]:
     """Where in the text itself an atom stands: its use first, then outwards."""
-    places = own(node.spans) if isinstance(node, Atom) and node.spans else []
+    places = own_spans(node.spans) if isinstance(node, Atom) and node.spans else []
     return [[one.start, one.end] for one in places]
 
 
-def own(found: Sequence[Span]) -> list[Span]:
+def own_spans(found: Sequence[Span]) -> list[Span]:
     """Those places that lie in the text itself: the outermost use always does, unless the label was imported."""
     main = found[-1].source
     return [one for one in found if one.source is main]

@@ -1,4 +1,4 @@
-"""Charts: curves of rarity, target phi against reached phi, phi over time."""
+"""Charts: curves of rarity, and phi over time (the paper's Fig. 3)."""
 
 from __future__ import annotations
 
@@ -7,21 +7,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.pictures.figures.sheet import INK, PAPER, QUIET, WARM
+from scenegen.looks.paper import BLUE, GRID, INK, PAPER, QUIET, SCALE, WARM, ticks
 
 Point = tuple[float, float]
 
 WIDTH, HEIGHT = 900, 360  # pixels of a panel
 LEFT, RIGHT, HEAD, FOOT = 76, 28, 74, 46  # margins of a panel's axes
-SCALE = 2  # drawn larger and scaled down, because Pillow's lines are not antialiased
-COOL, GRID = (43, 96, 158), (226, 227, 229)
 TITLE, TEXT = 20, 14  # font sizes
-TICKS = 8  # about how many on an axis
-DEEPEST = -1.0  # an axis extends at least down to this log10
+FLOOR_LOG10 = -1.0  # an axis extends at least down to this log10
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,21 +40,12 @@ def plot(panels: Sequence[RarityPanel], title: str) -> bytes:
     return out.getvalue()
 
 
-def ticks(low: float, high: float, most: int = TICKS) -> list[float]:
-    """Round values between two ends, at most about `most` of them, in steps of 1, 2 or 5 times a power of ten."""
-    rough = (high - low) / most
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough * (1.0 - 1e-9))
-    first = math.ceil(low / step - 1e-9)
-    return [round(place * step, 12) for place in range(first, math.floor(high / step + 1e-9) + 1)]
-
-
 def _curves(draw: ImageDraw.ImageDraw, panel: RarityPanel, top: int, title: str) -> None:
     points = [*panel.above, *panel.below]
     low, high = panel.bounds
     if not low < high:
         low, high = low - 0.5, high + 0.5
-    floor = min([DEEPEST, *(math.floor(y) for _, y in points)])
+    floor = min([FLOOR_LOG10, *(math.floor(y) for _, y in points)])
 
     def place(phi: float, log10: float) -> tuple[float, float]:
         x = LEFT + (phi - low) / (high - low) * (WIDTH - LEFT - RIGHT)
@@ -69,7 +55,7 @@ def _curves(draw: ImageDraw.ImageDraw, panel: RarityPanel, top: int, title: str)
     head, font = (ImageFont.load_default(size=size * SCALE) for size in (TITLE, TEXT))
     draw.text((LEFT * SCALE, (top + 16) * SCALE), title, INK, head)
     x = float(LEFT * SCALE)
-    for words, color in (("log10 P(>= phi)", WARM), ("log10 P(<= phi)", COOL)):
+    for words, color in (("log10 P(>= phi)", WARM), ("log10 P(<= phi)", BLUE)):
         draw.text((x, (top + 46) * SCALE), words, color, font)
         x += font.getlength(words) + 24 * SCALE
     for phi in ticks(low, high):
@@ -81,80 +67,9 @@ def _curves(draw: ImageDraw.ImageDraw, panel: RarityPanel, top: int, title: str)
         draw.line(line, GRID, SCALE)
         draw.text((line[0][0] - 8 * SCALE, line[0][1]), f"{log10:g}", INK, font, anchor="rm")
     draw.text(((WIDTH - RIGHT) * SCALE, (top + HEIGHT - 8) * SCALE), "phi", QUIET, font, anchor="rs")
-    for curve, color in ((panel.below, COOL), (panel.above, WARM)):
+    for curve, color in ((panel.below, BLUE), (panel.above, WARM)):
         if len(curve) > 1:
             draw.line([place(*point) for point in curve], color, 2 * SCALE, joint="curve")
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Target phi against reached phi as a picture: a panel per label, a dot per scene, and the line where both agree.
-
-
-SIDE = 380  # pixels of a panel's axes
-DOTS_LEFT, DOTS_RIGHT, DOTS_HEAD, DOTS_FOOT = 70, 20, 64, 56  # margins
-ACROSS = 3  # panels in a row
-DOTS_TITLE, DOTS_TEXT = 18, 13  # font sizes
-ROOM = 0.03  # margin around the dots, as a share of the range
-DOT = 1.1  # pixels, radius
-
-
-@dataclass(frozen=True, slots=True)
-class CalibrationPanel:
-    """A label, target and reached phi (n,), and the text below its name."""
-
-    label: str
-    wanted: npt.NDArray[np.float64]
-    reached: npt.NDArray[np.float64]
-    note: str = ""
-
-
-def calibration(panels: Sequence[CalibrationPanel]) -> bytes:
-    """The panels in rows, as a PNG file. Both axes span the target phi; a scene beyond that is drawn at the edge.
-    Raises ValueError if there are no panels."""
-    if not panels:
-        raise ValueError("no panels")
-    width, height = DOTS_LEFT + SIDE + DOTS_RIGHT, DOTS_HEAD + SIDE + DOTS_FOOT
-    across = min(ACROSS, len(panels))
-    size = width * across, height * -(-len(panels) // across)
-    image = Image.new("RGB", (size[0] * SCALE, size[1] * SCALE), PAPER)
-    draw = ImageDraw.Draw(image)
-    for number, panel in enumerate(panels):
-        _dots(draw, panel, number % across * width, number // across * height)
-    out = io.BytesIO()
-    image.resize(size, Image.Resampling.LANCZOS).save(out, format="PNG", optimize=True)
-    return out.getvalue()
-
-
-def _dots(draw: ImageDraw.ImageDraw, panel: CalibrationPanel, left: int, top: int) -> None:
-    low, high = float(panel.wanted.min()), float(panel.wanted.max())
-    room = ROOM * (high - low) or 0.5
-    low, high = low - room, high + room
-
-    def place(wanted: float, reached: float) -> tuple[float, float]:
-        x = left + DOTS_LEFT + (wanted - low) / (high - low) * SIDE
-        y = top + DOTS_HEAD + SIDE - (reached - low) / (high - low) * SIDE
-        return x * SCALE, y * SCALE
-
-    head, font = (ImageFont.load_default(size=size * SCALE) for size in (DOTS_TITLE, DOTS_TEXT))
-    draw.text(((left + DOTS_LEFT) * SCALE, (top + 12) * SCALE), panel.label, INK, head)
-    draw.text(((left + DOTS_LEFT) * SCALE, (top + 38) * SCALE), panel.note, QUIET, font)
-    for phi in ticks(low, high):
-        for line in ([place(phi, low), place(phi, high)], [place(low, phi), place(high, phi)]):
-            draw.line(line, QUIET if phi == 0.0 else GRID, SCALE)
-        (x, y), (x0, y0) = place(phi, low), place(low, phi)
-        draw.text((x, y + 6 * SCALE), f"{phi:g}", INK, font, anchor="ma")
-        draw.text((x0 - 6 * SCALE, y0), f"{phi:g}", INK, font, anchor="rm")
-    draw.line([place(low, low), place(high, high)], WARM, SCALE)
-    for wanted, reached in zip(panel.wanted.tolist(), panel.reached.clip(low, high).tolist(), strict=True):
-        x, y = place(wanted, reached)
-        draw.ellipse([x - DOT * SCALE, y - DOT * SCALE, x + DOT * SCALE, y + DOT * SCALE], COOL)
-    foot = (top + DOTS_HEAD + SIDE + DOTS_FOOT - 10) * SCALE
-    draw.text(((left + DOTS_LEFT + SIDE) * SCALE, foot), "wanted phi", QUIET, font, anchor="rs")
-    draw.text(((left + DOTS_LEFT) * SCALE, foot), "reached phi upwards", QUIET, font, anchor="ls")
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# phi over time as a chart (the paper's Fig. 3): a line for each label, and the line of 0.
 
 
 TIME_WIDTH, TIME_HEIGHT = 880, 360  # pixels
@@ -174,23 +89,23 @@ def phi_chart(times: Sequence[float], phi: Mapping[str, Sequence[float]]) -> byt
     page = Image.new("RGB", (TIME_WIDTH, TIME_HEIGHT), PAPER)
     draw, font = ImageDraw.Draw(page), ImageFont.load_default(size=TIME_TEXT)
 
-    def at(t: float, value: float) -> tuple[float, float]:
+    def pixel(t: float, value: float) -> tuple[float, float]:
         x = TIME_LEFT + (TIME_WIDTH - TIME_LEFT - TIME_RIGHT) * t / last
         return x, TIME_TOP + (TIME_HEIGHT - TIME_TOP - TIME_BOTTOM) * (high - value) / (high - low)
 
     for value in ticks(low, high):
-        (x0, y), (x1, _) = at(0.0, value), at(last, value)
+        (x0, y), (x1, _) = pixel(0.0, value), pixel(last, value)
         draw.line((x0, y, x1, y), fill=QUIET if value == 0.0 else (224, 224, 222), width=2 if value == 0.0 else 1)
         draw.text((TIME_LEFT - 10, y), f"{value:g}", INK, font, anchor="rm")
     for value in ticks(0.0, last):
-        x, y = at(value, low)
+        x, y = pixel(value, low)
         draw.line((x, y, x, y + 5), fill=QUIET)
         draw.text((x, y + 10), f"{value:g}", INK, font, anchor="ma")
     draw.text((TIME_WIDTH - TIME_RIGHT, TIME_HEIGHT - 8), "t in seconds", QUIET, font, anchor="rs")
     place = float(TIME_LEFT)
     for number, (name, values) in enumerate(phi.items()):
         color = COLORS[number % len(COLORS)]
-        points = [at(t, value) for t, value in zip(times, values, strict=True) if math.isfinite(value)]
+        points = [pixel(t, value) for t, value in zip(times, values, strict=True) if math.isfinite(value)]
         if len(points) > 1:
             draw.line(points, fill=color, width=3, joint="curve")
         for x, y in points if len(points) <= SPARSE else ():

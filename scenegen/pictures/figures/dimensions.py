@@ -17,19 +17,15 @@ from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, children
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.pose import FLAT, THETA, X, Y, row_of, span_of
 
-# --------------------------------------------------------------------------------------------------------------------
 # Where a clearance is measured: the two points whose distance is gap(a, b) or room(a, b), for drawings.
-#
 # One scene at a time, in plain floats; the values themselves come from scenegen.geometry.clearance, and a test
 # compares the lengths with them. A circle is treated as its centre, expanded by its radius.
-
-
 Point = tuple[float, float]
 Pose = tuple[float, float, float]
 Segment = tuple[Point, Point]
 
 
-def placed(footprint: Box | Polygon, pose: Pose) -> list[Point]:
+def outline(footprint: Box | Polygon, pose: Pose) -> list[Point]:
     """The corners of a footprint at a pose, counter-clockwise, in metres."""
     x, y, theta = pose
     cos, sin = math.cos(theta), math.sin(theta)
@@ -52,7 +48,7 @@ def room_segment(a: Footprint, a_pose: Pose, b: Footprint, b_pose: Pose) -> Segm
         nx, ny = _unit((far[0] - x, far[1] - y))
         return (far[0] + radius * nx, far[1] + radius * ny), (x + b.radius * nx, y + b.radius * ny)
     least, found = math.inf, ((0.0, 0.0), (0.0, 0.0))
-    for (px, py), (nx, ny) in _sides(placed(b, b_pose)):
+    for (px, py), (nx, ny) in _sides(outline(b, b_pose)):
         far = max(bones, key=lambda point: nx * point[0] + ny * point[1])
         slack = nx * (px - far[0]) + ny * (py - far[1]) - radius
         if slack < least:
@@ -64,7 +60,7 @@ def room_segment(a: Footprint, a_pose: Pose, b: Footprint, b_pose: Pose) -> Segm
 def _bones(footprint: Footprint, pose: Pose) -> tuple[list[Point], float]:
     if isinstance(footprint, Circle):
         return [pose[:2]], footprint.radius
-    return placed(footprint, pose), 0.0
+    return outline(footprint, pose), 0.0
 
 
 def _unit(vector: Point) -> Point:
@@ -114,10 +110,6 @@ def _onto(point: Point, polygon: Sequence[Point]) -> Point:
         if math.dist(foot, point) < math.dist(best, point):
             best = foot
     return best
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What a top view shows, as plain data: lengths in metres, angles in radians.
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +185,7 @@ def dimensions(core: Core, atom: int, rows: Sequence[float]) -> list[Mark]:
     for index in _below(core, node.margin):
         part = core.nodes[index]
         if isinstance(part, Apply):
-            marks.extend(_measured(core, part, index, values, rows, good))
+            marks.extend(_marks(core, part, index, values, rows, good))
     if not marks:
         below = [core.nodes[index] for index in _below(core, node.margin)]
         inner = [part.args[0] for part in below if isinstance(part, Apply) and part.primitive == "abs"]
@@ -223,7 +215,7 @@ def _below(core: Core, root: int) -> Iterator[int]:
             stack.extend(reversed(children(core.nodes[index])))
 
 
-def _measured(
+def _marks(
     core: Core, part: Apply, index: int, values: Sequence[float], rows: Sequence[float], good: bool
 ) -> Iterator[Mark]:
     numbers = [values[arg] for arg in part.args]

@@ -11,19 +11,20 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.geometry import Box, Circle
+from scenegen.looks.paper import INK, PAPER, QUIET
 from scenegen.looks.stage import PictureSetup, poses_of, stage_of
-from scenegen.pictures.figures.sheet import EDGE, GAP, INK, PAPER, QUIET, TEXT, TITLE, flow, write
+from scenegen.pictures.figures.sheet import EDGE, GAP, TEXT, TITLE, flow, write
 from scenegen.pose import THETA, X, Y, places
 from scenegen.scenes.data import SceneFile
 from scenegen.things.library import RGB
 from scenegen.things.outline import Floats
 from scenegen.things.palette import mix
 
-SIDE = 300  # pixels of a panel's longer side
-CELLS = 150  # cells of the grid along the longer side
+PANEL_SIDE = 300  # pixels of a panel's longer side
+GRID_CELLS = 150  # cells of the grid along the longer side
 BLUR, FEW = 0.014, 0.20  # of the longer side: blur of one scene's place, larger for fewer scenes
-SHOWN = 24  # maximum number of panels
-BARE = (246, 240, 230)
+MAX_PANELS = 24  # maximum number of panels
+BARE_TABLE_COLOR = (246, 240, 230)
 LINE = (150, 140, 125)
 ARROW = 0.045  # of the longer side: length of the mark of the mean heading
 
@@ -32,9 +33,9 @@ def heatmap(file: SceneFile, *, distinct: bool = False) -> bytes:
     """A PNG file. A panel's darkest places are where its object is most often; outlines are the spec's regions, the
     arrow is the mean heading if there is one. Raises DataError like `stage_of`."""
     stage, poses = stage_of(file, distinct=distinct), poses_of(file)
-    names = [item.name for item in file.objects][:SHOWN]
+    names = [item.name for item in file.objects][:MAX_PANELS]
     x0, y0, x1, y1 = stage.workspace
-    scale = SIDE / stage.side
+    scale = PANEL_SIDE / stage.side
     width, height = max(1, round((x1 - x0) * scale)), max(1, round((y1 - y0) * scale))
     columns = min(len(names), 4 if len(names) != 5 and len(names) != 6 and len(names) != 9 else 3)
     font, title_font = ImageFont.load_default(size=TEXT), ImageFont.load_default(size=TITLE)
@@ -87,10 +88,10 @@ def _spread(row: Floats, kernel: Floats) -> Floats:
 def _panel(stage: PictureSetup, poses: Floats, color: RGB, size: tuple[int, int]) -> Image.Image:
     """The bare table with one object's places in its colour."""
     width, height = size
-    cells = max(2, round(CELLS * height / SIDE)), max(2, round(CELLS * width / SIDE))
+    cells = max(2, round(GRID_CELLS * height / PANEL_SIDE)), max(2, round(GRID_CELLS * width / PANEL_SIDE))
     blur = (BLUR + FEW / math.sqrt(max(len(poses), 1))) * stage.side
     share = density(poses, stage.workspace, cells, blur) ** 0.6
-    bare = Image.new("RGB", size, BARE)
+    bare = Image.new("RGB", size, BARE_TABLE_COLOR)
     _regions(stage, bare)
     # Pale or grey colours would not be visible on paper.
     strong = mix(color, (0.16, 0.27, 0.45), 0.75 if sum(color) > 1.9 else 0.10)

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
+from scenegen.looks.paper import INK, PAPER, QUIET, WARM
 from scenegen.looks.stage import overlaps_of
 from scenegen.scenes.blocks import element
 from scenegen.scenes.data import CountData, SceneData, SceneFile
 
-SHOWN = 64  # maximum number of scenes
-PAPER, INK, QUIET, WARM = (250, 250, 249), (38, 40, 44), (112, 116, 124), (178, 58, 44)
+MAX_THUMBNAILS = 64  # maximum number of scenes
 EDGE, GAP, LINE = 28, 18, 20  # pixels: margin of the sheet, space between pictures, height of a caption line
 CAPTION_LINES = 8
-WIDEST = 2000  # width in pixels of a sheet with one more column than necessary
+MAX_SHEET_WIDTH = 2000  # width in pixels of a sheet with one more column than necessary
 OVERLAPS = 3  # maximum number of caption lines about overlaps
 TITLE, TEXT, SMALL = 24, 16, 15  # font sizes
 
@@ -24,7 +24,7 @@ Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 Item = tuple[str, tuple[int, int, int]]
 
 
-def asked(phi: dict[str, tuple[float | None, float | None]]) -> str:
+def describe_ranges(phi: dict[str, tuple[float | None, float | None]]) -> str:
     """The target ranges in words: `task 0.05..0.2, safe >= 0`."""
     words = []
     for label, (low, high) in phi.items():
@@ -41,7 +41,7 @@ def asked(phi: dict[str, tuple[float | None, float | None]]) -> str:
 
 def thumbnail_size(size: tuple[int, int], scenes: int) -> tuple[int, int]:
     """The size of the pictures on a sheet of that many scenes."""
-    width = 320 if min(scenes, SHOWN) <= 20 else 240
+    width = 320 if min(scenes, MAX_THUMBNAILS) <= 20 else 240
     alike = math.sqrt(0.75 * width * width / (size[0] * size[1]))  # the same number of pixels for any aspect ratio
     scale = min(alike, width * 1.6 / size[0], width * 0.9 / size[1])
     return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
@@ -110,7 +110,7 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image], *, planned
     width, height = thumbnails[0].size
     cell = max(width, 200)
     columns = min(count, max(2, math.ceil(math.sqrt(count * (height + 2 * LINE) / cell))), 8)
-    if count % columns and count % (columns + 1) == 0 and (columns + 1) * (cell + GAP) <= WIDEST:
+    if count % columns and count % (columns + 1) == 0 and (columns + 1) * (cell + GAP) <= MAX_SHEET_WIDTH:
         columns += 1  # no row with gaps
     inner = max(columns * cell + (columns - 1) * GAP, 480)
     some = file.model_copy(update={"scenes": file.scenes[:count]})
@@ -120,7 +120,7 @@ def contact_sheet(file: SceneFile, thumbnails: Sequence[Image.Image], *, planned
 
     many = f"{total} scene{'s' * (total != 1)}"
     shown = many if count == total else f"first {count} of {many}"
-    facts = [f"target: {asked(file.request.phi)}", f"method: {_method(file)}"]
+    facts = [f"target: {describe_ranges(file.request.phi)}", f"method: {_method(file)}"]
     if file.sampler.get("raw"):
         facts.append("raw model output")
     title = file.spec.title

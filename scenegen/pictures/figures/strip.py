@@ -12,15 +12,16 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_ENCODER
+from scenegen.looks.paper import INK, PAPER, QUIET, WARM
 from scenegen.needs import need
-from scenegen.pictures.figures.sheet import INK, PAPER, QUIET, SMALL, WARM, cut
+from scenegen.pictures.figures.sheet import SMALL, cut
 
-COOL = (36, 120, 88)
+SATISFIED_COLOR = (36, 120, 88)
 EDGE, GAP, FOOT = 20, 12, 54  # pixels: margin, space between pictures, space below a picture
 BAR = 6  # height of the bar that shows phi
 TEXT, TITLE = 20, 22  # font sizes
-HELD = 1400  # milliseconds of an animation's last picture
-STEP = 90  # milliseconds of the others
+LAST_MS = 1400  # milliseconds of an animation's last picture
+PAGE_MS = 90  # milliseconds of the others
 
 
 def strip(
@@ -36,9 +37,7 @@ def strip(
     width, height = frames[0].size
     head = TITLE + 24 if title else 0
     sheet = Image.new(
-        "RGB",
-        (2 * EDGE + len(frames) * width + (len(frames) - 1) * GAP, 2 * EDGE + head + height + FOOT),
-        PAPER,
+        "RGB", (2 * EDGE + len(frames) * width + (len(frames) - 1) * GAP, 2 * EDGE + head + height + FOOT), PAPER
     )
     draw = ImageDraw.Draw(sheet)
     if title:
@@ -80,7 +79,7 @@ def animation(frames: Sequence[Image.Image], phi: Sequence[float], label: str, n
     palette = both.quantize(colors=255, method=Image.Quantize.MEDIANCUT, kmeans=3)  # small objects keep their colours
     few = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in shown]
     out = io.BytesIO()
-    times = [STEP] * (len(few) - 1) + [HELD]
+    times = [PAGE_MS] * (len(few) - 1) + [LAST_MS]
     few[0].save(out, format="GIF", save_all=True, append_images=few[1:], duration=times, loop=0, optimize=True)
     return out.getvalue()
 
@@ -97,7 +96,7 @@ def _below(
     """phi as a number and as a bar, below a picture, and a note."""
     x, y = at
     low, high = min(*phi, 0.0), max(*phi, 0.0)
-    color = COOL if value >= 0.0 else WARM
+    color = SATISFIED_COLOR if value >= 0.0 else WARM
     draw.rectangle((x, y + 8, x + width - 1, y + 8 + BAR), fill=(228, 228, 226))
     share = (value - low) / (high - low) if high > low else 1.0
     draw.rectangle((x, y + 8, x + max(2, round(share * (width - 1))), y + 8 + BAR), fill=color)
@@ -115,16 +114,12 @@ def _below(
         draw.text((x + width - 1, y + 23), cut(note, small, left), WARM, small, anchor="ra")
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Pages of an animation as an MP4 file: H.264, which browsers, slides and viewers play.
-#
 # PyAV (https://pyav.basswood.io) brings the encoder. One thread and fixed settings: the same pages give the same
 # bytes with the same version of PyAV.
-
-
 ENCODER = "libx264"
 QUALITY = "18"  # constant rate factor: edges and small letters stay sharp
-BLOCK = 2  # pixels: colours of H.264 have half the resolution, so both sides are even
+PIXEL_MULTIPLE = 2  # pixels: colours of H.264 have half the resolution, so both sides are even
 
 
 def video(pages: Sequence[Image.Image], step: int, held: int) -> bytes:
@@ -135,7 +130,7 @@ def video(pages: Sequence[Image.Image], step: int, held: int) -> bytes:
 
     if ENCODER not in av.codecs_available:
         raise RequestError(NO_ENCODER(encoder=ENCODER))
-    width, height = (size + size % BLOCK for size in pages[0].size)
+    width, height = (size + size % PIXEL_MULTIPLE for size in pages[0].size)
     with tempfile.TemporaryDirectory() as folder:  # the index is moved to the front of a whole file: it plays at once
         path = Path(folder) / "video.mp4"
         with av.open(path, "w", options={"movflags": "+faststart", "fflags": "+bitexact"}) as file:

@@ -28,11 +28,11 @@ from scenegen.pose import THETA, TWO_PI, along, as_poses, object_count, row_coun
 from scenegen.scenes.data import RequestData
 from scenegen.search import spec_bounds
 
-HARD = -0.25  # phi that a hard scene has at most, if it can be so low
-DRAWN = 512  # scenes among which one is looked for where the set has none that hard
-DONE = 0.05  # phi that a sweep reaches at the least, if it can be so high
-NEAR = 0.002  # how far from its target the phi of a scene may be
-MARGIN = 1e-4  # by which requirements are kept
+HARD_PHI = -0.25  # phi that a hard scene has at most, if it can be so low
+SWEEP_CANDIDATES = 512  # scenes among which one is looked for where the set has none that hard
+SOLVED_PHI = 0.05  # phi that a sweep reaches at the least, if it can be so high
+PHI_TOLERANCE = 0.002  # how far from its target the phi of a scene may be
+REQUIRE_MARGIN = 1e-4  # by which requirements are kept
 
 
 def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tuple[SceneArrays, str]:
@@ -40,7 +40,7 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
 
     It starts at the set's hardest scene or, where all are nearly solved, at one drawn from the base distribution.
     Objects are moved by Newton steps along the gradient of phi, each scene from the one before it, up to what the set
-    reaches at most, or to `DONE`; what the spec requires holds on the way, and what stands on one of several
+    reaches at most, or to `SOLVED_PHI`; what the spec requires holds on the way, and what stands on one of several
     surfaces stays there. Where the number of things is drawn, it is that of the hardest scene. `label` is by default
     the first one. Fewer than `frames` scenes come back where some phi cannot be had. Raises RequestError for an unknown
     label and for a set without scenes.
@@ -54,8 +54,8 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     core = gated(spec.core)
     start = _start(spec, rows_of(spec, scenes), chosen)
     here = float(np.min(score(core, list(start), NUMPY)[chosen]))
-    reached = float(scenes.phi[chosen].max()) if chosen in scenes.phi else DONE
-    solved = min(max(DONE, reached), 0.98 * spec_bounds(spec)[chosen][1])
+    reached = float(scenes.phi[chosen].max()) if chosen in scenes.phi else SOLVED_PHI
+    solved = min(max(SOLVED_PHI, reached), 0.98 * spec_bounds(spec)[chosen][1])
     targets = np.linspace(here, max(solved, here), frames)
     rows = np.concatenate([start, *_walk(spec, start, chosen, targets[1:])], axis=1)
     phi = score(core, list(rows), NUMPY)
@@ -80,13 +80,13 @@ def _start(spec: CheckedSpec, rows: Array, label: str) -> Array:
     """(3N, 1): a hard scene."""
     core = gated(spec.core)
     low, high = spec.workspace.box(len(core.objects))
-    drawn = np.random.default_rng(0).uniform(low[:, None], high[:, None], size=(len(low), DRAWN))
+    drawn = np.random.default_rng(0).uniform(low[:, None], high[:, None], size=(len(low), SWEEP_CANDIDATES))
     for index, pose in spec.fixed.items():
         drawn[span_of(index, len(pose))] = np.array(pose)[:, None]
     for some in (rows, drawn):
         phi = {name: np.broadcast_to(value, some.shape[1]) for name, value in score(core, list(some), NUMPY).items()}
         allowed = phi.get(REQUIRE, np.zeros(some.shape[1])) >= 0.0
-        hard = np.flatnonzero(allowed & (phi[label] <= HARD))
+        hard = np.flatnonzero(allowed & (phi[label] <= HARD_PHI))
         if len(hard):
             # Of those that are hard enough, the easiest: the way from there is the shortest to follow.
             return np.ascontiguousarray(some[:, hard[np.argmax(phi[label][hard])], None])
@@ -99,7 +99,7 @@ def _walk(spec: CheckedSpec, start: Array, label: str, targets: Array) -> list[A
     core = part_of(core, [label, *(name for name in core.labels if name == REQUIRE)])
     low, high = np.full(len(core.labels), -np.inf), np.full(len(core.labels), np.inf)
     aim = np.zeros(len(core.labels))
-    low[1:], aim[1:] = 0.0, MARGIN  # the requirement, if there is one
+    low[1:], aim[1:] = 0.0, REQUIRE_MARGIN  # the requirement, if there is one
     free = np.ones(len(start), dtype=bool)
     for index in spec.fixed:
         free[span_of(index)] = False
@@ -107,7 +107,7 @@ def _walk(spec: CheckedSpec, start: Array, label: str, targets: Array) -> list[A
     found: list[Array] = []
     row = start[:, 0]
     for target in map(float, targets):
-        low[0], high[0], aim[0] = target - NEAR, target + NEAR, target
+        low[0], high[0], aim[0] = target - PHI_TOLERANCE, target + PHI_TOLERANCE, target
         moved = approach(core, spec.workspace, row, aim, low, high, free)
         phi = np.array(list(score(core, moved.tolist()).values()))
         if ((phi >= low) & (phi <= high)).all():
@@ -116,16 +116,12 @@ def _walk(spec: CheckedSpec, start: Array, label: str, targets: Array) -> list[A
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The moves of one scene.
-
-
 SOFT_STEPS, HARD_STEPS = 20, 20  # as in learn/refine.py, like all that follows but the last two
-BETA = 10.0
-LONGEST = 0.25
+SOFTMAX_BETA = 10.0
+MAX_NEWTON_STEP = 0.25
 SOFT_DAMPING, HARD_DAMPING = 0.1, 1e-9
 SHIFT = 1e-6  # of the workspace, or radians: how far copies are apart of which phi is compared
-LIVE = 1 << 22  # numbers that are alive at a time
+MAX_COPY_NUMBERS = 1 << 22  # numbers that are alive at a time
 
 
 def approach(
@@ -148,7 +144,7 @@ def approach(
         if not off.any():
             break
         tops = [node for node, out in zip(core.labels.values(), off, strict=True) if out]
-        shares = [atom_shares(core, values, node, BETA if soft else None) for node in tops]
+        shares = [atom_shares(core, values, node, SOFTMAX_BETA if soft else None) for node in tops]
         jacobian = gradients(core, row, shares, moving, SHIFT * scale) * scale[moving]
         shift = _newton(jacobian, (target - phi)[off], SOFT_DAMPING if soft else HARD_DAMPING)
         row[moving] += scale[moving] * shift
@@ -196,7 +192,7 @@ def gradients(
     weights = np.array([[mine.get(atom, 0.0) for atom in atoms] for mine in shares])
     assert all(isinstance(core.nodes[atom], Atom) for atom in atoms)
     out = np.empty((len(shares), len(moving)))
-    size = max(1, LIVE // (2 * len(core.nodes)))
+    size = max(1, MAX_COPY_NUMBERS // (2 * len(core.nodes)))
     for start in range(0, len(moving), size):
         some = moving[start : start + size]
         count = len(some)
@@ -215,4 +211,4 @@ def _newton(jacobian: Array, residual: Array, damping: float) -> Array:
     gram += damping * max(float(gram.diagonal().max()), 1e-12) * np.eye(len(gram))
     step = jacobian.T @ np.linalg.solve(gram, residual)
     longest = max(float(np.abs(step).max(initial=0.0)), 1e-300)
-    return np.asarray(step * min(1.0, LONGEST / longest))
+    return np.asarray(step * min(1.0, MAX_NEWTON_STEP / longest))

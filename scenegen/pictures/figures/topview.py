@@ -12,14 +12,10 @@ from dataclasses import dataclass, field
 from xml.sax.saxutils import escape
 
 from scenegen.geometry import Box, Circle, Footprint, Polygon
-from scenegen.pictures.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, placed
-
-# --------------------------------------------------------------------------------------------------------------------
-# Placement of text in a drawing: each label takes the candidate that covers least of the existing drawing.
-
+from scenegen.pictures.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, outline
 
 EM = 0.62  # width of a character in a sans-serif font such as DejaVu Sans, relative to the font size
-STEP = 3.0  # pixels between the points that represent a line
+LINE_POINT_GAP = 3.0  # pixels between the points that represent a line
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +27,7 @@ class Rect:
     right: float
     bottom: float
 
-    def shared(self, other: Rect) -> float:
+    def shared_area(self, other: Rect) -> float:
         """The area that both cover."""
         width = min(self.right, other.right) - max(self.left, other.left)
         height = min(self.bottom, other.bottom) - max(self.top, other.top)
@@ -59,11 +55,11 @@ class Labels:
 
     def line(self, a: tuple[float, float], b: tuple[float, float], cost: float = 4.0) -> None:
         """Keep labels away from the visible part of a line."""
-        steps = max(1, round(max(abs(b[0] - a[0]), abs(b[1] - a[1])) / STEP))
+        steps = max(1, round(max(abs(b[0] - a[0]), abs(b[1] - a[1])) / LINE_POINT_GAP))
         for step in range(steps + 1):
             x, y = a[0] + step / steps * (b[0] - a[0]), a[1] + step / steps * (b[1] - a[1])
             point = Rect(x - 1.5, y - 1.5, x + 1.5, y + 1.5)
-            if point.shared(self.frame):
+            if point.shared_area(self.frame):
                 self.avoid(point, cost)
 
     def place(self, candidates: Sequence[tuple[float, float]], width: float, size: float) -> tuple[float, float]:
@@ -73,7 +69,7 @@ class Labels:
             x = max(self.frame.left + width / 2, min(x, self.frame.right - width / 2))
             y = max(self.frame.top + size / 2, min(y, self.frame.bottom - size / 2))
             box = _box(x, y, width, size)
-            cost = 1.5 * order + sum(weight * box.shared(rect) for rect, weight in self.taken)
+            cost = 1.5 * order + sum(weight * box.shared_area(rect) for rect, weight in self.taken)
             if cost < least:
                 best, least = (x, y), cost
         self.avoid(_box(*best, width, size), 10.0)
@@ -92,8 +88,8 @@ ZONE, ZONE_EDGE = "#f3f1e9", "#b9b199"
 FONT = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif"
 TYPE, SMALL = 11, 10  # pixels
 MARGIN, LINE = 12, 15
-FAR = 20_000.0  # pixels: maximum distance of anything drawn from the upper left corner
-MOST_LINES = 30  # maximum number of grid lines in one direction
+MAX_PIXEL = 20_000.0  # pixels: maximum distance of anything drawn from the upper left corner
+MAX_GRID_LINES = 30  # maximum number of grid lines in one direction
 
 
 def topview(*views: FigureScene, width: int = 240) -> str:
@@ -126,17 +122,17 @@ class _Panel:
 
     def __init__(self, view: FigureScene, width: int) -> None:
         self.view, self.width = view, width
-        self.left, right = _shown(view.x, [end for thing in view.things for end in _extent(thing, 0)])
-        low, self.top = _shown(view.y, [end for thing in view.things for end in _extent(thing, 1)])
+        self.left, right = _drawn_interval(view.x, [end for thing in view.things for end in _extent(thing, 0)])
+        low, self.top = _drawn_interval(view.y, [end for thing in view.things for end in _extent(thing, 1)])
         self.scale = (width - 2 * MARGIN) / (right - self.left)
         self.bottom = MARGIN + (self.top - low) * self.scale
         self.floor = self.bottom
         self.labels = Labels(Rect(2.0, 2.0, width - 2.0, self.bottom + MARGIN - 2.0))
 
-    def at(self, point: Point) -> Point:
+    def pixel(self, point: Point) -> Point:
         """Pixels of a place; very distant places are moved to a limit that drawing programs can handle."""
         x, y = MARGIN + (point[0] - self.left) * self.scale, MARGIN + (self.top - point[1]) * self.scale
-        return max(-FAR, min(x, FAR)), max(-FAR, min(y, FAR))
+        return max(-MAX_PIXEL, min(x, MAX_PIXEL)), max(-MAX_PIXEL, min(y, MAX_PIXEL))
 
     def svg(self, shift: int) -> list[str]:
         view = self.view
@@ -151,13 +147,13 @@ class _Panel:
             edge = EDGES[colors[id(thing)]]
             out += self._outline(thing, thing.tint or TINTS[colors[id(thing)]], edge, "")
             for part in thing.inside:
-                points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.at, placed(part, thing.pose)))
+                points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.pixel, outline(part, thing.pose)))
                 out.append(f'<polygon points="{points}" fill="none" stroke="{edge}" stroke-width="0.6"/>')
             out += self._heading(thing, edge)
             self.labels.avoid(self._box(thing), 0.1)
         for mark in view.marks:
             out += self._mark(mark)
-        out = [opening, *self._clipped(out, shift)]
+        out = [opening, *self._clip(out, shift)]
         for mark in view.marks:
             out += self._measure(mark)
         for thing in (*objects, *(thing for thing in view.things if thing.zone)):
@@ -167,11 +163,11 @@ class _Panel:
             out.append(self._caption(line, place, view.good if last else None))
         return [*out, "</g>"]
 
-    def _clipped(self, drawn: list[str], shift: int) -> list[str]:
+    def _clip(self, drawn: list[str], shift: int) -> list[str]:
         """The drawing, clipped at the frame if it extends over it: captions and other views are outside."""
         frame = self.labels.frame
         boxes = [self._box(thing) for thing in self.view.things]
-        if not any(frame.shared(box) < box.area * (1.0 - 1e-9) for box in boxes):
+        if not any(frame.shared_area(box) < box.area * (1.0 - 1e-9) for box in boxes):
             return drawn
         size = f'width="{_n(frame.right - frame.left)}" height="{_n(frame.bottom - frame.top)}"'
         rect = f'<rect x="{_n(frame.left)}" y="{_n(frame.top)}" {size}/>'
@@ -191,15 +187,15 @@ class _Panel:
         """The workspace with its grid."""
         (left, right), (bottom, top) = self.view.x, self.view.y
         step = 0.1
-        while max(right - left, top - bottom) / step > MOST_LINES:
+        while max(right - left, top - bottom) / step > MAX_GRID_LINES:
             step *= 10.0
-        x, y = self.at((left, top))
+        x, y = self.pixel((left, top))
         size = f'width="{_n((right - left) * self.scale)}" height="{_n((top - bottom) * self.scale)}"'
         path = []
         for number in range(math.floor(left / step) + 1, math.ceil(right / step - 1e-9)):
-            path.append(f"M{_n(self.at((number * step, top))[0])} {_n(y)}V{_n(self.at((left, bottom))[1])}")
+            path.append(f"M{_n(self.pixel((number * step, top))[0])} {_n(y)}V{_n(self.pixel((left, bottom))[1])}")
         for number in range(math.floor(bottom / step) + 1, math.ceil(top / step - 1e-9)):
-            path.append(f"M{_n(x)} {_n(self.at((left, number * step))[1])}H{_n(self.at((right, bottom))[0])}")
+            path.append(f"M{_n(x)} {_n(self.pixel((left, number * step))[1])}H{_n(self.pixel((right, bottom))[0])}")
         return [
             f'<path d="{"".join(path)}" stroke="{GRID}" fill="none"/>',
             f'<rect x="{_n(x)}" y="{_n(y)}" {size} fill="none" stroke="{FRAME}" stroke-width="1.5"/>',
@@ -210,14 +206,14 @@ class _Panel:
         if not thing.zone:
             style += ' fill-opacity="0.75"'
         if isinstance(thing.footprint, Circle):
-            x, y = self.at(thing.pose[:2])
+            x, y = self.pixel(thing.pose[:2])
             return [f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(thing.footprint.radius * self.scale)}" {style}/>']
-        points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.at, placed(thing.footprint, thing.pose)))
+        points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.pixel, outline(thing.footprint, thing.pose)))
         return [f'<polygon points="{points}" {style}/>']
 
     def _heading(self, thing: FigureObject, edge: str) -> list[str]:
         """A triangle at the front."""
-        x, y = self.at(thing.pose[:2])
+        x, y = self.pixel(thing.pose[:2])
         front = _front(thing.footprint) * self.scale
         size = min(6.0, max(3.0, 0.35 * front))
         cos, sin = math.cos(thing.pose[2]), -math.sin(thing.pose[2])
@@ -229,27 +225,27 @@ class _Panel:
     def _box(self, thing: FigureObject) -> Rect:
         """Pixels that an object covers."""
         (left, right), (low, high) = _extent(thing, 0), _extent(thing, 1)
-        return Rect(*self.at((left, high)), *self.at((right, low)))
+        return Rect(*self.pixel((left, high)), *self.pixel((right, low)))
 
     def _mark(self, mark: Mark) -> list[str]:
         """A mark without its text."""
         match mark:
             case Guide(start, end):
-                (ax, ay), (bx, by) = self.at(start), self.at(end)
+                (ax, ay), (bx, by) = self.pixel(start), self.pixel(end)
                 self.labels.line((ax, ay), (bx, by), 0.5)
                 line = f"M{_n(ax)} {_n(ay)}L{_n(bx)} {_n(by)}"
                 return [f'<path d="{line}" stroke="{QUIET}" stroke-dasharray="3 3" fill="none"/>']
             case Dimension(start, end):
-                a, b = self.at(start), self.at(end)
+                a, b = self.pixel(start), self.pixel(end)
                 self.labels.line(a, b)
-                nx, ny = _across(a, b)
+                nx, ny = _normal(a, b)
                 bars = "".join(
                     f"M{_n(x - 4 * nx)} {_n(y - 4 * ny)}L{_n(x + 4 * nx)} {_n(y + 4 * ny)}" for x, y in (a, b)
                 )
                 line = f"M{_n(a[0])} {_n(a[1])}L{_n(b[0])} {_n(b[1])}{bars}"
                 return [f'<path d="{line}" stroke="{_color(mark)}" stroke-width="1.8" fill="none"/>']
             case Turn(center, start, stop):
-                x, y = self.at(center)
+                x, y = self.pixel(center)
                 arm, arc = self._arms()
                 rays = []
                 for heading in (start, stop):
@@ -276,8 +272,8 @@ class _Panel:
         width = text_width(mark.text, SMALL)
         places = []
         if isinstance(mark, Dimension):
-            a, b = self.at(mark.start), self.at(mark.end)
-            nx, ny = _across(a, b)
+            a, b = self.pixel(mark.start), self.pixel(mark.end)
+            nx, ny = _normal(a, b)
             away = 4.0 + abs(nx) * width / 2 + abs(ny) * SMALL / 2
             for share in (0.5, 0.3, 0.7, 0.1, 0.9):
                 x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
@@ -285,7 +281,7 @@ class _Panel:
             beyond = 6.0 + abs(ny) * width / 2 + abs(nx) * SMALL / 2
             places += [(b[0] - beyond * ny, b[1] + beyond * nx), (a[0] + beyond * ny, a[1] - beyond * nx)]
         else:
-            x, y = self.at(mark.center)
+            x, y = self.pixel(mark.center)
             middle = (mark.start + mark.stop) / 2.0
             for heading in (middle, mark.start - 0.5 * (mark.stop - mark.start), 2 * mark.stop - middle):
                 for far in (self._arms()[1] + 6.0, self._arms()[0] + 4.0):
@@ -296,7 +292,7 @@ class _Panel:
 
     def _name(self, thing: FigureObject) -> list[str]:
         box, width = self._box(thing), text_width(thing.name, TYPE)
-        x, y = self.at(thing.pose[:2])
+        x, y = self.pixel(thing.pose[:2])
         half = TYPE / 2 + 3
         around = [(x, box.bottom + half), (x, box.top - half)]
         around += [(box.right + width / 2 + 4, y), (box.left - width / 2 - 4, y)]
@@ -318,11 +314,11 @@ def _extent(thing: FigureObject, axis: int) -> tuple[float, float]:
     """The interval that an object covers along an axis, in metres."""
     if isinstance(thing.footprint, Circle):
         return thing.pose[axis] - thing.footprint.radius, thing.pose[axis] + thing.footprint.radius
-    ends = [corner[axis] for corner in placed(thing.footprint, thing.pose)]
+    ends = [corner[axis] for corner in outline(thing.footprint, thing.pose)]
     return min(ends), max(ends)
 
 
-def _shown(workspace: tuple[float, float], ends: Sequence[float]) -> tuple[float, float]:
+def _drawn_interval(workspace: tuple[float, float], ends: Sequence[float]) -> tuple[float, float]:
     """The drawn interval along an axis: the workspace, and parts of objects that extend beyond the margin, up to a
     quarter of the workspace on either side."""
     low, high = workspace
@@ -346,7 +342,7 @@ def _front(footprint: Footprint) -> float:
             return max(x for x, _ in vertices)
 
 
-def _across(a: Point, b: Point) -> Point:
+def _normal(a: Point, b: Point) -> Point:
     """The unit vector perpendicular to a line in pixels; upwards if it has no length."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     length = math.hypot(dx, dy)

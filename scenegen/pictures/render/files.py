@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import io
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,17 +15,11 @@ from PIL import Image as Images
 from scenegen.errors import RequestError, quoted
 from scenegen.errors.program import NO_EGL
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.looks.camera import PLACES, VIEWS
-from scenegen.looks.look import SEEDS, VIEW
-from scenegen.looks.stage import MARGIN, TALLEST
-from scenegen.scenes.data import SceneFile
+from scenegen.looks.camera import VIEWS
+from scenegen.looks.look import LOOK_VIEW
 from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.palette import PALETTE
 from scenegen.validation import as_int, as_words
-
-# --------------------------------------------------------------------------------------------------------------------
-# A camera's picture, and the types of its arrays.
-
 
 Image = npt.NDArray[np.float32]
 Picture = npt.NDArray[np.uint8]
@@ -34,7 +27,7 @@ Mask = npt.NDArray[np.uint16]
 Model = tuple[ColoredMesh, ...]  # an object as its own files show it
 Rows = npt.NDArray[np.intp] | slice  # indices of pixels of a picture, row by row
 
-GROUND, TABLE, FIRST = 0, 1, 2  # in masks: the ground, the table, the first object
+GROUND_ID, TABLE_ID, FIRST_ID = 0, 1, 2  # in masks: the ground, the table, the first object
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +41,7 @@ class RenderedView:
 
 
 RENDERERS = ("software", "egl")
-STEP = 1e-4  # metres: the unit of depth in PNG files, 6.5 m at most
+DEPTH_UNIT = 1e-4  # metres: the unit of depth in PNG files, 6.5 m at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +73,8 @@ def encode(shot: RenderedView, options: PictureOptions, ids: int) -> Sequence[by
     files = [png(shot.color)]
     arrays: dict[str, Any] = {}
     if options.depth:
-        ticks = np.clip(np.rint(shot.depth / STEP), 0, 65535).astype(np.uint16)
-        files.append(_saved(Images.fromarray(ticks)))
+        ticks = np.clip(np.rint(shot.depth / DEPTH_UNIT), 0, 65535).astype(np.uint16)
+        files.append(_png_bytes(Images.fromarray(ticks)))
         arrays["depth"] = shot.depth
     if options.masks:
         files.append(_mask(shot, ids))
@@ -95,61 +88,31 @@ def encode(shot: RenderedView, options: PictureOptions, ids: int) -> Sequence[by
 
 def png(picture: Picture) -> bytes:
     """(height, width, 3 or 4) as a PNG file."""
-    return _saved(Images.fromarray(picture))
+    return _png_bytes(Images.fromarray(picture))
 
 
 def _mask(shot: RenderedView, ids: int) -> bytes:
     """The numbers themselves; up to 256 of them as an indexed picture, so that people can distinguish them too."""
     if ids > 256:
-        return _saved(Images.fromarray(shot.mask))
+        return _png_bytes(Images.fromarray(shot.mask))
     image = Images.fromarray(shot.mask.astype(np.uint8))
     colors = [(0.0, 0.0, 0.0), (0.3, 0.3, 0.3), *(PALETTE[k % len(PALETTE)] for k in range(254))]
     image.putpalette([round(255 * channel) for color in colors for channel in color])
-    return _saved(image)
+    return _png_bytes(image)
 
 
-def _saved(image: Images.Image) -> bytes:
+def _png_bytes(image: Images.Image) -> bytes:
     out = io.BytesIO()
     image.save(out, format="PNG", compress_level=5)
     return out.getvalue()
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Checks of the renderer's arguments.
-
-
-SMALLEST, LARGEST = 16, 4096  # pixels along a side of a picture
-USUAL = 640  # pixels: default width of the picture of a square workspace
-SHAPES = (0.75, 3.0)  # limits of a default picture's aspect ratio, width over height
-FILLED = 0.87  # share of the height of a 4:3 picture that a square table fills
-SIZE_STEP = 16  # pixels: sides of such pictures are multiples of it
-
-
-def usual_size(file: SceneFile, width: int = USUAL) -> tuple[int, int]:
-    """The default size in pixels for the table of a file's workspace: 4:3 for a square one, wider for a wide one.
-
-    It depends on the workspace and the objects' heights alone, so that all scenes of a spec get one size. All pictures
-    have about as many pixels as one of 4:3 that is `width` wide.
-    """
-    long, deep = (high - low for low, high in (file.workspace.x, file.workspace.y))
-    side = max(long, deep)
-    margin = MARGIN * side
-    if not (long > 0.0 and deep > 0.0 and math.isfinite(side + 2.0 * margin)):
-        return width, 3 * width // 4  # drawing reports the error of such a workspace
-    # Objects at the far edge rise above the table. A 4:3 picture has some space for this.
-    tallest = min(max((item.shape.height for item in file.objects), default=0.0), TALLEST * side)
-    above = max(tallest / math.tan(math.radians(PLACES["perspective"][1])) - margin, 0.0)
-    high = max(deep + 2.0 * margin, FILLED * (deep + 2.0 * margin + above))
-    shape = min(max(4.0 / 3.0 * (long + 2.0 * margin) / high, SHAPES[0]), SHAPES[1])
-    mean = width * math.sqrt(0.75)
-    return SIZE_STEP * round(mean * math.sqrt(shape) / SIZE_STEP), SIZE_STEP * round(
-        mean / math.sqrt(shape) / SIZE_STEP
-    )
+MIN_PICTURE_SIDE, MAX_PICTURE_SIDE = 16, 4096  # pixels along a side of a picture
 
 
 def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None, *, looks: bool = False) -> None:
     """Raises RequestError for invalid views, an invalid size in pixels, or an invalid number of processes."""
-    known = (*VIEWS, VIEW) if looks else VIEWS
+    known = (*VIEWS, LOOK_VIEW) if looks else VIEWS
     views = as_words("views", views, '("top",)')
     if not views:
         wanted = f"at least one view; there are {quoted(known)}"
@@ -161,18 +124,11 @@ def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | 
         wanted = "width and height in pixels, as (640, 480)"
         raise RequestError(WRONG_VALUE(argument="size", value=repr(size), wanted=wanted))
     size = as_int("width", size[0]), as_int("height", size[1])
-    if not all(SMALLEST <= side <= LARGEST for side in size):
-        wanted = f"from {SMALLEST} to {LARGEST} pixels wide and high"
+    if not all(MIN_PICTURE_SIDE <= side <= MAX_PICTURE_SIDE for side in size):
+        wanted = f"from {MIN_PICTURE_SIDE} to {MAX_PICTURE_SIDE} pixels wide and high"
         raise RequestError(OUT_OF_RANGE(argument="size", value=f"{size[0]} x {size[1]}", wanted=wanted))
     if workers is not None and as_int("workers", workers) < 1:
         raise RequestError(OUT_OF_RANGE(argument="workers", value=workers, wanted="1 or more"))
-
-
-def check_seed(seed: int) -> int:
-    """Raises RequestError for a seed of looks that is no whole number from 0 to 2^63 - 1."""
-    if not 0 <= as_int("seed", seed) < SEEDS:
-        raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted="from 0 to 2^63 - 1"))
-    return seed
 
 
 def check_renderer(renderer: str) -> None:

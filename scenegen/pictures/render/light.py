@@ -20,13 +20,9 @@ from scenegen.looks.look import Look
 from scenegen.looks.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.looks.textures import WOOD as WOODEN
 from scenegen.looks.textures import Textures, wood
-from scenegen.pictures.render.files import GROUND, TABLE, Image, Mask, Picture, RenderedView, Rows
+from scenegen.pictures.render.files import GROUND_ID, TABLE_ID, Image, Mask, Picture, RenderedView, Rows
 from scenegen.things.library import RGB
 from scenegen.things.surfaces import reach_of
-
-# --------------------------------------------------------------------------------------------------------------------
-# Regions of the table, painted on it as thin cloths: they are part of the table's colour, so there is no z-fighting.
-
 
 # Widths, relative to the workspace's side; each is limited to a share of the region's size.
 BORDER, HEM, SEAM, THREAD = 0.0045, 0.0110, 0.0020, 0.0060
@@ -87,22 +83,18 @@ def _inside(footprint: Footprint, x: Floats, y: Floats) -> Floats:
         case _:
             corners = footprint.vertices
             edges = zip(corners, (*corners[1:], corners[0]), strict=True)
-            return reduce(np.minimum, (_left(a, b, x, y) for a, b in edges))
+            return reduce(np.minimum, (_line_distance(a, b, x, y) for a, b in edges))
 
 
-def _left(a: tuple[float, float], b: tuple[float, float], x: Floats, y: Floats) -> Floats:
+def _line_distance(a: tuple[float, float], b: tuple[float, float], x: Floats, y: Floats) -> Floats:
     """Distance from the line through a and b, positive on the left of the way from a to b."""
     (ax, ay), (bx, by) = a, b
     return np.asarray(((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / math.hypot(bx - ax, by - ay))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What a picture shows beyond the table: the ground below it, and the walls of a room around both.
-
-
 GROUND_BELOW = 3.0  # thicknesses of the table top
 HORIZON = 0.02  # least slope of a ray to the ground: rays above the horizon end as far away
-FLOOR = (0.935, 0.932, 0.925)
+FLOOR_COLOR = (0.935, 0.932, 0.925)
 FLOOR_FAR = (0.865, 0.872, 0.880)
 CORNER, REACH = 0.20, 0.22  # of the light that corners lose, and how far from them (m) it is two thirds less
 
@@ -192,22 +184,18 @@ def _corner(away: Floats) -> Floats:
 def _backdrop(height: int, look: Look | None) -> Floats:
     """(height, 1, 3): the ground's colour per row, a little darker far away."""
     far = np.linspace(1.0, 0.0, height)[:, None, None]
-    floor = (far * np.array(FLOOR_FAR) + (1.0 - far) * np.array(FLOOR)) * 255.0
+    floor = (far * np.array(FLOOR_FAR) + (1.0 - far) * np.array(FLOOR_COLOR)) * 255.0
     if look is not None:
-        floor = floor / np.array(FLOOR) * np.array(look.ground_color) * look.brightness()
+        floor = floor / np.array(FLOOR_COLOR) * np.array(look.ground_color) * look.brightness()
     return np.asarray(np.clip(floor, 0.0, 255.0))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Ambient light from the sky: corners and the table beside objects get less of it, so that objects look placed on the
 # table.
-#
 # Seen from above, the scene is a height map. Blurred over a distance `r`, it gives the height of a point's
 # surroundings; if these are `h` higher than the point, they hide the share h^2 / (h^2 + r^2) of the sky from it.
-
-
 SKY_MAP = 512  # pixels along a side of the height map
-SCALES = ((0.008, 0.40), (0.025, 0.35), (0.065, 0.25))  # distances in metres, and their weights
+SKY_SCALES = ((0.008, 0.40), (0.025, 0.35), (0.065, 0.25))  # distances in metres, and their weights
 STEEPEST = 3.0  # surroundings higher than so many distances hide no more
 BIAS = 0.001  # metres; lower steps hide nothing
 
@@ -240,27 +228,27 @@ class Ambient:
         """The surroundings' height, blurred over every scale, from the height map's depth buffer."""
         heights = np.maximum(np.float32(-self.camera.view[2, 3]) - self.camera.depth(buffer), np.float32(0.0))
         blurred = []
-        for reach, _ in SCALES:
+        for reach, _ in SKY_SCALES:
             around = np.minimum(heights, np.float32(STEEPEST * reach))
             for axis in (0, 1, 0, 1):
-                around = _blurred(around, max(1, round(reach / self._texel[axis] / 2.0)), axis)
+                around = _box_blur(around, max(1, round(reach / self._texel[axis] / 2.0)), axis)
             blurred.append(around.ravel())
         return blurred
 
-    def hidden(self, landscape: Sequence[Image], depth: Image, where: Rows) -> Image:
+    def hidden_sky(self, landscape: Sequence[Image], depth: Image, where: Rows) -> Image:
         """(P,): the hidden share of the sky at depths (P,) of the pixels `where`, counted row by row."""
         at = np.clip(self._start[where] + depth[:, None] * self._step[where], 0, SKY_MAP - 1).astype(np.int32)
         index = at[:, 1] * SKY_MAP + at[:, 0]
         hidden = np.zeros(len(index), dtype=np.float32)
         z = self._z[where] + depth * self._dz[where] + np.float32(BIAS)
-        for around, (reach, weight) in zip(landscape, SCALES, strict=True):
+        for around, (reach, weight) in zip(landscape, SKY_SCALES, strict=True):
             rise = np.maximum(around.take(index) - z, np.float32(0.0))
             rise *= rise
             hidden += np.float32(weight) * rise / (rise + np.float32(reach * reach))
         return hidden
 
 
-def _blurred(image: Image, half: int, axis: int) -> Image:
+def _box_blur(image: Image, half: int, axis: int) -> Image:
     """The mean of 2 half + 1 pixels along an axis; beyond the edges there is nothing."""
     size = image.shape[axis]
     room = [(half + 1, half) if k == axis else (0, 0) for k in (0, 1)]
@@ -271,16 +259,16 @@ def _blurred(image: Image, half: int, axis: int) -> Image:
 
 
 TOWARDS = (-0.36, -0.28, 1.0)  # direction of the light: from the left, from behind the viewer
-MAP = 1024  # pixels along a side of the light's depth buffer
+LIGHT_MAP = 1024  # pixels along a side of the light's depth buffer
 PAD = 24  # empty pixels around it, more than the width of a shadow's edge
 SOFT = 0.013  # metres; radius of a shadow's blurred edge
 TAPS = 16
 RAMP = 0.03  # metres above a point of an object over which an occluder's effect increases from 0 to 1
-DARKEST = (0.34, 0.33, 0.30)  # share of red, green and blue that a full shadow removes
-HIDDEN = (0.62, 0.64, 0.66)  # the same for a fully hidden sky
+FULL_SHADOW_LOSS = (0.34, 0.33, 0.30)  # share of red, green and blue that a full shadow removes
+HIDDEN_SKY_LOSS = (0.62, 0.64, 0.66)  # the same for a fully hidden sky
 ON_THINGS = 0.55  # weight of the hidden sky on objects: their own walls hide half of it
 FAINT = 0.5  # weight of both on the ground below the table
-EMPTY = 0.9999  # the depth buffer's value, up to rounding, where nothing was drawn
+EMPTY_DEPTH = 0.9999  # the depth buffer's value, up to rounding, where nothing was drawn
 
 
 def light_camera(stage: PictureSetup, towards: tuple[float, float, float] = TOWARDS) -> Camera:
@@ -292,7 +280,7 @@ def light_camera(stage: PictureSetup, towards: tuple[float, float, float] = TOWA
     slide = (-towards[0], -towards[1])  # offset of a shadow from its object, per metre of height
     low = [start - room + min(-drop * part, rise * part) for start, part in zip((x0, y0), slide, strict=True)]
     high = [end + room + max(-drop * part, rise * part) for end, part in zip((x1, y1), slide, strict=True)]
-    return downwards(low, high, (MAP, MAP), slide)
+    return downwards(low, high, (LIGHT_MAP, LIGHT_MAP), slide)
 
 
 class Lighting:
@@ -320,12 +308,12 @@ class Lighting:
         self.factor = factor
         self.camera = camera
         self.transparent = transparent
-        raw = camera.resized((camera.size[0] * factor, camera.size[1] * factor))
+        raw = camera.with_size((camera.size[0] * factor, camera.size[1] * factor))
         columns, rows = np.meshgrid(np.arange(raw.size[0], dtype=np.float64), np.arange(raw.size[1], dtype=np.float64))
-        # pybullet samples a pixel at its lower left corner; `centred` corrects this if pixels are not averaged.
+        # pybullet samples a pixel at its lower left corner; `centre_pixels` corrects this if pixels are not averaged.
         away = 0.0 if factor > 1 else 0.5
         origin, direction = raw.rays(columns + away, rows + 1.0 - away)
-        bare = buffer >= EMPTY
+        bare = buffer >= EMPTY_DEPTH
         around = surroundings(stage, raw, (origin, direction), bare, look, textures)
         depth = np.where(bare, around.depth, raw.depth(buffer)).astype(np.float32)
         at = origin + depth[..., None] * direction
@@ -346,20 +334,20 @@ class Lighting:
         self.every = every = (slice(None, None, factor), slice(factor // 2, None, factor))
         self.light = light_camera(stage, TOWARDS if look is None else look.towards)
         matrix = self.light.projection @ self.light.view
-        pixels = np.array([MAP / 2.0, -MAP / 2.0])
+        pixels = np.array([LIGHT_MAP / 2.0, -LIGHT_MAP / 2.0])
         start = (origin[every] @ matrix[:2, :3].T + matrix[:2, 3] + (1.0, -1.0)) * pixels
         step = (direction[every] @ matrix[:2, :3].T) * pixels
         self.start, self.step = (part.reshape(-1, 2).astype(np.float32) for part in (start, step))
         self.origin_z, self.direction_z = (
             part[every][..., 2].ravel().astype(np.float32) for part in (origin, direction)
         )
-        self.texel = 2.0 / float(matrix[0, 0]) / MAP
+        self.texel = 2.0 / float(matrix[0, 0]) / LIGHT_MAP
         self.taps = _disc(min(max(SOFT / self.texel, 1.2), PAD - 2.0))
         self.depth = depth[every]
-        self.mask = np.where(bare[every], GROUND, TABLE).astype(np.uint16)
+        self.mask = np.where(bare[every], GROUND_ID, TABLE_ID).astype(np.uint16)
         self.ambient = Ambient(stage, origin[every], direction[every])
 
-        hidden = self._hidden(self._heights(light_buffer), self.depth.ravel(), slice(None), True)
+        hidden = self._blocked_share(self._heights(light_buffer), self.depth.ravel(), slice(None), True)
         ground = bare[every].ravel()
         walls = ground & around.walls[every].ravel()  # too far away for shadows
         under = np.where(ground & ~walls, FAINT * hidden, 0.0).astype(np.float32)
@@ -383,7 +371,7 @@ class Lighting:
         Objects and their background are lit separately and then combined: if both are in one pixel, neither gets the
         other's shadow.
         """
-        things = buffer < EMPTY
+        things = buffer < EMPTY_DEPTH
         share = _shrink(things[..., None].astype(np.uint8), self.factor)
         front = np.flatnonzero(share > 0.0)
         nearest = _nearest(buffer, self.factor).ravel()[front]
@@ -391,20 +379,20 @@ class Lighting:
         heights = self._heights(light_buffer)
         every = slice(None)
         behind = _shrink(np.where(things[..., None], np.uint8(0), self.backdrop), self.factor)
-        shadow = self._hidden(heights, self.depth.ravel(), every, True) * self.reach
-        sky = self.ambient.hidden(around, self.depth.ravel(), every) * self.sky
+        shadow = self._blocked_share(heights, self.depth.ravel(), every, True) * self.reach
+        sky = self.ambient.hidden_sky(around, self.depth.ravel(), every) * self.sky
         lit = behind * _dim(shadow, sky).reshape(behind.shape)
         depth = self.camera.depth(nearest)
-        shadow = self._hidden(heights, depth, front, False)
-        sky = self.ambient.hidden(around, depth, front) * np.float32(ON_THINGS)
+        shadow = self._blocked_share(heights, depth, front, False)
+        sky = self.ambient.hidden_sky(around, depth, front) * np.float32(ON_THINGS)
         ahead = _shrink(np.where(things[..., None], colors, np.uint8(0)), self.factor)
         lit.reshape(-1, 3)[front] += ahead.reshape(-1, 3)[front] * _dim(shadow, sky)
         here = things[self.every]
         middle = np.where(here, self.camera.depth(buffer[self.every]), self.depth)
         mask = np.where(here, seen[self.every], self.mask).astype(np.uint16)
-        return RenderedView(self._finished(lit, things), middle.astype(np.float32), mask)
+        return RenderedView(self._to_bytes(lit, things), middle.astype(np.float32), mask)
 
-    def _finished(self, lit: Image, things: npt.NDArray[np.bool_]) -> Picture:
+    def _to_bytes(self, lit: Image, things: npt.NDArray[np.bool_]) -> Picture:
         """Bytes, with an alpha channel if the ground is left out; its colours were mixed with black."""
         if not self.transparent:
             return np.asarray(np.clip(lit + 0.5, 0.0, 255.0), dtype=np.uint8)
@@ -414,17 +402,17 @@ class Lighting:
         return np.asarray(np.clip(np.concatenate([pure, alpha], axis=2) + 0.5, 0.0, 255.0), dtype=np.uint8)
 
     def _heights(self, light_buffer: Image) -> Image:
-        """(MAP + 2 PAD, MAP + 2 PAD): heights along the light's rays, in metres."""
+        """(LIGHT_MAP + 2 PAD, LIGHT_MAP + 2 PAD): heights along the light's rays, in metres."""
         eye = np.float32(-self.light.view[2, 3])
         return np.pad(eye - self.light.depth(light_buffer), PAD, constant_values=np.float32(-1e9))
 
-    def _hidden(self, heights: Image, depth: Image, where: Rows, level: bool) -> Image:
+    def _blocked_share(self, heights: Image, depth: Image, where: Rows, level: bool) -> Image:
         """(P,): the share of the blur disc that is hidden from the light, 0 to 1, at depths (P,) of the pixels `where`;
         `level` says that these are of the table or the ground."""
         stride = heights.shape[1]
         z = self.origin_z[where] + depth * self.direction_z[where]
         at = self.start[where] + depth[:, None] * self.step[where]
-        np.clip(at, 0, MAP - 1, out=at)
+        np.clip(at, 0, LIGHT_MAP - 1, out=at)
         cell = at.astype(np.int32) + PAD
         index = cell[:, 1] * stride + cell[:, 0]
         # A wall would shade itself within the blur: on objects, only clearly higher occluders count, with a smooth
@@ -440,8 +428,8 @@ class Lighting:
 
 def _dim(shadow: Image, sky: Image) -> Image:
     """(P, 3): the remaining light if these shares of it and of the sky are hidden."""
-    left = 1.0 - shadow[:, None] * np.array(DARKEST, dtype=np.float32)
-    return np.asarray(left * (1.0 - sky[:, None] * np.array(HIDDEN, dtype=np.float32)), dtype=np.float32)
+    left = 1.0 - shadow[:, None] * np.array(FULL_SHADOW_LOSS, dtype=np.float32)
+    return np.asarray(left * (1.0 - sky[:, None] * np.array(HIDDEN_SKY_LOSS, dtype=np.float32)), dtype=np.float32)
 
 
 def _nearest(buffer: Image, factor: int) -> Image:

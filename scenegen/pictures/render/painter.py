@@ -22,23 +22,23 @@ import pybullet
 from scenegen.geometry import Polygon
 from scenegen.geometry.workspace import BOARD
 from scenegen.looks.camera import Camera, frame
-from scenegen.looks.look import VIEW, Look, Tint
+from scenegen.looks.look import LOOK_VIEW, Look, Tint
 from scenegen.looks.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.looks.textures import Textures
-from scenegen.pictures.render.files import FIRST, Image, Model, Picture, PictureOptions, RenderedView
+from scenegen.pictures.render.files import FIRST_ID, Image, Model, Picture, PictureOptions, RenderedView
 from scenegen.pictures.render.light import TOWARDS, Lighting, landscape_camera, light_camera
 from scenegen.things import PLAIN
 from scenegen.things.bodies import parts_of
 from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.library import RGB
-from scenegen.things.mesh import Mesh, box, plain, shaded
+from scenegen.things.mesh import Mesh, box, plain, shade_mesh
 from scenegen.things.outline import Floats
 from scenegen.things.palette import mix
 
 Bodies = npt.NDArray[np.int32]
 
-MOST_FACES = 20_000  # of a body: pybullet takes no more than some 130,000 corners
-LARGEST = 4096  # maximum side of pybullet's pictures in pixels
+MAX_BODY_FACES = 20_000  # of a body: pybullet takes no more than some 130,000 corners
+MAX_RAW_SIDE = 4096  # maximum side of pybullet's pictures in pixels
 SHADING = {"lightAmbientCoeff": 0.60, "lightDiffuseCoeff": 0.46, "lightSpecularCoeff": 0.03}
 
 
@@ -53,7 +53,7 @@ class Painter:
         models: Sequence[Model | None] = (),
         textures: Textures | None = None,
     ) -> None:
-        self.factor = 2 if 2 * max(options.size) <= LARGEST else 1
+        self.factor = 2 if 2 * max(options.size) <= MAX_RAW_SIDE else 1
         self._stage, self._options = stage, options
         self._textures = Textures({}) if textures is None else textures
         self._landscape = landscape_camera(stage)
@@ -74,7 +74,7 @@ class Painter:
         boards = [[self._board(patch)] for patch in stage.patches if patch.height]
         self._studio.tidy_up()
         shown = (*self._things, *boards)
-        owners = [(body, number) for number, bodies in enumerate(shown, FIRST) for body in bodies]
+        owners = [(body, number) for number, bodies in enumerate(shown, FIRST_ID) for body in bodies]
         self._owner = np.zeros(1 + max((body for body, _ in owners), default=0), dtype=np.uint16)
         for body, number in owners:
             self._owner[body] = number
@@ -93,10 +93,10 @@ class Painter:
             x0, y0, x1, y1 = stage.table
             slab = box(x1 - x0, y1 - y0, stage.thickness, 0.12 * stage.thickness)
             middle = (x0 + x1) / 2.0, (y0 + y1) / 2.0
-            bare.add(slab.moved(*middle, -stage.thickness), WOOD if look is None else look.table)
+            bare.add(slab.shift(*middle, -stage.thickness), WOOD if look is None else look.table)
             _, light, _ = bare.shoot(self._light, look)
             for view in self._options.views:
-                if view == VIEW and look is not None:
+                if view == LOOK_VIEW and look is not None:
                     camera = look.camera(stage.corners(), self._options.size)
                 else:
                     camera = frame(view, stage.corners(), self._options.size)
@@ -152,8 +152,8 @@ class Painter:
         return self._lighting[view].camera
 
     def _raw(self, camera: Camera) -> Camera:
-        raw = camera.resized((camera.size[0] * self.factor, camera.size[1] * self.factor))
-        return raw if self.factor > 1 else raw.centred()
+        raw = camera.with_size((camera.size[0] * self.factor, camera.size[1] * self.factor))
+        return raw if self.factor > 1 else raw.centre_pixels()
 
 
 def _shading(look: Look) -> dict[str, Any]:
@@ -200,8 +200,8 @@ class _Studio:
         bodies = []
         # Files have a vertex for each texture and normal that meets in a point: together they are shaded smoothly.
         points, same = np.unique(surface.vertices, axis=0, return_inverse=True)
-        for start in range(0, len(surface.faces), MOST_FACES):
-            faces = surface.faces[start : start + MOST_FACES]
+        for start in range(0, len(surface.faces), MAX_BODY_FACES):
+            faces = surface.faces[start : start + MAX_BODY_FACES]
             uv = None
             if surface.uv is not None and surface.texture:
                 uv = surface.uv[faces.ravel()] * (1.0, -1.0) + (0.0, 1.0)
@@ -244,7 +244,7 @@ class _Studio:
 
     def _form(self, mesh: Mesh, uv: Floats | None) -> dict[str, Any]:
         """A mesh as pybullet takes it; the card's renderer does not support meshes in memory."""
-        vertices, normals, indices = shaded(mesh)
+        vertices, normals, indices = shade_mesh(mesh)
         if self._folder is None:
             form = {"vertices": vertices.tolist(), "normals": normals.tolist(), "indices": indices.tolist()}
             return form if uv is None else form | {"uvs": uv.tolist()}

@@ -15,26 +15,24 @@ import numpy.typing as npt
 from PIL import Image
 
 from scenegen.errors import DataError
-from scenegen.errors.files import NO_MODEL, UNUSABLE_MODEL
 from scenegen.errors.requests import NO_SCENES
-from scenegen.looks.camera import USUAL, frame
+from scenegen.looks.camera import USUAL_VIEWS, frame
 from scenegen.looks.configuration import read_looks
-from scenegen.looks.look import LOOKS, VIEW, Look, looks_jsonl
-from scenegen.looks.stage import PictureSetup, places_of, poses_of, stage_of
+from scenegen.looks.look import LOOK_VIEW, LOOKS_FILE, Look, check_seed, looks_jsonl
+from scenegen.looks.paper import PAPER
+from scenegen.looks.stage import PictureSetup, places_of, poses_of, stage_of, usual_size
 from scenegen.looks.textures import Textures
 from scenegen.needs import need
-from scenegen.pictures.figures.sheet import PAPER, SHOWN, contact_sheet, thumbnail_size
+from scenegen.pictures.figures.sheet import MAX_THUMBNAILS, contact_sheet, thumbnail_size
 from scenegen.pictures.render.files import (
-    FIRST,
-    GROUND,
-    STEP,
-    TABLE,
+    DEPTH_UNIT,
+    FIRST_ID,
+    GROUND_ID,
+    TABLE_ID,
     Model,
     PictureOptions,
     check_renderer,
     check_request,
-    check_seed,
-    usual_size,
 )
 from scenegen.pictures.render.worker import RenderJob
 from scenegen.pose import flat
@@ -42,14 +40,10 @@ from scenegen.processes.pool import Pool
 from scenegen.processes.process import cores
 from scenegen.scenes.data import SceneFile, ShapeData
 from scenegen.scenes.files import scene_name, whole_files
-from scenegen.scenes.own_files import is_read, own_file, reason_of
+from scenegen.scenes.own_files import is_read, own_file, read_files
 from scenegen.things.colored_mesh import check_texture
 from scenegen.things.meshfile import mesh_surfaces
-from scenegen.things.outline import MeshError
 from scenegen.things.urdf import robot_surfaces
-
-# --------------------------------------------------------------------------------------------------------------------
-# `cameras.json`: how every view maps the world to pixels, and what the numbers in masks mean.
 
 
 def cameras_json(file: SceneFile, stage: PictureSetup, options: PictureOptions, looks: Sequence[Look] = ()) -> bytes:
@@ -58,7 +52,7 @@ def cameras_json(file: SceneFile, stage: PictureSetup, options: PictureOptions, 
     middle of the first pixel is (0.5, 0.5)."""
     views: dict[str, Any] = {}
     for view in options.views:
-        if view == VIEW:  # a camera for each picture: looks.jsonl has them
+        if view == LOOK_VIEW:  # a camera for each picture: looks.jsonl has them
             continue
         camera = frame(view, stage.corners(), options.size)
         kind = "orthographic" if camera.orthographic else "perspective"
@@ -67,33 +61,29 @@ def cameras_json(file: SceneFile, stage: PictureSetup, options: PictureOptions, 
             "intrinsics": camera.intrinsics(),
             "world_to_camera": [[round(value, 12) + 0.0 for value in row] for row in camera.extrinsics().tolist()],
         }
-    ids = {GROUND: "ground and walls" if any(look.walls_distance for look in looks) else "ground", TABLE: "table"}
+    ids = {GROUND_ID: "ground and walls" if any(look.walls_distance for look in looks) else "ground", TABLE_ID: "table"}
     boards = [region.name for region in file.regions if region.height]
-    ids |= dict(enumerate([*(item.name for item in file.objects), *boards], FIRST))
+    ids |= dict(enumerate([*(item.name for item in file.objects), *boards], FIRST_ID))
     data = {
         "size": list(options.size),
         "formula": {
             "perspective": "u = fx x / z + cx, v = fy y / z + cy",
             "orthographic": "u = fx x + cx, v = fy y + cy",
         },
-        "depth": {"png_unit_in_metres": STEP, "of": "z of the camera's frame at the middle of each pixel"},
+        "depth": {"png_unit_in_metres": DEPTH_UNIT, "of": "z of the camera's frame at the middle of each pixel"},
         "views": views,
         "ids": {str(number): name for number, name in ids.items()},
     }
     return (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def recorded(looks: Sequence[Look], seed: int, stage: PictureSetup, options: PictureOptions) -> bytes:
+def looks_record(looks: Sequence[Look], seed: int, stage: PictureSetup, options: PictureOptions) -> bytes:
     """`looks.jsonl`: each scene's pictures and look, with the camera of the view "look" if that is drawn."""
     names = [f"{scene_name(number, len(looks))}_" for number in range(1, len(looks) + 1)]
     files = [("pictures", [f"{name}{view}.png" for view in options.views]) for name in names]
-    own = VIEW in options.views
+    own = LOOK_VIEW in options.views
     cameras = [look.camera(stage.corners(), options.size) if own else None for look in looks]
     return looks_jsonl(looks, seed, files, cameras)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Draws pictures on several processes, in scene order.
 
 
 def draw(
@@ -114,17 +104,17 @@ def draw(
     """
     need("pybullet", "to draw pictures")
     places = places_of(stage, poses)
-    stage, origin = stage.near()
+    stage, origin = stage.near_origin()
     places[..., :2] -= origin
-    given = [None] * len(places) if looks is None else [look.moved(*origin) for look in looks]
+    given = [None] * len(places) if looks is None else [look.shift(*origin) for look in looks]
     job = RenderJob(stage, options, models, textures)
     with Pool(job, workers, what="a process that draws", unit="scene", spare="a smaller size or fewer workers") as pool:
         yield from pool.map(list(zip(places, given, strict=True)))
 
 
 SHEET, CAMERAS = "contact_sheet.png", "cameras.json"
-FACES = (
-    VIEW,
+SHEET_VIEWS = (
+    LOOK_VIEW,
     "perspective",
     "three-quarter",
     "front",
@@ -192,11 +182,11 @@ def render_scenes(
     """
     size = usual_size(file) if size is None else size
     if views is None:
-        views = USUAL if looks is None else (VIEW,)
+        views = USUAL_VIEWS if looks is None else (LOOK_VIEW,)
     check_request(views, size, workers, looks=looks is not None)
     given = None if looks is None else read_looks(looks)
     names_of_things = [item.name for item in file.objects]
-    drawn = None if given is None else given.drawn(check_seed(seed), len(file.scenes), names_of_things)
+    drawn = None if given is None else given.draw_looks(check_seed(seed), len(file.scenes), names_of_things)
     need("pybullet", "to draw pictures")
     views = tuple(dict.fromkeys(views))
     check_renderer(renderer)
@@ -209,7 +199,7 @@ def render_scenes(
     models = () if meshes is None else models_of(file, meshes)
     textures = None if given is None else Textures(given.files)
     total = len(file.scenes)
-    shown_view = next(view for view in FACES if view in views)
+    shown_view = next(view for view in SHEET_VIEWS if view in views)
     small = thumbnail_size(size, total)
     thumbnails: list[Image.Image] = []
     names: list[str] = []
@@ -223,14 +213,14 @@ def render_scenes(
                     name = f"{scene_name(number, total)}_{view}{ending}"
                     put(name, data)
                     (names if ending == ".png" else beside).append(name)
-                if number <= SHOWN:
+                if number <= MAX_THUMBNAILS:
                     thumbnails.append(_small(files[shown_view, ".png"], small))
                 if progress is not None:
                     progress(number, total)
         put(SHEET, contact_sheet(file, thumbnails, planned=rest is None))
         put(CAMERAS, cameras_json(file, stage, options, drawn or ()))
         if drawn is not None:
-            put(LOOKS, recorded(drawn, seed, stage, options))
+            put(LOOKS_FILE, looks_record(drawn, seed, stage, options))
     paths, more = (tuple(out / name for name in some) for some in (names, beside))
     return Rendered(paths, out / SHEET, out / CAMERAS, more)
 
@@ -244,10 +234,6 @@ def _small(data: bytes, size: tuple[int, int]) -> Image.Image:
     sheet = Image.new("RGB", size, PAPER)
     sheet.paste(small, mask=small)
     return sheet
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Pictures in memory, for figures that are composed of them.
 
 
 def pictures(
@@ -270,10 +256,6 @@ def pictures(
                 progress(number, total)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The meshes of a scene file's objects, read again from their files, to be drawn as they are.
-
-
 def still_outlines(file: SceneFile, folder: Path) -> tuple[str, ...]:
     """The names of objects from files that are not drawn as they are, of scenes that `models_of` has read."""
     return tuple(one.name for one in file.objects if one.shape.path and not is_read(one.shape, folder))
@@ -287,19 +269,7 @@ def models_of(file: SceneFile, folder: Path) -> tuple[Model | None, ...]:
     Raises DataError where a file cannot be read or drawn, where it has another outline than the scenes were made
     with, and where no object has such a file.
     """
-    known: dict[str, Model | None] = {}
-    models: list[Model | None] = []
-    for item in file.objects:
-        key = item.shape.model_dump_json()
-        try:
-            if key not in known:
-                known[key] = _model(folder, item.shape) if is_read(item.shape, folder) else None
-        except MeshError as error:
-            raise DataError(UNUSABLE_MODEL(path=item.shape.path, name=item.name, reason=reason_of(error))) from None
-        models.append(known[key])
-    if not any(models):
-        raise DataError(NO_MODEL())
-    return tuple(models)
+    return tuple(read_files(file, folder, lambda shape: _model(folder, shape)))
 
 
 def _model(folder: Path, shape: ShapeData) -> Model:

@@ -19,16 +19,12 @@ from scenegen.looks.look import Look
 from scenegen.looks.stage import PictureSetup, places_of, stage_of
 from scenegen.looks.textures import Textures
 from scenegen.needs import need
-from scenegen.pictures.render.files import FIRST, Model, Picture, PictureOptions, RenderedView, check_request, encode
+from scenegen.pictures.render.files import FIRST_ID, Model, Picture, PictureOptions, RenderedView, check_request, encode
 from scenegen.processes.pool import Pool
 from scenegen.scenes.data import SceneFile
 
 if TYPE_CHECKING:
     from scenegen.pictures.render.painter import Painter
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Names on pictures, beside the blocks that represent objects which are not in the library.
 
 
 INK, PAPER = (38, 40, 44), (255, 255, 255)
@@ -50,14 +46,14 @@ def write_names(color: Picture, stage: PictureSetup, camera: Camera, places: Flo
         top = (x, y, z + thing.shape.height)
         reach = max(thing.shape.footprint.extent) / 2.0
         at, beyond = camera.project([top, (x, y + reach, top[2])])
-        if not _seen([at, beyond], camera.size):
+        if not _is_inside([at, beyond], camera.size):
             continue
         spot = float(at[0]), float(min(at[1], beyond[1])) - 0.25 * size
         draw.text(spot, thing.label, INK, font, anchor="ms", stroke_width=max(1, size // 6), stroke_fill=PAPER)
     return np.asarray(image)
 
 
-def _seen(points: Sequence[Floats], size: tuple[int, int]) -> bool:
+def _is_inside(points: Sequence[Floats], size: tuple[int, int]) -> bool:
     return all(bool((point >= 0.0).all() and (point < size).all()) for point in points)
 
 
@@ -81,7 +77,7 @@ class RenderJob:
         shots = self._shots(*item)
         files: dict[tuple[str, str], bytes] = {}
         for view in self.options.views:
-            made = encode(shots[view], self.options, FIRST + len(self.stage.things))
+            made = encode(shots[view], self.options, FIRST_ID + len(self.stage.things))
             files |= {(view, ending): data for ending, data in zip(self.options.endings, made, strict=True)}
         return files
 
@@ -111,10 +107,6 @@ class DrawPixels(RenderJob):
     def __call__(self, places: Places) -> npt.NDArray[np.uint8]:  # type: ignore[override]  # pixels
         (view,) = self.options.views
         return np.ascontiguousarray(self._shots(places)[view].color[..., :3], dtype=np.uint8)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Pictures while a program runs: one process draws them all, a scene at a time.
 
 
 __all__ = ["LiveRenderer", "RenderJob", "check_request"]

@@ -21,7 +21,8 @@ from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.geometry import NUMPY
 from scenegen.geometry.clearance import gap
 from scenegen.geometry.footprint import Polygon, Rectangle
-from scenegen.planning.translation import around, grown, meet
+from scenegen.planning.setting import enclosing
+from scenegen.planning.translation import grow, overlap
 from scenegen.play.frame import TableFrame, heading_of, upright
 from scenegen.play.libero.measure import Floor, LiveModel, Part, PrismShape, prism_of
 
@@ -103,7 +104,7 @@ def _plain(live: LiveModel, origin: Origin, prisms: Prisms, samplers: Sequence[A
         x, y = (np.asarray(one.reference_pos, dtype=np.float64) - origin)[:2]
         (left, right), (bottom, top) = one.x_range, one.y_range
         boxes.append((x + left, y + bottom, x + right, y + top))
-    lines = [f"# {type(live.env).__name__}, as it is now; metres", _workspace(around(boxes)), ""]
+    lines = [f"# {type(live.env).__name__}, as it is now; metres", _workspace(enclosing(boxes)), ""]
     lines += [f"object {name} = {prism.text()}" for name, prism in prisms.items()]
     return "\n".join([*lines, "require noOverlap()", ""])
 
@@ -208,7 +209,7 @@ class _Task:
         for name, zone in (fact[1:] for fact in self.facts if fact[0] in PLACES):
             if name in self.live.fixtures and zone in self.zones:
                 region, (_, _, z, *attitude) = self.problem["regions"][zone], self.live.fixed[name]
-                left, bottom, right, top = around([_box(one) for one in region["ranges"]])
+                left, bottom, right, top = enclosing([_box(one) for one in region["ranges"]])
                 ends = itertools.product((left, right), (bottom, top), sorted({*region["yaw_rotation"]}))
                 frames = [TableFrame((x + self.origin[0], y + self.origin[1], z), turn) for x, y, turn in ends]
                 found[name] = np.array(
@@ -333,7 +334,7 @@ class _Task:
         words = self.problem["language_instruction"]
         used = {name for fact in (*self.facts, *self.goal) if fact[1] in self.live.movers for name in fact[2:]}
         tracks = [(one.low * one.lever, 0.0, one.high * one.lever, 0.001) for one in self.sliders.values()]
-        space = grown(around([*self.zones.values(), *(one for _, one in fixtures.values()), *tracks]), 0.05)
+        space = grow(enclosing([*self.zones.values(), *(one for _, one in fixtures.values()), *tracks]), 0.05)
         lines = [
             f"# {words if isinstance(words, str) else ' '.join(words)}",
             "# From LIBERO's environment as it is now; metres, from the middle of its workspace.",
@@ -371,7 +372,7 @@ class _Task:
                     height, prism = BLOCK, prism_of(self.live.points(name, LOW), upright(quaternion))
                 heading = float(heading_of(quaternion))
                 pose = f"({_n(x)}, {_n(y)}, {_n(heading % (2.0 * math.pi))} rad)"
-                found[name] = f"{prism.text(height)} at {pose}", grown((x, y, x, y), prism.reach)
+                found[name] = f"{prism.text(height)} at {pose}", grow((x, y, x, y), prism.reach)
                 self.stands[name] = prism, x, y, heading
         return found
 
@@ -389,7 +390,7 @@ class _Task:
         for one, other in itertools.combinations(names, 2):
             reach = sum(self.prisms[name].reach for name in (one, other) if name in self.prisms)
             known, fixed = one in boxes and other in boxes, {one, other} <= {*self.live.fixtures}
-            could = not known or meet(grown(boxes[one], reach), boxes[other])
+            could = not known or overlap(grow(boxes[one], reach), boxes[other])
             if could and not fixed and self._clear(one, other):
                 found.append(f"require apart({one}, {other}) >= 0")
         return found

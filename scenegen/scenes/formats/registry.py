@@ -14,10 +14,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.errors import DataError, RequestError
-from scenegen.errors.files import NOT_SCENES, UNKNOWN_ENDING, WRONG_ENDING
+from scenegen.errors import DataError, OutputError, RequestError
+from scenegen.errors.files import CANNOT_WRITE, ENDING_OF_ANOTHER, NOT_SCENES, UNKNOWN_ENDING, WRONG_ENDING
 from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.scenes.files import TABS, ending_of, whole_file
+from scenegen.scenes.files import TABS, check_folder, check_writable, ending_of, reported, whole_file
 
 if TYPE_CHECKING:
     from scenegen.scenes.blocks import Block, SceneFileReading
@@ -91,6 +91,39 @@ def format_of(path: Path, kind: str = SCENES) -> Any:
         purpose, command = f"for {path.suffix} files", f'pip install "scenegen[{EXTRAS[library]}]"'
         raise RequestError(NOT_INSTALLED(package=library, purpose=purpose, command=command)) from error
     return getattr(found, name) if name else found
+
+
+def is_one_file(out: Path, to: str, own: str | None = None) -> bool:
+    """Whether `out` is one file with all scenes in a format of simulators or planners, by its ending; else it is a
+    folder with a file each. `own` is the ending of a format that is not in `ENDINGS`.
+
+    Raises RequestError for the ending of another format.
+    """
+    ending = ending_of(out)
+    if ending == own:
+        return True
+    if ending in FORMATS or ENDINGS.get(ending, to) != to:
+        other = ENDINGS.get(ending, "scene files")
+        raise RequestError(ENDING_OF_ANOTHER(path=out, other=other, format=to, places=_places(to, own)))
+    return ending in ENDINGS
+
+
+def _places(to: str, own: str | None) -> str:
+    endings = [ending for ending, name in ENDINGS.items() if name == to] if own is None else [own]
+    return "name a folder, or a file that ends in " + " or ".join(f"`{ending}`" for ending in endings)
+
+
+def check_out(out: Path, to: str, *inputs: Path, own: str | None = None) -> None:
+    """Refuse, before any work is done, an `out` that a format of simulators or planners cannot be written to; `own` as
+    in `is_one_file`. Raises RequestError, OutputError."""
+    if is_one_file(out, to, own):
+        check_writable(out, *inputs)
+        return
+    with reported(out):
+        if out.is_file():
+            reason = f"it is a file, and a folder is made for {to}"
+            raise OutputError(CANNOT_WRITE(path=out, reason=reason, remedy=_places(to, own)))
+    check_folder(out)
 
 
 def check_ending(path: Path, *endings: str) -> None:

@@ -12,14 +12,14 @@ import numpy as np
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES
 from scenegen.looks.camera import Camera
-from scenegen.looks.look import Look, Point, looks_jsonl
-from scenegen.looks.stage import PictureSetup, stage_of
+from scenegen.looks.look import Look, Point, check_seed, looks_jsonl
+from scenegen.looks.stage import PictureSetup, stage_of, usual_size
 from scenegen.looks.textures import PLAIN, WOOD, Pixels, image_of, mean_of, wood
 from scenegen.scenes.data import SceneFile
 from scenegen.things.library import RGB
 
-SIDE = 1024  # pixels along the longer side of a wooden table
-HIGH = 3.0  # metres: walls, from the floor
+WOOD_PIXELS = 1024  # pixels along the longer side of a wooden table
+WALL_HEIGHT = 3.0  # metres: walls, from the floor
 
 Rectangle = tuple[float, float, float, float]
 
@@ -76,7 +76,7 @@ class SceneLook:
             ((x0, (y0 + y1) / 2.0), (1.0, 0.0), y1 - y0, table[0] - x0, -across),
             ((x1, (y0 + y1) / 2.0), (-1.0, 0.0), y1 - y0, x1 - table[2], across),
         ):
-            high = min(HIGH, max(gap, 0.0) / light - floor) if light > 0.0 else HIGH
+            high = min(WALL_HEIGHT, max(gap, 0.0) / light - floor) if light > 0.0 else WALL_HEIGHT
             yield Wall((*at, floor + high / 2.0), (-inwards[1], inwards[0], 0.0), width, high)
 
 
@@ -101,7 +101,7 @@ class SceneLooks:
         self._means = {name: mean_of(image) for name, image in images.items()}
         self._wooden: dict[Rectangle, str] = {}  # tables, and the files of their wood
 
-    def of(self, scene: int, table: Rectangle) -> SceneLook:
+    def scene_look(self, scene: int, table: Rectangle) -> SceneLook:
         """The look of a scene, by its number from 1, with the simulator's table (x lowest, y lowest, x highest, y
         highest)."""
         look, camera = self._looks[scene - 1], self._cameras[scene - 1]
@@ -124,9 +124,9 @@ class SceneLooks:
     def textures(self) -> Iterator[tuple[str, bytes]]:
         """The files of the textures that scenes were given: name, PNG."""
         for name, file in self._names.items():
-            yield file, _encoded(image_of(name, self._files))
+            yield file, _png_bytes(image_of(name, self._files))
         for table, file in self._wooden.items():
-            yield file, _encoded(_wood(self._stage, table))
+            yield file, _png_bytes(_wood(self._stage, table))
 
     def record(self, files: Sequence[str]) -> bytes:
         """`looks.jsonl` for scenes in these files."""
@@ -155,7 +155,7 @@ def _file_names(textures: Sequence[str]) -> dict[str, str]:
     return names
 
 
-def _encoded(image: Pixels) -> bytes:
+def _png_bytes(image: Pixels) -> bytes:
     from PIL import Image
 
     out = io.BytesIO()
@@ -166,7 +166,7 @@ def _encoded(image: Pixels) -> bytes:
 def _wood(stage: PictureSetup, table: Rectangle) -> Pixels:
     """(h, w, 3): the wood of a whole table, from above."""
     x0, y0, x1, y1 = table
-    pixel = max(x1 - x0, y1 - y0) / SIDE
+    pixel = max(x1 - x0, y1 - y0) / WOOD_PIXELS
     across, along = (max(round(length / pixel), 1) for length in (x1 - x0, y1 - y0))
     x = x0 + (np.arange(across) + 0.5) / across * (x1 - x0)
     y = y1 - (np.arange(along) + 0.5) / along * (y1 - y0)
@@ -179,12 +179,11 @@ def _wood(stage: PictureSetup, table: Rectangle) -> Pixels:
 def dressing_of(file: SceneFile, looks: str | Path, seed: int) -> SceneLooks:
     """The looks of scenes, with the cameras of their pictures. Raises RequestError, DataError."""
     from scenegen.looks.configuration import read_looks  # Pillow
-    from scenegen.pictures.render.files import check_seed, usual_size
 
     if not file.scenes:
         raise RequestError(NO_SCENES())
     given = read_looks(looks)
-    drawn = given.drawn(check_seed(seed), len(file.scenes), [item.name for item in file.objects])
+    drawn = given.draw_looks(check_seed(seed), len(file.scenes), [item.name for item in file.objects])
     stage, size = stage_of(file), usual_size(file)
     cameras = [look.camera(stage.corners(), size) for look in drawn]
     return SceneLooks(drawn, cameras, stage, given.files, seed)

@@ -6,20 +6,20 @@ import struct
 
 import numpy as np
 
-from scenegen.things.mesh import Mesh, shaded
+from scenegen.things.mesh import Mesh, shade_mesh
 from scenegen.things.outline import Floats
 from scenegen.worlds.export.xml import short
 
-HEAD = "# scenegen, metres, z upwards"
+OBJ_HEADER = "# scenegen, metres, z upwards"
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def drawn_obj(mesh: Mesh, places: Floats | None = None) -> bytes:
     """One mesh with a normal at every corner: round objects look round, edges stay sharp. With `places` (V, 2), those
     of its vertices in a picture."""
-    vertices, normals, _ = shaded(mesh)
+    vertices, normals, _ = shade_mesh(mesh)
     columns = {"v": vertices, "vt": None if places is None else places[mesh.faces.ravel()], "vn": normals.round(6)}
-    lines, numbers = [HEAD], []
+    lines, numbers = [OBJ_HEADER], []
     for name, rows in columns.items():
         known: dict[str, int] = {}
         words = [] if rows is None else [known.setdefault(short(row), len(known) + 1) for row in rows.tolist()]
@@ -34,7 +34,7 @@ def plain_obj(mesh: Mesh) -> bytes:
     """One mesh without normals, for collisions."""
     places = [f"v {short(vertex)}" for vertex in mesh.vertices.tolist()]
     faces = [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
-    return ("\n".join([HEAD, *places, *faces]) + "\n").encode()
+    return ("\n".join([OBJ_HEADER, *places, *faces]) + "\n").encode()
 
 
 def stl(mesh: Mesh) -> bytes:

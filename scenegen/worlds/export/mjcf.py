@@ -18,17 +18,13 @@ import numpy as np
 from scenegen.things.mesh import Mesh
 from scenegen.worlds.export.looks import SceneLook, TexturedColor
 from scenegen.worlds.export.meshes import drawn_obj
-from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, BodyForm, ConvexPiece, Patch, World, piece_of
+from scenegen.worlds.export.world import TALL, TEXTURES, WOODEN, Body, BodyForm, ConvexPiece, Patch, World, piece_of
 from scenegen.worlds.export.xml import Element, check_room, document, node, numbers, short
 
-# --------------------------------------------------------------------------------------------------------------------
-# How MJCF files look: light, cameras and the colours of table, floor and walls, as usual or by a look.
-
-
 GREY = "0.66 0.67 0.69 1"
-STIFFER = "scenegen"  # the class of what collides, and of all that is of it
+COLLIDER = "scenegen"  # the class of what collides, and of all that is of it
 SLIPPERY = 0.01  # MuJoCo uses the larger friction of two: on the table, the object's
-WIDE = 3.0  # metres: half the floor
+HALF_FLOOR = 3.0  # metres: half the floor
 SEEN_ONLY = {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
 
 
@@ -57,7 +53,7 @@ def materials(parent: Element, world: World, dressed: SceneLook | None) -> None:
     _texture(parent, "table", dressed.table)
     _material(parent, "table", dressed.table, "table", x1 - x0, y1 - y0)
     _texture(parent, "floor", dressed.ground)
-    _material(parent, "floor", dressed.ground, "floor", 2.0 * WIDE, 2.0 * WIDE)
+    _material(parent, "floor", dressed.ground, "floor", 2.0 * HALF_FLOOR, 2.0 * HALF_FLOOR)
     for number, wall in enumerate(dressed.each_wall(-TALL, world.table), start=1):
         if number == 1:
             _texture(parent, "wall", dressed.walls)
@@ -88,9 +84,9 @@ def surroundings(parent: Element, world: World, dressed: SceneLook | None) -> No
     node(parent, "camera", name=world.free_name("top"), pos=short([x, y, 1.6 * side]), fovy="45")
     turned = {"xyaxes": "1 0 0 0 0.7 0.714", "fovy": "45"}
     node(parent, "camera", name=world.free_name("front"), pos=short([x, y - 1.1 * side, 1.1 * side]), **turned)
-    floor = {"type": "plane", "size": short([WIDE, WIDE, 1.0]), "pos": short([0.0, 0.0, -TALL])}
+    floor = {"type": "plane", "size": short([HALF_FLOOR, HALF_FLOOR, 1.0]), "pos": short([0.0, 0.0, -TALL])}
     cover = {"rgba": GREY} if dressed is None else {"material": "floor"}
-    node(parent, "geom", class_=STIFFER, name=world.free_name("floor"), **floor, **cover, friction=f"{SLIPPERY}")
+    node(parent, "geom", class_=COLLIDER, name=world.free_name("floor"), **floor, **cover, friction=f"{SLIPPERY}")
     if dressed is None:
         return
     right, up, _ = dressed.camera.view[:3, :3]
@@ -104,7 +100,7 @@ def surroundings(parent: Element, world: World, dressed: SceneLook | None) -> No
 
 def _texture(parent: Element, name: str, covering: TexturedColor) -> None:
     if covering.file:
-        node(parent, "texture", name=name, type="2d", file=f"{FOLDER}/{covering.file}")
+        node(parent, "texture", name=name, type="2d", file=f"{TEXTURES}/{covering.file}")
 
 
 def _material(parent: Element, name: str, what: TexturedColor, texture: str, width: float, height: float) -> None:
@@ -130,7 +126,7 @@ SPECK = 1e-12  # cubic metres
 # or two. These recover five times as fast. Damped critically, what overhangs an edge would rattle, and wander by a
 # millimetre a second; so damping is twice that. Friction is ten times as stiff, in an elliptic cone.
 STIFF = {"solref": "0.004 2", "solimp": "0.95 0.99 0.001"}
-OPTIONS = {"cone": "elliptic", "impratio": "10"}
+CONTACT_OPTIONS = {"cone": "elliptic", "impratio": "10"}
 
 
 def meshes(world: World) -> Iterator[tuple[str, bytes]]:
@@ -154,7 +150,7 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     keys = ElementTree.Element("keyframe")
     for index, scene in enumerate(world.scenes):
         if world.dressing is not None:
-            root, bodies = _model(world, folder, world.dressing.of(scene, world.table))
+            root, bodies = _model(world, folder, world.dressing.scene_look(scene, world.table))
         qpos = world.places(index)
         if index == 0 or not together:
             for element, place in zip(bodies, qpos, strict=True):
@@ -174,13 +170,13 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
 def _model(world: World, folder: str, dressed: SceneLook | None) -> tuple[Element, list[Element]]:
     """A file without places: its root and the bodies."""
     root = ElementTree.Element("mujoco", model=world.title or "scenegen")
-    node(node(root, "option", **OPTIONS), "flag", multiccd="enable")
+    node(node(root, "option", **CONTACT_OPTIONS), "flag", multiccd="enable")
     visual(root, world, dressed)
     _defaults(root)
     _assets(root, world, dressed, folder)
     place = node(root, "worldbody")
     _table(place, world, dressed)
-    bodies = [_body(place, body) for body in world.colored(dressed)]
+    bodies = [_body(place, body) for body in world.tinted_bodies(dressed)]
     return root, bodies
 
 
@@ -188,7 +184,7 @@ def bench(world: World) -> bytes:
     """What collides and nothing else, in one model without files: the bodies at the origin, on an infinite table with
     the spec's boards. The contacts are those of the other files; a state that diverges is left as it is."""
     root = ElementTree.Element("mujoco", model="scenegen")
-    node(node(root, "option", **OPTIONS), "flag", multiccd="enable", autoreset="disable")
+    node(node(root, "option", **CONTACT_OPTIONS), "flag", multiccd="enable", autoreset="disable")
     _defaults(root)
     assets = node(root, "asset")
     _hulls(assets, world)
@@ -196,7 +192,7 @@ def bench(world: World) -> bytes:
         if patch.solid:
             _sheet(assets, number, patch)
     parent = node(root, "worldbody")
-    table = {"class_": STIFFER, "name": world.free_name("table")}
+    table = {"class_": COLLIDER, "name": world.free_name("table")}
     node(parent, "geom", **table, type="plane", size="0 0 1", friction=f"{SLIPPERY}")
     for number, patch in enumerate(world.patches, start=1):
         if patch.solid:
@@ -208,7 +204,7 @@ def bench(world: World) -> bytes:
 
 def _defaults(root: Element) -> None:
     """What all geoms share, and those of a group, as classes: what has none keeps its own."""
-    defaults = node(node(root, "default"), "default", class_=STIFFER)
+    defaults = node(node(root, "default"), "default", class_=COLLIDER)
     node(defaults, "geom", **STIFF)
     seen = node(defaults, "default", class_="seen")
     # said though they are MuJoCo's own: a robot's defaults reach what is included into its file
@@ -260,7 +256,7 @@ def _table(parent: Element, world: World, dressed: SceneLook | None) -> None:
     for number, (center, sizes) in enumerate(world.slabs()):
         cover = {"rgba": leg_color(dressed)} if number else table_cover(dressed)
         half = short(size / 2 for size in sizes)
-        node(table, "geom", class_=STIFFER, type="box", size=half, pos=short(center), **cover, friction=f"{SLIPPERY}")
+        node(table, "geom", class_=COLLIDER, type="box", size=half, pos=short(center), **cover, friction=f"{SLIPPERY}")
     for number, patch in enumerate(world.patches, start=1):
         node(table, "geom", class_="seen", mesh=f"region_{number}", rgba=rgba(patch.color))
         if patch.solid:

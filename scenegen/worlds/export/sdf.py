@@ -19,15 +19,15 @@ from scenegen.things.library import RGB
 from scenegen.things.outline import Floats
 from scenegen.worlds.export.meshes import drawn_obj, plain_obj, stl
 from scenegen.worlds.export.world import TALL, WOODEN, Body, BodyForm, ConvexPiece, World, piece_of
-from scenegen.worlds.export.xml import Element, document, gathered, node, numbers, short
+from scenegen.worlds.export.xml import Element, document, join_documents, node, numbers, short
 
 Hulls = Literal["obj", "stl"]
 
 ENDING = ".sdf"
-VERSION = "1.7"
-ROUGH = 1.0  # Gazebo uses the smaller friction of two, Bullet the product: on the table, both give the object's
+SDF_VERSION = "1.7"
+TABLE_FRICTION = 1.0  # Gazebo uses the smaller friction of two, Bullet the product: both give the object's
 HEAVY = 25.0  # kg, of floor and table: they are static, but PyBullet warns about bodies without mass
-STONE: RGB = (0.75, 0.76, 0.78)
+FLOOR_STONE: RGB = (0.75, 0.76, 0.78)
 
 
 def meshes(world: World, *, hulls: Hulls = "obj") -> Iterator[tuple[str, bytes]]:
@@ -45,9 +45,9 @@ def meshes(world: World, *, hulls: Hulls = "obj") -> Iterator[tuple[str, bytes]]
 def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
     """The scenes as one file with a world for each, or as a file each. `folder` is the path of the meshes from
     there."""
-    root = ElementTree.Element("sdf", version=VERSION)
+    root = ElementTree.Element("sdf", version=SDF_VERSION)
     if together:
-        yield gathered(root, _worlds(world, folder))
+        yield join_documents(root, _worlds(world, folder))
         return
     for element in _worlds(world, folder):
         root[:] = [element]
@@ -65,7 +65,7 @@ def _worlds(world: World, folder: str) -> Iterator[Element]:
 
 def bare(world: World, folder: str, *, table: bool, hulls: Hulls = "obj") -> bytes:
     """The first scene as a file without floor, light and sky, to be added to another world."""
-    root = ElementTree.Element("sdf", version=VERSION)
+    root = ElementTree.Element("sdf", version=SDF_VERSION)
     element = node(root, "world", name="scene")
     if table:
         _table(element, world, folder)
@@ -106,7 +106,7 @@ def _world(world: World, folder: str) -> tuple[Element, list[Element]]:
     _pose(floor, static=True).text = short([0, 0, -TALL, 0, 0, 0])
     link = node(floor, "link", name="link")
     _inertial(link, np.zeros(3), HEAVY * np.eye(3), HEAVY)
-    _slab(link, 1, (0.0, 0.0, -0.05), (20.0, 20.0, 0.1), STONE)
+    _slab(link, 1, (0.0, 0.0, -0.05), (20.0, 20.0, 0.1), FLOOR_STONE)
     _table(element, world, folder)
     return element, [_body(element, body, folder, "obj") for body in world.bodies]
 
@@ -154,7 +154,7 @@ def _slab(link: Element, number: int, center: Sequence[float], sizes: Sequence[f
         node(element, "pose", short([*center, 0.0, 0.0, 0.0]))
         node(node(node(element, "geometry"), "box"), "size", short(sizes))
         if tag == "collision":
-            _friction(element, ROUGH)
+            _friction(element, TABLE_FRICTION)
         else:
             _color(element, color)
 

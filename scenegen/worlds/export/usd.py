@@ -23,16 +23,16 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 
 from scenegen.things.library import RGB
-from scenegen.things.mesh import Mesh, shaded
+from scenegen.things.mesh import Mesh, shade_mesh
 from scenegen.things.outline import Floats, Indices
 from scenegen.worlds.export.looks import SceneLook, TexturedColor, Wall
-from scenegen.worlds.export.world import FOLDER, TALL, WOODEN, Body, BodyForm, Quaternion, World, principal
+from scenegen.worlds.export.world import TALL, TEXTURES, WOODEN, Body, BodyForm, Quaternion, World, principal
 from scenegen.worlds.export.xml import check_room
 
 Triple = Sequence[float]
 MATERIALS, SHADER = "Looks", "surface"  # names of prims
-KEPT = "scenegen"  # the key of what we say in a prim's customData
-CORNERS = [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]  # of a cube of size 1
+CUSTOM_KEY = "scenegen"  # the key of what we say in a prim's customData
+CUBE_CORNERS = [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]  # of a cube of size 1
 
 
 class UsdStage:
@@ -79,7 +79,7 @@ class UsdStage:
         """A box along the axes of what it is in."""
         made = UsdGeom.Cube.Define(self._stage, path)
         made.CreateSizeAttr(1.0)
-        made.CreateExtentAttr(_vectors(np.array(CORNERS)))
+        made.CreateExtentAttr(_vectors(np.array(CUBE_CORNERS)))
         made.AddTranslateOp().Set(Gf.Vec3d(*_short(center)))
         made.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*_short(sizes)))
 
@@ -205,7 +205,7 @@ class UsdStage:
         made.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments))
         made.CreatePrincipalAxesAttr(Gf.Quatf(*_clean(axes)))
 
-    def held(self, path: str) -> None:
+    def hold(self, path: str) -> None:
         """Undo `rigid` for a prim that refers to a body: what collides there cannot be moved."""
         prim = self._prim(path)
         prim.RemoveAPI(UsdPhysics.RigidBodyAPI)
@@ -245,7 +245,7 @@ class UsdStage:
     def known_as(self, path: str, name: str) -> None:
         """The name of an object that a prim is; programs show it where it is not the prim's."""
         prim = self._prim(path)
-        prim.SetCustomData({KEPT: {"name": name}})
+        prim.SetCustomData({CUSTOM_KEY: {"name": name}})
         if prim.GetName() != name:
             prim.SetDisplayName(name)
 
@@ -262,7 +262,7 @@ class UsdStage:
 
     def say(self, path: str, facts: Mapping[str, Any]) -> None:
         """What is known of a prim, in its customData; replaces what was said before."""
-        self._layer.GetPrimAtPath(path).SetInfo("customData", {KEPT: dict(facts)})
+        self._layer.GetPrimAtPath(path).SetInfo("customData", {CUSTOM_KEY: dict(facts)})
 
     def variants(self, path: str, name: str) -> None:
         """A set of variants of a prim, which `variant` fills; the first is shown."""
@@ -282,7 +282,7 @@ class UsdStage:
         prim = self._layer.GetPrimAtPath(path)
         with Sdf.ChangeBlock():
             made = Sdf.VariantSpec(prim.variantSets[among], name).primSpec
-            made.SetInfo("customData", {KEPT: dict(facts)})
+            made.SetInfo("customData", {CUSTOM_KEY: dict(facts)})
             for child, (at, turn) in places.items():
                 self._place(Sdf.PrimSpec(made, child, Sdf.SpecifierOver), at, turn)
         if among not in prim.variantSelections:
@@ -328,15 +328,11 @@ def _vectors(rows: Floats) -> Any:
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(rows + 0.0, dtype=np.float32))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How USD files look: materials, lights and cameras.
-
-
-FOCUS, SHAPE = 24.0, 16.0 / 9.0  # mm; width to height of pictures
-FIELD = 45.0  # degrees, from the lower edge of a picture to the upper
+FOCUS, CAMERA_RATIO = 24.0, 16.0 / 9.0  # mm; width to height of pictures
+CAMERA_FIELD = 45.0  # degrees, from the lower edge of a picture to the upper
 # Degrees about x and y. The sun is as bright as a new light in Isaac Sim; the other one brightens its shadows.
 SUN, FILL = (3000.0, 25.0, -25.0), (1000.0, -35.0, 40.0)
-ANGLE = 1.0  # degrees: the width of both
+LIGHT_ANGLE = 1.0  # degrees: the width of both
 USUAL_SUN, USUAL_FILL = 0.46, 0.60  # intensity and ambient light of a look that are as bright as these
 
 
@@ -363,7 +359,7 @@ def covering(stage: UsdStage, root: str, name: str, what: TexturedColor) -> None
     """A material below `root` for a rectangle of `cover_rectangle`."""
     material(stage, root, name, what.color)
     if what.file:
-        stage.image(f"{root}/{MATERIALS}/{name}", f"./{FOLDER}/{what.file}", what.color)
+        stage.image(f"{root}/{MATERIALS}/{name}", f"./{TEXTURES}/{what.file}", what.color)
 
 
 def cover_rectangle(stage: UsdStage, root: str, part: str, name: str, wall: Wall, what: TexturedColor) -> None:
@@ -379,30 +375,28 @@ def lights(stage: UsdStage, root: str, dressed: SceneLook | None) -> None:
     """A sun, and a weaker light from the other side."""
     if dressed is None:
         for name, (intensity, about_x, about_y) in (("sun", SUN), ("fill", FILL)):
-            stage.light(f"{root}/{name}", intensity=intensity, angle=ANGLE, turns=(about_x, about_y, 0.0))
+            stage.light(f"{root}/{name}", intensity=intensity, angle=LIGHT_ANGLE, turns=(about_x, about_y, 0.0))
         return
     look = dressed.look
     x, y, z = look.towards
     # Turned about x and then y, what shines along -z shines along -towards.
     turns = (-math.degrees(math.atan2(y, math.hypot(x, z))), math.degrees(math.atan2(x, z)), 0.0)
     strength = SUN[0] * look.light_intensity / USUAL_SUN
-    stage.light(f"{root}/sun", intensity=strength, angle=ANGLE, turns=turns, color=look.light_color)
+    stage.light(f"{root}/sun", intensity=strength, angle=LIGHT_ANGLE, turns=turns, color=look.light_color)
     strength, about_x, about_y = FILL[0] * look.light_ambient / USUAL_FILL, *FILL[1:]
-    stage.light(f"{root}/fill", intensity=strength, angle=ANGLE, turns=(about_x, about_y, 0.0), color=look.light_color)
+    stage.light(
+        f"{root}/fill", intensity=strength, angle=LIGHT_ANGLE, turns=(about_x, about_y, 0.0), color=look.light_color
+    )
 
 
 def cameras(stage: UsdStage, root: str, table: tuple[float, float, float, float]) -> None:
     """One above the table and one in front of it."""
     x0, y0, x1, y1 = table
     x, y, side = (x0 + x1) / 2.0, (y0 + y1) / 2.0, max(x1 - x0, y1 - y0)
-    high = 2.0 * FOCUS * math.tan(math.radians(FIELD / 2.0))
-    lens = (FOCUS, high * SHAPE, high)
+    high = 2.0 * FOCUS * math.tan(math.radians(CAMERA_FIELD / 2.0))
+    lens = (FOCUS, high * CAMERA_RATIO, high)
     stage.camera(f"{root}/top", at=(x, y, 1.6 * side), turn=0.0, lens=lens)
     stage.camera(f"{root}/front", at=(x, y - 1.1 * side, 1.1 * side), turn=45.0, lens=lens)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Names of prims: identifiers of USD, made from names of any kind.
 
 
 # Newer versions of USD allow more letters; those of Isaac Sim before 5 do not.
@@ -437,10 +431,6 @@ def _plain(name: str) -> str:
     return f"_{word}" if word[0].isdigit() else word
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The file of a form: one rigid body at the origin, which scenes refer to, and which can be used by itself.
-
-
 CONTACT = "contact"  # the name of the material for contacts
 
 
@@ -466,7 +456,7 @@ def body_file(body: Body) -> bytes:
     stage.xform(f"{root}/visuals")
     for number, (mesh, color) in enumerate(zip(body.form.parts, body.colors, strict=True), start=1):
         path, name = part(root, number)
-        stage.mesh(path, mesh, shaded(mesh)[1])
+        stage.mesh(path, mesh, shade_mesh(mesh)[1])
         material(stage, root, name, color)
         cover(stage, root, path, name, color)
         paint = body.form.paints.get(number)
@@ -485,14 +475,10 @@ def body_file(body: Body) -> bytes:
     return stage.text()
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The file of a scene, or of several: table, objects and environment.
-
-
 ROOT, AROUND = "/Scene", "/Environment"
 GRAVITY = 9.81  # m/s^2
 STONE: RGB = (0.66, 0.67, 0.69)
-WIDE, DEEP = 20.0, 0.1  # metres: the floor
+FLOOR_SIDE, FLOOR_THICKNESS = 20.0, 0.1  # metres: the floor
 ABOVE = 0.0001  # metres: a textured sheet, which collides with nothing, above what it covers
 # On the table the object's coefficient counts: PhysX takes the larger one where a material says so, MuJoCo always.
 SLIPPERY, LARGER = 0.01, "max"
@@ -508,13 +494,13 @@ class UsdScenes:
         self.names = identifiers(names)  # the same in every scene of a file
         stage = UsdStage(ROOT, "assembly", world.title)
         self._table(stage, f"{ROOT}/{free('table', self.names.values())}", dressed)
-        for body in world.colored(dressed):
+        for body in world.tinted_bodies(dressed):
             self._body(stage, body, f"./{folder}/{body.form.name}{ending}")
         _environment(stage, world, dressed)
         stage.finish()
         self.layer = stage
 
-    def one(self, index: int) -> bytes:
+    def scene_file(self, index: int) -> bytes:
         """The file of one scene."""
         for name, (at, turn) in self._places(index).items():
             self.layer.place(f"{ROOT}/{name}", at, turn)
@@ -553,7 +539,7 @@ class UsdScenes:
         stage.refer(path, file)
         stage.known_as(path, body.name)
         if body.fixed:
-            stage.held(path)
+            stage.hold(path)
         for number, color in enumerate(body.colors, start=1):
             recolor(stage, path, *part(path, number), color)
 
@@ -577,7 +563,7 @@ class UsdScenes:
         for number, patch in enumerate(self.world.patches, start=1):
             name, mesh = f"region_{number}", patch.mesh()
             region = f"{path}/{name}"
-            stage.mesh(region, mesh, shaded(mesh)[1])
+            stage.mesh(region, mesh, shade_mesh(mesh)[1])
             material(stage, path, name, patch.color)
             cover(stage, path, region, name, patch.color)
             if patch.solid:
@@ -593,7 +579,7 @@ def _environment(stage: UsdStage, world: World, dressed: SceneLook | None) -> No
     floor = f"{AROUND}/floor"
     x0, y0, x1, y1 = world.table
     x, y = (x0 + x1) / 2.0, (y0 + y1) / 2.0
-    stage.box(floor, (x, y, -TALL - DEEP / 2.0), (WIDE, WIDE, DEEP))
+    stage.box(floor, (x, y, -TALL - FLOOR_THICKNESS / 2.0), (FLOOR_SIDE, FLOOR_SIDE, FLOOR_THICKNESS))
     contact = f"{stage.materials(AROUND)}/{CONTACT}"
     stage.contact(contact, SLIPPERY, LARGER)
     stage.collider(floor, contact, hull=False)
@@ -606,7 +592,7 @@ def _environment(stage: UsdStage, world: World, dressed: SceneLook | None) -> No
     high = 2.0 * FOCUS * math.tan(math.radians(dressed.look.camera_fov) / 2.0)
     stage.camera_by(f"{AROUND}/look", dressed.camera.view, (FOCUS, high * width / height, high))
     if dressed.ground.file:
-        ground = Wall((x, y, ABOVE - TALL), (1.0, 0.0, 0.0), WIDE, WIDE, (0.0, 1.0, 0.0))
+        ground = Wall((x, y, ABOVE - TALL), (1.0, 0.0, 0.0), FLOOR_SIDE, FLOOR_SIDE, (0.0, 1.0, 0.0))
         covering(stage, AROUND, "ground", dressed.ground)
         cover_rectangle(stage, AROUND, f"{AROUND}/ground", "ground", ground, dressed.ground)
     for number, wall in enumerate(dressed.each_wall(-TALL, world.table), start=1):
@@ -617,7 +603,7 @@ def _environment(stage: UsdStage, world: World, dressed: SceneLook | None) -> No
 
 ENDING = ".usda"
 KEY, KEY_EACH = 3_000, 1_500  # bytes of memory for a variant, and for each object in it
-SET = "scene"
+VARIANT_SET = "scene"
 
 
 def meshes(world: World) -> Iterator[tuple[str, bytes]]:
@@ -638,11 +624,11 @@ def files(world: World, folder: str, *, together: bool) -> Iterator[bytes]:
         check_room(len(world.poses), KEY + KEY_EACH * len(world.bodies))
     if world.dressing is not None:
         for index, number in enumerate(world.scenes):
-            yield UsdScenes(world, folder, ENDING, world.dressing.of(number, world.table)).one(index)
+            yield UsdScenes(world, folder, ENDING, world.dressing.scene_look(number, world.table)).scene_file(index)
         return
     scene = UsdScenes(world, folder, ENDING)
     if together:
-        yield scene.all_in_one(SET)
+        yield scene.all_in_one(VARIANT_SET)
         return
     for index in range(len(world.poses)):
-        yield scene.one(index)
+        yield scene.scene_file(index)

@@ -31,7 +31,7 @@ from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.library import RGB
 from scenegen.things.mesh import Mesh, prism
 from scenegen.things.outline import Floats, corners_of
-from scenegen.things.palette import LINEN, colors_of, of_regions, rgb_of
+from scenegen.things.palette import LINEN, object_colors, parse_rgb, region_colors
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export.xml import check_names, printable
 
@@ -39,13 +39,9 @@ if TYPE_CHECKING:
     from scenegen.worlds.export.looks import SceneLook, SceneLooks
     from scenegen.worlds.own_body import OwnBody
 
-FOLDER = "textures"
+TEXTURES = "textures"
 
-# --------------------------------------------------------------------------------------------------------------------
-# Mass properties: centre and moments of closed meshes, by the divergence theorem.
-
-
-LEAST = 1e-19  # cubic metres
+MIN_VOLUME = 1e-19  # cubic metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +70,7 @@ def inertia(meshes: Sequence[Mesh]) -> Inertia:
         second += (
             np.einsum("t,ti,tj->ij", det, total, total) + np.einsum("t,tki,tkj->ij", det, corners, corners)
         ) / 120
-    if not volume > LEAST:
+    if not volume > MIN_VOLUME:
         raise ValueError("a solid without volume")
     center = first / volume
     spread = second / volume - np.outer(center, center)
@@ -89,7 +85,7 @@ def _clean(values: Floats, size: float) -> Floats:
 
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
-STILL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+NO_TURN: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 def principal(moments: Floats) -> tuple[tuple[float, float, float], Quaternion]:
@@ -100,7 +96,7 @@ def principal(moments: Floats) -> tuple[tuple[float, float, float], Quaternion]:
     """
     if not (moments - np.diag(np.diag(moments))).any():
         xx, yy, zz = np.diag(moments).tolist()
-        return (xx, yy, zz), STILL
+        return (xx, yy, zz), NO_TURN
     values, vectors = np.linalg.eigh(moments)
     best, closest = -math.inf, np.eye(3)
     order: tuple[int, ...] = (0, 1, 2)
@@ -122,8 +118,8 @@ def _quaternion(turn: Floats) -> Quaternion:
 
 
 THICK, LEG, TALL = 0.03, 0.05, 0.72  # metres: the table top, its legs' width, its height above the floor
-LEAST_MASS, LEAST_MOMENT = 1e-6, 1e-12  # kg and kg m^2: MuJoCo treats less as zero
-LEAST_SHARE = 1e-6  # minimum ratio of the smallest moment to the largest: less would be lost to rounding
+MIN_BODY_MASS, MIN_MOMENT = 1e-6, 1e-12  # kg and kg m^2: MuJoCo treats less as zero
+MIN_MOMENT_RATIO = 1e-6  # minimum ratio of the smallest moment to the largest: less would be lost to rounding
 WOODEN: RGB = (0.80, 0.68, 0.53)
 
 
@@ -175,7 +171,7 @@ class Body:
         simulators can handle."""
         moments = self.mass * self.form.inertia.moments
         least, _, most = np.linalg.eigvalsh(moments).tolist()
-        lacking: float = max(LEAST_MOMENT, LEAST_SHARE * most) - least
+        lacking: float = max(MIN_MOMENT, MIN_MOMENT_RATIO * most) - least
         return np.asarray(moments + max(lacking, 0.0) * np.eye(3))
 
 
@@ -230,7 +226,7 @@ class World:
     record: Record | None = None
     dressing: SceneLooks | None = None
 
-    def colored(self, dressed: SceneLook | None) -> tuple[Body, ...]:
+    def tinted_bodies(self, dressed: SceneLook | None) -> tuple[Body, ...]:
         """The bodies in the colours of a look."""
         tints = {} if dressed is None else {tint.name: tint for tint in dressed.look.tints}
         return tuple(
@@ -290,10 +286,6 @@ def piece_of(mesh: Mesh) -> ConvexPiece:
     return ConvexPiece(mesh, None if mesh.volume < full * (1.0 - 1e-6) else box)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Pictures on objects from files of one's own, as simulators take them: PNG, and places from the lower edge.
-
-
 def paints_of(skins: Sequence[ColoredMesh]) -> dict[int, Paint]:
     """By the number of the surface, from 1; for those with a texture."""
     found: dict[int, Paint] = {}
@@ -316,14 +308,14 @@ def _without_alpha(data: bytes) -> bytes:
     return out.getvalue()
 
 
-MARGIN = 0.07  # metres of table beyond what is on it
-FARTHEST = 100.0  # maximum extent of a table beyond the workspace, in metres
+WORLD_MARGIN = 0.07  # metres of table beyond what is on it
+MAX_TABLE_REACH = 100.0  # maximum extent of a table beyond the workspace, in metres
 SHEET = 0.0004  # metres: the thickness of the first region
-WIDE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
-DRAWN = 32  # corners of a round region
+MAX_OUTLINE_SIZE = 2.0 * LARGEST  # metres: the largest circle of the language; only outlines of corners can be larger
+ROUND_CORNERS = 32  # corners of a round region
 Own: TypeAlias = "Mapping[str, OwnBody]"  # by the objects' names
 NOTHING: Own = {}
-LEAST_SHEET = 1e-9  # square metres: smaller parts of a region are left out
+MIN_SHEET_AREA = 1e-9  # square metres: smaller parts of a region are left out
 
 
 def worlds_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> Iterator[World]:
@@ -343,7 +335,7 @@ def worlds_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> Iterator[
         yield replace(world, bodies=bodies, numbers=tuple((mine + 1).tolist()))
 
 
-def recorded(world: World, header: SceneFile, scenes: Block, labels: Sequence[str]) -> World:
+def with_record(world: World, header: SceneFile, scenes: Block, labels: Sequence[str]) -> World:
     """A world of `worlds_of` with what the file says of its scenes; `labels` are those of the block's phi."""
     mine = np.array(world.scenes) - 1
     phi = dict(zip(labels, scenes.phi[:, mine], strict=True))
@@ -374,7 +366,7 @@ def world_of(header: SceneFile, scenes: Block, own: Own = NOTHING) -> World:
     """
     names = [one.name for one in header.objects]
     check_names(names)
-    check_sizes(header, WIDE)
+    check_sizes(header, MAX_OUTLINE_SIZE)
     shapes = [_shape(one.shape) for one in header.objects]
     bodies = _bodies(header, own)
     rows = scenes.rows[: row_count(len(names))]
@@ -390,8 +382,8 @@ def bodies_of(
 ) -> tuple[Body, ...]:
     """The bodies of objects; those named in `fixed` cannot be moved, and those in `own` are drawn as their skins or,
     without these, as their convex pieces. Raises DataError for one without a volume."""
-    usual = colors_of([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
-    colors = [rgb_of(shape.color) if shape.color else one for shape, one in zip(shapes, usual, strict=True)]
+    usual = object_colors([(name, shape.asset) for name, shape in zip(names, shapes, strict=True)])
+    colors = [parse_rgb(shape.color) if shape.color else one for shape, one in zip(shapes, usual, strict=True)]
     shapes = [replace(shape, color="") for shape in shapes]  # those of one size share a mesh, whatever their colours
     forms = _forms(names, shapes, own)
     return tuple(
@@ -399,7 +391,7 @@ def bodies_of(
             name,
             forms[shape, own.get(name)],
             _colors(shape, color, own.get(name)),
-            max(_mass(shape, own.get(name)), LEAST_MASS),
+            max(_mass(shape, own.get(name)), MIN_BODY_MASS),
             _friction(shape, own.get(name)),
             name in fixed,
         )
@@ -462,16 +454,16 @@ def boards_of(regions: Sequence[Region]) -> tuple[Patch, ...]:
 def _corners(footprint: Footprint, pose: tuple[float, float, float]) -> list[tuple[float, float]]:
     x, y, theta = pose
     cos, sin = math.cos(theta), math.sin(theta)
-    return [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in corners_of(footprint, DRAWN)]
+    return [(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in corners_of(footprint, ROUND_CORNERS)]
 
 
 def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ...]:
     """The regions as sheets, clipped at the table."""
     patches: list[Patch] = []
-    for region, color in zip(regions, of_regions([region.name for region in regions]), strict=True):
+    for region, color in zip(regions, region_colors([region.name for region in regions]), strict=True):
         pose = (region.pose.x, region.pose.y, region.pose.theta)
         lying = clipped(_corners(footprint_of(region.footprint), pose), table)
-        if len(lying) >= 3 and signed_area(lying) > LEAST_SHEET:
+        if len(lying) >= 3 and signed_area(lying) > MIN_SHEET_AREA:
             top = region.height
             sheet = min(BOARD, top) if top else SHEET * (1.0 + 0.25 * len(patches))
             patches.append(Patch(lying, color, sheet, top))
@@ -486,11 +478,11 @@ def _table(header: SceneFile, shapes: Sequence[Shape], names: Sequence[str], pla
         if not len(place):
             continue
         away = np.maximum(place[:, :2] - (x1, y1), (x0, y0) - place[:, :2]).max(axis=1)
-        if away.max() > FARTHEST:
-            facts = {"distance": away.max(), "scene": int(away.argmax()) + 1, "limit": FARTHEST}
+        if away.max() > MAX_TABLE_REACH:
+            facts = {"distance": away.max(), "scene": int(away.argmax()) + 1, "limit": MAX_TABLE_REACH}
             raise DataError(NO_WORLD(name=name, **facts))
-        reach = max(math.hypot(u, v) for u, v in corners_of(shape.footprint, DRAWN))
+        reach = max(math.hypot(u, v) for u, v in corners_of(shape.footprint, ROUND_CORNERS))
         least = np.minimum(least, place[:, :2].min(axis=0) - reach)
         most = np.maximum(most, place[:, :2].max(axis=0) + reach)
-    (left, front), (right, back) = (least - MARGIN).tolist(), (most + MARGIN).tolist()
+    (left, front), (right, back) = (least - WORLD_MARGIN).tolist(), (most + WORLD_MARGIN).tolist()
     return left, front, right, back

@@ -10,7 +10,7 @@ from scenegen.errors.files import NO_WORLD, TOO_LARGE_TO_WRITE
 
 Element = ElementTree.Element
 
-MOST_BYTES = 1 << 29  # of memory for a file with many scenes
+MAX_DOCUMENT_BYTES = 1 << 29  # of memory for a file with many scenes
 
 
 def node(parent: Element, tag: str, text: str | None = None, **attributes: str) -> Element:
@@ -37,7 +37,7 @@ def document(root: Element) -> bytes:
     return data + b"\n"
 
 
-def gathered(root: Element, children: Iterable[Element]) -> bytes:
+def join_documents(root: Element, children: Iterable[Element]) -> bytes:
     """The bytes of a file like those of `document`, with `children` below the empty `root`. Children are written one
     after the other, so they may be one element that changes in between. Raises RequestError for more than MOST_BYTES,
     because all bytes are in memory, here and in the simulator."""
@@ -50,15 +50,15 @@ def gathered(root: Element, children: Iterable[Element]) -> bytes:
         ElementTree.indent(child, level=1)
         parts.append(ElementTree.tostring(child, encoding="utf-8"))
         size += len(parts[-1])
-        if size > MOST_BYTES:
+        if size > MAX_DOCUMENT_BYTES:
             raise RequestError(_too_many(len(parts) - 1))
     return head + b"\n  ".join(parts) + foot
 
 
 def check_room(scenes: int, size: int) -> None:
     """Refuse too many scenes in one file if each takes about `size` bytes of memory. Raises RequestError."""
-    if scenes * size > MOST_BYTES:
-        raise RequestError(_too_many(MOST_BYTES // size))
+    if scenes * size > MAX_DOCUMENT_BYTES:
+        raise RequestError(_too_many(MAX_DOCUMENT_BYTES // size))
 
 
 def _too_many(most: int) -> Diagnostic:
@@ -69,7 +69,7 @@ def check_names(names: Iterable[str]) -> None:
     """Refuse names with characters that XML cannot represent, and names that simulators reserve. Raises DataError."""
     for name in names:
         why = ""
-        if not name or any(not _allowed(ord(letter)) for letter in name):
+        if not name or any(not _is_xml_character(ord(letter)) for letter in name):
             why = "cannot be written as a name in XML"
         elif name == "world" or "::" in name or (name.startswith("__") and name.endswith("__")):
             why = "is a name that simulators keep for themselves"
@@ -79,10 +79,10 @@ def check_names(names: Iterable[str]) -> None:
 
 def printable(text: str) -> str:
     """The text without characters that XML cannot represent."""
-    return "".join(letter for letter in text if _allowed(ord(letter)))
+    return "".join(letter for letter in text if _is_xml_character(ord(letter)))
 
 
-def _allowed(code: int) -> bool:
+def _is_xml_character(code: int) -> bool:
     """Whether XML 1.0 allows a character; tabs and line breaks are excluded, because attributes do not preserve
     them."""
     return 0x20 <= code <= 0xD7FF or 0xE000 <= code <= 0xFFFD or 0x10000 <= code <= 0x10FFFF

@@ -25,18 +25,18 @@ from scenegen.things import Shape
 from scenegen.things.bodies import DENSITY
 from scenegen.things.mesh import Mesh
 from scenegen.things.outline import Floats, corners_of
+from scenegen.things.urdf import URDF_ENDING
 from scenegen.worlds.export import world
 from scenegen.worlds.export.meshes import stl
 
 Triple = tuple[float, float, float]
 Brick = tuple[list[float], list[float]]  # middle and sizes of a box along the axes of its body
 
-SIDES = 32  # number of sides of prisms for round objects
-STEP = 1.0 / 240.0  # seconds: PyBullet's usual one
-MOST_PIECES = 16  # that `createCollisionShapeArray` takes: it drops all others without a word
-ROBOT = ".urdf"
-MOST = 64  # maximum corners of an outline; one with more is replaced by an enclosing one
-FRICTION = 0.5  # between any two prisms; pybullet multiplies the two bodies' coefficients
+PRISM_SIDES = 32  # number of sides of prisms for round objects
+BULLET_STEP = 1.0 / 240.0  # seconds: PyBullet's usual one
+MAX_ARRAY_PIECES = 16  # that `createCollisionShapeArray` takes: it drops all others without a word
+MAX_PRISM_CORNERS = 64  # maximum corners of an outline; one with more is replaced by an enclosing one
+PRISM_FRICTION = 0.5  # between any two prisms; pybullet multiplies the two bodies' coefficients
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ def whole_of(body: world.Body) -> InertialBody:
     """The body with the convex pieces, the mass and the friction that files for simulators have. Its principal axes are
     taken to be the object's, which all assets nearly are."""
     x, y, z = body.form.inertia.center.tolist()
-    pieces = tuple(piece.mesh.moved(-x, -y, -z) for piece in body.form.pieces)
+    pieces = tuple(piece.mesh.shift(-x, -y, -z) for piece in body.form.pieces)
     xx, yy, zz = (0.0, 0.0, 0.0) if body.fixed else np.diag(body.moments).tolist()
     return InertialBody(pieces, (x, y, z), 0.0, 0.0 if body.fixed else body.mass, (xx, yy, zz), body.friction)
 
@@ -75,14 +75,14 @@ def board_of(board: world.Patch, friction: float) -> InertialBody:
     """A board, which cannot be moved: its place is the origin of the world."""
     mesh = board.mesh()
     x, y, z = ((mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2.0).tolist()
-    return InertialBody((mesh.moved(-x, -y, -z),), (x, y, z), 0.0, 0.0, (0.0, 0.0, 0.0), friction)
+    return InertialBody((mesh.shift(-x, -y, -z),), (x, y, z), 0.0, 0.0, (0.0, 0.0, 0.0), friction)
 
 
 @contextmanager
 def piece_files(bodies: Sequence[InertialBody]) -> Iterator[tuple[tuple[str | Brick, ...], ...]]:
     """The pieces of bodies, by body: boxes by middle and sizes, others as paths of STL files, which exist as long as
     the block runs. PyBullet reads the convex pieces of one body from files alone. Equal pieces share a file. Of a body
-    with more than `MOST_PIECES` there is one path only, of a URDF file with all of them."""
+    with more than `MAX_ARRAY_PIECES` there is one path only, of a URDF file with all of them."""
     with tempfile.TemporaryDirectory(prefix="scenegen-") as folder:
         written: dict[bytes, str] = {}
 
@@ -100,8 +100,8 @@ def piece_files(bodies: Sequence[InertialBody]) -> Iterator[tuple[tuple[str | Br
         found: list[tuple[str | Brick, ...]] = []
         for body in bodies:
             pieces = tuple(map(path_of, body.pieces))
-            if len(pieces) > MOST_PIECES:
-                path = Path(folder) / f"{len(found)}{ROBOT}"
+            if len(pieces) > MAX_ARRAY_PIECES:
+                path = Path(folder) / f"{len(found)}{URDF_ENDING}"
                 path.write_text(_robot(body, pieces))
                 pieces = (str(path),)
             found.append(pieces)
@@ -126,7 +126,7 @@ def _robot(body: InertialBody, pieces: Sequence[str | Brick]) -> str:
 def prism_of(shape: Shape, *, fixed: bool = False) -> InertialBody:
     """The homogeneous prism of an object of this shape, without mass if it is fixed."""
     # Round objects that do not overlap are not pushed apart: the polygon is up to 0.5 % of the radius too small.
-    corners = corners_of(shape.footprint, SIDES, MOST)
+    corners = corners_of(shape.footprint, PRISM_SIDES, MAX_PRISM_CORNERS)
     x, y = centroid(Polygon(tuple(corners)))
     centred = [(u - x, v - y) for u, v in corners]
     along, across, mixed = _moments(centred)
@@ -140,7 +140,7 @@ def prism_of(shape: Shape, *, fixed: bool = False) -> InertialBody:
     half = shape.height / 2.0
     ends = np.array([(u, v, z) for z in (-half, half) for u, v in outline])
     piece = Mesh(ends, np.empty((0, 3), dtype=np.int64))
-    return InertialBody((piece,), (x, y, half), turn, mass, inertia, math.sqrt(FRICTION))
+    return InertialBody((piece,), (x, y, half), turn, mass, inertia, math.sqrt(PRISM_FRICTION))
 
 
 def _moments(corners: Sequence[Point]) -> tuple[float, float, float]:
@@ -155,12 +155,8 @@ def _moments(corners: Sequence[Point]) -> tuple[float, float, float]:
     return along / (12.0 * area), across / (12.0 * area), mixed / (24.0 * area)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What touches in a scene before it is simulated, by pairs of objects.
-
-
 TABLE = -1  # takes the place of an object's index
-NEAR = 1e-4  # metres: what is closer counts as touching
+TOUCH_GAP = 1e-4  # metres: what is closer counts as touching
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,24 +169,20 @@ class Contact:
     depth: float
 
 
-def gathered(points: Iterable[tuple[int, int, float]]) -> tuple[Contact, ...]:
+def contacts(points: Iterable[tuple[int, int, float]]) -> tuple[Contact, ...]:
     """The contacts of some points (a, b, clear distance), in the order of their objects; one for each pair, as deep as
     its deepest point."""
     nearest: dict[tuple[int, int], float] = {}
     for a, b, apart in points:
         pair = min(a, b), max(a, b)
-        nearest[pair] = min(nearest.get(pair, NEAR), apart)
-    return tuple(Contact(*pair, max(0.0, -apart)) for pair, apart in sorted(nearest.items()) if apart < NEAR)
+        nearest[pair] = min(nearest.get(pair, TOUCH_GAP), apart)
+    return tuple(Contact(*pair, max(0.0, -apart)) for pair, apart in sorted(nearest.items()) if apart < TOUCH_GAP)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How far an object may move and still count as settled.
+MAX_DROP_SHIFT = 0.01  # metres, of the centre of mass
+MAX_DROP_TURN = 5.0  # degrees, about any axis
 
 
-FARTHEST = 0.01  # metres, of the centre of mass
-LARGEST_TURN = 5.0  # degrees, about any axis
-
-
-def within(shift: Floats, turn: Floats) -> npt.NDArray[np.bool_]:
+def is_still(shift: Floats, turn: Floats) -> npt.NDArray[np.bool_]:
     """Which motions, in metres and degrees, are within both limits; NaN never is."""
-    return np.asarray((shift <= FARTHEST) & (turn <= LARGEST_TURN))
+    return np.asarray((shift <= MAX_DROP_SHIFT) & (turn <= MAX_DROP_TURN))

@@ -18,17 +18,18 @@ import pybullet
 
 from scenegen.errors import RequestError
 from scenegen.errors.program import NOT_CONNECTED
+from scenegen.things.urdf import URDF_ENDING
 from scenegen.worlds.export import sdf
 from scenegen.worlds.export.world import World
-from scenegen.worlds.physics.bodies import ROBOT, STEP, TABLE, Brick, Contact, InertialBody, Triple, gathered, within
+from scenegen.worlds.physics.bodies import BULLET_STEP, TABLE, Brick, Contact, InertialBody, Triple, contacts, is_still
 
 Floats = npt.NDArray[np.float64]
 
-LOOKS = 30  # calls a second, each of several steps; after each, `drop` looks where the objects are
+CHECKS_PER_SECOND = 30  # calls a second, each of several steps; after each, `drop` looks where the objects are
 GRAVITY = 9.81
-MARGIN = 1e-5  # metres by which pybullet rounds off bodies. They start at rest on their margins. Falls, or wider
+HULL_MARGIN = 1e-5  # metres by which pybullet rounds off bodies. They start at rest on their margins. Falls, or wider
 # margins, tip over objects that are a few millimetres high; with these, objects down to a millimetre stand.
-UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+UNTURNED = (0.0, 0.0, 0.0, 1.0)
 
 
 class PybulletWorld:
@@ -45,11 +46,11 @@ class PybulletWorld:
         files: Sequence[Sequence[str | Brick]] | None = None,
         *,
         friction: float,
-        step: float = STEP,
+        step: float = BULLET_STEP,
         boards: int = 0,
     ) -> None:
         self._bodies, self._files, self._friction, self._boards = bodies, files, friction, boards
-        self._steps = round(1.0 / LOOKS / step)
+        self._steps = round(1.0 / CHECKS_PER_SECOND / step)
         self._step = step
         self._vertices = [body.corners.tolist() for body in bodies] if files is None else []
         self._client = pybullet.connect(pybullet.DIRECT)
@@ -71,11 +72,11 @@ class PybulletWorld:
         numbers = self._set_up(places)
         before = [self._where(number) for number in numbers]
         moved = np.zeros((len(numbers), 2))
-        for _ in range(LOOKS):
+        for _ in range(CHECKS_PER_SECOND):
             pybullet.stepSimulation(physicsClientId=self._client)
             now = [self._where(number) for number in numbers]
             moved = np.maximum(moved, [_motion(a, b) for a, b in zip(before, now, strict=True)])
-            if not within(*moved.T).all():
+            if not is_still(*moved.T).all():
                 break
         return moved
 
@@ -86,7 +87,7 @@ class PybulletWorld:
         """
         numbers = self._set_up(places)
         contacts = self._contacts(numbers)
-        for _ in range(math.ceil(seconds * LOOKS - 1e-9)):
+        for _ in range(math.ceil(seconds * CHECKS_PER_SECOND - 1e-9)):
             pybullet.stepSimulation(physicsClientId=self._client)
         found = [self._frame(number, body) for number, body in zip(numbers, self._bodies, strict=False)]
         return np.array(found), contacts
@@ -110,7 +111,7 @@ class PybulletWorld:
         for which, (body, (x, y, theta, height)) in enumerate(zip(self._bodies, everything, strict=True)):
             cos, sin = math.cos(theta), math.sin(theta)
             u, v, w = body.center
-            z = height + w + MARGIN
+            z = height + w + HULL_MARGIN
             half = (theta + body.turn) / 2.0
             at, turn = (x + cos * u - sin * v, y + sin * u + cos * v, z), (0.0, 0.0, math.sin(half), math.cos(half))
             made = self._robot(which, at, turn)
@@ -121,7 +122,7 @@ class PybulletWorld:
     def _robot(self, which: int, at: Triple, turn: tuple[float, float, float, float]) -> int | None:
         """A body with more pieces than one call takes; None where it has fewer."""
         pieces = () if self._files is None else self._files[which]
-        if len(pieces) != 1 or not isinstance(pieces[0], str) or not pieces[0].endswith(ROBOT):
+        if len(pieces) != 1 or not isinstance(pieces[0], str) or not pieces[0].endswith(URDF_ENDING):
             return None
         number: int = pybullet.loadURDF(pieces[0], at, turn, physicsClientId=self._client)
         return number
@@ -158,25 +159,15 @@ class PybulletWorld:
         mass: float,
         friction: float,
         at: Triple = (0.0, 0.0, 0.0),
-        turn: tuple[float, float, float, float] = UPRIGHT,
+        turn: tuple[float, float, float, float] = UNTURNED,
         inertia: Triple = (0.0, 0.0, 0.0),
         made: int | None = None,
     ) -> int:
         """A body of this form, or the one that is `made` already, at this place; its number."""
         # Of bodies in maximal coordinates pybullet sets the margin of a single piece alone.
-        single = int(self._files is None)
-        number: int = (
-            made
-            if made is not None
-            else pybullet.createMultiBody(
-                mass,
-                form,
-                basePosition=at,
-                baseOrientation=turn,
-                useMaximalCoordinates=single,
-                physicsClientId=self._client,
-            )
-        )
+        place = {"basePosition": at, "baseOrientation": turn, "useMaximalCoordinates": int(self._files is None)}
+        client = self._client
+        number: int = pybullet.createMultiBody(mass, form, **place, physicsClientId=client) if made is None else made
         pybullet.changeDynamics(
             number,
             -1,
@@ -186,7 +177,7 @@ class PybulletWorld:
             restitution=0.0,
             linearDamping=0.0,
             angularDamping=0.0,
-            collisionMargin=MARGIN,
+            collisionMargin=HULL_MARGIN,
             activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
             physicsClientId=self._client,
         )
@@ -200,9 +191,9 @@ class PybulletWorld:
         which = {number: index for index, number in enumerate(numbers)}
         points = []
         for point in pybullet.getContactPoints(physicsClientId=client):
-            rounded = MARGIN if self._plane in point[1:3] else 2.0 * MARGIN
+            rounded = HULL_MARGIN if self._plane in point[1:3] else 2.0 * HULL_MARGIN
             points.append((which.get(point[1], TABLE), which.get(point[2], TABLE), point[8] + rounded))
-        return gathered(points)
+        return contacts(points)
 
     def _where(self, number: int) -> Where:
         found: Where = pybullet.getBasePositionAndOrientation(number, physicsClientId=self._client)
@@ -213,7 +204,7 @@ class PybulletWorld:
         half = -body.turn / 2.0
         at, turn = self._where(number)
         _, turn = pybullet.multiplyTransforms(at, turn, (0.0, 0.0, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
-        (x, y, z), _ = pybullet.multiplyTransforms(at, turn, [-value for value in body.center], UPRIGHT)
+        (x, y, z), _ = pybullet.multiplyTransforms(at, turn, [-value for value in body.center], UNTURNED)
         return [x, y, z, turn[3], *turn[:3]]
 
 
@@ -233,9 +224,7 @@ def _motion(before: Where, now: Where) -> tuple[float, float]:
     return math.dist(before[0], now[0]), math.degrees(2.0 * math.atan2(sin, cos))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # A world in a running PyBullet.
-#
 # PyBullet reads the SDF that Gazebo does, but takes neither inertia nor friction from it, and rounds bodies off by a
 # millimetre: these are set afterwards. (It lets the rounding of convex pieces be set where these are STL files.)
 
@@ -253,7 +242,7 @@ def load(world: World, client: int, *, table: bool) -> dict[str, int]:
         path.write_bytes(sdf.bare(world, "meshes", table=table, hulls="stl"))
         numbers = list(pybullet.loadSDF(str(path), physicsClientId=client))
     if table:
-        _settle(numbers.pop(0), sdf.ROUGH, client)
+        _settle(numbers.pop(0), sdf.TABLE_FRICTION, client)
     for number, body in zip(numbers, world.bodies, strict=True):
         _settle(number, body.friction, client)
         if not body.fixed:
@@ -264,5 +253,5 @@ def load(world: World, client: int, *, table: bool) -> dict[str, int]:
 
 def _settle(number: int, friction: float, client: int) -> None:
     pybullet.changeDynamics(
-        number, -1, lateralFriction=friction, restitution=0.0, collisionMargin=MARGIN, physicsClientId=client
+        number, -1, lateralFriction=friction, restitution=0.0, collisionMargin=HULL_MARGIN, physicsClientId=client
     )

@@ -35,10 +35,8 @@ from scenegen.scenes.formats.settled import MM, POSE, SettledBlock, Touch, write
 from scenegen.validation import as_path, as_seconds
 from scenegen.worlds.export.world import NOTHING, Own, World, world_of
 from scenegen.worlds.physics.bodies import TABLE, Contact
-from scenegen.worlds.physics.simulation import ROUND, RestResult, check_simulator, resting, version_of
-
-# --------------------------------------------------------------------------------------------------------------------
-# Settled scenes as arrays, and in words.
+from scenegen.worlds.physics.settling import worst_objects
+from scenegen.worlds.physics.simulation import ROUND_SCENES, RestResult, check_simulator, resting, version_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +50,7 @@ class SettledScenes:
     y and the heading of the nearest upright attitude. `contacts` are by scene the pairs of objects that touched before,
     None for the table, and how deep they were in each other, in metres. NaN where a simulation diverged, and for
     objects that are not there. `header` says the rest. `on` (n, M) is the surface that each object of
-    `header.surfaces` stood on in the plan, counted from 1.
+    `header.surfaces` stood on in the plan, count_blocks from 1.
     """
 
     poses: Array
@@ -68,7 +66,7 @@ class SettledScenes:
         return len(self.poses)
 
     def __repr__(self) -> str:
-        return f"<SettledScenes: {Summary.of(self.header, self._block()).last_line}>"
+        return f"<SettledScenes: {Summary.from_block(self.header, self._block()).last_line}>"
 
     @property
     def settled(self) -> npt.NDArray[np.bool_]:
@@ -105,7 +103,7 @@ class Summary:
     moved: Array | None = None
 
     @staticmethod
-    def of(header: SettledHeader, block: SettledBlock) -> Summary:
+    def from_block(header: SettledHeader, block: SettledBlock) -> Summary:
         summary = Summary(header)
         summary.add(block)
         return summary
@@ -137,15 +135,13 @@ class Summary:
         text = f"{self.scenes - self.far:,} of {self.scenes:,} scenes settled ({name}, {seconds:g} s)"
         if not self.far or self.moved is None:
             return text
-        order = [int(k) for k in np.argsort(-self.moved, kind="stable") if self.moved[k]]
-        shown = ", ".join(f"`{self.header.objects[k]}` in {int(self.moved[k]):,}" for k in order[:5])
-        more = f" and {len(order) - 5} more objects" if len(order) > 5 else ""
-        return f"{text}; in {self.far:,} an object moved too far: {shown}{more}"
+        worst = worst_objects(self.header.objects, self.moved)
+        return f"{text}; in {self.far:,} an object moved too far: {worst}"
 
 
-Told = Callable[[int, int | None], None]  # scenes simulated so far, and of how many, if that is known
+SettleProgress = Callable[[int, int | None], None]  # scenes simulated so far, and of how many, if that is known
 
-SECONDS = 2.0
+SETTLE_SECONDS = 2.0
 MAX_SHIFT = 0.002  # metres
 MAX_TURN = 2.0  # degrees
 
@@ -154,12 +150,12 @@ def settle(
     scenes: SceneSet,
     simulator: str = "mujoco",
     *,
-    seconds: float = SECONDS,
+    seconds: float = SETTLE_SECONDS,
     max_shift: float = MAX_SHIFT,
     max_turn: float = MAX_TURN,
     meshes: str | Path | None = None,
     workers: int | None = None,
-    progress: Told | None = None,
+    progress: SettleProgress | None = None,
 ) -> SettledScenes:
     """Simulate every scene for some seconds, in "mujoco" or "pybullet": where its objects come to rest, how far that is
     from the plan, and phi there. Scenes in which an object moves more than `max_shift` metres or turns by more than
@@ -180,7 +176,7 @@ def settle(
     scenes.refuse_rest("settle")
     header = _header(scenes.header, simulator, seconds, max_shift, max_turn)
     found: list[SettledBlock] = []
-    for block in _blocks(scenes.header, header, scenes.blocks(), _own(scenes.header, meshes), workers):
+    for block in _blocks(scenes.header, header, scenes.blocks(), _own_bodies(scenes.header, meshes), workers):
         found.append(block)
         if progress is not None:
             progress(sum(one.count for one in found), len(scenes))
@@ -202,12 +198,12 @@ def settle_file(
     out: Path,
     simulator: str,
     *,
-    seconds: float = SECONDS,
+    seconds: float = SETTLE_SECONDS,
     max_shift: float = MAX_SHIFT,
     max_turn: float = MAX_TURN,
     meshes: str | Path | None = None,
     workers: int | None = None,
-    progress: Told | None = None,
+    progress: SettleProgress | None = None,
     spec: Spec | None = None,
 ) -> Summary:
     """The same from a scene file to a file of settled scenes, with a few scenes in memory at a time; `spec` is that of
@@ -218,10 +214,10 @@ def settle_file(
     check_simulator(simulator)
     reading = reading_of(source, spec)
     header = _header(reading.header, simulator, seconds, max_shift, max_turn)
-    own = _own(reading.header, meshes)
+    own = _own_bodies(reading.header, meshes)
     summary = Summary(header)
 
-    def counted() -> Iterator[SettledBlock]:
+    def count_blocks() -> Iterator[SettledBlock]:
         for block in _blocks(reading.header, header, reading.blocks, own, workers):
             summary.add(block)
             if progress is not None:
@@ -230,11 +226,11 @@ def settle_file(
         if not summary.scenes:
             raise RequestError(NO_SCENES())
 
-    write_settled(out, header, counted())
+    write_settled(out, header, count_blocks())
     return summary
 
 
-def _own(scenes: SceneFile, meshes: str | Path | None) -> Own:
+def _own_bodies(scenes: SceneFile, meshes: str | Path | None) -> Own:
     if meshes is None:
         return NOTHING
     from scenegen.worlds.own_body import own_bodies_of
@@ -273,8 +269,8 @@ def _blocks(
         yield from _same_objects(spec, scenes, header, blocks, own, workers)
         return
     for block in blocks:
-        for start in range(0, block.count, AT_ONCE):
-            yield _by_numbers(spec, scenes, header, block.part(start, start + AT_ONCE), own, workers)
+        for start in range(0, block.count, SCENES_AT_ONCE):
+            yield _by_numbers(spec, scenes, header, block.part(start, start + SCENES_AT_ONCE), own, workers)
 
 
 def _same_objects(
@@ -290,17 +286,17 @@ def _same_objects(
         for block in blocks:
             poses = world_of(scenes, block).poses
             planned, on = as_poses(block.rows[:placed]), block.rows[placed:].T
-            for start in range(0, block.count, ROUND):
-                waiting.append((planned[start : start + ROUND], on[start : start + ROUND]))
-                yield poses[start : start + ROUND][..., [0, 1, 3, 2]]
+            for start in range(0, block.count, ROUND_SCENES):
+                waiting.append((planned[start : start + ROUND_SCENES], on[start : start + ROUND_SCENES]))
+                yield poses[start : start + ROUND_SCENES][..., [0, 1, 3, 2]]
 
     simulator = header.simulator
     with resting(bare, simulator.name, simulator.seconds, workers) as rest, closing(rest(rounds())) as rested:
         for one in rested:
-            yield _judged(spec, scenes, header, bare, one, *waiting.popleft())
+            yield _settled_block(spec, scenes, header, bare, one, *waiting.popleft())
 
 
-def _judged(
+def _settled_block(
     spec: CheckedSpec,
     scenes: SceneFile,
     header: SettledHeader,
@@ -328,11 +324,7 @@ def _judged(
     return SettledBlock(rested.poses, shift, turn, moved, np.where(lost, np.nan, phi), contacts, chosen)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Settling scenes that differ in how many things there are: scenes of the same things together.
-
-
-AT_ONCE = 4096  # scenes: the processes start again for each number of things among so many
+SCENES_AT_ONCE = 4096  # scenes: the processes start again for each number of things among so many
 
 
 def _by_numbers(
@@ -371,10 +363,6 @@ def _by_numbers(
     return SettledBlock(poses, shift, turn, moved, phi, tuple(contacts), on)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# A scene in a PyBullet that is running.
-
-
 def load_pybullet(
     scene: Scene, client: Any = 0, *, table: bool = True, meshes: str | Path | None = None
 ) -> dict[str, int]:
@@ -399,12 +387,7 @@ def load_pybullet(
     if not isinstance(scene, Scene):
         raise RequestError(NEEDED_HERE(what="one scene", value=repr(scene), remedy="pick one of a set: scenes[0]"))
     header = member_of(scene.header, scene.counts) if scene.header.counts else scene.header
-    own = NOTHING
-    if meshes is not None:
-        from scenegen.worlds.own_body import own_bodies_of
-
-        own = own_bodies_of(header, as_path("meshes", meshes))
-    world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), own)
+    world = world_of(header, block_of([scene.data()], header, tuple(scene.phi)), _own_bodies(header, meshes))
     if scene.rest is not None:
         world = replace(world, rest=scene.rest[None, ~np.isnan(scene.rest[:, 0])])
     return load(world, getattr(client, "_client", client), table=table)

@@ -34,13 +34,13 @@ from scenegen.things import Shape
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export import sdf
 from scenegen.worlds.export.world import Patch, boards_of, bodies_of
-from scenegen.worlds.physics.bodies import FRICTION, board_of, piece_files, prism_of, whole_of, within
-from scenegen.worlds.physics.simulation import ROUND, DropJob, PybulletSetup
+from scenegen.worlds.physics.bodies import PRISM_FRICTION, board_of, is_still, piece_files, prism_of, whole_of
+from scenegen.worlds.physics.simulation import ROUND_SCENES, DropJob, PybulletSetup
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-ROUGH = math.sqrt(FRICTION)  # the table's friction where bodies are prisms
+PRISM_TABLE_FRICTION = math.sqrt(PRISM_FRICTION)  # the table's friction where bodies are prisms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,10 +56,10 @@ class Displacements:
     @property
     def moved(self) -> Mask:
         """(scenes, objects): which objects moved too far; NaN, from an unstable simulation, counts as well."""
-        return np.asarray(~within(self.shift, self.turn))
+        return np.asarray(~is_still(self.shift, self.turn))
 
     @property
-    def kept(self) -> Mask:
+    def stays(self) -> Mask:
         """(scenes,): which scenes settled."""
         return np.asarray(~self.moved.any(axis=1))
 
@@ -89,12 +89,12 @@ class Settler:
         self._opened = ExitStack()
         if not declared:
             bodies = [prism_of(shape, fixed=which in fixed) for which, shape in enumerate(shapes)]
-            bodies += [board_of(board, ROUGH) for board in boards]
-            made = PybulletSetup(bodies, None, len(boards), ROUGH)
+            bodies += [board_of(board, PRISM_TABLE_FRICTION) for board in boards]
+            made = PybulletSetup(bodies, None, len(boards), PRISM_TABLE_FRICTION)
         else:
             names = [f"{which}" for which in range(len(shapes))]
             bodies = [whole_of(one) for one in bodies_of(names, shapes, {f"{which}" for which in fixed})]
-            bodies += [board_of(board, sdf.ROUGH) for board in boards]
+            bodies += [board_of(board, sdf.TABLE_FRICTION) for board in boards]
             made = PybulletSetup(bodies, self._opened.enter_context(piece_files(bodies)), len(boards))
         self._pool: Pool[Floats, Floats] = Pool(
             DropJob(made), workers, what="a process that drops scenes", unit="round"
@@ -118,12 +118,20 @@ class Settler:
         heights = base_heights(self._shapes, poses, solid=True, declared=heights)
         places = np.concatenate([flat(poses), heights[..., None]], axis=2)
         motions = np.empty((*poses.shape[:2], 2))
-        rounds = [slice(start, start + ROUND) for start in range(0, len(poses), ROUND)]
+        rounds = [slice(start, start + ROUND_SCENES) for start in range(0, len(poses), ROUND_SCENES)]
         with closing(self._pool.map([places[part] for part in rounds])) as found:
             for part, motion in zip(rounds, found, strict=True):
                 motions[part] = motion
                 stop.check()
         return Displacements(motions[..., 0], motions[..., 1])
+
+
+def worst_objects(names: Sequence[str], moved: npt.NDArray[Any]) -> str:
+    """`` `mug` in 12, `plate` in 5 ``: the five objects that moved too far in the most scenes, and how many more did;
+    empty if none did."""
+    order = [int(k) for k in np.argsort(-moved, kind="stable") if moved[k]]
+    more = f" and {len(order) - 5} more objects" if len(order) > 5 else ""
+    return ", ".join(f"`{names[k]}` in {int(moved[k]):,}" for k in order[:5]) + more
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,13 +147,8 @@ class Refusals:
     def summary(self) -> str:
         """`17 of 64 scenes did not settle: mug moved in 12, plate in 5`; the worst five objects are named."""
         text = f"{self.refused:,} of {self.scenes:,} scenes did not settle"
-        worst = [int(k) for k in np.argsort(-np.array(self.moved), kind="stable") if self.moved[k]]
-        if not worst:
-            return text
-        shown = [f"`{self.objects[k]}` in {self.moved[k]:,}" for k in worst[:5]]
-        first = shown[0].replace(" in ", " moved in ", 1)
-        more = f" and {len(worst) - 5} more objects" if len(worst) > 5 else ""
-        return f"{text}: {', '.join([first, *shown[1:]])}{more}"
+        worst = worst_objects(self.objects, np.array(self.moved))
+        return f"{text}: {worst.replace(' in ', ' moved in ', 1)}" if worst else text
 
     def diagnostic(self) -> Diagnostic | None:
         """A warning with the summary; None if every scene settled."""
@@ -154,14 +157,8 @@ class Refusals:
         return UNSETTLED(summary=self.summary(), often=True if self.refused * 2 > self.scenes else None)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# A plan without the scenes that do not settle.
-#
-# Of motions the scene in which they begin is dropped.
-
-
-MOST = 256  # about how many scenes of a piece are dropped: a few seconds of one core
-AT_LEAST = 2  # of each cell
+MAX_PIECE_DROPS = 256  # about how many scenes of a piece are dropped: a few seconds of one core
+MIN_CELL_DROPS = 2  # of each cell
 
 
 @dataclass(slots=True)
@@ -177,7 +174,7 @@ class _Memory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settling(Selection):
-    """`plan` without the scenes that do not settle.
+    """`plan` without the scenes that do not settle; of motions the scene in which they begin is dropped.
 
     One process draws it and drops the scenes on all `workers` (drawing takes a thousandth of the time of dropping). A
     piece takes the first few candidates of every cell. Cells that earlier pieces have filled are skipped: the runner
@@ -208,7 +205,7 @@ class Settling(Selection):
         """The number of scenes of a cell that a piece drops: 1.5 times the requested number, since some will not
         settle."""
         cells = len(self.reached)
-        return max(AT_LEAST, min(math.ceil(1.5 * self.wanted / cells), MOST // cells))
+        return max(MIN_CELL_DROPS, min(math.ceil(1.5 * self.wanted / cells), MAX_PIECE_DROPS // cells))
 
     def account(self, tally: Tally) -> Account:
         """The plan's own account, of scenes before they are dropped; a warning counts those that did not settle."""
@@ -237,7 +234,7 @@ class Settling(Selection):
         spec, rows = self.problem.spec, found.rows[:, taken]
         poses = as_poses(self.problem.scenes(rows))
         settled = self._settler().settle(poses, levels(spec, rows), self.stop)
-        kept = taken[settled.kept]
+        kept = taken[settled.stays]
         if self.wanted <= BLOCK:
             self._memory.kept[k] = np.bincount(found.cell[kept], minlength=max(self.reached) + 1)
         counts = [len(taken), len(taken) - len(kept), *settled.moved.sum(axis=0)]

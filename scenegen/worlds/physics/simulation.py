@@ -24,14 +24,14 @@ from scenegen.processes.process import cores
 from scenegen.worlds.export import mjcf, sdf
 from scenegen.worlds.export.world import World
 from scenegen.worlds.physics.bodies import (
-    NEAR,
-    STEP,
+    BULLET_STEP,
     TABLE,
+    TOUCH_GAP,
     Brick,
     Contact,
     InertialBody,
     board_of,
-    gathered,
+    contacts,
     piece_files,
     whole_of,
 )
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 
 # name -> its package. Names are those of packages, for which `needs` says how to install them.
 SIMULATORS = ("mujoco", "pybullet")
-TITLES = {"mujoco": "MuJoCo", "pybullet": "PyBullet"}
-FINE = 1.0 / 960.0  # seconds: with pybullet's usual 240 steps a second, towers lean by up to 2 degrees
-ROUND = 8  # scenes given to a process at a time: up to two seconds of a core
+SIMULATOR_TITLES = {"mujoco": "MuJoCo", "pybullet": "PyBullet"}
+FINE_STEP = 1.0 / 960.0  # seconds: with pybullet's usual 240 steps a second, towers lean by up to 2 degrees
+ROUND_SCENES = 8  # scenes given to a process at a time: up to two seconds of a core
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,15 +108,15 @@ class MujocoWorld:
     def _contacts(self) -> tuple[Contact, ...]:
         """What touches where the objects are. MuJoCo finds what is within its margin, which is 0 when it simulates."""
         model, data = self._model, self._data
-        model.geom_margin[:] = NEAR
-        model.body_margin[:] = NEAR
+        model.geom_margin[:] = TOUCH_GAP
+        model.body_margin[:] = TOUCH_GAP
         self._engine.mj_kinematics(model, data)
         self._engine.mj_collision(model, data)
         model.geom_margin[:] = 0.0
         model.body_margin[:] = 0.0
         pairs = model.geom_bodyid[data.contact.geom].reshape(-1, 2) - 1  # the table is body 0
         assert TABLE == -1
-        return gathered(
+        return contacts(
             (int(a), int(b), float(apart)) for (a, b), apart in zip(pairs, data.contact.dist.ravel(), strict=True)
         )
 
@@ -139,8 +139,8 @@ class PybulletSetup:
     bodies: Sequence[InertialBody]
     files: Sequence[Sequence[str | Brick]] | None
     boards: int = 0
-    friction: float = sdf.ROUGH
-    step: float = STEP
+    friction: float = sdf.TABLE_FRICTION
+    step: float = BULLET_STEP
 
     def world(self) -> PybulletWorld:
         from scenegen.worlds.physics.bullet import PybulletWorld
@@ -197,8 +197,8 @@ def resting(
         if simulator == "mujoco":
             made = MujocoSetup(mjcf.bench(world).decode())
         else:
-            bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.ROUGH) for board in world.boards)]
-            made = PybulletSetup(bodies, opened.enter_context(piece_files(bodies)), len(world.boards), step=FINE)
+            bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.TABLE_FRICTION) for board in world.boards)]
+            made = PybulletSetup(bodies, opened.enter_context(piece_files(bodies)), len(world.boards), step=FINE_STEP)
         what = "a process that simulates scenes"
         pool: Pool[Floats, RestResult] = Pool(RestJob(made, seconds), workers, what=what, unit="round")
         opened.callback(pool.close)
@@ -209,7 +209,7 @@ def check_simulator(name: str) -> None:
     """Raises RequestError for an unknown simulator, and for one that is not installed."""
     if name not in SIMULATORS:
         raise RequestError(UNKNOWN_CHOICE(what="simulator", name=str(name), known=SIMULATORS))
-    need(name, f"to settle scenes in {TITLES[name]}")
+    need(name, f"to settle scenes in {SIMULATOR_TITLES[name]}")
 
 
 def version_of(simulator: str) -> str:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.editors.lsp.answers import EncodedLines, definition, formatted, refusal, symbols, uses
+from scenegen.editors.lsp.answers import EncodedLines, definition, formatting_change, refusal, symbols, uses
 from scenegen.editors.lsp.document import Document
 from scenegen.editors.lsp.hover import hover
 from scenegen.editors.lsp.names import index
@@ -423,18 +423,18 @@ MESSY = "# t\nobject mug,plate\n\n\n\nconst A=1 # one\ntask:leftOf(mug ,plate)\n
 )
 def test_the_change_makes_it_canonical(text):
     document = Document(text)
-    change = formatted(document)
+    change = formatting_change(document)
     assert text[: change.start] + change.text + text[change.end :] == format_source(document.source)
 
 
 def test_lines_that_are_right_are_left_alone():
-    change = formatted(Document("object a, b\nt:leftOf(a,b)\nu: leftOf(a, b)\n"))
+    change = formatting_change(Document("object a, b\nt:leftOf(a,b)\nu: leftOf(a, b)\n"))
     assert (change.text, change.start) == ("t: leftOf(a, b)\n", len("object a, b\n"))
-    assert formatted(Document("object a, b\nt: leftOf(a, b)\n")) is None
+    assert formatting_change(Document("object a, b\nt: leftOf(a, b)\n")) is None
 
 
 def test_a_broken_text_is_left_alone():
-    assert formatted(Document("task: leftOf(a,")) is None
+    assert formatting_change(Document("task: leftOf(a,")) is None
 
 
 texts = st.text(st.sampled_from("ab \n\té≤🍵𝔸"), max_size=30)

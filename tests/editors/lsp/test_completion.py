@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenegen.editors.lsp.answers import definition, formatted, problems, refusal, symbols, uses
+from scenegen.editors.lsp.answers import definition, formatting_change, problems, refusal, symbols, uses
 from scenegen.editors.lsp.completion import completions
 from scenegen.editors.lsp.document import Document
 from scenegen.editors.lsp.hover import hover
@@ -215,7 +215,7 @@ def test_mutations(at, cut, new, cursor, near):
         assert found is None or 0 <= found.start <= found.end <= len(document.text)
     definition(document, offset)
     refusal(document, offset, "fresh")
-    formatted(document)
+    formatting_change(document)
 
 
 def test_every_place_of_a_good_text():

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from scenegen.editors.lsp import analysis
-from scenegen.editors.lsp.analysis import MOST, AnalysisEnded, AnalysisProcesses
+from scenegen.editors.lsp.analysis import PROCESSES, AnalysisEnded, AnalysisProcesses
 from scenegen.editors.lsp.answers import Question, problems
 from scenegen.editors.lsp.document import Document
 from scenegen.resources import shipped_specs
@@ -127,7 +127,7 @@ class Still:
 def processes(monkeypatch):
     Still.made = []
     monkeypatch.setattr(analysis, "_AnalysisProcess", Still)
-    monkeypatch.setattr(analysis, "GRACE", 0.02)
+    monkeypatch.setattr(analysis, "LATE_ANSWER_SECONDS", 0.02)
     return Still.made
 
 
@@ -138,11 +138,11 @@ def text(uri, words="now"):
 def test_few_processes_for_many_documents(processes):
     async def session():
         asked = AnalysisProcesses()
-        for number in range(MOST + 3):
+        for number in range(PROCESSES + 3):
             assert await asked.ask(text(number), ASKED) == "at once"
-        assert len(processes) == MOST
-        await asked.ask(text(MOST + 1), ASKED)  # one has it already
-        assert [one.asked for one in processes if one.asked[-2:] == [str(MOST + 1)] * 2]
+        assert len(processes) == PROCESSES
+        await asked.ask(text(PROCESSES + 1), ASKED)  # one has it already
+        assert [one.asked for one in processes if one.asked[-2:] == [str(PROCESSES + 1)] * 2]
         await asked.ask(text(0), ASKED)  # the one that was idle for longest
         assert processes[3].asked == ["3", "0"]
         asked.close()
@@ -172,15 +172,15 @@ def test_who_does_not_wait_any_more_ends_the_process(processes):
 
 
 def test_what_takes_too_long_is_ended(processes, monkeypatch):
-    monkeypatch.setattr(analysis, "LONGEST", 0.01)
+    monkeypatch.setattr(analysis, "MAX_QUESTION_SECONDS", 0.01)
 
     async def session():
         asked = AnalysisProcesses()
-        many = [asked.ask(text(number, "later"), ASKED) for number in range(2 * MOST)]
+        many = [asked.ask(text(number, "later"), ASKED) for number in range(2 * PROCESSES)]
         found = await asyncio.gather(*many, return_exceptions=True)
         assert {str(one) for one in found} == {"was ended after 0.01 s"}
         assert all(isinstance(one, AnalysisEnded) for one in found)
-        assert len(processes) == 2 * MOST and all(one.ended for one in processes)
+        assert len(processes) == 2 * PROCESSES and all(one.ended for one in processes)
 
     asyncio.run(session())
 
@@ -208,7 +208,7 @@ def test_importers_are_checked_again(monkeypatch, tmp_path):
         for uri, written in ((main, 'import "table.spec"\nt: near(a, b)'), (table, "const A = 1")):
             item = types.TextDocumentItem(uri, "scenegen", 1, written)
             server.workspace.put_text_document(item)
-            server._changed(types.DidOpenTextDocumentParams(item))
+            server._on_change(types.DidOpenTextDocumentParams(item))
             for _ in range(5):
                 await asyncio.sleep(0.001)
 

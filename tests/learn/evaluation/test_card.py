@@ -12,10 +12,10 @@ import scenegen
 from experiments.metrics import chi_square_tail, error_statistics, kolmogorov_tail, kuiper_tail
 from scenegen.errors import DataError
 from scenegen.learn.evaluation import card as measuring
+from scenegen.learn.evaluation.calibration import CalibrationPanel, calibration
 from scenegen.learn.evaluation.card import card_paths, card_text, measure, values, write_card
 from scenegen.learn.evaluation.describe import as_json, describe, held_out
 from scenegen.learn.model import load_model
-from scenegen.pictures.figures.charts import CalibrationPanel, calibration
 from scenegen.scenes.coverage import checked_pair, features
 
 TEXT = "# A mug stands left of a plate.\nobject mug, plate\ntask: leftOf(mug, plate)\nnear: closeTo(mug, plate, 0.3)\n"

@@ -34,8 +34,8 @@ from scenegen.pictures.figures.dimensions import (
     room_segment,
     short,
 )
-from scenegen.pictures.figures.sheet import asked, contact_sheet, thumbnail_size
-from scenegen.pictures.figures.strip import EDGE, FOOT, GAP, HELD, STEP, animation, strip, video
+from scenegen.pictures.figures.sheet import contact_sheet, describe_ranges, thumbnail_size
+from scenegen.pictures.figures.strip import EDGE, FOOT, GAP, LAST_MS, PAGE_MS, animation, strip, video
 from scenegen.pictures.figures.topview import Labels, Rect, topview
 from scenegen.pictures.render.gallery import gallery, library_sheet, measures
 from scenegen.pictures.render.scenes import render_scenes
@@ -123,7 +123,7 @@ def test_a_heat_map_has_a_panel_per_object_with_its_places_its_regions_and_its_h
     panels = [image[-328:-28, 28 + k * 318 :][:, :300] for k in (0, 1)]
 
     def ink(panel, x, y):
-        return np.abs(panel[round((1 - y) * 299), round(x * 299)] - heat.BARE).sum()
+        return np.abs(panel[round((1 - y) * 299), round(x * 299)] - heat.BARE_TABLE_COLOR).sum()
 
     for panel, (x, y) in zip(panels, ((0.25, 0.25), (0.75, 0.75)), strict=True):
         assert ink(panel, x + 0.03, y) > 150 > 20 > ink(panel, 0.5, 0.5)
@@ -181,9 +181,9 @@ def drawn(file, count, size=(80, 60)):
 
 
 def test_ranges_in_words():
-    assert asked({"task": (0.05, 0.2), "safe": (0.0, None)}) == "task 0.05..0.2, safe >= 0"
-    assert asked({"a": (None, 1.5), "b": (None, None)}) == "a <= 1.5, b any"
-    assert asked({}) == "nothing in particular"
+    assert describe_ranges({"task": (0.05, 0.2), "safe": (0.0, None)}) == "task 0.05..0.2, safe >= 0"
+    assert describe_ranges({"a": (None, 1.5), "b": (None, None)}) == "a <= 1.5, b any"
+    assert describe_ranges({}) == "nothing in particular"
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 16, 64])
@@ -260,15 +260,15 @@ def pages(size=(61, 43)):
 
 def test_every_page_is_shown_and_the_last_one_is_held():
     av = pytest.importorskip("av")
-    data = video(pages(), STEP, HELD)
-    assert data == video(pages(), STEP, HELD)
+    data = video(pages(), PAGE_MS, LAST_MS)
+    assert data == video(pages(), PAGE_MS, LAST_MS)
     assert data.index(b"moov") < data.index(b"mdat")  # it plays before the whole file is there
     with av.open(io.BytesIO(data)) as file:
         stream = file.streams.video[0]
         assert (stream.codec_context.name, stream.width, stream.height) == ("h264", 62, 44)
-        assert float(stream.duration * stream.time_base) * 1000 == pytest.approx(2 * STEP + HELD, abs=STEP)
+        assert float(stream.duration * stream.time_base) * 1000 == pytest.approx(2 * PAGE_MS + LAST_MS, abs=PAGE_MS)
         shown = [np.asarray(frame.to_image()).astype(int) for frame in file.decode(stream)]
-    assert len(shown) == 2 + -(-HELD // STEP)
+    assert len(shown) == 2 + -(-LAST_MS // PAGE_MS)
     for frame, color in zip(shown, [*COLORS, COLORS[-1]], strict=False):
         assert np.abs(frame[5:35, 5:55] - color).max() < 16
     assert (shown[0][-1, 5:55] > 180).any()  # the row that makes the height even is paper

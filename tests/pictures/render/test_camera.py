@@ -334,14 +334,14 @@ def landscape(heights):
 def hidden(heights, points, z=0.0):
     ambient = Ambient(STAGE, *looking_down(np.asarray(points)))
     depth = np.full(len(points), 1.0 - z, dtype=np.float32)
-    return ambient.hidden(ambient.landscape(landscape(heights)), depth, slice(None))
+    return ambient.hidden_sky(ambient.landscape(landscape(heights)), depth, slice(None))
 
 
 def tower(height):
     """A square tower of 10 cm in the middle of the table, as (MAP, MAP) heights."""
     camera = landscape_camera(STAGE)
     columns, rows = np.meshgrid(np.arange(SKY_MAP) + 0.5, np.arange(SKY_MAP) + 0.5)
-    origin, _ = camera.resized((SKY_MAP, SKY_MAP)).rays(columns, rows)
+    origin, _ = camera.with_size((SKY_MAP, SKY_MAP)).rays(columns, rows)
     inside = (np.abs(origin[..., 0] - 0.5) < 0.05) & (np.abs(origin[..., 1] - 0.5) < 0.05)
     return np.where(inside, height, 0.0)
 

@@ -25,7 +25,7 @@ def written(folder, text):
 
 def test_the_preset_varies_and_shows_the_whole_table_from_above():
     looks = read_looks("random")
-    drawn = [looks.at(3, index) for index in range(200)]
+    drawn = [looks.draw_look(3, index) for index in range(200)]
     points = stage_of(FILE).corners()
     for look in drawn:
         camera = look.camera(points, SIZE)
@@ -33,12 +33,12 @@ def test_the_preset_varies_and_shows_the_whole_table_from_above():
         assert (pixels >= 0.0).all() and (pixels <= SIZE).all()
         assert np.linalg.inv(camera.view)[2, 3] > 0.0  # the eye is above the table
     assert len({look.table_color for look in drawn}) == 200
-    assert looks.at(3, 7) == drawn[7] != looks.at(4, 7)
+    assert looks.draw_look(3, 7) == drawn[7] != looks.draw_look(4, 7)
 
 
 def test_another_distribution_of_one_entry_leaves_the_others(tmp_path):
-    one = read_looks(written(tmp_path, "[camera]\nfov = {uniform = [20, 60]}\nelevation = 30\n")).at(0, 0)
-    other = read_looks(written(tmp_path, "camera.fov = {uniform = [20, 60]}\ntable.color = 'red'\n")).at(0, 0)
+    one = read_looks(written(tmp_path, "[camera]\nfov = {uniform = [20, 60]}\nelevation = 30\n")).draw_look(0, 0)
+    other = read_looks(written(tmp_path, "camera.fov = {uniform = [20, 60]}\ntable.color = 'red'\n")).draw_look(0, 0)
     assert one.camera_fov == other.camera_fov and 20.0 <= one.camera_fov <= 60.0
     assert (one.camera_elevation, other.camera_elevation, other.table_color) == (30.0, 50.0, (1.0, 0.0, 0.0))
 
@@ -138,7 +138,7 @@ def test_a_texture_from_a_file_keeps_its_colours_unless_one_is_given(tmp_path):
     drawn = read_looks(
         written(tmp_path, "table.texture = 'four.png'\nwalls.texture = 'four.png'\nwalls.color = 'red'\n")
     )
-    look = drawn.at(0, 0)
+    look = drawn.draw_look(0, 0)
     assert look.table_color == (1.0, 1.0, 1.0) and look.walls_color == (1.0, 0.0, 0.0)
     assert look.walls_distance == 0.6  # a table [walls] is enough for walls
     assert set(drawn.files) == {"four.png"}
@@ -186,5 +186,5 @@ def test_objects_change_their_colours_and_nothing_else_changes(tmp_path):
 
 def test_each_object_has_a_tint_of_its_own_that_depends_on_its_name_alone(tmp_path):
     looks = read_looks(written(tmp_path, "[objects]\nhue = {uniform = [-0.5, 0.5]}\n"))
-    mug, plate = looks.at(3, 5, ["mug", "plate"]).tints
-    assert mug.hue != plate.hue and looks.at(3, 5, ["plate"]).tints == (plate,)
+    mug, plate = looks.draw_look(3, 5, ["mug", "plate"]).tints
+    assert mug.hue != plate.hue and looks.draw_look(3, 5, ["plate"]).tints == (plate,)

@@ -19,12 +19,12 @@ from scenegen.api.spec import load
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
 from scenegen.errors.files import CANNOT_WRITE
 from scenegen.geometry import Box, Circle, Polygon
-from scenegen.looks.camera import USUAL, frame
-from scenegen.looks.stage import overlaps_of, poses_of, stage_of
+from scenegen.looks.camera import USUAL_VIEWS, frame
+from scenegen.looks.stage import overlaps_of, poses_of, stage_of, usual_size
 from scenegen.pictures.figures.heatmap import heatmap
 from scenegen.pictures.figures.sweep import sweep
 from scenegen.pictures.render import scenes
-from scenegen.pictures.render.files import FIRST, usual_size
+from scenegen.pictures.render.files import FIRST_ID
 from scenegen.pictures.render.scenes import models_of, render_scenes, still_outlines
 from scenegen.processes import process
 from scenegen.scenes import files
@@ -267,7 +267,7 @@ def test_masks_show_what_is_there(scenes_numbers, tmp_path):
     for number, here in enumerate(scenes_numbers.present):
         with Image.open(tmp_path / "p" / f"scene_000{number + 1}_top_mask.png") as picture:
             seen = set(np.unique(np.asarray(picture)).tolist())
-        shown = {k for k in range(3) if k + FIRST in seen}
+        shown = {k for k in range(3) if k + FIRST_ID in seen}
         assert shown == set(np.flatnonzero(here).tolist())
 
 
@@ -301,7 +301,7 @@ def drawn(file, folder, size=SIZE_SHAPES):
     render_scenes(file, folder, size=size, workers=1)
     stage = stage_of(file)
     pictures = {}
-    for view in USUAL:
+    for view in USUAL_VIEWS:
         with Image.open(folder / f"scene_0001_{view}.png") as picture:
             pictures[view] = np.asarray(picture).astype(float), frame(view, stage.corners(), size)
     return pictures
@@ -381,7 +381,7 @@ def test_regions_lie_on_the_table_under_the_things(tmp_path):
         "corner": [(0.58, 0.62), (0.58, 0.75), (0.53, 0.61)],
         "": [(0.28, 0.2), (0.5, 0.33), (0.28, 0.68), (0.7, 0.62), (0.54, 0.76), (0.9, 0.9)],
     }
-    for view in USUAL:
+    for view in USUAL_VIEWS:
         (before, camera), (after, again) = bare[view], with_regions[view]
         assert np.array_equal(camera.view, again.view)
         tones = {}
@@ -413,7 +413,7 @@ def test_the_table_and_the_picture_hold_all_of_every_thing(tmp_path):
     corners += [(0.0, -0.2), (0.2, 1.2)]
     for u, v in corners:
         assert x0 < u < x1 and y0 < v < y1
-    for view in USUAL:
+    for view in USUAL_VIEWS:
         pixels = frame(view, stage.corners(), SIZE_SHAPES).project([(u, v, 0.0) for u, v in corners])
         assert (pixels > 0).all() and (pixels < SIZE_SHAPES).all()
 

@@ -288,14 +288,14 @@ def test_a_scene_that_is_attached_to_a_robot(tmp_path, together):
 
 
 def test_a_box_anywhere():
-    found = inertia([box(0.3, 0.2, 0.1).moved(1.0, -2.0, 5.0)])
+    found = inertia([box(0.3, 0.2, 0.1).shift(1.0, -2.0, 5.0)])
     np.testing.assert_allclose(found.center, [1.0, -2.0, 5.05], atol=1e-12)
     moments = np.array([0.2**2 + 0.1**2, 0.3**2 + 0.1**2, 0.3**2 + 0.2**2]) / 12
     np.testing.assert_allclose(found.moments, np.diag(moments), atol=1e-12)
 
 
 def test_a_box_in_parts():
-    parts = [box(0.1, 0.2, 0.1).moved(x=0.1 * k) for k in (-1, 0, 1)]
+    parts = [box(0.1, 0.2, 0.1).shift(x=0.1 * k) for k in (-1, 0, 1)]
     whole = inertia([box(0.3, 0.2, 0.1)])
     np.testing.assert_allclose(inertia(parts).moments, whole.moments, atol=1e-12)
 
@@ -315,7 +315,7 @@ def test_round_things():
 
 def test_products_have_the_right_sign():
     """Two cubes on the line x = y: the moment about that line is the smallest."""
-    pair = [box(0.1, 0.1, 0.1).moved(d, d) for d in (-1.0, 1.0)]
+    pair = [box(0.1, 0.1, 0.1).shift(d, d) for d in (-1.0, 1.0)]
     moments = inertia(pair).moments
     assert moments[0, 1] == pytest.approx(-1.0)
     along = np.array([1.0, 1.0, 0.0]) / math.sqrt(2.0)

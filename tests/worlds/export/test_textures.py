@@ -17,7 +17,7 @@ import scenegen
 from scenegen.errors import SpecError
 from scenegen.looks.stage import stage_of
 from scenegen.things.mesh import box
-from scenegen.things.palette import rgb_of
+from scenegen.things.palette import parse_rgb
 from scenegen.worlds.own_body import own_bodies_of
 from tests.things.gltf_files import BODY, document, glb, png
 
@@ -258,7 +258,7 @@ def test_in_scene_files_and_pictures(scenes_colors, tmp_path):
         read = scenegen.read_scenes(tmp_path / name)
         assert {one.name: one.shape.color for one in read.header.objects if one.shape.color} == COLORS
         things = dict(zip(read.objects, stage_of(read.file()).things, strict=True))
-        assert {name: things[name].color for name in COLORS} == {name: rgb_of(one) for name, one in COLORS.items()}
+        assert {name: things[name].color for name in COLORS} == {name: parse_rgb(one) for name, one in COLORS.items()}
     written = json.loads((tmp_path / "s.json").read_text())["objects"]
     assert [one["name"] for one in written if "color" not in one["shape"]] == ["other"]
 
@@ -272,7 +272,7 @@ def test_in_simulators(scenes_colors, tmp_path, to, ending):
         for numbers in re.findall(r"[\d.]+ [\d.]+ [\d.]+ 1\b", text)
     }
     for color in COLORS.values():
-        assert tuple(round(one, 3) for one in rgb_of(color)) in found
+        assert tuple(round(one, 3) for one in parse_rgb(color)) in found
 
 
 def test_the_text_keeps_them(scenes_colors):

@@ -352,7 +352,7 @@ def test_prims_have_the_same_names_in_every_scene():
     record = Record("", {}, {}, {}, ("a:b", "a-b"))
     scene = UsdScenes(replace(made, bodies=bodies, poses=made.poses[:, :1], record=record), "meshes", ".usda")
     assert list(scene.names.values()) == ["a_b", "a_b_2"]
-    files = [scene.one(index) for index in range(2)]
+    files = [scene.scene_file(index) for index in range(2)]
     assert all(b'def Xform "a_b_2"' in data and b'def Xform "a_b"' not in data for data in files)
 
 

@@ -25,25 +25,25 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import phi
 from scenegen.things import ASSETS, Shape, shape_of
 from scenegen.things.mesh import box, disc, prism
-from scenegen.things.surfaces import nested
+from scenegen.things.surfaces import nesting_surface
 from scenegen.worlds.export import mjcf, sdf
 from scenegen.worlds.export.world import world_of
 from scenegen.worlds.physics.bodies import (
     DENSITY,
-    MOST_PIECES,
-    SIDES,
+    MAX_ARRAY_PIECES,
+    PRISM_SIDES,
     TABLE,
     Contact,
     InertialBody,
     board_of,
-    gathered,
+    contacts,
     piece_files,
     prism_of,
     whole_of,
 )
 from scenegen.worlds.physics.bullet import PybulletWorld
 from scenegen.worlds.physics.rest import settle_file
-from scenegen.worlds.physics.simulation import FINE, SIMULATORS, MujocoSetup, PybulletSetup, RestJob
+from scenegen.worlds.physics.simulation import FINE_STEP, SIMULATORS, MujocoSetup, PybulletSetup, RestJob
 from tests.worlds.export.worlds import scenes_of, tower
 
 from ...laws import examples
@@ -72,9 +72,9 @@ def rested(scenes, simulator, seconds):
     places = world.poses[..., [0, 1, 3, 2]]
     if simulator == "mujoco":
         return RestJob(MujocoSetup(mjcf.bench(world).decode()), seconds)(places)
-    bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.ROUGH) for board in world.boards)]
+    bodies = [*map(whole_of, world.bodies), *(board_of(board, sdf.TABLE_FRICTION) for board in world.boards)]
     with piece_files(bodies) as files:
-        return RestJob(PybulletSetup(bodies, files, len(world.boards), step=FINE), seconds)(places)
+        return RestJob(PybulletSetup(bodies, files, len(world.boards), step=FINE_STEP), seconds)(places)
 
 
 def test_what_stands_in_and_on_things_rests(simulator_rest):
@@ -122,7 +122,7 @@ def test_scenes_do_not_affect_each_other(simulator_rest):
 
 def test_gathered_keeps_the_deepest_point_of_each_pair_and_drops_what_is_far():
     points = [(2, 0, -0.001), (0, 2, -0.003), (TABLE, 1, 5e-5), (1, 2, 0.02)]
-    assert gathered(points) == (Contact(TABLE, 1, 0.0), Contact(0, 2, 0.003))
+    assert contacts(points) == (Contact(TABLE, 1, 0.0), Contact(0, 2, 0.003))
 
 
 def test_attitudes_agree_with_scipy():
@@ -197,7 +197,7 @@ def test_no_scenes_are_refused_and_a_missing_simulator_is_named(monkeypatch):
 def test_what_diverges_is_null_and_has_not_settled(tmp_path):
     """A simulation that leaves NaN: the file says so."""
     from scenegen.lang.checker import check_text
-    from scenegen.worlds.physics.rest import _header, _judged
+    from scenegen.worlds.physics.rest import _header, _settled_block
     from scenegen.worlds.physics.simulation import RestResult
 
     scenes = boxes()
@@ -207,7 +207,7 @@ def test_what_diverges_is_null_and_has_not_settled(tmp_path):
     poses = planned.copy()
     poses[0, 1] = np.nan
     spec = check_text(scenes.header.spec.source)
-    block = _judged(
+    block = _settled_block(
         spec, scenes.header, header, world, RestResult(planned, poses, ((), ())), scenes.poses, np.empty((2, 0))
     )
     assert block.moved.tolist() == [[False, True, False], [False] * 3]
@@ -376,7 +376,7 @@ def test_the_outline_lies_where_the_footprint_does():
 def test_a_round_body_stays_inside_its_footprint():
     """So that round things that just do not overlap are not pushed apart."""
     body = prism_of(Shape("cylinder", Circle(0.1), 0.1))
-    assert len(outline(body)) == SIDES
+    assert len(outline(body)) == PRISM_SIDES
     assert max(math.hypot(x, y) for x, y in outline(body)) <= 0.1 * (1 + 1e-12)
 
 
@@ -394,10 +394,10 @@ def body(pieces, mass):
 
 
 @pytest.mark.parametrize("piece", [box(SIDE, SIDE, SIDE), disc(SIDE / 2, 0.0, SIDE, 8)], ids=["box", "hull"])
-@pytest.mark.parametrize("count", [MOST_PIECES, MOST_PIECES + 1, 40])
+@pytest.mark.parametrize("count", [MAX_ARRAY_PIECES, MAX_ARRAY_PIECES + 1, 40])
 def test_the_last_piece_of_a_body_carries(piece, count):
-    row = [piece.moved(x=0.2 * k, z=0.1 - SIDE) for k in range(count)]
-    block = box(SIDE, SIDE, SIDE).moved(z=-SIDE / 2)
+    row = [piece.shift(x=0.2 * k, z=0.1 - SIDE) for k in range(count)]
+    block = box(SIDE, SIDE, SIDE).shift(z=-SIDE / 2)
     bodies = [body(row, 0.0), body([block], 0.1)]
     with piece_files(bodies) as files, PybulletWorld(bodies, files, friction=0.7) as world:
         places = np.array([(0.0, 0.0, 0.0, 0.0), (0.2 * (count - 1), 0.0, 0.0, 0.1 + SIDE / 2)])
@@ -456,20 +456,20 @@ def test_vessels_take_what_is_narrower_where_they_are_narrow():
 
 def test_equal_plates_touch_with_their_feet_and_equal_bowls_with_their_walls():
     plate, bowl = shape_of("plate"), shape_of("bowl")
-    assert nested(plate, plate).height == 0.007
+    assert nesting_surface(plate, plate).height == 0.007
     # a bowl's knee (61 mm wide, 21 mm high) meets the wall between its knee (52 mm at 21 mm) and rim (76 mm at 60 mm)
     meets = 0.021 + 0.039 * (0.061 - 0.052) / 0.024
-    assert 0.0 <= nested(bowl, bowl).height - (meets - 0.021) < 0.0015
+    assert 0.0 <= nesting_surface(bowl, bowl).height - (meets - 0.021) < 0.0015
 
 
 def test_what_would_roll_or_tilt_on_a_wall_is_refused():
     for upper in ("pen", "marker", "mouse"):
-        assert nested(shape_of("bowl"), shape_of(upper)) is None
+        assert nesting_surface(shape_of("bowl"), shape_of(upper)) is None
     for upper in ("lemon", "block"):
-        assert nested(shape_of("bowl"), shape_of(upper)) is not None
+        assert nesting_surface(shape_of("bowl"), shape_of(upper)) is not None
 
 
 def test_handles_that_would_lie_on_a_wall_are_refused():
-    assert nested(shape_of("bowl"), shape_of("mug")) is None
-    assert nested(shape_of("cup"), shape_of("cup")) is None
-    assert nested(shape_of("mug"), shape_of("mug")).name == "rim"
+    assert nesting_surface(shape_of("bowl"), shape_of("mug")) is None
+    assert nesting_surface(shape_of("cup"), shape_of("cup")) is None
+    assert nesting_surface(shape_of("mug"), shape_of("mug")).name == "rim"

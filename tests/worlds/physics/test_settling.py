@@ -27,7 +27,7 @@ from scenegen.scenes.blocks import Block
 from scenegen.search.effort import StoppedError
 from scenegen.things import Shape, shape_of
 from scenegen.things.surfaces import base_heights
-from scenegen.worlds.physics.bodies import within
+from scenegen.worlds.physics.bodies import is_still
 from scenegen.worlds.physics.settling import Displacements, Refusals, Settler, Settling
 from tests.worlds.physics.drops import settle_scenes
 
@@ -69,7 +69,7 @@ def test_scenes_without_overlap_settle_and_hardly_stir(random):
     poses, found = random
     apart = _gap(SHAPES, poses) >= 0.0
     assert apart.sum() > 20
-    assert found.kept[apart].all()
+    assert found.stays[apart].all()
     assert found.shift[apart].max() < 0.001 and found.turn[apart].max() < 1.0
 
 
@@ -82,7 +82,7 @@ def test_scenes_with_deep_overlap_of_tall_things_do_not(random):
     shapes = [SHAPES[k] for k in tall]
     deep = (_gap(shapes, poses[:, tall]) < -0.03) & ~base_heights(shapes, poses[:, tall]).any(axis=1)
     assert deep.sum() > 3
-    assert not found.kept[deep].any()
+    assert not found.stays[deep].any()
 
 
 @pytest.mark.long
@@ -109,7 +109,7 @@ def test_a_block_on_the_edge_of_a_sheet_leans_as_trigonometry_says_and_a_post_fa
     for height, settles in ((0.004, True), (0.008, True), (0.0095, False)):
         sheet = _box(0.2, 0.2, height)
         found = _one([sheet, block], [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)], fixed={0})
-        assert found.kept[0] == settles
+        assert found.stays[0] == settles
         if settles:
             assert found.turn[0, 1] == pytest.approx(np.degrees(np.arcsin(height / 0.1)), abs=0.2)
     found = _one([_box(0.2, 0.2, 0.004), post], [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)], fixed={0})
@@ -122,7 +122,7 @@ def test_fixed_objects_stay_and_push():
     one = _one(shapes, poses, fixed={0})
     assert one.moved.tolist() == [[False, True]] and one.shift[0, 0] == one.turn[0, 0] == 0.0
     both = _one(shapes, poses, fixed={0, 1})
-    assert both.kept[0] and not both.shift.any()
+    assert both.stays[0] and not both.shift.any()
 
 
 def test_what_lies_wholly_on_a_tray_rests_on_it_and_what_overhangs_is_thrown_off():
@@ -131,20 +131,20 @@ def test_what_lies_wholly_on_a_tray_rests_on_it_and_what_overhangs_is_thrown_off
     on = [(0.1, 0.0, 0.0), (0.0, 0.0, 0.0), *tower]
     over = [(0.2, 0.0, 0.0), (0.0, 0.0, 0.0), *tower]
     found = settle_scenes(shapes, np.array([on, over]), fixed={1}, workers=1)
-    assert found.kept.tolist() == [True, False]
+    assert found.stays.tolist() == [True, False]
     assert found.moved[1].tolist() == [True, False, False, False, False]
 
 
 def test_neighbours_that_touch_rest():
     shapes = [*[_box(0.1, 0.1, 0.1)] * 5, *[_rod(0.05, 0.1)] * 5]
-    assert _one(shapes, [(0.1 * (k % 5), float(k // 5), 0.0) for k in range(10)]).kept[0]
+    assert _one(shapes, [(0.1 * (k % 5), float(k // 5), 0.0) for k in range(10)]).stays[0]
 
 
 def test_where_the_table_lies_does_not_matter():
     poses = np.array([[(0.0, 0.0, 0.0), (0.055, 0.0, 1.0)]])
     near = settle_scenes([_rod(0.05, 0.1), _box(0.1, 0.05, 0.1)], poses, workers=1)
     far = settle_scenes([_rod(0.05, 0.1), _box(0.1, 0.05, 0.1)], poses + np.array([1000.0, -500.0, 0.0]), workers=1)
-    assert not near.kept.any() and not far.kept.any()
+    assert not near.stays.any() and not far.stays.any()
     assert (near.moved == far.moved).all()
 
 
@@ -163,12 +163,12 @@ def test_one_worker_or_more_alone_or_together_in_any_order_the_same_bits(random)
 def test_limits_hold_at_their_ends_and_never_for_nan():
     shift = np.array([0.01, 0.0100001, 0.0, np.nan, 0.0])
     turn = np.array([5.0, 0.0, 5.0001, 0.0, np.nan])
-    assert within(shift, turn).tolist() == [True, False, False, False, False]
+    assert is_still(shift, turn).tolist() == [True, False, False, False, False]
 
 
 def test_no_scenes_are_no_work():
     found = settle_scenes(SHAPES, np.empty((0, 5, 3)))
-    assert found.kept.shape == (0,) and found.moved.shape == (0, 5)
+    assert found.stays.shape == (0,) and found.moved.shape == (0, 5)
 
 
 def test_refusals_are_counted_by_object():
@@ -179,7 +179,7 @@ def test_refusals_are_counted_by_object():
     names = ("plate", "mug", "fork")
     assert Refusals(names, 2, 0, (0, 0, 0)).diagnostic() is None
     found = Displacements(shift, turn)
-    assert found.moved.sum(axis=0).tolist() == [0, 3, 1] and found.kept.tolist() == [False] * 3 + [True] * 3
+    assert found.moved.sum(axis=0).tolist() == [0, 3, 1] and found.stays.tolist() == [False] * 3 + [True] * 3
     refusals = Refusals(names, 8, 3, (0, 3, 1))
     assert refusals.summary() == "3 of 8 scenes did not settle: `mug` moved in 3, `fork` in 1"
     warning = refusals.diagnostic()
@@ -209,7 +209,7 @@ def test_standard_output_stays_clean_and_the_caller_free_of_pybullet():
         from scenegen.worlds.physics.settling import Settler
         with Settler([shape_of("mug")], workers=1) as settler:
             found = settler.settle(np.zeros((1, 1, 3)))
-        print(found.kept.tolist(), "pybullet" in sys.modules)
+        print(found.stays.tolist(), "pybullet" in sys.modules)
         """
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -339,7 +339,7 @@ def _run(plan, workers=2):
 def test_all_that_are_wanted_settle_and_cells_get_equal_shares():
     rows, phi, tally, account = _run(fake(40))
     assert rows.shape == (6, 40)
-    assert settle_scenes(SHAPES_SETTLING, rows.T.reshape(40, 2, 3), workers=1).kept.all()
+    assert settle_scenes(SHAPES_SETTLING, rows.T.reshape(40, 2, 3), workers=1).stays.all()
     assert np.bincount(CELLS.find(phi), minlength=4).tolist() == [10, 10, 10, 10]
     dropped, refused, *moved, _ = tally.facts
     assert refused > 0 and dropped < 40 + 8 * refused and max(moved) <= refused
@@ -360,7 +360,7 @@ def test_within_a_cell_those_kept_are_the_first_candidates_that_settle():
     at_once = 9  # half as many again as the six of a cell
     first = np.concatenate([_first(piece.cell, at_once) for piece in pieces])
     rows, phi = rows[:, first], phi[:, first]
-    kept = settle_scenes(SHAPES_SETTLING, rows.T.reshape(-1, 2, 3), workers=2).kept
+    kept = settle_scenes(SHAPES_SETTLING, rows.T.reshape(-1, 2, 3), workers=2).stays
     cell = np.where(kept, CELLS.find(phi), -1)
     wanted = np.sort(np.concatenate([phi[0, np.flatnonzero(cell == one)[:6]] for one in range(4)]))
     assert np.sort(_run(plan)[1][0]) == pytest.approx(wanted, abs=0.0)

@@ -19,7 +19,7 @@ from scenegen.api.set_card import front_matter
 from scenegen.api.spec import Spec, load, parse
 from scenegen.errors import RequestError
 from scenegen.errors.files import FINISHED_SET, NO_PART
-from scenegen.sampling.engine.engines import JobResult, each, here
+from scenegen.sampling.engine.engines import JobResult, run_each, run_here
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import RequestData
@@ -289,7 +289,7 @@ def make_dataset(
     Of each spec there are as many scenes of each label that are satisfied as of those that are not, evenly over phi on
     both sides, with phi of all labels and how rare it is. Jobs that fail are reported to `told`, and leave their set
     unfinished; `resume` goes on. The bytes follow from the specs, n, `seed` and `shard_size` alone. Raises RequestError
-    and OutputError for a place that cannot be written to, and what `engine.many.each` raises.
+    and OutputError for a place that cannot be written to, and what `engine.many.run_each` raises.
     """
     from scenegen.scenes import sets
 
@@ -301,14 +301,14 @@ def make_dataset(
     if not resume and sets.CARD in open_store(location).sizes():
         raise RequestError(FINISHED_SET(location=location))
     loaded: dict[str, Spec] = {}
-    for ended in here(lambda path: load(path, root), listed):
+    for ended in run_here(lambda path: load(path, root), listed):
         if ended.errors:
             told(MEASURING, ended, 0, len(listed))
         else:
             loaded[ended.name] = ended.value
     plans: dict[str, SpecPlan] = {}
     named = [(name, (spec.checked.source, known[name])) for name, spec in loaded.items()]
-    for count, ended in enumerate(each(_PlanJob(seed), named, engine, workers, address), 1):
+    for count, ended in enumerate(run_each(_PlanJob(seed), named, engine, workers, address), 1):
         told(MEASURING, ended, count, len(named))
         if not ended.errors:
             plans[ended.name] = ended.value
@@ -332,7 +332,7 @@ def make_dataset(
                     job = f"{name} {sets.shard_name(number)} ({wish})"
                     places[job] = one
                     jobs.append((job, ShardJob(spec.checked.source, store, number, made, plan.rarity)))
-        for count, ended in enumerate(each(ShardDrawJob(timeout), jobs, engine, workers, address), 1):
+        for count, ended in enumerate(run_each(ShardDrawJob(timeout), jobs, engine, workers, address), 1):
             if not ended.errors:
                 places[ended.name].add(ended.value)
             told(DRAWING, ended, count, len(jobs))

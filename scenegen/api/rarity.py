@@ -26,7 +26,15 @@ from scenegen.errors.requests import (
 )
 from scenegen.lang.spec import written
 from scenegen.sampling.problem import Budget
-from scenegen.sampling.rarity import WORK, PhiDistribution, Rarity, RequirementUnmet, measure, mixed, needs_growth
+from scenegen.sampling.rarity import (
+    RARITY_VISITS,
+    PhiDistribution,
+    Rarity,
+    RequirementUnmet,
+    measure,
+    mix_rarities,
+    needs_growth,
+)
 from scenegen.sampling.report import Estimate
 from scenegen.sampling.request import MAX_SEED
 from scenegen.search.effort import Effort, StoppedError
@@ -154,7 +162,7 @@ def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Dia
     """Over all numbers of things in equal shares; those with which nothing meets the requirement are left out. Raises
     RequestError where all are."""
     found: list[Rarity] = []
-    share = WORK // min(len(spec.declared.members), MOST_SHARES)
+    share = RARITY_VISITS // min(len(spec.declared.members), MOST_SHARES)
     for numbers, member in spec.members:
         try:
             found.append(_measure(member, labels, member.bounds(), seed, budget, share))
@@ -165,7 +173,7 @@ def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Dia
                 raise
     if any(len(one.reaches) < len(labels) for one in found):
         raise StoppedError  # a mixture needs all of them
-    return mixed(found)
+    return mix_rarities(found)
 
 
 def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) -> SpecRarity:
@@ -189,7 +197,7 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) ->
 
 
 def _measure(
-    spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed: int, budget: Budget, work: int = WORK
+    spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed: int, budget: Budget, work: int = RARITY_VISITS
 ) -> Rarity:
     """By splitting, or by growth where splitting does not serve. Raises RequestError where no scene is found that meets
     the requirement."""

@@ -23,7 +23,7 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
-from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, Range, SampleRequest
+from scenegen.sampling.request import DEFAULT_SCENES, MAX_SCENES, FixedPose, Progress, Range, SampleRequest
 
 if TYPE_CHECKING:
     from scenegen.sampling.engine.run import SampledScenes
@@ -81,7 +81,7 @@ def sample(
     many = many_given(fix)
     alone = cast("Mapping[str, FixedPose | tuple[float, ...]]", {} if fix is None or many else fix)
     request = SampleRequest(
-        read_phi(source, phi), USUAL if n is None else n, seed=seed, method=method, spread=spread, fix=alone,
+        read_phi(source, phi), DEFAULT_SCENES if n is None else n, seed=seed, method=method, spread=spread, fix=alone,
         settle=settle, success=success, under=under, raw=raw, timeout=timeout, workers=workers,
         keep_partial=keep_partial,
     )  # fmt: skip

@@ -194,12 +194,12 @@ def _first_header(plan: Plan) -> AnyFile:
 def _manifest(plan: Plan, size: int, **facts: object) -> Manifest:
     """Before the run."""
     from scenegen.resources import __version__
-    from scenegen.sampling.engine.run import request_of
+    from scenegen.sampling.engine.run import resume_record
     from scenegen.scenes.sets import Manifest, header_data
 
     asked = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, **facts}
     return Manifest(
-        request={**request_of(plan.problem, {"scenegen": __version__}), **asked},
+        request={**resume_record(plan.problem, {"scenegen": __version__}), **asked},
         labels=list(plan.problem.labels),
         shard_size=size,
         header=header_data(_first_header(plan)),
@@ -213,9 +213,9 @@ def _shard_writer(plan: Plan, ending: str, store: Store) -> ShardWriter:
 
 
 def _account(plan: Plan, tally: Tally) -> dict[str, object]:
-    from scenegen.sampling.report import summed_up
+    from scenegen.sampling.report import run_info
 
-    return dict(summed_up(plan, tally)[0])
+    return dict(run_info(plan, tally)[0])
 
 
 def _warnings(
@@ -229,12 +229,12 @@ def _warnings(
 ) -> tuple[Diagnostic, ...]:
     """Of a run that ended. Raises RequestError where it found too few scenes, and they were not `written`; `folder`
     keeps them then, if one does."""
-    from scenegen.sampling.report import fell_short, summed_up
+    from scenegen.sampling.report import run_info, shortfall_of_run
 
-    warnings = summed_up(plan, tally)[1]
+    warnings = run_info(plan, tally)[1]
     if isinstance(source, LearnedModel) and request.method == "model":
         warnings = (*warnings, *source.advice(request, None))
-    shortfall = fell_short(plan, tally, spent)
+    shortfall = shortfall_of_run(plan, tally, spent)
     if shortfall is None:
         return warnings
     if not written:

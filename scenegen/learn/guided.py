@@ -21,7 +21,7 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import RequestError
 from scenegen.processes.pool import one_thread
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import GUIDED, LARGEST_PIECE, PILOT, Budget, Cells, Problem
+from scenegen.sampling.problem import GUIDED, PIECE_NUMBERS, PILOT, Budget, Cells, Problem
 from scenegen.sampling.proposer import Proposer
 from scenegen.sampling.report import shortfall, too_early
 from scenegen.search.effort import NEVER, Stop, StoppedError
@@ -86,7 +86,7 @@ def make_targets(problem: Problem, regions: Sequence[Array] = (), stop: Stop = N
         return _sorted(cells, np.concatenate([best, required]))
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PILOT]))
     lowest, highest = problem.lowest[:, None], problem.highest[:, None]
-    count = min(problem.piece_size, max(1024, LARGEST_PIECE // len(problem.core.labels)))
+    count = min(problem.piece_size, max(1024, PIECE_NUMBERS // len(problem.core.labels)))
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes are no targets
         rows = lowest + (highest - lowest) * rng.random((len(lowest), count))
         parts = []

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 def make_plan(problem: Problem, budget: Budget, proposer: Proposer | None = None, *, method: str | None = None) -> Plan:
     """The plan of a problem, by the request's method or another one. Raises what the method raises."""
-    from scenegen.sampling.problem import moves
+    from scenegen.sampling.problem import phi_varies
 
     entry = METHODS[method or problem.request.method]
-    if not entry.proposes and not moves(problem):  # all scenes have the same phi
+    if not entry.proposes and not phi_varies(problem):  # all scenes have the same phi
         entry = METHODS["rejection"]
     module, _, function = entry.make.partition(":")
     make = getattr(importlib.import_module(module), function)

@@ -23,9 +23,6 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.sampling.problem import Cells, Problem
 from scenegen.scenes.blocks import Block
 
-# --------------------------------------------------------------------------------------------------------------------
-# A hash of a plan's values. It does not depend on the version of Python or pickle.
-
 
 @dataclass(frozen=True, slots=True)
 class Record:
@@ -69,11 +66,7 @@ def digest(*values: Any) -> str:
     return found.hexdigest()
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Verification of every scene before it is returned.
-
-
-AGREE = 1e-9  # maximum difference of two evaluators of phi
+PHI_TOLERANCE = 1e-9  # maximum difference of two evaluators of phi
 CHUNK = 16_384  # scenes at a time, which stay in cache
 LIVE = 1 << 22  # numbers in memory at a time; specs of thousands of atoms get smaller chunks
 
@@ -91,7 +84,7 @@ def verify(problem: Problem, rows: Array, phi: Array) -> None:
         part = slice(start, start + size)
         some = np.ascontiguousarray(rows[:, part])
         again = problem.phi(some)
-        if not (np.abs(again[: len(phi)] - phi[:, part]) <= AGREE).all():
+        if not (np.abs(again[: len(phi)] - phi[:, part]) <= PHI_TOLERANCE).all():
             raise AssertionError("two evaluators of the same spec disagree about phi")
         if not ((again >= cells.low[:, None]) & (again <= cells.high[:, None])).all():
             raise AssertionError("a sampler returned a scene outside the requested range")

@@ -32,23 +32,19 @@ from scenegen.sampling.request import FixedPose, Range, SampleRequest, empty_ran
 from scenegen.search import label_bounds
 from scenegen.search.contract import (
     EVERYTHING,
-    ROUNDS,
     SLACK,
+    SWEEPS,
     Ends,
-    both,
     contract,
     contract_box,
+    intersect,
     push_down,
     size_of,
     start,
 )
-from scenegen.search.effort import Effort, StoppedError, TooMuchError, scoring
+from scenegen.search.effort import Effort, StoppedError, TooMuchError, scoring_work
 from scenegen.search.surfaces import improbable, worlds
 from scenegen.search.tape import Tape, make_tape
-
-# --------------------------------------------------------------------------------------------------------------------
-# Cutting the requested range of phi into cells that get equal shares of the scenes (docs/sampling.md).
-
 
 CELLS_PER_LABEL = {0: 1, 1: 32, 2: 16}  # cells along each bounded label; 8 for three or more
 
@@ -108,22 +104,19 @@ def cut(request: SampleRequest, labels: Sequence[str], most: float = math.inf) -
     return Cells(tuple(labels), bounded, edges, low, high)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How many scenes a piece of a run has.
-
-
-PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k) in any process
-LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
+PIECE_SCENES = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k) in any process
+PIECE_NUMBERS = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
 
 
 # random streams, beside that of the base draws (stream 0)
 PILOT, GUIDED, PLAN, REJECTION, PAIRED = 2, 3, 4, 5, 7
 
-LARGE = 1 << 22  # above so many nodes times cells, cells are compared with plain bounds instead of being contracted
-THIN = 1e-11  # of the size of coordinates: more than what contraction adds for rounding, less than any tolerance
-SHARED = 4096  # scenes that tell whether many have phi at its bound
-GRACE = 0.25  # seconds
-BESIDE = 16  # cost of drawing, sorting into cells and verifying, in nodes per evaluation (measured)
+# above so many nodes times cells, cells are compared with plain bounds instead of being contracted
+MAX_CONTRACTED = 1 << 22
+THIN_WIDTH = 1e-11  # of the size of coordinates: more than what contraction adds for rounding, less than any tolerance
+BOUND_SCENES = 4096  # scenes that tell whether many have phi at its bound
+GRACE_SECONDS = 0.25  # seconds
+DRAWING_COST = 16  # cost of drawing, sorting into cells and verifying, in nodes per evaluation (measured)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +148,7 @@ class Budget:
     @property
     def overdrawn(self) -> bool:
         """Time has long been up: even work that should finish is stopped."""
-        return time.monotonic() - self.started >= self.seconds + GRACE
+        return time.monotonic() - self.started >= self.seconds + GRACE_SECONDS
 
     def check(self) -> None:
         """Raises StoppedError if time has long been up."""
@@ -198,7 +191,7 @@ class Problem:
     @property
     def cost(self) -> int:
         """About the cost of drawing and scoring a scene, in visits of nodes."""
-        return len(self.core.nodes) + BESIDE
+        return len(self.core.nodes) + DRAWING_COST
 
     def scenes(self, rows: Array) -> Array:
         """The scenes of a plan as they begin, (3N, B): all of them, but for switches of choices."""
@@ -212,11 +205,11 @@ class Problem:
     def wanted(self, cell: int | None = None) -> dict[int, Ends]:
         """The demand of a cell, or of the whole range, on each formula node of the core."""
         low, high = (self.cells.low, self.cells.high) if cell is None else self.cells.limits(cell)
-        return _wanted(self.core, low, high)
+        return _demand(self.core, low, high)
 
     def demand(self, low: Array, high: Array) -> dict[int, Ends]:
         """That phi of every label lies in low..high, (L,) each, as demands on formula nodes of the core."""
-        return _wanted(self.core, low, high)
+        return _demand(self.core, low, high)
 
     def phi(self, rows: Array) -> Array:
         """Exact phi of float64 rows, (3N, B) -> (L, B), the requirement's last: it determines which scenes are in
@@ -238,7 +231,7 @@ class Problem:
     @property
     def piece_size(self) -> int:
         """Scenes of one piece."""
-        return max(16, min(PIECE, LARGEST_PIECE // row_count(len(self.spec.objects))))
+        return max(16, min(PIECE_SCENES, PIECE_NUMBERS // row_count(len(self.spec.objects))))
 
 
 def make_problem(
@@ -246,7 +239,7 @@ def make_problem(
     request: SampleRequest,
     budget: Budget | None = None,
     *,
-    rounds: int = ROUNDS,
+    rounds: int = SWEEPS,
     most: float = math.inf,
     effort: Effort | None = None,
 ) -> Problem:
@@ -282,14 +275,14 @@ def make_problem(
         raise RequestError(NO_TIME_TO_CHECK()) from None
 
 
-def moves(problem: Problem) -> bool:
+def phi_varies(problem: Problem) -> bool:
     """Whether anything that phi depends on can move: otherwise all scenes have the same phi, and rejection is the
     method."""
     rows = np.array([*read_rows(problem.core)], dtype=np.intp)
     return bool((problem.lowest[rows] < problem.highest[rows]).any())
 
 
-def narrowed(
+def narrow_problem(
     problem: Problem,
     core: Core,
     box: tuple[Array, Array],
@@ -313,7 +306,7 @@ def impossible(problem: Problem, effort: Effort | None = None) -> Diagnostic:
     """The error for a request of which no cell is left: it is proved to have no scene, and the error names the atoms
     that conflict, if there is time to find out; or some cells are only too improbable."""
     if problem.improbable:
-        return TOO_IMPROBABLE(wanted=_asked(problem.request.phi))
+        return TOO_IMPROBABLE(wanted=_ranges_text(problem.request.phi))
     effort = Effort() if effort is None else effort
     asked = problem.request.phi, problem.wanted()
     return _impossible(problem.core, problem.lowest, problem.highest, *asked, tuple(problem.fixed), effort)
@@ -329,24 +322,24 @@ def _impossible(
     effort: Effort,
 ) -> Diagnostic:
     """The error names the requirement alone where that suffices: then no other range of phi helps."""
-    from scenegen.search.clash import clash, explain
+    from scenegen.search.conflict import conflict_diagnostic, minimal_conflict
 
-    facts: dict[str, object] = {"wanted": _asked(phi)}
+    facts: dict[str, object] = {"wanted": _ranges_text(phi)}
     try:
         found = None
         if REQUIRE in core.labels:
             required = {core.labels[REQUIRE]: (0.0, math.inf)}
-            found = clash(core, lowest, highest, required, search=False, effort=effort)
+            found = minimal_conflict(core, lowest, highest, required, search=False, effort=effort)
         if found is not None:
             facts = {"required": True, "held": held}
         else:
-            found = clash(core, lowest, highest, wanted, search=False, effort=effort)
+            found = minimal_conflict(core, lowest, highest, wanted, search=False, effort=effort)
     except (StoppedError, TooMuchError):
         found = None
-    return NO_SUCH_SCENE(**facts) if found is None else explain(core, found, NO_SUCH_SCENE, **facts)
+    return NO_SUCH_SCENE(**facts) if found is None else conflict_diagnostic(core, found, NO_SUCH_SCENE, **facts)
 
 
-def _asked(phi: Mapping[str, Range]) -> str:
+def _ranges_text(phi: Mapping[str, Range]) -> str:
     return " and ".join(f"phi of `{name}` in {wanted}" for name, wanted in phi.items())
 
 
@@ -361,12 +354,12 @@ def _refuse_points(
     high = np.array([np.inf if (r := phi.get(name)) is None or r.high is None else r.high for name in core.labels])
     if REQUIRE in core.labels:
         low[-1] = 0.0
-    wanted = _wanted(core, low, high)
+    wanted = _demand(core, low, high)
     if any(map(np.isnan, (*low, *high))):
         return
-    from scenegen.search.clash import clash  # few requests are refused
+    from scenegen.search.conflict import minimal_conflict  # few requests are refused
 
-    if clash(core, lowest, highest, wanted, search=False, effort=effort) is not None:
+    if minimal_conflict(core, lowest, highest, wanted, search=False, effort=effort) is not None:
         raise RequestError(_impossible(core, lowest, highest, phi, wanted, held, effort))
 
 
@@ -382,8 +375,8 @@ def _at_shared_bounds(
     matter of which surface a thing is on: the bound moves by a hair, for it has not probability 0, and a range of that
     value alone has its other end open."""
     ends = {name: wanted for name, wanted in phi.items() if name in bounds}
-    count = max(64, min(SHARED, LARGE // len(core.nodes)))
-    effort.spend(scoring(core.nodes, count))
+    count = max(64, min(BOUND_SCENES, MAX_CONTRACTED // len(core.nodes)))
+    effort.spend(scoring_work(core.nodes, count))
     width = (highest - lowest)[:, None]
     rows = lowest[:, None] + width * np.random.default_rng(0).random((len(lowest), count))
     with np.errstate(all="ignore"):
@@ -400,33 +393,33 @@ def _at_shared_bounds(
     return phi, bounds
 
 
-def _wanted(core: Core, low: Array, high: Array) -> dict[int, Ends]:
+def _demand(core: Core, low: Array, high: Array) -> dict[int, Ends]:
     wanted: dict[int, Ends] = {}
     for node, least, most in zip(core.labels.values(), map(float, low), map(float, high), strict=True):
-        wanted[node] = both(wanted.get(node, EVERYTHING), (least, most))
+        wanted[node] = intersect(wanted.get(node, EVERYTHING), (least, most))
     return wanted
 
 
 def _possible(
-    core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array, effort: Effort, rounds: int = ROUNDS
+    core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array, effort: Effort, rounds: int = SWEEPS
 ) -> tuple[frozenset[int], frozenset[int]]:
     """The cells that are not proved empty, by contraction or, for very large specs, by bounds alone: those in which
     scenes can be found, and those whose scenes are too improbable, which contraction shows where surfaces are chosen.
     """
-    if len(tape.nodes) * cells.count > LARGE:
+    if len(tape.nodes) * cells.count > MAX_CONTRACTED:
         least, most = label_bounds(core, lowest, highest, effort)
         limits = map(cells.limits, range(cells.count))
         return frozenset(
             cell for cell, (low, high) in enumerate(limits) if ((low <= most) & (high >= least)).all()
         ), frozenset()
-    wanted = [push_down(core, _wanted(core, *cells.limits(cell))) for cell in range(cells.count)]
+    wanted = [push_down(core, _demand(core, *cells.limits(cell))) for cell in range(cells.count)]
     boxes = lowest[:, None], highest[:, None]
     alive = _alive(tape, wanted, *boxes, effort, rounds)
     likely = alive
     choices = worlds(core, lowest, highest)
-    if choices[0].shape[1] > 1 and len(tape.nodes) * cells.count * choices[0].shape[1] <= LARGE:
+    if choices[0].shape[1] > 1 and len(tape.nodes) * cells.count * choices[0].shape[1] <= MAX_CONTRACTED:
         narrowest = min((float(np.diff(edge).min()) for edge in cells.edges), default=math.inf)
-        thin = THIN * size_of(lowest, highest)
+        thin = THIN_WIDTH * size_of(lowest, highest)
         likely = alive & _alive(tape, wanted, *choices, effort, rounds, thin if narrowest > 100.0 * thin else 0.0)
         doubtful = np.flatnonzero(alive & ~likely)
         if len(doubtful):
@@ -456,10 +449,6 @@ def _alive(
     if thin:
         alive &= ~improbable(tape, lo, hi, thin)
     return np.asarray(alive.reshape(len(wanted), count).any(axis=1))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Objects that a request holds.
 
 
 def hold_fixed(

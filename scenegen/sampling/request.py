@@ -40,13 +40,13 @@ Progress: TypeAlias = Callable[[int, int, int], None]
 Spread = Literal["flat", "base"]
 SPREADS: tuple[str, ...] = get_args(Spread)
 
-BAND = 0.0125  # half the width of the band suggested in place of a single value: the paper's tolerance
-USUAL = 16  # scenes, where nobody says how many
+BAND_HALF_WIDTH = 0.0125  # half the width of the band suggested in place of a single value: the paper's tolerance
+DEFAULT_SCENES = 16  # scenes, where nobody says how many
 MAX_SCENES = 1_000_000_000
-LARGEST_PHI = 1e12
+MAX_PHI = 1e12
 MAX_SEED = 2**63 - 1
 PHI_UNITS = ("", "m", "cm", "mm", "rad", "deg")
-RANGE = {"what": "a range", "form": "LO:HI, LO: or :HI"}
+RANGE_FORM = {"what": "a range", "form": "LO:HI, LO: or :HI"}
 RATE_USAGE = "write a range of rates such as 0.4:0.6 or 40%:60%"
 PHI_USAGE = "write a range such as 0.05:0.2, in metres and radians, or with units: 5cm:20cm"
 
@@ -117,7 +117,7 @@ def _parse_range(
     if not colon or ":" in high:
         alone = not colon and number(text) is not None
         raise RequestError(
-            ARGUMENT_SYNTAX(whole, **RANGE, band=_band_text(text) if alone else None, example="0.05:0.2")
+            ARGUMENT_SYNTAX(whole, **RANGE_FORM, band=_band_text(text) if alone else None, example="0.05:0.2")
         )
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
@@ -130,7 +130,7 @@ def _parse_range(
             value = value / 100.0 if suffix == "%" else quantity(amount, suffix)[0]
         ends.append(value)
     if ends == [None, None]:
-        raise RequestError(ARGUMENT_SYNTAX(whole, **RANGE, example="0.05:0.2; or leave the option out"))
+        raise RequestError(ARGUMENT_SYNTAX(whole, **RANGE_FORM, example="0.05:0.2; or leave the option out"))
     result = Range(ends[0], ends[1], whole)
     problem = empty_range(result)
     if problem is not None:
@@ -167,7 +167,7 @@ def unit_of(text: str) -> tuple[str, str]:
 
 def _band_text(text: str) -> str:
     value = float(text)
-    return f"{value - BAND:g}:{value + BAND:g}"
+    return f"{value - BAND_HALF_WIDTH:g}:{value + BAND_HALF_WIDTH:g}"
 
 
 def empty_range(wanted: Range) -> Diagnostic | None:
@@ -202,7 +202,7 @@ def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
     """Raises RequestError for an end that is not finite, and for a reversed range."""
     for label, wanted in by_name(name, phi, "ranges by label").items():
         for end in (wanted.low, wanted.high):
-            if end is not None and not abs(end) <= LARGEST_PHI:
+            if end is not None and not abs(end) <= MAX_PHI:
                 raise RequestError(RANGE_NOT_A_PAIR(end=end, label=label))
         problem = empty_range(wanted)
         if problem is not None:
@@ -210,14 +210,10 @@ def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
     return cast("Mapping[str, Range]", phi)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Objects that a request fixes: `--fix plate=0.5,0.5` completes a given scene.
-
-
-HELD = "plate=0.5,0.5 or plate=50cm,0.5,90deg"
-USAGE = f"write NAME=X,Y or NAME=X,Y,THETA, for instance {HELD}"
-COMPASS = {"EAST": 0, "NORTH": 90, "WEST": 180, "SOUTH": 270}
-UNITS = {"m": ("", "m", "cm", "mm"), "rad": ("", "rad", "deg", "turn")}
+FIX_EXAMPLE = "plate=0.5,0.5 or plate=50cm,0.5,90deg"
+FIX_USAGE = f"write NAME=X,Y or NAME=X,Y,THETA, for instance {FIX_EXAMPLE}"
+COMPASS_DEGREES = {"EAST": 0, "NORTH": 90, "WEST": 180, "SOUTH": 270}
+POSE_UNITS = {"m": ("", "m", "cm", "mm"), "rad": ("", "rad", "deg", "turn")}
 
 
 def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, FixedPose]:
@@ -232,7 +228,7 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
         parts = rest.split(",")
         if not equals or not name.strip() or len(parts) not in (len(PLACE), len(FLAT)):
             raise RequestError(
-                ARGUMENT_SYNTAX(whole, what="what is held", form="NAME=X,Y or NAME=X,Y,THETA", example=HELD)
+                ARGUMENT_SYNTAX(whole, what="what is held", form="NAME=X,Y or NAME=X,Y,THETA", example=FIX_EXAMPLE)
             )
         values = []
         start = len(name) + 1
@@ -254,11 +250,11 @@ def _amount(part: str, base: str, here: Span) -> float:
     amount, suffix = unit_of(part)
     value = number(amount)
     if value is None:
-        turn = COMPASS.get(part.strip().upper()) if base == "rad" else None
-        usage = USAGE if turn is None else f"a heading is a number here: {turn}deg for {part.strip()}"
+        turn = COMPASS_DEGREES.get(part.strip().upper()) if base == "rad" else None
+        usage = FIX_USAGE if turn is None else f"a heading is a number here: {turn}deg for {part.strip()}"
         raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
-    if suffix not in UNITS[base]:
-        usage = f"it is in {', '.join(UNITS[base][1:])}; {USAGE}"
+    if suffix not in POSE_UNITS[base]:
+        usage = f"it is in {', '.join(POSE_UNITS[base][1:])}; {FIX_USAGE}"
         raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
     if not suffix and base == "rad" and abs(value) > TWO_PI:
         raise RequestError(MORE_THAN_A_TURN(here, amount=value))
@@ -267,10 +263,6 @@ def _amount(part: str, base: str, here: Span) -> float:
 
 def _optional(check: Callable[[str, Any], Any], name: str, value: object) -> Any:
     return None if value is None else check(name, value)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The sampling methods: one table for the command line, the Python API and `auto`.
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,11 +293,7 @@ def methods_help() -> str:
     return ", ".join([f"{', '.join(most)} or {last} (a spec)", *proposing]) + "."
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The request. Its fields are the options of `scenegen sample`, of Python's `sample` and of the page.
-
-
-DRAWING, SETS, OF_MODELS = "How scenes are drawn", "Sets of scenes", "Models"  # panels of the help
+DRAWING_PANEL, SETS_PANEL, MODELS_PANEL = "How scenes are drawn", "Sets of scenes", "Models"  # panels of the help
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,9 +327,9 @@ class SampleRequest:
             least=1,
             most=MAX_SCENES,
         ),
-    ] = USUAL
+    ] = DEFAULT_SCENES
     seed: Annotated[int, Option("The same seed gives the same scenes.", most=MAX_SEED)] = 0
-    method: Annotated[str, Option(methods_help(), hints=METHODS, panel=DRAWING)] = "auto"
+    method: Annotated[str, Option(methods_help(), hints=METHODS, panel=DRAWING_PANEL)] = "auto"
     spread: Annotated[
         str,
         Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS),
@@ -383,13 +371,13 @@ class SampleRequest:
         ),
     ] = None
     workers: Annotated[
-        int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING)
+        int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING_PANEL)
     ] = None
-    timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", panel=DRAWING)] = 60.0
-    keep_partial: Annotated[bool, Option("Keep what was found when time is up.", panel=DRAWING)] = False
+    timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", panel=DRAWING_PANEL)] = 60.0
+    keep_partial: Annotated[bool, Option("Keep what was found when time is up.", panel=DRAWING_PANEL)] = False
     raw: Annotated[
         bool,
-        Option("A model's own output, neither refined nor filtered.", of=("scenes",), panel=OF_MODELS),
+        Option("A model's own output, neither refined nor filtered.", of=("scenes",), panel=MODELS_PANEL),
     ] = False
     resume: Annotated[bool, Option("Go on where an earlier run with this --out was broken off.", of=("files",))] = False
     shard_size: Annotated[
@@ -399,7 +387,7 @@ class SampleRequest:
             "N",
             check=functools.partial(_optional, as_int),
             of=("sets",),
-            panel=SETS,
+            panel=SETS_PANEL,
         ),
     ] = None
     engine: Annotated[
@@ -408,12 +396,12 @@ class SampleRequest:
             "What draws a set: local processes, or a ray cluster. The bytes are the same.",
             hints=("local", "ray"),
             of=("sets",),
-            panel=SETS,
+            panel=SETS_PANEL,
         ),
     ] = "local"
     address: Annotated[
         str | None,
-        Option("The Ray cluster; default: $RAY_ADDRESS, or this machine.", "ADDR", of=("sets",), panel=SETS),
+        Option("The Ray cluster; default: $RAY_ADDRESS, or this machine.", "ADDR", of=("sets",), panel=SETS_PANEL),
     ] = None
     strict: bool = False
 
@@ -471,7 +459,7 @@ def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warning
     at_top, at_bottom = low == highest, high == lowest
     if at_top or at_bottom:
         # Reached only at its bound, as in closeTo(mug, plate, 0): suggest a band beside the bound.
-        band = Range(highest - 2 * BAND, highest) if at_top else Range(lowest, lowest + 2 * BAND)
+        band = Range(highest - 2 * BAND_HALF_WIDTH, highest) if at_top else Range(lowest, lowest + 2 * BAND_HALF_WIDTH)
         bound = highest if at_top else lowest
         if warnings is None:
             refused = ONLY_AT_BOUND(wanted.span, bound=bound, ask=band, **reach)
@@ -479,6 +467,6 @@ def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warning
         warnings.append(ONLY_AT_BOUND(wanted.span, bound=bound, band=band, **reach))
         return band
     if low == high:
-        band = Range(max(low - BAND, lowest), min(high + BAND, highest))
+        band = Range(max(low - BAND_HALF_WIDTH, lowest), min(high + BAND_HALF_WIDTH, highest))
         raise RequestError(SINGLE_VALUE(wanted.span, label=name, value=low, band=band))
     return wanted

@@ -21,7 +21,6 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.search.effort import Effort
 from scenegen.search.tape import BatchedTape, Contracted, Tape, make_batches, one_by_one
 
-# --------------------------------------------------------------------------------------------------------------------
 # What is wanted of a formula, pushed down to its parts, and split into alternatives that exclude one another.
 #
 # A conjunction lies at or above l if all its parts do; it lies at or below u if *some* part does, and the first one
@@ -33,7 +32,7 @@ Ends = tuple[float, float]
 EVERYTHING: Ends = (-math.inf, math.inf)
 
 
-def both(a: Ends, b: Ends) -> Ends:
+def intersect(a: Ends, b: Ends) -> Ends:
     return max(a[0], b[0]), min(a[1], b[1])
 
 
@@ -67,7 +66,7 @@ def _push(core: Core, out: dict[int, Ends], top: int) -> None:
             continue
         for arg in node.args:
             before = out.get(arg, EVERYTHING)
-            after = both(before, passed)
+            after = intersect(before, passed)
             if after != before:
                 out[arg] = after
                 stack.append(arg)
@@ -99,14 +98,14 @@ def alternatives(
         apart[arg] = meets
         demand = dict(rest)
         for key, ends in apart.items():
-            demand[key] = both(demand.get(key, EVERYTHING), ends)
+            demand[key] = intersect(demand.get(key, EVERYTHING), ends)
         if all(low <= high for low, high in demand.values()):
             yield push_down(core, demand), apart
 
 
-ROUNDS = 4
-LEAST = 0.02  # a sweep that takes less than this share off every box is the last
-KEPT = 4  # contracted boxes of a tape that are kept
+SWEEPS = 4
+MIN_SWEEP_GAIN = 0.02  # a sweep that takes less than this share off every box is the last
+MAX_CACHED_BOXES = 4  # contracted boxes of a tape that are kept
 SLACK = 1e-9  # wanted ends are loosened by this, relative to the size of the numbers, for the tape rounds differently
 
 
@@ -143,7 +142,7 @@ def contract(
     nodes: Sequence[Node],
     lo: Array,
     hi: Array,
-    rounds: int = ROUNDS,
+    rounds: int = SWEEPS,
     *,
     batches: BatchedTape | None = None,
     effort: Effort | None = None,
@@ -168,14 +167,14 @@ def contract(
             batches.meet_down(lo, hi, effort)
             alive &= (lo <= hi).all(axis=0)
             after = hi[leaves] - lo[leaves]
-            if not alive.any() or not (after < (1.0 - LEAST) * before)[:, alive].any():
+            if not alive.any() or not (after < (1.0 - MIN_SWEEP_GAIN) * before)[:, alive].any():
                 break
             before = after
     return alive
 
 
 def contract_box(
-    tape: Tape, lowest: Array, highest: Array, demand: Mapping[int, Ends], effort: Effort, rounds: int = ROUNDS
+    tape: Tape, lowest: Array, highest: Array, demand: Mapping[int, Ends], effort: Effort, rounds: int = SWEEPS
 ) -> Contracted:
     """One box lowest..highest, (3N,), with a demand, contracted. Raises what `effort` raises.
 
@@ -191,7 +190,7 @@ def contract_box(
     lo, hi = start(tape, [demand], lowest[:, None], highest[:, None])
     alive = bool(contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)[0])
     made = tape.contracted[key] = Contracted(lo[:, 0], hi[:, 0], alive, effort.used - used)
-    if len(tape.contracted) > KEPT:
+    if len(tape.contracted) > MAX_CACHED_BOXES:
         del tape.contracted[next(iter(tape.contracted))]
     return made
 
@@ -221,10 +220,6 @@ def _is_leaf(nodes: Sequence[Node], node: Node) -> bool:
     if isinstance(node, Apply):
         return node.primitive == "sub" and all(isinstance(nodes[arg], Coord) for arg in node.args)
     return isinstance(node, Coord)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Interval bounds of phi over boxes of poses.
 
 
 def node_bounds(

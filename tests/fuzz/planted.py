@@ -29,9 +29,9 @@ from scenegen.sampling.rejection.sampler import make_plan
 from scenegen.sampling.rejection.trial import make_cover
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search import spec_bounds
-from scenegen.search.clash import clash
+from scenegen.search.conflict import minimal_conflict
 from scenegen.search.effort import Effort, TooMuchError
-from scenegen.search.prune import find
+from scenegen.search.prune import find_witness
 
 Array = npt.NDArray[np.float64]
 
@@ -206,9 +206,12 @@ def wrong_proofs(made: Planted, work: float = 3e7) -> list[str]:
         (cell,) = map(int, problem.cells.find(values))
         if cell >= 0 and cell not in problem.possible | problem.improbable:
             found.append(f"{what}: cell {cell}")
-        if clash(core, *made.member.box(), problem.wanted(), search=False, work=int(work / 1000)) is not None:
+        if (
+            minimal_conflict(core, *made.member.box(), problem.wanted(), search=False, work=int(work / 1000))
+            is not None
+        ):
             found.append(f"{what}: clash")
-        if find(core, *made.member.box(), problem.wanted(), work=int(work / 1000)).verdict == "no":
+        if find_witness(core, *made.member.box(), problem.wanted(), work=int(work / 1000)).verdict == "no":
             found.append(f"{what}: search")
         with np.errstate(all="ignore"):
             found += [f"{what}: {proof}" for proof in [too_full(make_graph(problem), problem.spec)] if proof]

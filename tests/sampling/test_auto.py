@@ -11,18 +11,18 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling import problem as module
-from scenegen.sampling.choice import CHAINS, DESCENT, LOOK, MethodChoice, try_rejection
+from scenegen.sampling.choice import DESCENT_CHAINS, DESCENT_MOVES, SPLITTING_SHARE, MethodChoice, try_rejection
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import NoPlan, digest
 from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rejection.trial import make_trial, search
+from scenegen.sampling.rejection.trial import make_trial, search_longer
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.levels import Schedule
 from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled
-from scenegen.search.effort import moving
+from scenegen.search.effort import moving_seconds
 
 # Waves of independent headings: no box of poses tells where their product is large.
 WAVES = " * ".join(f"sin(20 * theta({name}))" for name in "abcde")
@@ -94,7 +94,7 @@ def test_a_search_that_time_cuts_short_is_no_plan():
     problem = make_problem(check_text("leftOf(a, b)"), SampleRequest({"task": Range(0.0)}, n=20))
     trial = make_trial(problem, Budget())
     with pytest.raises(RequestError, match=r"time was up after .* draws, too early"):
-        search(problem, trial, Budget(0.0))
+        search_longer(problem, trial, Budget(0.0))
 
 
 def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
@@ -146,8 +146,8 @@ def test_growth_of_large_populations_and_splitting_are_compared(growth, splittin
     monkeypatch.setattr("scenegen.sampling.growth.sampler.plan_growth", grown)
     monkeypatch.setattr("scenegen.sampling.splitting.sampler.plan_splitting", splits)
     assert MethodChoice(problem, Budget())._other() is (split if taken == "splitting" else easy)
-    assert given["growth"] == (moving(problem.core.nodes, DESCENT * CHAINS, DESCENT), True)
-    assert given.get("splitting") == {None: math.inf, 75.0: 75.0 / LOOK, 7.0: None}[growth]
+    assert given["growth"] == (moving_seconds(problem.core.nodes, DESCENT_MOVES * DESCENT_CHAINS, DESCENT_MOVES), True)
+    assert given.get("splitting") == {None: math.inf, 75.0: 75.0 / SPLITTING_SHARE, 7.0: None}[growth]
 
 
 @pytest.mark.slow

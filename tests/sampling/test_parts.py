@@ -25,14 +25,14 @@ from scenegen.sampling.methods import make_plan
 from scenegen.sampling.parts import independent_parts, pair
 from scenegen.sampling.plan import Tally
 from scenegen.sampling.problem import PLAN, Budget, make_problem
-from scenegen.sampling.rarity import MixedTail, constant, mean
+from scenegen.sampling.rarity import MixedTail, constant_phi, mean_estimate
 from scenegen.sampling.rejection import draw as draw_staged
 from scenegen.sampling.rejection import draw as module_staged
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection.draw import draw_kept, make_stages
-from scenegen.sampling.rejection.trial import make_trial, search
+from scenegen.sampling.rejection.trial import make_trial, search_longer
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.search.effort import Effort, StoppedError, per_scene
+from scenegen.search.effort import Effort, StoppedError, work_per_scene
 from scenegen.search.prune import box_cover
 
 LEVEL = 0.99
@@ -348,7 +348,7 @@ def test_the_cheap_and_rare_comes_first():
     stages = make_stages(problem, whole_box(problem))
     first = problem.core.nodes[stages.stages[0].conditions[0].node]
     assert first.text.startswith(("facing(", "alignedY("))
-    assert stages.work < 0.2 * per_scene(problem.core.nodes)[0]
+    assert stages.work < 0.2 * work_per_scene(problem.core.nodes)[0]
 
 
 def test_nothing_comes_first_where_nothing_is_cheap():
@@ -369,9 +369,9 @@ def test_stages_of_a_cover_are_found_once(monkeypatch):
     for place in (draw_staged, sampler):
         monkeypatch.setattr(place, "make_stages", counted)
     problem = planned("task: nextTo(box[2], box[1])\n", {"task": Range(0.0, None)}, n=10_000)
-    found = choice.try_rejection(problem, Budget(60.0), choice.FIRST)
+    found = choice.try_rejection(problem, Budget(60.0), choice.FIRST_PRUNING_WORK)
     assert found.plan.sources[0].stages is found.trial.stages is not None and found.plan.seconds > 0.0
-    more = search(problem, found.trial, Budget(60.0))
+    more = search_longer(problem, found.trial, Budget(60.0))
     assert more.stages is found.trial.stages and more.tried > found.trial.tried
     assert len(covers) == len({id(cover) for cover in covers}) == 1
 
@@ -548,12 +548,12 @@ def test_surfaces_are_chosen_of_those_that_are_there(tmp_path):
 
 
 def test_the_mixture_of_tails_is_the_mean():
-    low, high = constant(0.1), constant(0.3)
+    low, high = constant_phi(0.1), constant_phi(0.3)
     tail = MixedTail((low.up, high.up))
     assert (tail.end, tail.whole) == (0.3, True)
     assert 10.0 ** tail(0.2).log10 == pytest.approx(0.5) and tail(0.05).log10 == 0.0 and tail(0.4) is None
     assert tail.quantile(0.25) == 0.3 and tail.quantile(0.75) == 0.1
-    assert mean([None, None]) is None
+    assert mean_estimate([None, None]) is None
 
 
 def test_a_run_that_is_cut_short_does_not_speak_of_equal_shares(spec):

@@ -317,7 +317,7 @@ def test_pieces_are_larger_where_there_are_many_of_little_use(kept, parts):
     sizes = []
     for n in (1, 100, 10**5, 10**6, 10**8):
         problem = make_problem(spec, SampleRequest({"task": Range(0.0)}, n=n))
-        need = sampler.SPARE * n / kept
+        need = sampler.SPARE_SCENES * n / kept
         size = sampler._size(problem, need, parts)
         full = problem.piece_size
         if size > full:

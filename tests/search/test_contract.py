@@ -24,7 +24,7 @@ from scenegen.search import label_bounds, node_bounds, spec_bounds
 from scenegen.search.contract import alternatives, contract, contract_box, forward, push_down, start
 from scenegen.search.effort import Effort, TooMuchError
 from scenegen.search.prune import prune
-from scenegen.search.tape import FEWEST, make_batches, make_tape
+from scenegen.search.tape import BATCHED_NODES, make_batches, make_tape
 
 from ..laws import examples
 
@@ -235,7 +235,7 @@ def test_a_box_is_contracted_once(monkeypatch):
         for rounds in (1, 2):
             contract_box(tape, *box, demand, less, rounds)
             assert len(calls) == 3 + 2 * number + rounds - 1
-    assert len(tape.contracted) == contraction.KEPT
+    assert len(tape.contracted) == contraction.MAX_CACHED_BOXES
 
 
 # every primitive over footprints, with pairs that share objects
@@ -339,13 +339,13 @@ def test_small_tapes_are_walked_node_by_node():
     """So that the plans of small specs stay what they were, bit for bit."""
     spec = check_text(CLUTTER.format(8))
     tape = make_tape(spec.core, *spec.box())
-    assert len(tape.nodes) < FEWEST and alone(tape.batches)
+    assert len(tape.nodes) < BATCHED_NODES and alone(tape.batches)
 
 
 def test_chains_of_nodes_are_walked_one_by_one():
     """Nodes that hang from one another cannot be taken together."""
     deep = check_text("task: " + "abs(" * 600 + "x(a)" + " - 0.1)" * 600 + " <= 0.5")
-    assert len(deep.core.nodes) > FEWEST and alone(make_batches(deep.core.nodes))
+    assert len(deep.core.nodes) > BATCHED_NODES and alone(make_batches(deep.core.nodes))
 
 
 EVERYWHERE = Workspace((-0.2, 1.2), (-0.2, 1.2))

@@ -11,7 +11,7 @@ from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.play.fit.fit import Fit, TaskFit
-from scenegen.sampling.plan import AGREE, Account, Piece, Plan, Selection, Tally, digest
+from scenegen.sampling.plan import PHI_TOLERANCE, Account, Piece, Plan, Selection, Tally, digest
 from scenegen.sampling.request import Range
 
 TRIES = 4  # pieces that are looked at, as long as none has a scene in the range
@@ -88,5 +88,5 @@ class Predicted(Selection):
     def check(self, rows: Array, phi: Array) -> None:
         self.plan.check(rows, phi)
         rate = self.fit.predicted(self.problem.spec, rows)
-        if not ((rate >= self.low - AGREE) & (rate <= self.high + AGREE)).all():
+        if not ((rate >= self.low - PHI_TOLERANCE) & (rate <= self.high + PHI_TOLERANCE)).all():
             raise AssertionError("a sampler returned a scene whose predicted success is out of the range")

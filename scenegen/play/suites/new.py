@@ -37,7 +37,7 @@ from scenegen.errors.requests import (
 from scenegen.lang.checker import check_file
 from scenegen.play.suites.statistics import Z
 from scenegen.play.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
-from scenegen.sampling.engine.engines import JobResult, each
+from scenegen.sampling.engine.engines import JobResult, run_each
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.scenes.data import RequestData
@@ -118,7 +118,7 @@ def new_suite(
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
-        for done, (plan, ended) in enumerate(zip(plans, each(job, jobs, "local", workers), strict=True), 1):
+        for done, (plan, ended) in enumerate(zip(plans, run_each(job, jobs, "local", workers), strict=True), 1):
             told(ended, done, len(plans))
             if ended.errors:
                 raise RequestError(*ended.errors)

@@ -36,10 +36,6 @@ from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Block, joined
 from scenegen.search.effort import StoppedError
 
-# --------------------------------------------------------------------------------------------------------------------
-# The job of whatever draws pieces: a piece without what the request does not want.
-
-
 Cells = npt.NDArray[np.integer[Any]]
 
 
@@ -242,10 +238,6 @@ def _rank(index: Cell, count: int) -> Cell:
     rank = np.empty(len(index), dtype=np.intp)
     rank[order] = np.arange(len(index)) - first[index[order]]
     return rank
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A run: the pieces of a plan, one after the other.
 
 
 @dataclass(slots=True)

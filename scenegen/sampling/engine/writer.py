@@ -59,9 +59,10 @@ from scenegen.scenes.sets import (
 )
 from scenegen.scenes.stores import Store, store_at
 
-SPARE = 4  # blocks of candidates that are held though none of them waits any more
-CHECKPOINT = 5.0  # seconds of work on a file that kill -9 may cost; the times of checkpoints do not change the file
-OLDER = "scenegen/shards"  # the format of files in progress before they were sets
+SPARE_BLOCKS = 4  # blocks of candidates that are held though none of them waits any more
+# seconds of work on a file that kill -9 may cost; the times of checkpoints do not change the file
+CHECKPOINT_SECONDS = 5.0
+OLDER_FORMAT = "scenegen/shards"  # the format of files in progress before they were sets
 
 
 def write_set(
@@ -105,10 +106,6 @@ def write_set(
     return tally, run.manifest
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# One file: a set in progress beside it, which is joined at the end.
-
-
 def folder_of(path: Path) -> Path:
     """The folder in which a file grows."""
     return path.with_name(f"{path.name}.part")
@@ -127,7 +124,7 @@ def write_file(
     spent: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
     joining: Callable[[Block], None] = lambda block: None,
-    checkpoint: float = CHECKPOINT,
+    checkpoint: float = CHECKPOINT_SECONDS,
     block: int = BLOCK,
 ) -> Tally:
     """Write the scenes of a request to a file in the format of the path's ending, however many there are.
@@ -150,14 +147,14 @@ def write_file(
     kind = format_of(path, trial.format)
     kind.write(io.BytesIO(), trial, manifest.labels, [])
     with ExitStack() as ending:
-        kept = ending.enter_context(_Kept.opened(path))
+        kept = ending.enter_context(_FileInProgress.opened(path))
         ending.enter_context(held(kept.store))
         ending.callback(kept.leave)
         ending.callback(engine.close)  # before that: it may be writing
         found = kept.begin(manifest, resume)
         into = writing(kept.store)
         run = _Run(kept.store, plan, engine, found, into, block, checkpoint)
-        with _damage(kept.store):
+        with _damage_refused(kept.store):
             run.restore(without_waiting=found.complete)
         kept.run = run
         if found.complete:  # the file is there, and only the folder has to be removed
@@ -206,7 +203,7 @@ def write_file(
 
 
 @dataclass(slots=True)
-class _Kept:
+class _FileInProgress:
     """What there is of a file in progress: its folder as a store, and the run that fills it, once there is one."""
 
     path: Path
@@ -216,7 +213,7 @@ class _Kept:
 
     @classmethod
     @contextmanager
-    def opened(cls, path: Path) -> Generator[_Kept, None, None]:
+    def opened(cls, path: Path) -> Generator[_FileInProgress, None, None]:
         """Errors of the block speak of the file, and say what is kept. At its end an empty folder is removed."""
         kept = cls(path, store_at(str(folder_of(path))))
         try:
@@ -248,7 +245,7 @@ class _Kept:
     def begin(self, manifest: Manifest, resume: bool) -> Manifest:
         """The manifest to go on from, as of `sets.begin`. Raises RequestError, OutputError, and DataError for damage,
         of which all is found now, not when all else is drawn."""
-        with _damage(self.store):
+        with _damage_refused(self.store):
             there = self.store.sizes()
             if MANIFEST in there:
                 _refuse_older(self.store)
@@ -265,14 +262,14 @@ class _Kept:
                 same_request(self.store, found, manifest)
                 return found
             discard(self.store, complete=True)
-        with _damage(self.store):
+        with _damage_refused(self.store):
             found = begin(self.store, manifest, resume=resume)
             for _ in raw_blocks(self.store, found):
                 pass
         return found
 
     def blocks(self, manifest: Manifest) -> Iterator[Block]:
-        with _damage(self.store):
+        with _damage_refused(self.store):
             yield from raw_blocks(self.store, manifest)
 
     def leave(self) -> None:
@@ -294,7 +291,7 @@ class _Kept:
 
 
 @contextmanager
-def _damage(store: Store) -> Iterator[None]:
+def _damage_refused(store: Store) -> Iterator[None]:
     """Whatever is wrong with a file in progress: it cannot be drawn again in part, so the run is refused."""
     try:
         yield
@@ -307,13 +304,9 @@ def _refuse_older(store: Store) -> None:
     known: Any = None
     with suppress(DataError, ValueError):
         known = json.loads(store.read(MANIFEST))
-    if isinstance(known, dict) and known.get("format") == OLDER:
+    if isinstance(known, dict) and known.get("format") == OLDER_FORMAT:
         scenes = sum(one["scenes"] for one in known.get("shards", ()))
         raise RequestError(UNFINISHED_RUN(folder=store.location, scenes=scenes, older=True))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The run itself.
 
 
 @dataclass(slots=True)
@@ -403,7 +396,7 @@ class _Run:
             self._begun[-1] = _Moment(self.standing.state()[0], None, np.empty((1, 0)))
         if (
             len(self._begun) > begun
-            or sum(self._sizes.values()) > SPARE * self.block + 2 * self.standing.assembler.waiting
+            or sum(self._sizes.values()) > SPARE_BLOCKS * self.block + 2 * self.standing.assembler.waiting
         ):
             self._compact()
         self.publish()

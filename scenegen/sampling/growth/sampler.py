@@ -37,8 +37,8 @@ from scenegen.sampling.growth.population import (
 )
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.report import probability
-from scenegen.search.effort import DRAWN, GROWN, STEPPED, StoppedError, TooMuchError
+from scenegen.sampling.report import probability_info
+from scenegen.search.effort import DRAW_SECONDS, GROWTH_SCORE_SECONDS, GROWTH_STEP_SECONDS, StoppedError, TooMuchError
 
 # --------------------------------------------------------------------------------------------------------------------
 # The populations with which a plan of growth begins: the first is grown while the plan is made, the second is piece 1.
@@ -225,7 +225,7 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
     whole = made.cost + settled.cost * settled.sweeps  # smaller pieces take fewer evaluations, but as many steps
     piece = whole * each / count
     share = whole / machine.work if machine.work else 1.0  # no work: no clause is left to evaluate
-    around = STEPPED * machine.steps_done * share + DRAWN * machine.drawn * share * each / count
+    around = GROWTH_STEP_SECONDS * machine.steps_done * share + DRAW_SECONDS * machine.drawn * share * each / count
     return Recipe(
         made.steps,
         made.settings,
@@ -239,7 +239,7 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
         size,
         (made.taken,),
         made.share,
-        (machine.seconds, GROWN * machine.each * piece + around),
+        (machine.seconds, GROWTH_SCORE_SECONDS * machine.each * piece + around),
     )
 
 
@@ -391,7 +391,7 @@ class Growth(Plan):
             "effective_share": round(share, 4),
         }
         logs = (log, log_square) if lived == islands else None
-        info |= probability(int(islands), total, square, logs)
+        info |= probability_info(int(islands), total, square, logs)
         if REQUIRE in self.problem.core.labels:
             info["probability_of"] = "range and requirement"
         warnings: tuple[Diagnostic, ...] = ()

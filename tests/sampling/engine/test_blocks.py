@@ -22,7 +22,7 @@ from scenegen.api.scenes import evaluate
 from scenegen.errors import OutputError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import gated
-from scenegen.processes.process import VARIABLES, environment
+from scenegen.processes.process import MALLOC_VARIABLES, environment
 from scenegen.sampling.engine.blocks import BlockAssembler
 from scenegen.sampling.engine.engines import Local, ShardWriter
 from scenegen.sampling.engine.writer import folder_of, write_file
@@ -273,7 +273,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 
 def faults(how, **more):
-    env = {name: value for name, value in os.environ.items() if name not in VARIABLES} | more
+    env = {name: value for name, value in os.environ.items() if name not in MALLOC_VARIABLES} | more
     run = subprocess.run([sys.executable, "-c", PROGRAM, how], capture_output=True, text=True, env=env, check=True)
     return int(run.stdout)
 
@@ -286,8 +286,8 @@ def test_pages_are_kept_for_the_next_arrays():
 
 
 def test_workers_keep_theirs_unless_the_environment_says_otherwise(monkeypatch):
-    for name in VARIABLES:
+    for name in MALLOC_VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    assert VARIABLES.items() <= environment().items()
+    assert MALLOC_VARIABLES.items() <= environment().items()
     monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "1000")
     assert environment()["MALLOC_TRIM_THRESHOLD_"] == "1000"

@@ -31,7 +31,7 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.sampler import make_plan, work_of
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
@@ -39,7 +39,7 @@ from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.sampler import CHAINS, generator
 from scenegen.sampling.splitting.tuning import Tuner
-from scenegen.search.effort import MOVE_WORK, work_per_scene
+from scenegen.search.effort import MOVE_WORK, Budget, work_per_scene
 
 HERE = Path(__file__).resolve().parent
 KINDS = {"bound": ["BOUNDED"], "draw": ["SCORED", "CALLED", "DRAWN"], "grow": ["STEPPED", "GROWN"], "move": ["MOVED"]}

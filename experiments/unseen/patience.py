@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 
-from scenegen.sampling.problem import GRACE_SECONDS, Budget
+from scenegen.search.effort import GRACE_SECONDS, Budget
 
 SLOWEST = 20.0  # times as long as its CPU time anything may take, so that a starved process ends, too
 

@@ -25,7 +25,6 @@ from scenegen.errors.requests import (
     UNKNOWN_LABEL,
 )
 from scenegen.lang.spec import written
-from scenegen.sampling.problem import Budget
 from scenegen.sampling.rarity import (
     RARITY_VISITS,
     PhiDistribution,
@@ -37,7 +36,7 @@ from scenegen.sampling.rarity import (
 )
 from scenegen.sampling.report import Estimate
 from scenegen.sampling.request import MAX_SEED
-from scenegen.search.effort import Effort, StoppedError
+from scenegen.search.effort import Budget, Effort, StoppedError
 from scenegen.validation import as_int, as_seconds
 
 # values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between

@@ -22,7 +22,7 @@ import numpy as np
 
 from scenegen.errors import RequestError
 from scenegen.sampling.plan import NoPlan, Plan
-from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.problem import Problem
 from scenegen.sampling.rejection.sampler import SPARE_SCENES, Rejection, first_look
 from scenegen.sampling.rejection.sampler import make_plan as plan_rejection
 from scenegen.sampling.rejection.trial import (
@@ -34,7 +34,7 @@ from scenegen.sampling.rejection.trial import (
     search_longer,
 )
 from scenegen.sampling.report import too_early
-from scenegen.search.effort import BOUND_SECONDS, TooMuchError, moving_seconds
+from scenegen.search.effort import BOUND_SECONDS, Budget, TooMuchError, moving_seconds
 
 if TYPE_CHECKING:
     from scenegen.sampling.growth.sampler import Growth

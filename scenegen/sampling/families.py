@@ -32,10 +32,13 @@ from scenegen.errors.requests import (
 from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec, Picked, combinations, rows_among, written
 from scenegen.pose import X, along, row_count
+from scenegen.sampling.cells import Cells
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import Budget, Cells, Problem, hold_fixed
+from scenegen.sampling.problem import Problem, hold_fixed
 from scenegen.sampling.request import FixedPose, SampleRequest
+from scenegen.sampling.streams import MEMBER_SEEDS
 from scenegen.scenes.blocks import numbers_in
+from scenegen.search.effort import Budget
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +246,6 @@ class FamilyPlan(Plan):
             plan.close()
 
 
-SEEDS = 9  # the stream of random numbers for the members' seeds; sampling/problem.py names the others
 MAX_TURNS = 4096  # pieces until the turns begin again
 NO_SCENE_KINDS = (NO_SUCH_SCENE, TOO_IMPROBABLE, BEYOND_BOUNDS, TABLE_TOO_FULL, REQUIREMENT_NOT_FOUND, NO_ROOM)
 NOT_FOUND_KINDS = (TOO_FEW_IN_RANGE, TOO_FEW_MEET_REQUIREMENT)  # in all the effort that there is, or in too little time
@@ -253,7 +255,9 @@ MakePlan = Callable[[CheckedSpec, SampleRequest], Plan]
 
 def seed_of(seed: int, numbers: Mapping[str, int]) -> int:
     """The seed of the member with these numbers of things."""
-    return int(np.random.SeedSequence([seed, SEEDS, *numbers.values()]).generate_state(1, np.uint64)[0] >> np.uint64(1))
+    return int(
+        np.random.SeedSequence([seed, MEMBER_SEEDS, *numbers.values()]).generate_state(1, np.uint64)[0] >> np.uint64(1)
+    )
 
 
 def _name_numbers(warnings: Sequence[Diagnostic], numbers: Mapping[str, int]) -> Iterator[Diagnostic]:

@@ -21,10 +21,11 @@ from scenegen.lang.spec import CheckedSpec, combinations, rows_among, written
 from scenegen.pose import PLACE, along, row_count, row_of, rows_of
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.families import NO_SCENE_KINDS, NOT_FOUND_KINDS, assets_of, seed_of
-from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.problem import Problem
 from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.streams import PAIRS
+from scenegen.search.effort import Budget
 
-STREAM = 12  # random numbers of pairs; sampling/problem.py and sampling/motions/schedule.py name the others
 STARTS_PER_GOAL = 4096  # starts that are tried for a goal before it is given up
 CHUNK = 16_384  # starts that are scored at a time
 STARTS_PER_PAIR = 64  # starts for a pair at most, where the start is anything but the goal
@@ -70,7 +71,7 @@ def draw_pairs(goal: Problem, starts: PairStarts, moved: int | None, budget: Bud
     free = np.array([k for k in range(len(goal.spec.objects)) if _moves(goal, k)], dtype=np.intp)
     if moved is not None and moved > len(free):
         raise RequestError(CANNOT_MOVE_SO_MANY(wanted=moved, free=len(free), most=len(free)))
-    rng = np.random.default_rng(np.random.SeedSequence([goal.request.seed, STREAM]))
+    rng = np.random.default_rng(np.random.SeedSequence([goal.request.seed, PAIRS]))
     if moved is None:
         found = draw(goal, budget)
         if found.shortfall is not None:
@@ -197,7 +198,7 @@ def _check_pairs(
 # objects; rows of absent objects are NaN.
 
 
-ORDER = 1  # of the random numbers of pairs: shares and order, apart from those of a member's pairs
+PAIR_ORDER = 1  # of the random numbers of pairs: shares and order, apart from those of a member's pairs
 
 DrawPairs = Callable[[CheckedSpec, SampleRequest], Pairs]
 
@@ -217,7 +218,7 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
     RequestError where no number has a pair, where one has fewer than its share, for a mistake in the request, and where
     time is up."""
     everything = list(combinations(spec.counts))
-    rng = np.random.default_rng(np.random.SeedSequence([request.seed, STREAM, ORDER]))
+    rng = np.random.default_rng(np.random.SeedSequence([request.seed, PAIRS, PAIR_ORDER]))
     order = rng.permutation(len(everything)).tolist()
     found: dict[int, Pairs] = {}
     without: dict[int, Diagnostic] = {}

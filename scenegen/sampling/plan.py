@@ -12,15 +12,16 @@ import hashlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.sampling.problem import Cells, Problem
+from scenegen.sampling.cells import Cells
+from scenegen.sampling.problem import Problem
 from scenegen.scenes.blocks import Block
 
 
@@ -254,12 +255,27 @@ class Plan(ABC):
         """End the processes that drawing has started: called at the end of a run. Drawing again starts them again."""
 
 
+PROBED_PIECES = 4  # pieces of a selection that are looked at for its cells, as long as none has a scene
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Selection(Plan):
     """`plan` without some of its scenes. Candidates are left out before they are spread over cells, so what they must
-    be is part of the target: within a cell, scenes follow the plan's distribution given it, and all n are found."""
+    be is part of the target: within a cell, scenes follow the plan's distribution given it, and all n are found.
+
+    `found` are the cells that have such scenes among the first, where what is left out goes by phi: see `probe`. None:
+    all that the plan reaches."""
 
     plan: Plan
+    found: tuple[int, ...] | None = field(default=None, kw_only=True)
+
+    def probe(self) -> Self:
+        """The selection with the cells that have scenes in its first pieces; with all where there is one cell, or no
+        scene in these pieces."""
+        if len(self.plan.reached) == 1:
+            return self
+        cells = (set(self.draw(k).cell.tolist()) & {*self.plan.reached} for k in range(PROBED_PIECES))
+        return replace(self, found=tuple(sorted(next(filter(None, cells), self.plan.reached))))
 
     @property
     def method(self) -> str:
@@ -267,7 +283,7 @@ class Selection(Plan):
 
     @property
     def reached(self) -> Sequence[int]:
-        return self.plan.reached
+        return self.plan.reached if self.found is None else self.found
 
     @property
     def ruled_out(self) -> frozenset[int]:

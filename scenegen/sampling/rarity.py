@@ -26,12 +26,13 @@ from scenegen.geometry.footprint import Circle
 from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
-from scenegen.sampling.problem import Cells
+from scenegen.sampling.cells import Cells
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_frame
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.levels import ChainPopulation, Region
 from scenegen.sampling.splitting.tuning import Tuner, longest
+from scenegen.sampling.streams import RARITY
 from scenegen.search.effort import NEVER, Stop, StoppedError
 
 TAIL_ISLANDS = 16  # estimates whose scatter is the error bar
@@ -196,7 +197,6 @@ def restrict(state: ChainPopulation, level: float, sign: int, row: int = 0) -> A
     return alive
 
 
-STREAM = 6  # random stream of these runs, apart from those of the samplers
 MAX_TAIL_CHAINS, MIN_TAIL_CHAINS = 8192, 256  # chains of a run
 MIN_LEVELS = 15  # levels that the effort of a run must cover if every level takes the maximum number of moves
 # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
@@ -252,7 +252,7 @@ def _measure(
             reaches[label] = constant_phi(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
         one = part_of(core, (label, *gate))
-        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
+        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY, 1 + index])))
         try:
             start, weights = _begin(make_frame(one, lowest, highest), base, count, rng, stop)
         except StoppedError:
@@ -324,7 +324,7 @@ def _require(
     if not chain_state.dimension:
         least = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
         return _Base({}, np.full(TAIL_ISLANDS, float(least >= 0.0)), 1), least
-    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 0])))
+    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY, 0])))
     state, weights = _begin(chain_state, None, count, rng, stop)
     tuner = Tuner(state)
     work = effort // cost(core)

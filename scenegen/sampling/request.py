@@ -32,6 +32,7 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI
+from scenegen.sampling.methods import METHODS, methods_help
 from scenegen.validation import Option, as_int, as_list, as_number, as_path, by_name, options_of
 
 Progress: TypeAlias = Callable[[int, int, int], None]
@@ -49,6 +50,10 @@ PHI_UNITS = ("", "m", "cm", "mm", "rad", "deg")
 RANGE_FORM = {"what": "a range", "form": "LO:HI, LO: or :HI"}
 RATE_USAGE = "write a range of rates such as 0.4:0.6 or 40%:60%"
 PHI_USAGE = "write a range such as 0.05:0.2, in metres and radians, or with units: 5cm:20cm"
+
+
+Ends: TypeAlias = tuple[float | None, float | None]
+"""A range as Python and files have it: lowest and highest value, None for an open end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,34 +270,6 @@ def _optional(check: Callable[[str, Any], Any], name: str, value: object) -> Any
     return None if value is None else check(name, value)
 
 
-@dataclass(frozen=True, slots=True)
-class Method:
-    """`make` is "module:function". It makes a plan from a problem and a budget; if `proposes`, also from a proposer.
-    Raises RequestError if there is no scene, or if time is up before there is a plan."""
-
-    make: str
-    good_for: str
-    proposes: bool = False
-    over_time: bool = False  # draws motions, too
-
-
-METHODS: Mapping[str, Method] = {
-    "auto": Method("scenegen.sampling.choice:choose", "takes the method below that needs least time", over_time=True),
-    "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests", over_time=True),
-    "growth": Method("scenegen.sampling.growth.sampler:make_plan", "full tables"),
-    "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets", over_time=True),
-    "any": Method("scenegen.learn.any:make_plan", "a network that has learnt from other specs; approximate"),
-    "model": Method("scenegen.learn.guided:make_plan", "a model file", proposes=True),
-}
-
-
-def methods_help() -> str:
-    """The help of `--method`: `auto, rejection or splitting (a spec), model (a model file)`."""
-    *most, last = [name for name, method in METHODS.items() if not method.proposes]
-    proposing = [f"{name} (a model file)" for name, method in METHODS.items() if method.proposes]
-    return ", ".join([f"{', '.join(most)} or {last} (a spec)", *proposing]) + "."
-
-
 DRAWING_PANEL, SETS_PANEL, MODELS_PANEL = "How scenes are drawn", "Sets of scenes", "Models"  # panels of the help
 
 
@@ -350,7 +327,7 @@ class SampleRequest:
         Option("Only scenes in which nothing moves when dropped in a simulator."),
     ] = False
     success: Annotated[
-        Range | tuple[float | None, float | None] | None,
+        Range | Ends | None,
         Option(
             "Only scenes at which a policy is predicted to succeed so often, by the fit of --under.",
             "LO:HI",

@@ -19,7 +19,7 @@ from scenegen.lang.formula.core import Atom, Coord, Core, Junction, atoms_below
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.search.contract import (
     EVERYTHING,
-    Ends,
+    Bounds,
     alternatives,
     contract,
     impose,
@@ -61,7 +61,7 @@ def minimal_conflict(
     core: Core,
     lowest: Array,
     highest: Array,
-    wanted: Mapping[int, Ends],
+    wanted: Mapping[int, Bounds],
     *,
     search: bool | Reachability = True,
     work: int = PROOF_VISITS,
@@ -90,7 +90,7 @@ def minimal_conflict(
     return Conflict(_least_margins(core, found.nearest, conjuncts), False)
 
 
-def conjuncts_of(core: Core, wanted: Mapping[int, Ends]) -> list[Conjunct]:
+def conjuncts_of(core: Core, wanted: Mapping[int, Bounds]) -> list[Conjunct]:
     """The conjuncts of a demand, one end each."""
     found = []
     for node, (low, high) in push_down(core, wanted).items():
@@ -143,8 +143,8 @@ def _atoms(core: Core, index: int) -> list[Atom]:
     return list(found.values())
 
 
-def _demand_of(conjuncts: Sequence[Conjunct]) -> dict[int, Ends]:
-    demand: dict[int, Ends] = {}
+def _demand_of(conjuncts: Sequence[Conjunct]) -> dict[int, Bounds]:
+    demand: dict[int, Bounds] = {}
     for node, low, high in conjuncts:
         demand[node] = intersect(demand.get(node, EVERYTHING), (low, high))
     return demand
@@ -231,8 +231,8 @@ class _Proof:
         return bool(met.any())
 
     def _split(
-        self, demand: dict[int, Ends], lo: Array, hi: Array
-    ) -> list[tuple[dict[int, Ends], Array, Array]] | None:
+        self, demand: dict[int, Bounds], lo: Array, hi: Array
+    ) -> list[tuple[dict[int, Bounds], Array, Array]] | None:
         """A box in parts: by the alternatives of an open junction, else in halves along the widest coordinate or
         difference that an open atom depends on. None where the whole box meets the demand, or nothing is wide."""
         core, tape = self.core, self.tape

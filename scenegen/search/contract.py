@@ -28,15 +28,25 @@ from scenegen.search.tape import BatchedTape, Contracted, Tape, make_batches, on
 # each, in proportion to their volumes, are scenes drawn for the whole. Disjunctions are the mirror image.
 
 
-Ends = tuple[float, float]
-EVERYTHING: Ends = (-math.inf, math.inf)
+Bounds = tuple[float, float]
+"""Lowest and highest value, infinite where there is no limit."""
+
+EVERYTHING: Bounds = (-math.inf, math.inf)
 
 
-def intersect(a: Ends, b: Ends) -> Ends:
+def intersect(a: Bounds, b: Bounds) -> Bounds:
     return max(a[0], b[0]), min(a[1], b[1])
 
 
-def push_down(core: Core, wanted: Mapping[int, Ends]) -> dict[int, Ends]:
+def label_demand(core: Core, low: Array, high: Array) -> dict[int, Bounds]:
+    """That phi of every label lies in low..high, (L,) each, as a demand on formula nodes."""
+    demand: dict[int, Bounds] = {}
+    for node, least, most in zip(core.labels.values(), map(float, low), map(float, high), strict=True):
+        demand[node] = intersect(demand.get(node, EVERYTHING), (least, most))
+    return demand
+
+
+def push_down(core: Core, wanted: Mapping[int, Bounds]) -> dict[int, Bounds]:
     """The same demand with every end that all parts of a junction must meet handed to the parts.
 
     What stays on a junction is what one of its parts must meet: an upper end of a conjunction, a lower end of a
@@ -48,7 +58,7 @@ def push_down(core: Core, wanted: Mapping[int, Ends]) -> dict[int, Ends]:
     return {index: out[index] for index in sorted(out) if out[index] != EVERYTHING}
 
 
-def _push(core: Core, out: dict[int, Ends], top: int) -> None:
+def _push(core: Core, out: dict[int, Bounds], top: int) -> None:
     """Hand the ends at `top` down as far as they go."""
     stack = [top]
     while stack:
@@ -73,8 +83,8 @@ def _push(core: Core, out: dict[int, Ends], top: int) -> None:
 
 
 def alternatives(
-    core: Core, wanted: Mapping[int, Ends], index: int
-) -> Iterator[tuple[dict[int, Ends], dict[int, Ends]]]:
+    core: Core, wanted: Mapping[int, Bounds], index: int
+) -> Iterator[tuple[dict[int, Bounds], dict[int, Bounds]]]:
     """The demand split at junction `index`, which must hold one: one entry per part that can be the first to meet it.
 
     Each entry is the whole demand of that alternative, pushed down, and what sets it apart: ends of formula nodes that
@@ -85,8 +95,8 @@ def alternatives(
     assert isinstance(node, Junction)
     low, high = wanted[index]
     below = node.kind == "min"
-    meets: Ends = (-math.inf, high) if below else (low, math.inf)
-    fails: Ends = (
+    meets: Bounds = (-math.inf, high) if below else (low, math.inf)
+    fails: Bounds = (
         (float(np.nextafter(high, math.inf)), math.inf) if below else (-math.inf, float(np.nextafter(low, -math.inf)))
     )
     rest = {key: ends for key, ends in wanted.items() if key != index}
@@ -110,7 +120,7 @@ SLACK = 1e-9  # wanted ends are loosened by this, relative to the size of the nu
 
 
 def start(
-    tape: Tape, wanted: Sequence[Mapping[int, Ends]], lowest: Array, highest: Array, *, slack: float = SLACK
+    tape: Tape, wanted: Sequence[Mapping[int, Bounds]], lowest: Array, highest: Array, *, slack: float = SLACK
 ) -> tuple[Array, Array]:
     """Intervals of all nodes, (T, K), for K boxes lowest..highest, (3N, K), each with its own wanted formula nodes.
     Contraction proves nothing with less `slack` than SLACK."""
@@ -130,7 +140,7 @@ def size_of(lowest: Array, highest: Array) -> float:
     return max(1.0, float(np.abs(lowest).max(initial=0.0)), float(np.abs(highest).max(initial=0.0)))
 
 
-def impose(tape: Tape, wanted: Mapping[int, Ends], lo: Array, hi: Array, size: float, slack: float = SLACK) -> None:
+def impose(tape: Tape, wanted: Mapping[int, Bounds], lo: Array, hi: Array, size: float, slack: float = SLACK) -> None:
     """Narrow the intervals of one box, (T,) each, in place, to what is wanted of formula nodes."""
     for node, (low, high) in wanted.items():
         at = tape.where[node]
@@ -174,7 +184,7 @@ def contract(
 
 
 def contract_box(
-    tape: Tape, lowest: Array, highest: Array, demand: Mapping[int, Ends], effort: Effort, rounds: int = SWEEPS
+    tape: Tape, lowest: Array, highest: Array, demand: Mapping[int, Bounds], effort: Effort, rounds: int = SWEEPS
 ) -> Contracted:
     """One box lowest..highest, (3N,), with a demand, contracted. Raises what `effort` raises.
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from scenegen.geometry.footprint import Circle
@@ -57,6 +57,46 @@ class Never:
 
 
 NEVER = Never()
+
+
+GRACE_SECONDS = 0.25  # after which work that should finish is stopped, too
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """When to stop searching. A time limit can only cut a run short; the scenes before the cut do not depend on it.
+
+    When it is pickled for another process, it keeps the seconds that are left, because clocks may differ."""
+
+    seconds: float = 60.0
+    started: float = field(default_factory=time.monotonic)
+
+    def __reduce__(self) -> tuple[type[Budget], tuple[float]]:
+        return Budget, (self.ends - time.monotonic(),)
+
+    @property
+    def ends(self) -> float:
+        """When time is up, by this process's monotonic clock."""
+        return self.started + self.seconds
+
+    @property
+    def seconds_left(self) -> float:
+        """The seconds until then; a millisecond at least, which is a time limit, too."""
+        return max(self.ends - time.monotonic(), 1e-3)
+
+    @property
+    def spent(self) -> bool:
+        return time.monotonic() - self.started >= self.seconds
+
+    @property
+    def overdrawn(self) -> bool:
+        """Time has long been up: even work that should finish is stopped."""
+        return time.monotonic() - self.started >= self.seconds + GRACE_SECONDS
+
+    def check(self) -> None:
+        """Raises StoppedError if time has long been up."""
+        if self.overdrawn:
+            raise StoppedError
 
 
 class TooMuchError(Exception):

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array, Index
 from scenegen.lang.formula.core import Coord, Node
-from scenegen.search.contract import SLACK, SWEEPS, Ends, contract, forward
+from scenegen.search.contract import SLACK, SWEEPS, Bounds, contract, forward
 from scenegen.search.effort import PYTHON_WORK, Effort
 from scenegen.search.tape import BatchedTape, Tape, make_batches
 
@@ -407,7 +407,7 @@ class Open:
     support: frozenset[int]
 
 
-def open_nodes(tape: Tape, demand: Mapping[int, Ends], lo: Array, hi: Array, effort: Effort) -> list[Open]:
+def open_nodes(tape: Tape, demand: Mapping[int, Bounds], lo: Array, hi: Array, effort: Effort) -> list[Open]:
     """The demands (by core node) that do not hold everywhere in one contracted box, lo and hi (T,)."""
     low, high = forward(
         tape.nodes, lo[:, None], hi[:, None], tuple(tape.differences), batches=tape.batches, effort=effort

@@ -18,7 +18,7 @@ from scenegen.arrays import Array, Bool
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction
 from scenegen.lang.formula.interpret import evaluate
-from scenegen.search.contract import SWEEPS, Ends, alternatives, contract, contract_box, push_down, start
+from scenegen.search.contract import SWEEPS, Bounds, alternatives, contract, contract_box, push_down, start
 from scenegen.search.effort import PYTHON_WORK, Effort, scoring_work
 from scenegen.search.grid import Grids, Open, open_nodes
 from scenegen.search.proposal import Proposal, propose
@@ -40,7 +40,7 @@ SWEEP_ONLY_NODES = 20_000  # nodes of a tape from which on one sweep must do
 Apart = tuple[tuple[int, float, float], ...]
 """Formula nodes (of the core) and the ends that tell the scenes of an alternative from the others'."""
 
-Entry = tuple[Mapping[int, Ends], Apart]
+Entry = tuple[Mapping[int, Bounds], Apart]
 """An alternative before anything is known of it: its demand, and what sets it apart."""
 
 
@@ -49,7 +49,7 @@ class Part:
     """One alternative."""
 
     apart: Apart
-    demand: Mapping[int, Ends]
+    demand: Mapping[int, Bounds]
     lo: Array
     hi: Array
     pending: Sequence[Open] = ()
@@ -108,7 +108,7 @@ def prune(
     core: Core,
     lowest: Array,
     highest: Array,
-    wanted: Mapping[int, Ends],
+    wanted: Mapping[int, Bounds],
     seed: Sequence[int] = (0,),
     tape: Tape | None = None,
     effort: Effort | None = None,
@@ -151,7 +151,7 @@ def box_cover(
     core: Core,
     lowest: Array,
     highest: Array,
-    wanted: Mapping[int, Ends],
+    wanted: Mapping[int, Bounds],
     seed: Sequence[int],
     tape: Tape,
     effort: Effort,
@@ -186,7 +186,7 @@ class _Search:
     tape: Tape
     lowest: Array
     highest: Array
-    wanted: Mapping[int, Ends]
+    wanted: Mapping[int, Bounds]
     rng: np.random.Generator
     effort: Effort
     stands: Collection[Stand] = ()
@@ -338,7 +338,7 @@ def find_witness(
     core: Core,
     lowest: Array,
     highest: Array,
-    wanted: Mapping[int, Ends],
+    wanted: Mapping[int, Bounds],
     *,
     work: int = SEARCH_VISITS,
     effort: Effort | None = None,
@@ -387,7 +387,7 @@ def find_witness(
     return Reachability("unknown", None, float(margins[0]), found, rounds < MAX_SEARCH_ROUNDS)
 
 
-def _best(core: Core, wanted: Mapping[int, Ends], effort: Effort, rows: Array) -> tuple[Array, Array]:
+def _best(core: Core, wanted: Mapping[int, Bounds], effort: Effort, rows: Array) -> tuple[Array, Array]:
     """The scenes with the largest least margin, best first, and their margins."""
     effort.spend(scoring_work(core.nodes, rows.shape[1]))
     values = evaluate(core, list(rows), NUMPY, effort.check)

@@ -23,7 +23,7 @@ from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, corners
 from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction
 from scenegen.lang.spec import CheckedSpec, Support, options_of
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of
-from scenegen.search.contract import Ends
+from scenegen.search.contract import Bounds
 from scenegen.search.effort import PYTHON_WORK, Effort
 from scenegen.search.tape import Tape
 
@@ -264,7 +264,7 @@ def steps_for(
     """How what stands is drawn where the box of poses is contracted to lo, hi (T,). None where no surface is left for
     something: there is no scene. What has no area anywhere is left out, and what a box holds as well as a surface."""
 
-    def ends(row: int) -> Ends:
+    def ends(row: int) -> Bounds:
         node = tape.rows.get(row)
         if node is None or lowest[row] == highest[row]:
             return float(lowest[row]), float(highest[row])
@@ -283,13 +283,13 @@ def steps_for(
     return tuple(steps)
 
 
-def step_for(stand: Stand, ends: Callable[[int], Ends]) -> Step | None:
+def step_for(stand: Stand, ends: Callable[[int], Bounds]) -> Step | None:
     """How an object that stands is drawn where `ends` tells the interval of each row; None where it has no place."""
     pieces = _pieces(stand, ends)
     return step_of(stand.thing, stand.switch, pieces, _turns(stand, ends)) if pieces else None
 
 
-def _box_of(stand: Stand, ends: Callable[[int], Ends]) -> bool:
+def _box_of(stand: Stand, ends: Callable[[int], Bounds]) -> bool:
     """Whether all surfaces have one rectangle of centres, along the axes of a table that none of them leaves, such as
     boards above each other: the contracted box is as good, and can be tied to what else is asked."""
     found = set[tuple[object, ...]]()
@@ -302,7 +302,7 @@ def _box_of(stand: Stand, ends: Callable[[int], Ends]) -> bool:
     return len(found) == 1 and abs(turn - round(turn)) < BOX_SLACK
 
 
-def _carried_boxes(under: Support, ends: Callable[[int], Ends]) -> tuple[float, float, float] | None:
+def _carried_boxes(under: Support, ends: Callable[[int], Bounds]) -> tuple[float, float, float] | None:
     """The pose of a surface's frame where that is the same in every scene."""
     if under.carrier is None:
         return under.pose
@@ -310,7 +310,7 @@ def _carried_boxes(under: Support, ends: Callable[[int], Ends]) -> tuple[float, 
     return (x[0], y[0], theta[0]) if x[0] == x[1] and y[0] == y[1] and theta[0] == theta[1] else None
 
 
-def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[SurfacePatches] | None:
+def _pieces(stand: Stand, ends: Callable[[int], Bounds]) -> list[SurfacePatches] | None:
     """The patches of each surface that is left; None where none is, nothing where all of them have no area."""
     found, left, begin, turned = list[SurfacePatches](), False, 0.0, _turns(stand, ends)
     for under, end in zip(stand.options, stand.ends, strict=True):
@@ -339,7 +339,7 @@ def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[SurfacePatches] |
     return found if left else None
 
 
-def _turns(stand: Stand, ends: Callable[[int], Ends]) -> bool:
+def _turns(stand: Stand, ends: Callable[[int], Bounds]) -> bool:
     """Whether the heading is drawn with the place: where walls leave less to some headings than to others."""
     if isinstance(stand.upper, Circle) or not any(one.walled for one in stand.options):
         return False

@@ -24,13 +24,13 @@ from scenegen.lang.spec import CheckedSpec, combinations
 from scenegen.sampling.growth.failure import too_full
 from scenegen.sampling.growth.graph import make_graph
 from scenegen.sampling.parts import independent_parts
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.sampler import make_plan
 from scenegen.sampling.rejection.trial import make_cover
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search import spec_bounds
 from scenegen.search.conflict import minimal_conflict
-from scenegen.search.effort import Effort, TooMuchError
+from scenegen.search.effort import Budget, Effort, TooMuchError
 from scenegen.search.prune import find_witness
 
 Array = npt.NDArray[np.float64]

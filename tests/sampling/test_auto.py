@@ -10,19 +10,19 @@ import pytest
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
-from scenegen.sampling import problem as module
 from scenegen.sampling.choice import DESCENT_CHAINS, DESCENT_MOVES, SPLITTING_SHARE, MethodChoice, try_rejection
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import NoPlan, digest
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.trial import make_trial, search_longer
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.levels import Schedule
 from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled
-from scenegen.search.effort import moving_seconds
+from scenegen.search import effort as module
+from scenegen.search.effort import Budget, moving_seconds
 
 # Waves of independent headings: no box of poses tells where their product is large.
 WAVES = " * ".join(f"sin(20 * theta({name}))" for name in "abcde")
@@ -162,7 +162,7 @@ def test_distances_held_to_a_tenth_of_a_millimetre_are_splitting():
 @pytest.mark.parametrize("method", ["auto", "rejection"])
 def test_planning_ends_soon_after_time_is_up(ends, method, exp1, monkeypatch):
     """A cover of many objects with footprints takes tens of seconds."""
-    monkeypatch.setattr(module, "GRACE", 0.0)
+    monkeypatch.setattr(module, "GRACE_SECONDS", 0.0)
     with pytest.raises(RequestError, match="time was up after no draws at all") as caught:
         make_plan(make_problem(exp1, SampleRequest({"task": Range(*ends)}, n=200)), Budget(1e-9), method=method)
     assert "`timeout`" in caught.value.diagnostics[0].help

@@ -12,19 +12,19 @@ import pytest
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Apply, Atom, gated
-from scenegen.sampling import problem as module
 from scenegen.sampling import report
 from scenegen.sampling.engine.blocks import run_blocks
 from scenegen.sampling.growth.rarity import NoRoom, grow_islands
 from scenegen.sampling.methods import make_plan
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.trial import TRIAL_WORK, make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, make_frame
 from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, plan_splitting
+from scenegen.search import effort as module
 from scenegen.search import label_bounds
 from scenegen.search.conflict import minimal_conflict
-from scenegen.search.effort import Effort, StoppedError, TooMuchError
+from scenegen.search.effort import Budget, Effort, StoppedError, TooMuchError
 from scenegen.search.prune import find_witness, prune
 from scenegen.search.tape import Batch, make_tape
 
@@ -109,13 +109,13 @@ def test_the_same_work_is_counted_each_time():
 
 
 def test_a_request_is_not_looked_at_for_longer_than_its_time(monkeypatch, spec):
-    monkeypatch.setattr(module, "GRACE", 0.0)
+    monkeypatch.setattr(module, "GRACE_SECONDS", 0.0)
     with pytest.raises(RequestError, match="time was up before"):
         make_problem(spec, SampleRequest({"task": Range(0.0)}, n=1), budget=Budget(1e-9))
 
 
 def test_a_trial_is_not_made_for_longer_than_its_time(monkeypatch):
-    monkeypatch.setattr(module, "GRACE", 0.0)
+    monkeypatch.setattr(module, "GRACE_SECONDS", 0.0)
     problem = make_problem(check_text(CLUTTER), SampleRequest({"task": Range(0.0)}, n=1))
     begin = time.thread_time()
     with pytest.raises(RequestError, match="time was up after no draws at all"):

@@ -18,9 +18,10 @@ from scipy import stats
 import scenegen
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
+from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.choice import CELL_COVERS_WORK
 from scenegen.sampling.engine.run import draw as run
-from scenegen.sampling.problem import Budget, Cells, cut, hold_fixed, make_problem
+from scenegen.sampling.problem import hold_fixed, make_problem
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection import trial as covers
 from scenegen.sampling.rejection.trial import TRIAL_WORK, make_trial
@@ -34,7 +35,7 @@ from scenegen.sampling.request import (
     parse_phi,
     within_reach,
 )
-from scenegen.search.effort import TooMuchError
+from scenegen.search.effort import Budget, TooMuchError
 
 from ..fuzz.tables import table
 from ..laws import examples

@@ -13,7 +13,7 @@ from scipy import stats
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw as run
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.report import probability_info
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
@@ -31,6 +31,7 @@ from scenegen.sampling.splitting.moves import (
     moves_for,
 )
 from scenegen.sampling.splitting.sampler import SplittingStalled, make_schedule, run_piece
+from scenegen.search.effort import Budget
 
 rejection = partial(run, method="rejection")
 splitting = partial(run, method="splitting")

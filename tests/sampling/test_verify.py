@@ -27,10 +27,11 @@ from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.plan import CHUNK, verify
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.report import shortfall, too_early
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.formats.scenes_json import dump
+from scenegen.search.effort import Budget
 
 from .doubles import DOUBLES
 from .plain import CASES, fits, setting_probability, truth, uniform

@@ -193,7 +193,7 @@ def test_grids_that_are_kept_change_neither_covers_nor_counts(text, monkeypatch)
         return pickle.dumps(cover), effort.used, len(made)
 
     kept = [covered(), *(covered(most) for most in (1e6, 3e6, 1e7))]
-    monkeypatch.setattr(grids, "KEPT", 0)
+    monkeypatch.setattr(grids, "MAX_CACHED_GRIDS", 0)
     plain = [covered(), *(covered(most) for most in (1e6, 3e6, 1e7))]
     assert [one[:2] for one in kept] == [one[:2] for one in plain]
     assert kept[0][2] <= plain[0][2]

@@ -33,6 +33,7 @@ from scenegen.arrays import Array
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.plan import Piece, Plan, Tally
 from scenegen.sampling.request import Progress
+from scenegen.sampling.streams import BLOCK_ORDER
 from scenegen.scenes.blocks import BLOCK, Block, joined
 from scenegen.search.effort import StoppedError
 
@@ -60,7 +61,6 @@ class Drawing:
 Cell = npt.NDArray[np.intp]
 
 GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples are evenly spaced modulo 1, for any number of them
-ORDER = 4  # the stream of random numbers for orders; sampling/problem.py names the others
 
 
 class BlockAssembler:
@@ -75,7 +75,7 @@ class BlockAssembler:
         size: int = BLOCK,
         groups: Sequence[Sequence[int]] | None = None,
     ) -> None:
-        shift = np.random.default_rng(np.random.SeedSequence([seed, ORDER])).random()
+        shift = np.random.default_rng(np.random.SeedSequence([seed, BLOCK_ORDER])).random()
         cells = np.array(sorted(reached), dtype=np.intp)
         groups = [reached] if groups is None else groups
         if not len(cells):
@@ -204,7 +204,7 @@ class BlockAssembler:
         if len(self._cells) == 1:
             self.done += len(which)
             return block
-        seed = np.random.SeedSequence([self._seed, ORDER, self.done])
+        seed = np.random.SeedSequence([self._seed, BLOCK_ORDER, self.done])
         order = which[np.random.default_rng(seed).permutation(len(which))]
         self.done += len(order)
         return block.take(order)

@@ -19,10 +19,11 @@ from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import run_blocks
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import Plan, Tally
-from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.problem import Problem
 from scenegen.sampling.report import run_info, shortfall_of_run
 from scenegen.sampling.request import Progress, Range
 from scenegen.scenes.blocks import Block
+from scenegen.search.effort import Budget
 
 # evaluations of formula nodes below which processes cost more time than they save: a few seconds
 SMALL_RUN_WORK = 1 << 29

@@ -39,7 +39,7 @@ from scenegen.lang.formula.core import (
 )
 from scenegen.pose import FLAT, PLACE, X, owner, row_of, rows_of
 from scenegen.sampling.problem import Problem
-from scenegen.search.contract import EVERYTHING, SWEEPS, Ends, contract, intersect, push_down, start
+from scenegen.search.contract import EVERYTHING, SWEEPS, Bounds, contract, intersect, push_down, start
 from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, stands_of
 from scenegen.search.tape import make_tape
@@ -297,7 +297,7 @@ class _Builder:
         for cell in range(cells.count):
             self._effort.check()
             low, high = cells.limits(cell)
-            wanted: dict[int, Ends] = {}
+            wanted: dict[int, Bounds] = {}
             for place, name in enumerate(names):
                 node = core.labels[name]
                 wanted[node] = intersect(wanted.get(node, EVERYTHING), (float(low[place]), float(high[place])))

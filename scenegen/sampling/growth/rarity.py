@@ -20,13 +20,14 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.lang.formula.core import REQUIRE, Junction
 from scenegen.lang.spec import CheckedSpec
+from scenegen.sampling.cells import cut
 from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.graph import flat
 from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.population import Grown, PlacementFailed, explore, grow, tuned
 from scenegen.sampling.growth.sampler import log_base
-from scenegen.sampling.problem import Budget, Problem, cut, make_problem
+from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.rarity import (
     AT_END,
     MIN_HITS,
@@ -39,7 +40,7 @@ from scenegen.sampling.rarity import (
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.contract import push_down
-from scenegen.search.effort import StoppedError, TooMuchError
+from scenegen.search.effort import Budget, StoppedError, TooMuchError
 
 # --------------------------------------------------------------------------------------------------------------------
 # Growth as an estimate: the probability of a range, and phi of scenes in it, from independent populations.

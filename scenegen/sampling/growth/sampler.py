@@ -36,15 +36,22 @@ from scenegen.sampling.growth.population import (
     wanted_scenes,
 )
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.problem import Problem
 from scenegen.sampling.report import probability_info
-from scenegen.search.effort import DRAW_SECONDS, GROWTH_SCORE_SECONDS, GROWTH_STEP_SECONDS, StoppedError, TooMuchError
+from scenegen.sampling.streams import GROWTH
+from scenegen.search.effort import (
+    DRAW_SECONDS,
+    GROWTH_SCORE_SECONDS,
+    GROWTH_STEP_SECONDS,
+    Budget,
+    StoppedError,
+    TooMuchError,
+)
 
 # --------------------------------------------------------------------------------------------------------------------
 # The populations with which a plan of growth begins: the first is grown while the plan is made, the second is piece 1.
 
 
-GROWTH = 6  # random stream of growth: plan and pieces
 LEAST, MOST = 512, 4096  # scenes of a population
 OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
 A_SCENE = 3.0  # so many for each that is wanted of the cell are enough

@@ -13,7 +13,7 @@ from scenegen.arrays import Array
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.motions.problem import GATES, MotionProblem, cost
 from scenegen.sampling.motions.schedule import MotionChains
-from scenegen.sampling.motions.scores import make_problem
+from scenegen.sampling.motions.scores import make_motion_problem
 from scenegen.sampling.rarity import (
     COUNTED_EFFORT,
     LEVEL_SHARE,
@@ -29,9 +29,9 @@ from scenegen.sampling.rarity import (
 )
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.streams import MOTION_RARITY
 from scenegen.search.effort import NEVER, Stop
 
-STREAM = 12  # random stream of these runs, apart from those of the samplers
 MOST, FEWEST = 4096, 256  # chains of a run
 DEPTH = 18  # levels that the effort of a run must cover
 WORK = 2_000_000_000  # node visits, times moments, of the runs together, and of meeting the requirement
@@ -41,9 +41,9 @@ CAREFUL, SETTLE = 2, 4  # rounds of moves on a level of the requirement, and onc
 def measure(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, stop: Stop = NEVER) -> Rarity | RequirementUnmet:
     """P(phi >= t) and P(phi <= t) of each of the labels of a spec over time, among the motions that meet its
     requirement and stay within the limits. The same arguments give the same numbers. Where `stop` raises StoppedError,
-    runs end with what they have. Raises what `make_problem` raises, and StoppedError where it is not known yet what
-    meets the requirement."""
-    problem = make_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
+    runs end with what they have. Raises what `make_motion_problem` raises, and StoppedError where it is not known yet
+    what meets the requirement."""
+    problem = make_motion_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
     with np.errstate(all="ignore"):
         moves = 10 + problem.steps + len(problem.names)
         work = WORK // cost(spec)
@@ -78,7 +78,7 @@ def _require(
 ) -> tuple[MotionChains, Array, float]:
     """Chains that meet the limits, then the requirement, with the weights of their islands (0 if they do not), and the
     largest margin."""
-    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM])))
+    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, MOTION_RARITY])))
     chains, weights, best = MotionChains.start(problem, count, rng, stop), np.ones(TAIL_ISLANDS), np.inf
     for row in reversed(range(len(problem.labels), len(problem.labels) + len(GATES))):
         met = bool((margins(chains, 1, row) >= 0.0).all())

@@ -328,7 +328,7 @@ def _below(timed: Timed, roots: tuple[int, ...]) -> tuple[tuple[TimeNode, ...], 
 # From a spec over time and a request to a problem for the samplers.
 
 
-def make_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) -> MotionProblem:
+def make_motion_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) -> MotionProblem:
     """Raises RequestError for a request that is wrong or out of the bounds of phi, for an object of which nothing says
     how far it moves in a step, and where time is up."""
     timed = spec.timed

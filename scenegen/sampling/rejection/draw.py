@@ -13,7 +13,8 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction, Node, children
 from scenegen.lang.formula.interpret import FEWEST_GAPS, GapMinima, evaluate, find_groups
 from scenegen.pose import BELOW_TURN, THETA, along, row_count
-from scenegen.sampling.problem import PLAN, Problem
+from scenegen.sampling.problem import Problem
+from scenegen.sampling.streams import REJECTION_PLAN
 from scenegen.search.effort import Effort, work_per_scene
 from scenegen.search.prune import Cover
 
@@ -301,14 +302,14 @@ def _needed_nodes(problem: Problem, cover: Cover) -> set[int]:
 
 def make_stages(problem: Problem, cover: Cover) -> Stages:
     """What is scored first of candidates from a cover."""
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 3]))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN, 0, 3]))
     rows, _, usable = _draw(problem, cover, affordable(problem, PILOT_CANDIDATES), rng)
     return choose_stages(problem, rows, usable, _needed_nodes(problem, cover))
 
 
 def misses(problem: Problem, cover: Cover) -> tuple[Array, Array]:
     """Candidates out of the range, for the report: rows (3N, m) and phi (L, m)."""
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0]))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN, 0]))
     rows, phi, usable = candidates(problem, cover, chunk_size(problem), rng)
     out = np.flatnonzero(usable & (problem.cells.find(phi) < 0))
     return rows[:, out], phi[:, out]

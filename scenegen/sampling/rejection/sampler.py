@@ -19,7 +19,7 @@ from scenegen.arrays import Array, Bool, Index
 from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
+from scenegen.sampling.problem import Problem, refuse_impossible
 from scenegen.sampling.rejection.draw import (
     PIECE_WORK,
     PILOT_CANDIDATES,
@@ -44,12 +44,14 @@ from scenegen.sampling.rejection.trial import (
     search_longer,
 )
 from scenegen.sampling.report import hits_info, too_early
-from scenegen.search.contract import Ends
+from scenegen.sampling.streams import REJECTION, REJECTION_PLAN
+from scenegen.search.contract import Bounds
 from scenegen.search.effort import (
     CALL_SECONDS,
     DRAW_SECONDS,
     NEVER,
     SCORE_SECONDS,
+    Budget,
     Stop,
     StoppedError,
     TooMuchError,
@@ -119,7 +121,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
             continue
         if budget.spent:
             raise StoppedError
-        stream = (problem.request.seed, PLAN, run[0] + 1, run[-1] + 1)
+        stream = (problem.request.seed, REJECTION_PLAN, run[0] + 1, run[-1] + 1)
         cover = make_cover(problem, _demand_of_run(problem, run), stream, effort, 0.0, RUN_COVER_WORK)
         if not cover.parts:
             empty.update(run)
@@ -149,7 +151,7 @@ def _runs(missed: Sequence[int], possible: Sequence[int]) -> list[list[int]]:
     return runs
 
 
-def _demand_of_run(problem: Problem, run: Sequence[int]) -> dict[int, Ends]:
+def _demand_of_run(problem: Problem, run: Sequence[int]) -> dict[int, Bounds]:
     """A demand that the scenes of all these cells meet."""
     limits = [problem.cells.limits(cell) for cell in run]
     low, high = np.min([ends[0] for ends in limits], axis=0), np.max([ends[1] for ends in limits], axis=0)
@@ -323,7 +325,7 @@ def make_plan(
     found = common.union(*[one.cells for one in own]) if own else common
     if not found:
         if len(empty) == len(possible):
-            raise RequestError(impossible(problem, effort_of(budget)))
+            refuse_impossible(problem, effort_of(budget))
         longer = search_longer(problem, trial, budget)
         if not longer.hits.any():
             raise RequestError(nothing_found(problem, longer))
@@ -401,11 +403,18 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
     try:
         stands = stands_of(problem.spec, problem.lowest, problem.highest)
         cover = box_cover(
-            problem.core, problem.lowest, problem.highest, problem.wanted(), (seed, PLAN), problem.tape, effort, stands
+            problem.core,
+            problem.lowest,
+            problem.highest,
+            problem.wanted(),
+            (seed, REJECTION_PLAN),
+            problem.tape,
+            effort,
+            stands,
         )
         if not cover.parts:
-            raise RequestError(impossible(problem, effort_of(budget)))
-        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0, 2]))
+            refuse_impossible(problem, effort_of(budget))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN, 0, 2]))
         hits, tried, stages = explore(problem, cover, 1, rng, effort)
     except (StoppedError, TooMuchError):
         return None

@@ -21,14 +21,15 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import SCENES_ALIKE
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, NoPlan, Piece, Plan, Record, Tally, digest
-from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.problem import Problem
 from scenegen.sampling.report import BLAME_SCENES, probability_info, shortfall, too_early
 from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, design_effect, forgetting
 from scenegen.sampling.splitting.levels import Descent, Schedule, Stage, follow
 from scenegen.sampling.splitting.moves import Tuning
 from scenegen.sampling.splitting.tuning import LONGEST, Tuner, even_out
-from scenegen.search.effort import NEVER, Stop, StoppedError, moving_seconds
+from scenegen.sampling.streams import SPLITTING
+from scenegen.search.effort import NEVER, Budget, Stop, StoppedError, moving_seconds
 
 FACTS = 9  # of a piece, and two for each statistic
 _SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
@@ -36,7 +37,6 @@ FEWEST = 4  # minimum number of pieces: the error bar of the probability is thei
 BARREN = 8  # a run ends after so many pieces in a row without a new scene
 
 
-SPLIT = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
 KEPT = 0.5  # share of the chains that makes a level
 PIECES = 8  # pieces of a request that is large enough
 CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
@@ -48,12 +48,12 @@ NUMBERS = 1 << 21  # maximum number of coordinates of a piece's chains
 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k; the plan's are those of piece -1."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLIT, piece + 1])))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLITTING, piece + 1])))
 
 
 def _aside(seed: int, piece: int) -> np.random.Generator:
     """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
-    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
+    return np.random.default_rng(np.random.SeedSequence([seed, SPLITTING, piece + 1, 1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,14 +153,14 @@ class _SceneDescent(Descent[Chains]):
 class PopulationScenes:
     """Scenes of one population: rows (3N, B), phi (L, B), all in range, in the order in which they were taken.
 
-    `probability_info` is its estimate of the probability of the range under the base distribution, unbiased because its
+    `probability` is its estimate of the probability of the range under the base distribution, unbiased because its
     levels are fixed; `accepted` is the mean acceptance rate while scenes were taken, `stuck` the share of chains that
     had not moved between two takes, `effect` (S,) the design effect of its ancestors on each statistic.
     """
 
     rows: Array
     phi: Array
-    probability_info: float
+    probability: float
     accepted: float
     stuck: float
     effect: Array

@@ -82,7 +82,7 @@ def plain(tmp_path_factory):
 
 @pytest.mark.parametrize(("spare", "early"), [(0.0, [True] * 7), (100.0, [False] * 7)])
 def test_the_bytes_do_not_depend_on_who_chooses_the_scenes(spare, early, plain, store, tmp_path, monkeypatch):
-    monkeypatch.setattr(ray_engine, "SPARE", spare)
+    monkeypatch.setattr(ray_engine, "MAX_WHOLE_CANDIDATES", spare)
     run(tmp_path / "set", ray_engine.Cluster(store, 2, lambda: None))
     assert digest(tmp_path / "set") == plain
     writers = [words for name, words in store.done if name == "write"]
@@ -91,7 +91,7 @@ def test_the_bytes_do_not_depend_on_who_chooses_the_scenes(spare, early, plain, 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.1, 10.0])
 def test_quick_pieces_share_a_task(seconds, plain, store, tmp_path, monkeypatch):
-    monkeypatch.setattr(ray_engine, "TASK", seconds)
+    monkeypatch.setattr(ray_engine, "TASK_SECONDS", seconds)
     run(tmp_path / "set", ray_engine.Cluster(store, 2, lambda: None))
     assert digest(tmp_path / "set") == plain
     counts = [words[2] for name, words in store.done if name == "draw"]
@@ -118,7 +118,7 @@ def test_a_shard_of_blocks_of_both_kinds(plain, store, tmp_path, monkeypatch):
     pick = ray_engine.Cluster.pick
 
     def either(self, which, parts):
-        monkeypatch.setattr(ray_engine, "SPARE", next(turns))
+        monkeypatch.setattr(ray_engine, "MAX_WHOLE_CANDIDATES", next(turns))
         return pick(self, which, parts)
 
     monkeypatch.setattr(ray_engine.Cluster, "pick", either)

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NoReturn
+from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -40,8 +40,10 @@ from scenegen.search.contract import (
     start,
 )
 from scenegen.search.effort import Budget, Effort, StoppedError
-from scenegen.search.surfaces import improbable, worlds
 from scenegen.search.tape import Tape, make_tape
+
+if TYPE_CHECKING:
+    from scenegen.search.surfaces import Stand
 
 PIECE_SCENES = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k) in any process
 PIECE_NUMBERS = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
@@ -97,6 +99,24 @@ class Problem:
     def fixed(self) -> dict[str, tuple[float, ...]]:
         """The places of objects that the request fixes: (x, y) or (x, y, theta), headings in [0, 2 pi)."""
         return {name: tuple(pose) for name, pose in self.request.fix.items() if not isinstance(pose, FixedPose)}
+
+    @property
+    def chooses(self) -> bool:
+        """Whether things choose their surfaces, as far as phi can tell."""
+        if not self.spec.choices:
+            return False
+        from scenegen.search.surfaces import chooses
+
+        return chooses(self.core)
+
+    @property
+    def stands(self) -> tuple[Stand, ...]:
+        """What stands on things or on one of several surfaces, in a spec with choices of these."""
+        if not self.spec.choices:
+            return ()
+        from scenegen.search.surfaces import stands_of
+
+        return stands_of(self.spec, self.lowest, self.highest)
 
     def wanted(self, cell: int | None = None) -> dict[int, Bounds]:
         """The demand of a cell, or of the whole range, on each formula node of the core."""
@@ -164,7 +184,7 @@ def make_problem(
         cells = cut(checked, tuple(core.labels), most)
         if core is not spec.core:
             cells.low[-1] = 0.0
-        possible, improbable = _possible(core, tape, cells, lowest, highest, effort, rounds)
+        possible, improbable = _possible(core, tape, cells, lowest, highest, effort, rounds, choices=bool(spec.choices))
         problem = Problem(spec, core, lowest, highest, checked, cells, possible, tape, warnings, improbable)
         if not possible:
             refuse_impossible(problem, effort)
@@ -200,7 +220,7 @@ def narrow_problem(
     request = dataclasses.replace(problem.request, phi=phi, seed=seed)
     cells = cut(request, tuple(core.labels))
     tape = make_tape(core, *box, effort)
-    possible, improbable = _possible(core, tape, cells, *box, effort)
+    possible, improbable = _possible(core, tape, cells, *box, effort, choices=bool(problem.spec.choices))
     made = Problem(problem.spec, core, *box, request, cells, possible, tape, improbable=improbable)
     if not possible:
         refuse_impossible(made, effort)
@@ -208,11 +228,19 @@ def narrow_problem(
 
 
 def _possible(
-    core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array, effort: Effort, rounds: int = SWEEPS
+    core: Core,
+    tape: Tape,
+    cells: Cells,
+    lowest: Array,
+    highest: Array,
+    effort: Effort,
+    rounds: int = SWEEPS,
+    *,
+    choices: bool,
 ) -> tuple[frozenset[int], frozenset[int]]:
     """The cells that are not proved empty, by contraction or, for very large specs, by bounds alone: those in which
-    scenes can be found, and those whose scenes are too improbable, which contraction shows where surfaces are chosen.
-    """
+    scenes can be found, and those whose scenes are too improbable, which contraction shows where there are
+    `choices` of surfaces."""
     if len(tape.nodes) * cells.count > MAX_CONTRACTED:
         least, most = label_bounds(core, lowest, highest, effort)
         limits = map(cells.limits, range(cells.count))
@@ -223,14 +251,17 @@ def _possible(
     boxes = lowest[:, None], highest[:, None]
     alive = _alive(tape, wanted, *boxes, effort, rounds)
     likely = alive
-    choices = worlds(core, lowest, highest)
-    if choices[0].shape[1] > 1 and len(tape.nodes) * cells.count * choices[0].shape[1] <= MAX_CONTRACTED:
+    if choices:
+        from scenegen.search.surfaces import worlds
+
+        boxes = worlds(core, lowest, highest)
+    if boxes[0].shape[1] > 1 and len(tape.nodes) * cells.count * boxes[0].shape[1] <= MAX_CONTRACTED:
         narrowest = min((float(np.diff(edge).min()) for edge in cells.edges), default=math.inf)
         thin = THIN_WIDTH * size_of(lowest, highest)
-        likely = alive & _alive(tape, wanted, *choices, effort, rounds, thin if narrowest > 100.0 * thin else 0.0)
+        likely = alive & _alive(tape, wanted, *boxes, effort, rounds, thin if narrowest > 100.0 * thin else 0.0)
         doubtful = np.flatnonzero(alive & ~likely)
         if len(doubtful):
-            alive[doubtful] = _alive(tape, [wanted[cell] for cell in doubtful], *choices, effort, rounds)
+            alive[doubtful] = _alive(tape, [wanted[cell] for cell in doubtful], *boxes, effort, rounds)
     return frozenset(np.flatnonzero(likely).tolist()), frozenset(np.flatnonzero(alive & ~likely).tolist())
 
 
@@ -254,6 +285,8 @@ def _alive(
     lo, hi = start(tape, every, low, high, slack=0.0 if thin else SLACK)
     alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
     if thin:
+        from scenegen.search.surfaces import improbable
+
         alive &= ~improbable(tape, lo, hi, thin)
     return np.asarray(alive.reshape(len(wanted), count).any(axis=1))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -35,8 +36,10 @@ from scenegen.search.grid import (
     trees,
     variables,
 )
-from scenegen.search.surfaces import Stand, Step, steps_for
 from scenegen.search.tape import Tape
+
+if TYPE_CHECKING:
+    from scenegen.search.surfaces import Stand, Step
 
 # Coordinates in a row, each at least so far from the one before: x1 + l1 <= x2, x2 + l2 <= x3, ...
 #
@@ -254,9 +257,13 @@ def propose(
     `relative`: objects that they couple hang from one another. What is in `stands` is drawn on its surfaces, and tied
     to nothing else. Grids are taken from those `known`, and added to them. Raises what `effort` raises.
     """
-    steps = steps_for(stands, tape, lowest, highest, lo, hi, effort)
-    if steps is None:
-        return None
+    steps: tuple[Step, ...] | None = ()
+    if stands:
+        from scenegen.search.surfaces import steps_for
+
+        steps = steps_for(stands, tape, lowest, highest, lo, hi, effort)
+        if steps is None:
+            return None
     taken = {row for step in steps for row in step.rows}
     placed = {tape.rows[row] for row in taken if row in tape.rows}
     placed.update(node for node, pair in tape.differences.items() if steps and not taken.isdisjoint(pair))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -22,8 +22,10 @@ from scenegen.search.contract import SWEEPS, Bounds, alternatives, contract, con
 from scenegen.search.effort import PYTHON_WORK, Effort, scoring_work
 from scenegen.search.grid import Grids, Open, open_nodes
 from scenegen.search.proposal import Proposal, propose
-from scenegen.search.surfaces import Stand
 from scenegen.search.tape import Tape, make_tape, weight
+
+if TYPE_CHECKING:
+    from scenegen.search.surfaces import Stand
 
 MAX_PARTS = 256  # alternatives of a cover at most
 PILOT_SCENES = 1024  # scenes drawn from a part to see what is wasted

@@ -58,7 +58,6 @@ from scenegen.search.effort import (
     work_per_scene,
 )
 from scenegen.search.prune import GOOD_ACCEPTANCE, Cover, box_cover
-from scenegen.search.surfaces import chooses, stands_of
 
 # Cells that no candidate hit, looked at together: where phi jumps, most of the cells of a range have no scenes.
 #
@@ -109,7 +108,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
     Raises StoppedError if time is up, and TooMuchError if the work exceeds `most`.
     """
     missed = [cell for cell in cells if not trial.hits[cell]]
-    if len(missed) * trial.work < SIFTING_WORK or not chooses(problem.core):
+    if len(missed) * trial.work < SIFTING_WORK or not problem.chooses:
         return Sieve()
     served, empty, barren = list[CellGroup](), set[int](), set[int]()
     effort, tried = effort_of(budget, most), 0
@@ -312,7 +311,7 @@ def make_plan(
         return _alone(problem, trial, frozenset({0}), frozenset(), budget)
     possible = sorted(problem.possible)
     each, _ = work_per_scene(problem.core.nodes)
-    price = max(COVER_CANDIDATES, trial.work / each) if chooses(problem.core) else COVER_CANDIDATES
+    price = max(COVER_CANDIDATES, trial.work / each) if problem.chooses else COVER_CANDIDATES
     rates = trial.hits / trial.tried
     missed = [cell for cell in possible if not rates[cell]]
     hit = [cell for cell in np.argsort(rates, kind="stable").tolist() if rates[cell] and cell in problem.possible]
@@ -401,17 +400,8 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
     fewer candidates, but can take long itself. Raises RequestError if it turns out that there is no scene."""
     seed, effort = problem.request.seed, effort_of(budget, FIRST_LOOK_WORK)
     try:
-        stands = stands_of(problem.spec, problem.lowest, problem.highest)
-        cover = box_cover(
-            problem.core,
-            problem.lowest,
-            problem.highest,
-            problem.wanted(),
-            (seed, REJECTION_PLAN),
-            problem.tape,
-            effort,
-            stands,
-        )
+        box, stream = (problem.lowest, problem.highest), (seed, REJECTION_PLAN)
+        cover = box_cover(problem.core, *box, problem.wanted(), stream, problem.tape, effort, problem.stands)
         if not cover.parts:
             refuse_impossible(problem, effort_of(budget))
         rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN, 0, 2]))

@@ -19,7 +19,6 @@ from scenegen.sampling.report import shortfall, too_early
 from scenegen.sampling.streams import REJECTION_PLAN
 from scenegen.search.effort import Budget, Effort, StoppedError, TooMuchError, work_per_scene
 from scenegen.search.prune import MIN_COVER_WORK, Cover, prune
-from scenegen.search.surfaces import chooses, stands_of
 
 # work of a trial above which another method is worth a try: more than any shipped spec takes, 2 to 3 s
 TRIAL_WORK = 1.4e8
@@ -81,7 +80,7 @@ def _enough(problem: Problem) -> float:
     each other. Where objects choose among surfaces, covers of many choices get better little by little, and most often
     few scenes are asked for; else it is worth it."""
     each, _ = work_per_scene(problem.core.nodes)
-    return CANDIDATE_MARGIN * problem.request.n * each if chooses(problem.core) else math.inf
+    return CANDIDATE_MARGIN * problem.request.n * each if problem.chooses else math.inf
 
 
 def search_longer(problem: Problem, trial: Trial, budget: Budget, most: float = math.inf) -> Trial:
@@ -127,9 +126,8 @@ def make_cover(
     least: float | None = None,
 ) -> Cover:
     """A cover of the scenes that meet a demand; see `prune`."""
-    stands = stands_of(problem.spec, problem.lowest, problem.highest)
     return prune(
-        problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort, enough, least, stands
+        problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort, enough, least, problem.stands
     )
 
 
@@ -180,7 +178,7 @@ def _enough_for_cell(problem: Problem) -> tuple[float, float | None]:
     """From which work on any cover of a cell is good enough, as `prune` takes it: see `trial._enough`. Where objects
     choose among surfaces, a cover is worth as much work as drawing the cell's scenes takes if they are so rare that the
     search just hits them; where the search misses them, a better cover would seldom have helped."""
-    if not chooses(problem.core):
+    if not problem.chooses:
         return math.inf, None
     each, _ = work_per_scene(problem.core.nodes)
     share = problem.request.n / len(problem.possible)

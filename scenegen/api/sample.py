@@ -23,7 +23,7 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
-from scenegen.sampling.request import DEFAULT_SCENES, MAX_SCENES, FixedPose, Progress, Range, SampleRequest
+from scenegen.sampling.request import DEFAULT_SCENES, MAX_SCENES, Ends, FixedPose, Progress, Range, SampleRequest
 
 if TYPE_CHECKING:
     from scenegen.sampling.engine.run import SampledScenes
@@ -49,7 +49,7 @@ def sample(
     keep_partial: bool = False,
     fix: Mapping[str, FixedPose | tuple[float, ...] | npt.ArrayLike] | SceneSet | npt.ArrayLike | None = None,
     settle: bool = False,
-    success: Range | tuple[float | None, float | None] | None = None,
+    success: Range | Ends | None = None,
     under: str | Path | None = None,
     workers: int | None = None,
     progress: Progress | None = None,

@@ -17,7 +17,7 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
 from scenegen.sampling.methods import plan_for
-from scenegen.sampling.request import FixedPose, Progress, Range, SampleRequest
+from scenegen.sampling.request import Ends, FixedPose, Progress, Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
@@ -51,7 +51,7 @@ def sample_to(
     keep_partial: bool = False,
     fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
     settle: bool = False,
-    success: Range | tuple[float | None, float | None] | None = None,
+    success: Range | Ends | None = None,
     under: str | Path | None = None,
     workers: int | None = None,
     resume: bool = False,

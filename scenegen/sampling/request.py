@@ -114,8 +114,6 @@ def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "ph
 def _parse_range(
     text: str, source: Source, offset: int, units: Collection[str] = PHI_UNITS, usage: str = PHI_USAGE
 ) -> Range:
-    from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
-
     _refuse_lookalikes(source)
     whole = Span(source, offset, offset + len(text))
     low, colon, high = text.partition(":")
@@ -126,13 +124,10 @@ def _parse_range(
         )
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
-        amount, suffix = unit_of(part)
-        value = number(amount) if part.strip() and suffix in units else None
+        value = amount_of(part, units) if part.strip() else None
         if part.strip() and value is None:
             here = Span(source, start, start + len(part))
             raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
-        if value is not None:
-            value = value / 100.0 if suffix == "%" else quantity(amount, suffix)[0]
         ends.append(value)
     if ends == [None, None]:
         raise RequestError(ARGUMENT_SYNTAX(whole, **RANGE_FORM, example="0.05:0.2; or leave the option out"))
@@ -168,6 +163,18 @@ def unit_of(text: str) -> tuple[str, str]:
     found = re.fullmatch(r"\s*(.*?)\s*([a-z]*|\N{DEGREE SIGN}|%)\s*", text, re.DOTALL)
     assert found is not None
     return found[1], "deg" if found[2] == "\N{DEGREE SIGN}" else found[2]
+
+
+def amount_of(text: str, units: Collection[str]) -> float | None:
+    """A quantity as typed, such as 5cm, in metres, radians or seconds, 40% as 0.4; None for what is none, and for one
+    in another unit."""
+    from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
+
+    amount, suffix = unit_of(text)
+    value = number(amount)
+    if value is None or suffix not in units:
+        return None
+    return value / 100.0 if suffix == "%" else quantity(amount, suffix)[0]
 
 
 def _band_text(text: str) -> str:
@@ -238,7 +245,7 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
         values = []
         start = len(name) + 1
         for place, part in enumerate(parts):
-            value = _amount(part, "rad" if place == THETA else "m", Span(source, start, start + len(part)))
+            value = _coordinate(part, "rad" if place == THETA else "m", Span(source, start, start + len(part)))
             values.append(value)
             start += len(part) + 1
         if name.strip() in found:
@@ -247,23 +254,19 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
     return found
 
 
-def _amount(part: str, base: str, here: Span) -> float:
+def _coordinate(part: str, base: str, here: Span) -> float:
     """A coordinate in metres, or a heading in radians: a number, with a unit of the language or without. Raises
     RequestError."""
-    from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
-
-    amount, suffix = unit_of(part)
-    value = number(amount)
+    value, (amount, suffix) = amount_of(part, POSE_UNITS[base]), unit_of(part)
     if value is None:
         turn = COMPASS_DEGREES.get(part.strip().upper()) if base == "rad" else None
         usage = FIX_USAGE if turn is None else f"a heading is a number here: {turn}deg for {part.strip()}"
-        raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
-    if suffix not in POSE_UNITS[base]:
-        usage = f"it is in {', '.join(POSE_UNITS[base][1:])}; {FIX_USAGE}"
+        if number(amount) is not None:
+            usage = f"it is in {', '.join(POSE_UNITS[base][1:])}; {FIX_USAGE}"
         raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
     if not suffix and base == "rad" and abs(value) > TWO_PI:
         raise RequestError(MORE_THAN_A_TURN(here, amount=value))
-    return quantity(amount, suffix)[0]
+    return value
 
 
 def _optional(check: Callable[[str, Any], Any], name: str, value: object) -> Any:

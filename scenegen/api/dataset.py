@@ -21,7 +21,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.files import FINISHED_SET, NO_PART
 from scenegen.sampling.engine.engines import JobResult, run_each, run_here
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.streams import SHARD_SEEDS
+from scenegen.sampling.streams import SHARD_SEEDS_STREAM
 from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.lease import held
@@ -139,7 +139,7 @@ def requests(spec: Spec, parts: Sequence[PhiStratum], n: int, size: int, seed: i
         count = _share(n, which, len(parts))
         files = -(-count // size)
         for number in range(files):
-            words = np.random.SeedSequence([seed, SHARD_SEEDS, int(spec.checked.sha256[:12], 16), len(found)])
+            words = np.random.SeedSequence([seed, SHARD_SEEDS_STREAM, int(spec.checked.sha256[:12], 16), len(found)])
             drawn = int(words.generate_state(1, np.uint64)[0]) >> 11  # any program reads 53 bits exactly
             of = {part.label: (part.low, part.high)}
             found.append(ShardRequest(phi=of, n=_share(count, number, files), seed=drawn))

@@ -79,7 +79,7 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
     known: tuple[str, ...] = tuple(METHODS)
     if spec.over_time is not None:
         refuse_choices(spec, "a motion")
-        argument = request.misplaced("motions", "files", "sets")
+        argument = request.misplaced_option("motions", "files", "sets")
         if argument is not None:
             raise RequestError(NOT_FOR_MOTIONS(argument=argument))
         known = tuple(name for name, method in METHODS.items() if method.over_time)

@@ -183,7 +183,7 @@ def met(phi: Mapping[str, Array]) -> dict[str, PhiSummary]:
 
 def refuse_set_options(request: SampleRequest) -> None:
     """Raises RequestError for options that only sets have."""
-    argument = request.misplaced("scenes", "motions", "files")
+    argument = request.misplaced_option("scenes", "motions", "files")
     if argument is not None:
         raise RequestError(ONLY_FOR_SETS(argument=argument))
 

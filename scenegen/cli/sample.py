@@ -210,7 +210,7 @@ def _request(subject: Spec | Model, options: SampleOptions) -> SampleRequest:
     labels = spec_of(subject).labels
     typed = {**options.typed, "timeout": left(options.typed["timeout"])}
     typed["fix"] = None if options.fix_from is not None else typed["fix"]
-    request = SampleRequest.typed(typed, labels)
+    request = SampleRequest.parse(typed, labels)
     if options.satisfied or options.violated:
         rest = Range(low=0.0) if options.satisfied else Range(high=0.0)
         request = replace(request, phi={name: request.phi.get(name, rest) for name in labels})

@@ -26,7 +26,7 @@ from scenegen.needs import need
 from scenegen.play.tasks import PhiBox, Strategy
 from scenegen.pose import as_poses, as_rows, row_count
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.streams import STARTS
+from scenegen.sampling.streams import STARTS_STREAM
 from scenegen.scenes.arrange import held, held_elsewhere, with_switches
 from scenegen.scenes.data import RequestData
 
@@ -95,7 +95,7 @@ class RangeStarts:
     def choose(self, generator: np.random.Generator) -> Start:
         """One of `ahead` scenes of the range, which are the same whatever was taken before. Raises RequestError, also
         where there is no time to draw them all."""
-        ranges, source = self._ranges(), np.random.SeedSequence([self._seed, STARTS])
+        ranges, source = self._ranges(), np.random.SeedSequence([self._seed, STARTS_STREAM])
         pool = _kept(
             self._pools, ranges, lambda: list(self._drawn(dict(ranges), self._ahead, source, keep_partial=False))
         )
@@ -113,7 +113,7 @@ class RangeStarts:
     def _stream(self, ranges: Mapping[str, Range]) -> Iterator[Start]:
         count = self._first
         while True:
-            source = np.random.SeedSequence([self._seed, STARTS, self._draws])
+            source = np.random.SeedSequence([self._seed, STARTS_STREAM, self._draws])
             self._draws += 1
             yield from self._drawn(ranges, count, source, keep_partial=True)
             count = min(4 * count, MOST)

@@ -42,9 +42,9 @@ def one_thread() -> Iterator[None]:
 
 
 Item = TypeVar("Item")
-T = TypeVar("T")
+Result = TypeVar("Result")
 
-MAX_WORKERS = 256  # each has pipes, a file and two threads of the command
+MAX_PROCESSES = 256  # each has pipes, a file and two threads of the command
 ITEMS_AT_A_WORKER = 2  # items given to a worker at a time
 BRIEF_SECONDS = 0.25  # seconds that its last item may have taken for that
 MAX_ITEMS_PER_WORKER = 3  # items per worker that were sent, but whose results have not been returned yet
@@ -56,12 +56,14 @@ MAX_ATTEMPTS = 2  # an item whose worker died is given to another one once
 def check_workers(workers: object) -> int:
     """A number of processes. Raises RequestError for fewer than 1 or more than 256, and for anything but an integer."""
     count = as_int("workers", workers)
-    if not 1 <= count <= MAX_WORKERS:
-        raise RequestError(OUT_OF_RANGE(argument="workers", value=count, wanted=f"from 1 to {MAX_WORKERS}"))
+    if not 1 <= count <= MAX_PROCESSES:
+        raise RequestError(OUT_OF_RANGE(argument="workers", value=count, wanted=f"from 1 to {MAX_PROCESSES}"))
     return count
 
 
-def run_pieces(job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 1) -> Generator[T, None, None]:
+def run_pieces(
+    job: Callable[[Item], Result], pieces: Iterable[Item], workers: int = 1
+) -> Generator[Result, None, None]:
     """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process.
 
     `job` and its results must be picklable if `workers` is above 1; arrays come back writable. At most 3 items per
@@ -75,19 +77,19 @@ def run_pieces(job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 
     return _run_here(job, pieces) if check_workers(workers) == 1 else _run_shared(job, pieces, workers)
 
 
-def _run_here(job: Callable[[Item], T], pieces: Iterable[Item]) -> Generator[T, None, None]:
+def _run_here(job: Callable[[Item], Result], pieces: Iterable[Item]) -> Generator[Result, None, None]:
     for piece in pieces:
         with one_thread():
             result = job(piece)
         yield result
 
 
-def _run_shared(job: Callable[[Item], T], pieces: Iterable[Item], workers: int) -> Generator[T, None, None]:
+def _run_shared(job: Callable[[Item], Result], pieces: Iterable[Item], workers: int) -> Generator[Result, None, None]:
     with Pool(job, workers) as pool, contextlib.closing(pool.map(pieces)) as results:
         yield from results
 
 
-class Pool(Generic[Item, T]):
+class Pool(Generic[Item, Result]):
     """Several processes that share the items of `map`, one call after another. They start with the first items and run
     until `close`, an error, or the early end of a `map`: use it as a context manager.
 
@@ -97,7 +99,7 @@ class Pool(Generic[Item, T]):
 
     def __init__(
         self,
-        job: Callable[[Item], T],
+        job: Callable[[Item], Result],
         workers: int,
         *,
         what: str = "a worker process",
@@ -110,7 +112,7 @@ class Pool(Generic[Item, T]):
         self._inbox: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()
         self._stillborn = 0  # workers that died before they were ready
 
-    def __enter__(self) -> Pool[Item, T]:
+    def __enter__(self) -> Pool[Item, Result]:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -123,7 +125,7 @@ class Pool(Generic[Item, T]):
         while self._workers:
             self._workers.pop().end()
 
-    def map(self, items: Iterable[Item]) -> Generator[T, None, None]:
+    def map(self, items: Iterable[Item]) -> Generator[Result, None, None]:
         """job(item) of every item, in their order. One `map` at a time. Raises what the job raises, and ScenegenError
         if two processes die at the same item, or if none can start."""
         self._begin(items)

@@ -244,7 +244,7 @@ class MethodChoice:
     def _against(self, mine: Rejection, quick: Growth | NoPlan | None) -> Plan:
         """Rejection, or another method that reaches more or costs much less."""
         problem = self.problem
-        rival = self._other(quick, longest=np.inf if _open_cells(problem, mine) else mine.seconds / RIVAL_SHARE)
+        rival = self._rival(quick, longest=np.inf if _open_cells(problem, mine) else mine.seconds / RIVAL_SHARE)
         if isinstance(rival, NoPlan):
             if rival.time_is_up:
                 tried = f"{int(rival.evaluations):,} evaluations"
@@ -261,10 +261,10 @@ class MethodChoice:
 
     def _after_cells(self, trial: Trial, quick: Growth | NoPlan | None) -> Plan:
         """If pruning each cell takes much work: another method, or all the work if there is none."""
-        rival = self._other(quick)
+        rival = self._rival(quick)
         if isinstance(rival, Plan):
             return with_reason(rival, "pruning each cell takes too much work")
-        if rival.final or rival.crowded:
+        if rival.final or rival.is_crowded:
             raise rival.error(self.problem)
         try:
             return with_reason(
@@ -276,10 +276,10 @@ class MethodChoice:
     def _without_rejection(self, why: str, trial: Trial | None = None, quick: Growth | NoPlan | None = None) -> Plan:
         """If rejection has no plan, or its first candidates are all out of the range."""
         problem, budget = self.problem, self.budget
-        rival = self._other(quick)
+        rival = self._rival(quick)
         if isinstance(rival, Plan):
             return with_reason(rival, why)
-        if rival.final or rival.crowded or trial is None:
+        if rival.final or rival.is_crowded or trial is None:
             raise rival.error(problem)
         # A constant phi gives no levels: rejection may be lucky.
         longer = search_longer(problem, trial, budget, LONG_SEARCH_CANDIDATES)
@@ -287,7 +287,7 @@ class MethodChoice:
             raise RequestError(nothing_found(problem, longer))
         return with_reason(plan_rejection(problem, budget, longer), "no other method got there")
 
-    def _other(self, quick: Growth | NoPlan | None = None, *, longest: float = np.inf) -> Growth | Splitting | NoPlan:
+    def _rival(self, quick: Growth | NoPlan | None = None, *, longest: float = np.inf) -> Growth | Splitting | NoPlan:
         """A plan of growth, or of splitting if only splitting does well. Each may take `longest` seconds to get a
         plan."""
         if quick is None:
@@ -298,9 +298,9 @@ class MethodChoice:
             return quick
         if self.problem.moving > MANY_ROWS:  # more patience first: chains of so much take long to get anywhere
             quick = self._growth(longest=longest)
-            if isinstance(quick, Plan) or quick.final or quick.crowded:
+            if isinstance(quick, Plan) or quick.final or quick.is_crowded:
                 return quick
-        if isinstance(quick, NoPlan) and quick.crowded:
+        if isinstance(quick, NoPlan) and quick.is_crowded:
             return self._growth(longest=longest)
         grown = quick
         if isinstance(quick, Plan):  # its scenes have too few ancestors: those of a larger population may have enough

@@ -36,7 +36,7 @@ from scenegen.sampling.cells import Cells
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Problem, hold_fixed
 from scenegen.sampling.request import FixedPose, SampleRequest
-from scenegen.sampling.streams import MEMBER_SEEDS
+from scenegen.sampling.streams import MEMBER_SEEDS_STREAM
 from scenegen.scenes.blocks import numbers_in
 from scenegen.search.effort import Budget
 
@@ -57,17 +57,17 @@ class NumberedCells(Cells):
         """The first cell of each member."""
         return tuple(int(start) for start in np.cumsum([0, *(one.count for one in self.members)])[:-1])
 
-    def of(self, cell: int) -> tuple[int, int]:
+    def member_of(self, cell: int) -> tuple[int, int]:
         """The member of a cell, and its cell there."""
         member = int(np.searchsorted(self.starts, cell, side="right")) - 1
         return member, cell - self.starts[member]
 
     def limits(self, cell: int) -> tuple[Array, Array]:
-        member, own = self.of(cell)
+        member, own = self.member_of(cell)
         return self.members[member].limits(own)
 
     def describe(self, cell: int) -> str:
-        member, own = self.of(cell)
+        member, own = self.member_of(cell)
         return f"{self.members[member].describe(own)} with {self.names[member]}"
 
 
@@ -234,11 +234,11 @@ class FamilyPlan(Plan):
         if left.any():
             raise AssertionError("a sampler returned a scene with numbers of things that were not asked for")
 
-    def blamed(self, tally: Tally) -> tuple[Plan, int | None]:
+    def shortfall_of(self, tally: Tally) -> tuple[Plan, int | None]:
         if tally.scarcest is None:
             return self.plans[0], None
         assert isinstance(self.cells, NumberedCells)
-        member, cell = self.cells.of(tally.scarcest)
+        member, cell = self.cells.member_of(tally.scarcest)
         return self.plans[member], cell
 
     def close(self) -> None:
@@ -255,9 +255,8 @@ MakePlan = Callable[[CheckedSpec, SampleRequest], Plan]
 
 def seed_of(seed: int, numbers: Mapping[str, int]) -> int:
     """The seed of the member with these numbers of things."""
-    return int(
-        np.random.SeedSequence([seed, MEMBER_SEEDS, *numbers.values()]).generate_state(1, np.uint64)[0] >> np.uint64(1)
-    )
+    words = np.random.SeedSequence([seed, MEMBER_SEEDS_STREAM, *numbers.values()]).generate_state(1, np.uint64)
+    return int(words[0] >> np.uint64(1))
 
 
 def _name_numbers(warnings: Sequence[Diagnostic], numbers: Mapping[str, int]) -> Iterator[Diagnostic]:

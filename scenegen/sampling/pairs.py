@@ -21,13 +21,12 @@ from scenegen.lang.spec import CheckedSpec, combinations, rows_among, written
 from scenegen.pose import PLACE, along, row_count, row_of, rows_of
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.families import NO_SCENE_KINDS, NOT_FOUND_KINDS, assets_of, seed_of
-from scenegen.sampling.problem import Problem
+from scenegen.sampling.problem import SCENES_IN_CACHE, Problem
 from scenegen.sampling.request import SampleRequest
-from scenegen.sampling.streams import PAIRS
+from scenegen.sampling.streams import PAIRS_STREAM
 from scenegen.search.effort import Budget
 
 STARTS_PER_GOAL = 4096  # starts that are tried for a goal before it is given up
-CHUNK = 16_384  # starts that are scored at a time
 STARTS_PER_PAIR = 64  # starts for a pair at most, where the start is anything but the goal
 
 
@@ -71,7 +70,7 @@ def draw_pairs(goal: Problem, starts: PairStarts, moved: int | None, budget: Bud
     free = np.array([k for k in range(len(goal.spec.objects)) if _moves(goal, k)], dtype=np.intp)
     if moved is not None and moved > len(free):
         raise RequestError(CANNOT_MOVE_SO_MANY(wanted=moved, free=len(free), most=len(free)))
-    rng = np.random.default_rng(np.random.SeedSequence([goal.request.seed, PAIRS]))
+    rng = np.random.default_rng(np.random.SeedSequence([goal.request.seed, PAIRS_STREAM]))
     if moved is None:
         found = draw(goal, budget)
         if found.shortfall is not None:
@@ -140,9 +139,9 @@ def _start_elsewhere(
     tries = 0
     while tries < STARTS_PER_GOAL and not done.all() and not budget.spent:
         open_ = np.flatnonzero(~done)
-        each = min(max(1, CHUNK // len(open_)), STARTS_PER_GOAL - tries)  # several tries of a goal at once
+        each = min(max(1, SCENES_IN_CACHE // len(open_)), STARTS_PER_GOAL - tries)  # several tries of a goal at once
         tries += each
-        for part in np.array_split(open_, -(-len(open_) * each // CHUNK)):
+        for part in np.array_split(open_, -(-len(open_) * each // SCENES_IN_CACHE)):
             which = np.repeat(part, each)
             rows = _elsewhere(problem, goals[:, which], free, moved, rng)
             flags, _ = starts.holds(rows)
@@ -218,7 +217,7 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
     RequestError where no number has a pair, where one has fewer than its share, for a mistake in the request, and where
     time is up."""
     everything = list(combinations(spec.counts))
-    rng = np.random.default_rng(np.random.SeedSequence([request.seed, PAIRS, PAIR_ORDER]))
+    rng = np.random.default_rng(np.random.SeedSequence([request.seed, PAIRS_STREAM, PAIR_ORDER]))
     order = rng.permutation(len(everything)).tolist()
     found: dict[int, Pairs] = {}
     without: dict[int, Diagnostic] = {}

@@ -25,7 +25,7 @@ from scenegen.sampling.problem import Problem, narrow_problem
 from scenegen.sampling.rejection.sampler import SPARE_SCENES, Rejection
 from scenegen.sampling.report import too_early
 from scenegen.sampling.request import Range
-from scenegen.sampling.streams import PARTS
+from scenegen.sampling.streams import PARTS_STREAM
 from scenegen.search.contract import push_down
 from scenegen.search.effort import Budget, Effort, StoppedError, scoring_work
 
@@ -123,7 +123,7 @@ def _part(
     for thing in range(len(core.objects)):
         if thing not in group:
             highest[span_of(thing)] = lowest[span_of(thing)]
-    seed = np.random.SeedSequence([problem.request.seed, PARTS, *sorted(group)]).generate_state(1, np.uint64)
+    seed = np.random.SeedSequence([problem.request.seed, PARTS_STREAM, *sorted(group)]).generate_state(1, np.uint64)
     small = part_of(Core(tuple(nodes), mine, core.objects), tuple(mine))
     phi = {label: problem.request.phi.get(label, Range(0.0)) for label in mine}
     made = narrow_problem(problem, small, (lowest, highest), phi, int(seed[0] >> np.uint64(1)), effort)
@@ -138,7 +138,7 @@ def _share(one: SubProblem, effort: Effort) -> float:
         return 0.0
     graph = make_graph(problem, effort=effort)
     low, high = graph.low, graph.high
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PARTS]))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PARTS_STREAM]))
     rows = low + rng.random((len(low), SHARE_SCENES)) * (high - low)
     return float((problem.cells.find(problem.phi(rows)) == 0).mean())
 
@@ -215,7 +215,7 @@ class ProductPlan(Plan):
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError if a part's deadline passes meanwhile."""
         made = [plan.draw(k) for plan in self.plans]
-        rng = np.random.default_rng(np.random.SeedSequence([self.seed, PARTS, k]))
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, PARTS_STREAM, k]))
         chosen = [rng.permutation(np.flatnonzero(one.cell >= 0)) for one in made]
         count = min(map(len, chosen))
         lowest, highest = self.problem.lowest, self.problem.highest

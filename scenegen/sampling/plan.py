@@ -21,7 +21,7 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.sampling.cells import Cells
-from scenegen.sampling.problem import Problem
+from scenegen.sampling.problem import LIVE_NUMBERS, SCENES_IN_CACHE, Problem
 from scenegen.scenes.blocks import Block
 
 
@@ -68,8 +68,6 @@ def digest(*values: Any) -> str:
 
 
 PHI_TOLERANCE = 1e-9  # maximum difference of two evaluators of phi
-CHUNK = 16_384  # scenes at a time, which stay in cache
-LIVE = 1 << 22  # numbers in memory at a time; specs of thousands of atoms get smaller chunks
 
 
 def verify(problem: Problem, rows: Array, phi: Array) -> None:
@@ -79,7 +77,7 @@ def verify(problem: Problem, rows: Array, phi: Array) -> None:
     `phi` may lack the requirement's row. Raises AssertionError: a failure is a bug of scenegen, and such scenes are
     never returned.
     """
-    size = max(64, min(CHUNK, LIVE // len(problem.core.nodes)))
+    size = max(64, min(SCENES_IN_CACHE, LIVE_NUMBERS // len(problem.core.nodes)))
     cells, still = problem.cells, problem.lowest == problem.highest
     for start in range(0, rows.shape[1], size):
         part = slice(start, start + size)
@@ -243,7 +241,7 @@ class Plan(ABC):
         """Verify scenes, rows (3N, m) with phi (L, m). Raises AssertionError for one that is not what was requested."""
         verify(self.problem, rows, phi)
 
-    def blamed(self, tally: Tally) -> tuple[Plan, int | None]:
+    def shortfall_of(self, tally: Tally) -> tuple[Plan, int | None]:
         """The plan that a shortfall is reported of, and the cell of it that lacks most scenes."""
         return self, tally.scarcest
 
@@ -335,7 +333,7 @@ class NoPlan(ABC):
         return self.time_is_up
 
     @property
-    def crowded(self) -> bool:
+    def is_crowded(self) -> bool:
         """Whether objects only leave no room for each other."""
         return False
 

@@ -29,7 +29,7 @@ from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.request import FixedPose, Range, SampleRequest, within_reach
 from scenegen.search import label_bounds
 from scenegen.search.contract import (
-    SLACK,
+    CONTRACT_SLACK,
     SWEEPS,
     Bounds,
     contract,
@@ -45,6 +45,8 @@ from scenegen.search.tape import Tape, make_tape
 if TYPE_CHECKING:
     from scenegen.search.surfaces import Stand
 
+SCENES_IN_CACHE = 16_384  # scenes that are scored at a time: what is computed on the way stays in cache
+LIVE_NUMBERS = 1 << 22  # numbers in memory at a time meanwhile: specs of thousands of atoms get fewer scenes
 PIECE_SCENES = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k) in any process
 PIECE_NUMBERS = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
 
@@ -282,7 +284,7 @@ def _alive(
         return np.array([contract_box(tape, low[:, 0], high[:, 0], wanted[0], effort, rounds).alive])
     every = [demand for demand in wanted for _ in range(count)]
     low, high = np.tile(low, len(wanted)), np.tile(high, len(wanted))
-    lo, hi = start(tape, every, low, high, slack=0.0 if thin else SLACK)
+    lo, hi = start(tape, every, low, high, slack=0.0 if thin else CONTRACT_SLACK)
     alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
     if thin:
         from scenegen.search.surfaces import improbable

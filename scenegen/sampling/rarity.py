@@ -32,7 +32,7 @@ from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.levels import ChainPopulation, Region
 from scenegen.sampling.splitting.tuning import Tuner, longest
-from scenegen.sampling.streams import RARITY
+from scenegen.sampling.streams import RARITY_STREAM
 from scenegen.search.effort import NEVER, Stop, StoppedError
 
 TAIL_ISLANDS = 16  # estimates whose scatter is the error bar
@@ -252,7 +252,7 @@ def _measure(
             reaches[label] = constant_phi(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
         one = part_of(core, (label, *gate))
-        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY, 1 + index])))
+        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY_STREAM, 1 + index])))
         try:
             start, weights = _begin(make_frame(one, lowest, highest), base, count, rng, stop)
         except StoppedError:
@@ -324,7 +324,7 @@ def _require(
     if not chain_state.dimension:
         least = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
         return _Base({}, np.full(TAIL_ISLANDS, float(least >= 0.0)), 1), least
-    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY, 0])))
+    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY_STREAM, 0])))
     state, weights = _begin(chain_state, None, count, rng, stop)
     tuner = Tuner(state)
     work = effort // cost(core)

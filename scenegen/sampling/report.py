@@ -63,7 +63,7 @@ def shortfall_of_run(plan: Plan, tally: Tally, time_is_up: bool) -> Diagnostic |
     if plan.problem.over_time:
         return too_few_motions(tally.found, plan.wanted, time_is_up)
     account = plan.account(tally)
-    blamed, rarest = plan.blamed(tally)
+    blamed, rarest = plan.shortfall_of(tally)
     problem = blamed.problem
     if blamed is not plan:  # of a part; what is missing is missing from the whole
         problem = replace(problem, request=replace(problem.request, n=plan.wanted))

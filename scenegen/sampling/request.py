@@ -1,7 +1,7 @@
 """A user's request: ranges of phi for some labels, the number of scenes, and how to draw them.
 
 `LO:HI` is a bounded range; `LO:` and `:HI` are constraints only; a label that is not mentioned is free. Text is parsed
-here (`SampleRequest.typed`), Python values in `api/request.py`; after that a request is a `SampleRequest`. A new option
+here (`SampleRequest.parse`), Python values in `api/request.py`; after that a request is a `SampleRequest`. A new option
 is a field of it, and the place where it acts.
 """
 
@@ -390,7 +390,7 @@ class SampleRequest:
             object.__setattr__(self, name, option.checked(name, getattr(self, name)))
 
     @classmethod
-    def typed(cls, options: Mapping[str, Any], labels: Sequence[str]) -> SampleRequest:
+    def parse(cls, options: Mapping[str, Any], labels: Sequence[str]) -> SampleRequest:
         """The request of options as typed, by their names; those that were not typed are None. Raises RequestError with
         a caret."""
         found = {}
@@ -400,7 +400,7 @@ class SampleRequest:
                 found[name] = value if option.parse is None else option.parse(value, tuple(labels))
         return cls(**found)
 
-    def misplaced(self, *what: str) -> str | None:
+    def misplaced_option(self, *what: str) -> str | None:
         """The first option that was given and means nothing for any of `what`: "scenes", "motions", "files", "sets"."""
         usual = SampleRequest()
         for name, option in _options().items():

@@ -179,7 +179,7 @@ class _Proof:
             if not len(kept):
                 return True
             lo, hi, demands = lo[:, kept], hi[:, kept], [demands[column] for column in kept]
-            if rounds == 1 or looked >= self.boxes or self._met(conjuncts, lo, hi):
+            if rounds == 1 or looked >= self.boxes or self._meets(conjuncts, lo, hi):
                 return False
             next_lo, next_hi, next_demands = (
                 [lo[:, BOXES_AT_A_TIME:]],
@@ -214,7 +214,7 @@ class _Proof:
                 return conjuncts
             size = max(1, size // 2)
 
-    def _met(self, conjuncts: Sequence[Conjunct], lo: Array, hi: Array) -> bool:
+    def _meets(self, conjuncts: Sequence[Conjunct], lo: Array, hi: Array) -> bool:
         """Whether one of a few scenes in the boxes meets the conjuncts: middles first, then random ones."""
         rng = np.random.default_rng(0)
         boxes = np.resize(np.arange(lo.shape[1]), max(TRIED_SCENES, lo.shape[1]))

@@ -116,11 +116,13 @@ def alternatives(
 SWEEPS = 4
 MIN_SWEEP_GAIN = 0.02  # a sweep that takes less than this share off every box is the last
 MAX_CACHED_BOXES = 4  # contracted boxes of a tape that are kept
-SLACK = 1e-9  # wanted ends are loosened by this, relative to the size of the numbers, for the tape rounds differently
+CONTRACT_SLACK = (
+    1e-9  # wanted ends are loosened by this, relative to the size of the numbers, for the tape rounds differently
+)
 
 
 def start(
-    tape: Tape, wanted: Sequence[Mapping[int, Bounds]], lowest: Array, highest: Array, *, slack: float = SLACK
+    tape: Tape, wanted: Sequence[Mapping[int, Bounds]], lowest: Array, highest: Array, *, slack: float = CONTRACT_SLACK
 ) -> tuple[Array, Array]:
     """Intervals of all nodes, (T, K), for K boxes lowest..highest, (3N, K), each with its own wanted formula nodes.
     Contraction proves nothing with less `slack` than SLACK."""
@@ -129,7 +131,7 @@ def start(
         lo[node], hi[node] = lowest[row], highest[row]
     scale = size_of(lowest, highest)
     for node in tape.loops:
-        lo[node], hi[node] = -scale * SLACK, scale * SLACK
+        lo[node], hi[node] = -scale * CONTRACT_SLACK, scale * CONTRACT_SLACK
     for column, ends in enumerate(wanted):
         impose(tape, ends, lo[:, column], hi[:, column], scale, slack)
     return lo, hi
@@ -140,7 +142,9 @@ def size_of(lowest: Array, highest: Array) -> float:
     return max(1.0, float(np.abs(lowest).max(initial=0.0)), float(np.abs(highest).max(initial=0.0)))
 
 
-def impose(tape: Tape, wanted: Mapping[int, Bounds], lo: Array, hi: Array, size: float, slack: float = SLACK) -> None:
+def impose(
+    tape: Tape, wanted: Mapping[int, Bounds], lo: Array, hi: Array, size: float, slack: float = CONTRACT_SLACK
+) -> None:
     """Narrow the intervals of one box, (T,) each, in place, to what is wanted of formula nodes."""
     for node, (low, high) in wanted.items():
         at = tape.where[node]

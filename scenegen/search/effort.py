@@ -136,11 +136,11 @@ class Effort:
 def effort_until_stopped(stop: Stop) -> Effort:
     """Work that raises what `stop` raises."""
 
-    def over() -> bool:
+    def ask() -> bool:
         stop.check()
         return False
 
-    return Effort(over)
+    return Effort(ask)
 
 
 def effort_until(deadline: float) -> Effort:

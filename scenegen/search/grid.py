@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array, Index
 from scenegen.lang.formula.core import Coord, Node
-from scenegen.search.contract import SLACK, SWEEPS, Bounds, contract, forward
+from scenegen.search.contract import CONTRACT_SLACK, SWEEPS, Bounds, contract, forward
 from scenegen.search.effort import PYTHON_WORK, Effort
 from scenegen.search.tape import BatchedTape, Tape, make_batches
 
@@ -125,12 +125,12 @@ class _Tape:
     def contract(self, lo: Array, hi: Array, rounds: int = SWEEPS) -> npt.NDArray[np.bool_]:
         return contract(self.what.nodes, lo, hi, rounds, batches=self.batches, effort=self.effort)
 
-    def settled(self, lo: Array, hi: Array) -> npt.NDArray[np.bool_]:
+    def is_settled(self, lo: Array, hi: Array) -> npt.NDArray[np.bool_]:
         """Boxes in which every scene meets the demands, as far as bounds can tell."""
         low, high = forward(self.what.nodes, lo, hi, self.what.given, batches=self.batches, effort=self.effort)
         settled = np.ones(lo.shape[1], dtype=bool)
         for node, least, most in self.what.demands:
-            room = 8 * SLACK * (1.0 + sum(abs(end) for end in (least, most) if np.isfinite(end)))
+            room = 8 * CONTRACT_SLACK * (1.0 + sum(abs(end) for end in (least, most) if np.isfinite(end)))
             settled &= (low[node] >= least - room) & (high[node] <= most + room)
         return settled
 
@@ -220,7 +220,7 @@ def _first(tape: _Tape) -> _GridBoxes:
     lo, hi = lo[:, alive], hi[:, alive]
     where = list(tape.what.dims)
     whole = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
-    return _GridBoxes(lo, hi, ~tape.settled(lo, hi), _volume(lo, hi, where), whole)
+    return _GridBoxes(lo, hi, ~tape.is_settled(lo, hi), _volume(lo, hi, where), whole)
 
 
 def _cut(tape: _Tape, boxes: _GridBoxes, chosen: npt.NDArray[np.intp]) -> _GridBoxes:
@@ -229,7 +229,7 @@ def _cut(tape: _Tape, boxes: _GridBoxes, chosen: npt.NDArray[np.intp]) -> _GridB
     lo, hi = _split(tape, boxes.lo[:, chosen], boxes.hi[:, chosen], where, boxes.whole)
     kept = np.ones(boxes.count, dtype=bool)
     kept[chosen] = False
-    open_ = np.concatenate([boxes.open_[kept], ~tape.settled(lo, hi)])
+    open_ = np.concatenate([boxes.open_[kept], ~tape.is_settled(lo, hi)])
     volume = np.concatenate([boxes.volume[kept], _volume(lo, hi, where)])
     lo, hi = np.concatenate([boxes.lo[:, kept], lo], axis=1), np.concatenate([boxes.hi[:, kept], hi], axis=1)
     return _GridBoxes(lo, hi, open_, volume, boxes.whole)
@@ -415,7 +415,7 @@ def open_nodes(tape: Tape, demand: Mapping[int, Bounds], lo: Array, hi: Array, e
     found = []
     for index, (least, most) in demand.items():
         node = tape.where[index]
-        room = 8 * SLACK * (1.0 + sum(abs(end) for end in (least, most) if math.isfinite(end)))
+        room = 8 * CONTRACT_SLACK * (1.0 + sum(abs(end) for end in (least, most) if math.isfinite(end)))
         if low[node, 0] < least - room or high[node, 0] > most + room:
             support = tape.support(node)
             effort.spend(PYTHON_WORK * (1 + len(support)))

@@ -257,13 +257,14 @@ def propose(
     `relative`: objects that they couple hang from one another. What is in `stands` is drawn on its surfaces, and tied
     to nothing else. Grids are taken from those `known`, and added to them. Raises what `effort` raises.
     """
-    steps: tuple[Step, ...] | None = ()
+    steps: tuple[Step, ...] = ()
     if stands:
         from scenegen.search.surfaces import steps_for
 
-        steps = steps_for(stands, tape, lowest, highest, lo, hi, effort)
-        if steps is None:
+        placing = steps_for(stands, tape, lowest, highest, lo, hi, effort)
+        if placing is None:
             return None
+        steps = placing
     taken = {row for step in steps for row in step.rows}
     placed = {tape.rows[row] for row in taken if row in tape.rows}
     placed.update(node for node, pair in tape.differences.items() if steps and not taken.isdisjoint(pair))

@@ -199,14 +199,14 @@ class _Search:
         if not entries:
             return []
         found = []
-        for (demand, apart), lo, hi in self._contracted(entries):
+        for (demand, apart), lo, hi in self._contract(entries):
             part = Part(apart, demand, lo, hi)
             part.pending = open_nodes(self.tape, demand, part.lo, part.hi, self.effort)
             if self._equip(part, COARSE_BOXES, couple):
                 found.append(part)
         return found
 
-    def _contracted(self, entries: Sequence[Entry]) -> list[tuple[Entry, Array, Array]]:
+    def _contract(self, entries: Sequence[Entry]) -> list[tuple[Entry, Array, Array]]:
         """Those that are not proved empty, and what is left of the intervals of all nodes, (T,)."""
         rounds = 1 if len(self.tape.nodes) > SWEEP_ONLY_NODES else SWEEPS
         if len(entries) == 1:

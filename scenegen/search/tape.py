@@ -362,16 +362,16 @@ class _Forms(Algebra[AffineForm]):
         self.rows: dict[int, int] = {}
 
     def constant(self, index: int, node: Const) -> AffineForm:
-        return self._done(node, AffineForm(node.value))
+        return self._finish(node, AffineForm(node.value))
 
     def coordinate(self, index: int, node: Coord) -> AffineForm:
         if self._lowest[node.row] == self._highest[node.row]:
-            return self._done(node, AffineForm(float(self._lowest[node.row])))
+            return self._finish(node, AffineForm(float(self._lowest[node.row])))
         place = self.rows[node.row] = self.writer.add(Coord(node.object, node.axis))
-        return self._done(node, AffineForm(0.0, ((place, 1.0),)))
+        return self._finish(node, AffineForm(0.0, ((place, 1.0),)))
 
     def apply(self, index: int, node: Apply, args: list[AffineForm]) -> AffineForm:
-        return self._done(node, _apply(self.writer, node, args))
+        return self._finish(node, _apply(self.writer, node, args))
 
     def atom(self, index: int, node: Atom, margin: AffineForm) -> AffineForm:
         self._effort.spend(PYTHON_WORK * 2)
@@ -385,7 +385,7 @@ class _Forms(Algebra[AffineForm]):
         self.where.append(place)
         return AffineForm(0.0, ((place, 1.0),))
 
-    def _done(self, node: Node, form: AffineForm) -> AffineForm:
+    def _finish(self, node: Node, form: AffineForm) -> AffineForm:
         """The form of a number, of which the tape has no place of its own."""
         self._effort.spend(PYTHON_WORK * (1 + len(children(node))))
         self.where.append(-1)

@@ -30,7 +30,7 @@ from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection.draw import draw_kept, make_stages
 from scenegen.sampling.rejection.trial import make_trial, search_longer
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.streams import REJECTION_PLAN
+from scenegen.sampling.streams import REJECTION_PLAN_STREAM
 from scenegen.search import effort as module
 from scenegen.search.effort import Budget, Effort, StoppedError, work_per_scene
 from scenegen.search.prune import box_cover
@@ -279,7 +279,9 @@ def planned(task, wanted, n=100, many=5):
 
 
 def whole_box(problem):
-    return box_cover(problem.core, problem.lowest, problem.highest, {}, (0, REJECTION_PLAN), problem.tape, Effort())
+    return box_cover(
+        problem.core, problem.lowest, problem.highest, {}, (0, REJECTION_PLAN_STREAM), problem.tape, Effort()
+    )
 
 
 @pytest.mark.long

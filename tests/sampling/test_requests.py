@@ -476,13 +476,13 @@ def test_a_mean_whose_square_is_no_number():
 
 @pytest.mark.parametrize("text, low, high", [("40%:60%", 0.4, 0.6), (" 40 % : ", 0.4, None), (":0.6", None, 0.6)])
 def test_rates_in_percent(text, low, high):
-    assert SampleRequest.typed({"success": text}, ["task"]).success == Range(low, high)
+    assert SampleRequest.parse({"success": text}, ["task"]).success == Range(low, high)
 
 
 @pytest.mark.parametrize("text", ["40cm:60cm", "0.4rad:", "%:", "40%%:", "50%:40%", "40%:160%"])
 def test_what_is_no_rate(text):
     with pytest.raises(RequestError) as caught:
-        SampleRequest.typed({"success": text}, ["task"])
+        SampleRequest.parse({"success": text}, ["task"])
     assert len(caught.value.diagnostics) == 1
     with pytest.raises(RequestError):
         parse_phi(["40%:60%"], ["task"])

@@ -39,7 +39,7 @@ from scenegen.play.suites.statistics import Z
 from scenegen.play.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
 from scenegen.sampling.engine.engines import JobResult, run_each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
-from scenegen.sampling.streams import SUITES
+from scenegen.sampling.streams import SUITES_STREAM
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.files import refuse_existing, whole_files
 from scenegen.scenes.formats.scenes_json import write
@@ -193,7 +193,7 @@ class _MakeTask:
             if not share > 0.0:
                 wanted = "in {:g}:{:g}, where starts are".format(*curve.ends)
                 raise RequestError(OUT_OF_RANGE(argument="bands", value=f"{name}={low:g}:{high:g}", wanted=wanted))
-            rng = np.random.default_rng([self.seed, SUITES, int(spec.checked.sha256[:12], 16), len(bands)])
+            rng = np.random.default_rng([self.seed, SUITES_STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
             request = SampleRequest(
                 {plan.success: Range(low, high)}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
                 timeout=self.budget.seconds_left, workers=1,

@@ -138,7 +138,7 @@ class Engine(ABC):
         written."""
 
     @abstractmethod
-    def written(self, *, wait: bool) -> Iterator[Shard]:
+    def finished_shards(self, *, wait: bool) -> Iterator[Shard]:
         """The shards that are complete, in order, each once; with `wait`, all that were begun. Raises what writing the
         next one raises, each time."""
 
@@ -151,18 +151,18 @@ class Engine(ABC):
 # while they fill; so little of the last one is left when the last scene is drawn.
 
 
-T = TypeVar("T")
+Packed = TypeVar("Packed")
 
 POLL_SECONDS = 0.5  # seconds after which a thread that waits looks whether all is over
 
 
-class BlockPacker(Generic[T]):
+class BlockPacker(Generic[Packed]):
     """`work` gets the blocks in a thread, as they are added; one of them waits at most."""
 
-    def __init__(self, threads: ThreadPoolExecutor, work: Callable[[Iterator[Block]], T]) -> None:
+    def __init__(self, threads: ThreadPoolExecutor, work: Callable[[Iterator[Block]], Packed]) -> None:
         self._blocks: queue.Queue[Block | None] = queue.Queue(1)
         self._over = threading.Event()
-        self._result = threads.submit(lambda: work(self._added()))
+        self._result = threads.submit(lambda: work(self._blocks_added()))
 
     def add(self, block: Block) -> None:
         """One more block. Raises what the work has raised."""
@@ -182,10 +182,10 @@ class BlockPacker(Generic[T]):
         return False
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         return self._result.done()
 
-    def result(self) -> T:
+    def result(self) -> Packed:
         """What the work returns, once that is known. Raises what it raises."""
         return self._result.result()
 
@@ -194,7 +194,7 @@ class BlockPacker(Generic[T]):
         self._over.set()
         self._result.cancel()
 
-    def _added(self) -> Iterator[Block]:
+    def _blocks_added(self) -> Iterator[Block]:
         while True:
             try:
                 block = self._blocks.get(timeout=POLL_SECONDS)
@@ -257,10 +257,10 @@ class Local(Engine):
         self._packed.append((self._packing, pieces))
         self._packing = None
 
-    def written(self, *, wait: bool) -> Iterator[Shard]:
+    def finished_shards(self, *, wait: bool) -> Iterator[Shard]:
         while self._shards:
             yield self._shards.popleft()
-        while self._packed and (wait or self._packed[0][0].done):
+        while self._packed and (wait or self._packed[0][0].is_done):
             packing, pieces = self._packed[0]
             shard, said = packing.result()
             self._packed.popleft()

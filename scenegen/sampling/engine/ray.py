@@ -78,7 +78,7 @@ class Cluster(Engine):
         self._candidates = self._picked = 0  # of this run, so far
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
-        job = self._sent(drawing)
+        job = self._send(drawing)
         waiting: deque[tuple[Any, Any]] = deque()
         k, together = first, 1
         try:
@@ -127,10 +127,10 @@ class Cluster(Engine):
         parts = dict(itertools.chain(*(block.parts.items() for block in blocks if isinstance(block, _Picked))))
         whole = [block.reference for block in blocks if isinstance(block, _Stored)]
         self._writing.append(
-            self._write.remote(self._sent(writing), number, pieces, picks, list(parts), *parts.values(), *whole)
+            self._write.remote(self._send(writing), number, pieces, picks, list(parts), *parts.values(), *whole)
         )
 
-    def written(self, *, wait: bool) -> Iterator[Shard]:
+    def finished_shards(self, *, wait: bool) -> Iterator[Shard]:
         while self._writing and (wait or self._ray.wait([self._writing[0]], timeout=0)[0]):
             shard, said = self._get(self._writing[0], "a shard")
             self._writing.popleft()
@@ -143,7 +143,7 @@ class Cluster(Engine):
         self._writing.clear()
         self._leave()
 
-    def _sent(self, job: object) -> Any:
+    def _send(self, job: object) -> Any:
         if id(job) not in self._jobs:
             sent = replace(job, store=job.store.told_to(None)) if isinstance(job, ShardWriter) else job
             self._jobs[id(job)] = job, self._ray.put(pack_job(sent))

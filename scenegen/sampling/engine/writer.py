@@ -147,7 +147,7 @@ def write_file(
     kind = format_of(path, trial.format)
     kind.write(io.BytesIO(), trial, manifest.labels, [])
     with ExitStack() as ending:
-        kept = ending.enter_context(_FileInProgress.opened(path))
+        kept = ending.enter_context(_FileInProgress.open(path))
         ending.enter_context(held(kept.store))
         ending.callback(kept.leave)
         ending.callback(engine.close)  # before that: it may be writing
@@ -161,14 +161,14 @@ def write_file(
             return run.standing.tally()
 
         def write(header: AnyFile, blocks: Iterable[Block], **options: Any) -> None:
-            def seen(sink: IO[bytes]) -> Iterator[Block]:
+            def blocks_joined(sink: IO[bytes]) -> Iterator[Block]:
                 for one in blocks:
                     joining(one)
                     yield one
                     begin_writing(sink)
 
-            with whole_file(kept.joined) as sink:
-                kind.write(sink, header, manifest.labels, seen(sink), **options)
+            with whole_file(kept.joined_file) as sink:
+                kind.write(sink, header, manifest.labels, blocks_joined(sink), **options)
 
         ahead: BlockPacker[None] | None = None
         last: list[AnyFile] = []
@@ -194,7 +194,7 @@ def write_file(
         else:
             ahead.finish()
             ahead.result()
-        put_in_place(kept.joined, kept.path)
+        put_in_place(kept.joined_file, kept.path)
         sync_folder(kept.path.parent)
         if not rest:
             run.update(complete=True)
@@ -213,7 +213,7 @@ class _FileInProgress:
 
     @classmethod
     @contextmanager
-    def opened(cls, path: Path) -> Generator[_FileInProgress, None, None]:
+    def open(cls, path: Path) -> Generator[_FileInProgress, None, None]:
         """Errors of the block speak of the file, and say what is kept. At its end an empty folder is removed."""
         kept = cls(path, store_at(str(folder_of(path))))
         try:
@@ -227,18 +227,18 @@ class _FileInProgress:
                 raise
             raise KeyboardInterrupt(INTERRUPTED(folder=kept.store.location, scenes=point.state["found"])) from error
         except (OutputError, OSError) as error:
-            raise kept._said(error) from error
+            raise kept._explain(error) from error
         finally:
             with suppress(OSError):
                 Path(kept.store.root).rmdir()
 
     @property
-    def joined(self) -> Path:
+    def joined_file(self) -> Path:
         """The file, as long as it is in the folder."""
         return Path(self.store.root, JOINED)
 
     @property
-    def begun(self) -> bool:
+    def has_checkpoint(self) -> bool:
         """Whether there is a checkpoint."""
         return self.run is not None and self.run.manifest.begun
 
@@ -274,14 +274,14 @@ class _FileInProgress:
 
     def leave(self) -> None:
         """Remove what nobody will go on with."""
-        if self.run is not None and (self.over or self.run.manifest.complete or not self.begun):
+        if self.run is not None and (self.over or self.run.manifest.complete or not self.has_checkpoint):
             discard(self.store, complete=self.run.manifest.complete)
 
-    def _said(self, error: OutputError | OSError) -> OutputError:
+    def _explain(self, error: OutputError | OSError) -> OutputError:
         cause = error.__cause__ if isinstance(error, OutputError) else error
         if isinstance(cause, OSError):
             found = output_error(self.path, cause).diagnostics[0]
-            if self.begun:
+            if self.has_checkpoint:
                 assert self.run is not None
                 full = cause.errno in FULL or None
                 found = found.but(folder=self.store.location, scenes=self.run.manifest.scenes, full=full)
@@ -429,11 +429,11 @@ class _Run:
     def rest(self) -> list[Block]:
         """The scenes of unfinished blocks, as files hold them."""
         rest = self.standing.assembler.rest()
-        return [] if rest is None else [self.writing.ready(self.engine.fetch(self._chosen(rest.rows)))]
+        return [] if rest is None else [self.writing.ready(self.engine.fetch(self._choose(rest.rows)))]
 
     def publish(self, *, wait: bool = False) -> None:
         """Name in the manifest what is complete."""
-        for shard in self.engine.written(wait=wait):
+        for shard in self.engine.finished_shards(wait=wait):
             self._commit(self._begun.pop(0), shard)
 
     def update(self, **changes: object) -> None:
@@ -456,16 +456,16 @@ class _Run:
         """Whether a piece of so many candidates can complete a shard."""
         assembler = self.standing.assembler
         end = min(self._done + self.manifest.shard_size, self.plan.wanted)
-        return assembler.found + count >= end
+        return assembler.count + count >= end
 
     def _moment(self, state: dict[str, object], waiting: Array) -> _Moment:
         """What `RunProgress.state` returned before the piece that is being taken; the sources of then are still
         there."""
         if not waiting.size:
             return _Moment(state, None, np.empty((1, 0)))
-        return _Moment(state, self._chosen(waiting[:2]), waiting[2:])
+        return _Moment(state, self._choose(waiting[:2]), waiting[2:])
 
-    def _chosen(self, places: Array) -> SceneHandle:
+    def _choose(self, places: Array) -> SceneHandle:
         return self.engine.choose(places, self._sources)
 
     def _add(self, places: Array, before: tuple[dict[str, object], Array] | None) -> None:
@@ -502,7 +502,7 @@ class _Run:
     def _compact(self) -> None:
         """Let go of all candidates that do not wait."""
         state, waiting = self.standing.state()
-        pool = self.engine.fetch(self._chosen(waiting[:2])) if waiting.size else None
+        pool = self.engine.fetch(self._choose(waiting[:2])) if waiting.size else None
         self._sources.clear()
         self._sizes.clear()
         if pool is not None:

@@ -38,7 +38,7 @@ from scenegen.sampling.growth.population import (
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.report import probability_info
-from scenegen.sampling.streams import GROWTH
+from scenegen.sampling.streams import GROWTH_STREAM
 from scenegen.search.effort import (
     DRAW_SECONDS,
     GROWTH_SCORE_SECONDS,
@@ -95,7 +95,7 @@ def second_population(problem: Problem, budget: Budget, size: Size) -> Populatio
 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH, piece + 1])))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH_STREAM, piece + 1])))
 
 
 def _population(
@@ -116,7 +116,7 @@ def _population(
 
 def _of_plan(seed: int, which: int) -> np.random.Generator:
     """Random numbers of the populations of a plan."""
-    words = [seed, GROWTH, 0, *([which] if which else [])]
+    words = [seed, GROWTH_STREAM, 0, *([which] if which else [])]
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(words)))
 
 
@@ -438,7 +438,7 @@ def log_base(machine: Machine) -> Array:
 
 
 def _aside(seed: int, piece: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence([seed, GROWTH, piece + 1, 1]))
+    return np.random.default_rng(np.random.SeedSequence([seed, GROWTH_STREAM, piece + 1, 1]))
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -452,7 +452,7 @@ def _aside(seed: int, piece: int) -> np.random.Generator:
 SIZES = (12, 96)  # scenes of a population: the larger one where none of the smaller ones lives
 QUICK = 4.0  # poses that meet all clauses that a scene of the smaller one should have among its tries
 ROUNDS = 1  # of contraction
-ASIDE = (GROWTH, 0, 1)  # the stream of its random numbers: no plan reads it
+ASIDE = (GROWTH_STREAM, 0, 1)  # the stream of its random numbers: no plan reads it
 
 
 def glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int] = SIZES) -> Array:

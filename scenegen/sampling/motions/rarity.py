@@ -29,7 +29,7 @@ from scenegen.sampling.rarity import (
 )
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import SampleRequest
-from scenegen.sampling.streams import MOTION_RARITY
+from scenegen.sampling.streams import MOTION_RARITY_STREAM
 from scenegen.search.effort import NEVER, Stop
 
 MOST, FEWEST = 4096, 256  # chains of a run
@@ -78,7 +78,7 @@ def _require(
 ) -> tuple[MotionChains, Array, float]:
     """Chains that meet the limits, then the requirement, with the weights of their islands (0 if they do not), and the
     largest margin."""
-    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, MOTION_RARITY])))
+    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, MOTION_RARITY_STREAM])))
     chains, weights, best = MotionChains.start(problem, count, rng, stop), np.ones(TAIL_ISLANDS), np.inf
     for row in reversed(range(len(problem.labels), len(problem.labels) + len(GATES))):
         met = bool((margins(chains, 1, row) >= 0.0).all())

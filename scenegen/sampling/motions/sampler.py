@@ -22,7 +22,7 @@ from scenegen.sampling.motions.schedule import MotionChains, Watch, generator, m
 from scenegen.sampling.plan import PHI_TOLERANCE, Account, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.report import hits_info, probability_info, too_few_motions
 from scenegen.sampling.splitting.levels import Schedule, follow
-from scenegen.sampling.streams import MOTIONS
+from scenegen.sampling.streams import MOTIONS_STREAM
 from scenegen.search.effort import NEVER, Budget, Stop, StoppedError
 
 BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
@@ -221,7 +221,7 @@ class _Pilot:
     def __call__(self, k: int) -> Index:
         problem, cells = self.problem, self.problem.cells
         self.stop.check()
-        rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, MOTIONS, 0, k]))
+        rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, MOTIONS_STREAM, 0, k]))
         with np.errstate(all="ignore"):
             cell = cells.find(problem.scores(poses_of(problem, draw(problem, self.batch, rng)), self.stop))
         return np.bincount(cell[cell >= 0], minlength=cells.count)

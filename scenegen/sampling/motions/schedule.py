@@ -12,7 +12,7 @@ from scenegen.arrays import Array, Index
 from scenegen.sampling.motions.moves import changes
 from scenegen.sampling.motions.problem import GATES, Flags, MotionProblem, Variables, draw, poses_of, within_a_turn
 from scenegen.sampling.splitting.levels import Descent, Region, Schedule, Stage, which_cell
-from scenegen.sampling.streams import MOTIONS
+from scenegen.sampling.streams import MOTIONS_STREAM
 from scenegen.search.effort import NEVER, Budget, Stop
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -241,7 +241,7 @@ ROUNDS = 24  # of weights that even out the cells
 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k; the plan's are those of piece -1, and the pilot has its own."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, MOTIONS, piece + 2])))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, MOTIONS_STREAM, piece + 2])))
 
 
 Watch = Callable[[Array, int], None]

@@ -13,8 +13,8 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction, Node, children
 from scenegen.lang.formula.interpret import FEWEST_GAPS, GapMinima, evaluate, find_groups
 from scenegen.pose import BELOW_TURN, THETA, along, row_count
-from scenegen.sampling.problem import Problem
-from scenegen.sampling.streams import REJECTION_PLAN
+from scenegen.sampling.problem import LIVE_NUMBERS, SCENES_IN_CACHE, Problem
+from scenegen.sampling.streams import REJECTION_PLAN_STREAM
 from scenegen.search.effort import Effort, work_per_scene
 from scenegen.search.prune import Cover
 
@@ -163,8 +163,6 @@ def _work(core: Core, full: GapMinima, tops: Sequence[int], known: Collection[in
     return bounds + work_per_scene(rest)[0], needs
 
 
-LIVE = 1 << 22  # numbers in memory at a time while candidates are scored
-CHUNK = 16_384  # maximum number of candidates drawn and scored at a time: intermediates then stay in cache
 EXPLORE_VISITS = 1 << 26  # candidates times nodes of one exploration
 # work (see search.effort) of a piece and of a chunk: a third and a tenth of a second
 PIECE_WORK, CHUNK_WORK = 1 << 24, 1 << 22
@@ -187,8 +185,8 @@ def affordable(problem: Problem, count: int) -> int:
 
 def chunk_size(problem: Problem) -> int:
     """How many candidates are drawn and scored at a time."""
-    live = LIVE // max(len(problem.core.nodes), len(problem.lowest))
-    return max(64, min(CHUNK, live, scorable(problem, CHUNK_WORK)))
+    live = LIVE_NUMBERS // max(len(problem.core.nodes), len(problem.lowest))
+    return max(64, min(SCENES_IN_CACHE, live, scorable(problem, CHUNK_WORK)))
 
 
 def chunks(count: int, size: int) -> list[int]:
@@ -211,7 +209,7 @@ def explore(
     hits = np.zeros(problem.cells.count, dtype=np.intp)
     tried, size = 0, chunk_size(problem)
     for chunk in range(most):
-        for count in chunks(affordable(problem, 2048 if cell is not None and not chunk else CHUNK), size):
+        for count in chunks(affordable(problem, 2048 if cell is not None and not chunk else SCENES_IN_CACHE), size):
             if stages is None and tried:
                 stages = make_stages(problem, cover)
             each, calls = work_per_scene(problem.core.nodes)
@@ -234,7 +232,7 @@ def draw_kept(
     stages: Stages | None = None,
 ) -> tuple[Array, Array, Index]:
     """The accepted ones of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,). `room` is a
-    buffer for the draws, (3N, CHUNK); `check` may interrupt, see `evaluate`; `stages` save work."""
+    buffer for the draws, (3N, SCENES_IN_CACHE); `check` may interrupt, see `evaluate`; `stages` save work."""
     rows, spans, usable = _draw(problem, cover, count, rng, room)
     if stages is not None:
         rows, at = stages.survivors(problem.core, rows, usable, check)
@@ -302,14 +300,14 @@ def _needed_nodes(problem: Problem, cover: Cover) -> set[int]:
 
 def make_stages(problem: Problem, cover: Cover) -> Stages:
     """What is scored first of candidates from a cover."""
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN, 0, 3]))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN_STREAM, 0, 3]))
     rows, _, usable = _draw(problem, cover, affordable(problem, PILOT_CANDIDATES), rng)
     return choose_stages(problem, rows, usable, _needed_nodes(problem, cover))
 
 
 def misses(problem: Problem, cover: Cover) -> tuple[Array, Array]:
     """Candidates out of the range, for the report: rows (3N, m) and phi (L, m)."""
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN, 0]))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN_STREAM, 0]))
     rows, phi, usable = candidates(problem, cover, chunk_size(problem), rng)
     out = np.flatnonzero(usable & (problem.cells.find(phi) < 0))
     return rows[:, out], phi[:, out]

@@ -44,7 +44,7 @@ from scenegen.sampling.rejection.trial import (
     search_longer,
 )
 from scenegen.sampling.report import hits_info, too_early
-from scenegen.sampling.streams import REJECTION, REJECTION_PLAN
+from scenegen.sampling.streams import REJECTION_PLAN_STREAM, REJECTION_STREAM
 from scenegen.search.contract import Bounds
 from scenegen.search.effort import (
     CALL_SECONDS,
@@ -96,7 +96,7 @@ class Sieve:
     work: float = 0.0
 
     @property
-    def settled(self) -> frozenset[int]:
+    def settled_cells(self) -> frozenset[int]:
         return self.empty.union(self.barren, *(one.cells for one in self.served))
 
 
@@ -120,7 +120,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
             continue
         if budget.spent:
             raise StoppedError
-        stream = (problem.request.seed, REJECTION_PLAN, run[0] + 1, run[-1] + 1)
+        stream = (problem.request.seed, REJECTION_PLAN_STREAM, run[0] + 1, run[-1] + 1)
         cover = make_cover(problem, _demand_of_run(problem, run), stream, effort, 0.0, RUN_COVER_WORK)
         if not cover.parts:
             empty.update(run)
@@ -240,7 +240,7 @@ class Rejection(Plan):
     def draw(self, k: int) -> Piece:
         """Piece k, the same in any process. Its facts are the hits of each source: in the whole range for the common
         cover, in its cell for the others. Raises StoppedError if time is up meanwhile."""
-        rng = np.random.default_rng(np.random.SeedSequence([self.problem.request.seed, REJECTION, k]))
+        rng = np.random.default_rng(np.random.SeedSequence([self.problem.request.seed, REJECTION_STREAM, k]))
         rows: list[Array] = []
         phi: list[Array] = []
         found: list[Index] = []
@@ -354,7 +354,7 @@ def _own_sources(
     together -= sieve.work
     draws += sieve.tried
     ruled_out, served = set(sieve.empty), list(sieve.served)
-    must = [cell for cell in missed if cell not in sieve.settled]
+    must = [cell for cell in missed if cell not in sieve.settled_cells]
     rest = [*must, *hit]
     allowed = together
     own: list[CellGroup] = []
@@ -400,11 +400,11 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
     fewer candidates, but can take long itself. Raises RequestError if it turns out that there is no scene."""
     seed, effort = problem.request.seed, effort_of(budget, FIRST_LOOK_WORK)
     try:
-        box, stream = (problem.lowest, problem.highest), (seed, REJECTION_PLAN)
+        box, stream = (problem.lowest, problem.highest), (seed, REJECTION_PLAN_STREAM)
         cover = box_cover(problem.core, *box, problem.wanted(), stream, problem.tape, effort, problem.stands)
         if not cover.parts:
             refuse_impossible(problem, effort_of(budget))
-        rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN, 0, 2]))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN_STREAM, 0, 2]))
         hits, tried, stages = explore(problem, cover, 1, rng, effort)
     except (StoppedError, TooMuchError):
         return None

@@ -13,10 +13,10 @@ from scenegen.arrays import Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
-from scenegen.sampling.problem import Problem, refuse_impossible
-from scenegen.sampling.rejection.draw import CHUNK, EXPLORE_CHUNKS, Stages, explore, misses
+from scenegen.sampling.problem import SCENES_IN_CACHE, Problem, refuse_impossible
+from scenegen.sampling.rejection.draw import EXPLORE_CHUNKS, Stages, explore, misses
 from scenegen.sampling.report import shortfall, too_early
-from scenegen.sampling.streams import REJECTION_PLAN
+from scenegen.sampling.streams import REJECTION_PLAN_STREAM
 from scenegen.search.effort import Budget, Effort, StoppedError, TooMuchError, work_per_scene
 from scenegen.search.prune import MIN_COVER_WORK, Cover, prune
 
@@ -65,10 +65,10 @@ def make_trial(
     seed = problem.request.seed
     effort = effort_of(budget, most, further)
     try:
-        cover = make_cover(problem, problem.wanted(), (seed, REJECTION_PLAN), effort, _enough(problem))
+        cover = make_cover(problem, problem.wanted(), (seed, REJECTION_PLAN_STREAM), effort, _enough(problem))
         if not cover.parts:
             refuse_impossible(problem, effort_of(budget))
-        rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN, 0]))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN_STREAM, 0]))
         hits, tried, stages = explore(problem, cover, EXPLORE_CHUNKS, rng, effort)
     except StoppedError:
         raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
@@ -90,7 +90,7 @@ def search_longer(problem: Problem, trial: Trial, budget: Budget, most: float = 
     Raises RequestError if time is up although some were in range: how many would depend on the machine, and so would
     every plan that is made of it.
     """
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN, 0, 1]))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN_STREAM, 0, 1]))
     hits, tried, stages = trial.hits.copy(), trial.tried, trial.stages
     effort = Effort(lambda: budget.spent)
     while tried < LONG_SEARCH_CANDIDATES or (tried < most and not hits.any()):
@@ -162,7 +162,7 @@ class _Covering:
     def __call__(self, item: tuple[int, float]) -> CellCover:
         cell, most = item
         problem, effort = self.problem, effort_of(self.budget, most)
-        stream = (problem.request.seed, REJECTION_PLAN, cell + 1)
+        stream = (problem.request.seed, REJECTION_PLAN_STREAM, cell + 1)
         try:
             cover = make_cover(problem, problem.wanted(cell), stream, effort, *_enough_for_cell(problem))
             if not cover.parts:
@@ -182,7 +182,7 @@ def _enough_for_cell(problem: Problem) -> tuple[float, float | None]:
         return math.inf, None
     each, _ = work_per_scene(problem.core.nodes)
     share = problem.request.n / len(problem.possible)
-    return 0.0, max(MIN_COVER_WORK, share * each * CELL_CHUNKS * CHUNK)
+    return 0.0, max(MIN_COVER_WORK, share * each * CELL_CHUNKS * SCENES_IN_CACHE)
 
 
 def own_covers(

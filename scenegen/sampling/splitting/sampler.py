@@ -28,7 +28,7 @@ from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, d
 from scenegen.sampling.splitting.levels import Descent, Schedule, Stage, follow
 from scenegen.sampling.splitting.moves import Tuning
 from scenegen.sampling.splitting.tuning import LONGEST, Tuner, even_out
-from scenegen.sampling.streams import SPLITTING
+from scenegen.sampling.streams import SPLITTING_STREAM
 from scenegen.search.effort import NEVER, Budget, Stop, StoppedError, moving_seconds
 
 FACTS = 9  # of a piece, and two for each statistic
@@ -48,12 +48,12 @@ NUMBERS = 1 << 21  # maximum number of coordinates of a piece's chains
 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k; the plan's are those of piece -1."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLITTING, piece + 1])))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLITTING_STREAM, piece + 1])))
 
 
 def _aside(seed: int, piece: int) -> np.random.Generator:
     """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
-    return np.random.default_rng(np.random.SeedSequence([seed, SPLITTING, piece + 1, 1]))
+    return np.random.default_rng(np.random.SeedSequence([seed, SPLITTING_STREAM, piece + 1, 1]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -184,8 +184,8 @@ def test_where_it_has_no_place(fitted):
 
 
 def test_typed(fitted):
-    request = SampleRequest.typed({"success": "0.4:", "under": "p.fit"}, ["goal"])
+    request = SampleRequest.parse({"success": "0.4:", "under": "p.fit"}, ["goal"])
     assert request.success == Range(0.4, None) and str(request.under) == "p.fit"
     for text in ("0.5", "0.6:0.4", "low:", "0.4:1.5"):
         with pytest.raises(RequestError):
-            SampleRequest.typed({"success": text}, ["goal"])
+            SampleRequest.parse({"success": text}, ["goal"])

@@ -99,7 +99,7 @@ def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, dat
     found = list(before.offer(block.part(0, cut), index[:cut]))
     after = BlockAssembler(sorted(reached), wanted, 5, size)
     after.restore(*before.state(), 3)
-    assert after.found == before.found
+    assert after.count == before.found
     found += after.offer(block.part(cut, len(cells)), index[cut:])
     assert [block.rows.tobytes() for block in found] == [block.rows.tobytes() for block in expected]
     assert after.state()[0] == one.state()[0] and np.array_equal(after.state()[1], one.state()[1])
@@ -108,7 +108,7 @@ def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, dat
 def test_the_first_of_each_cell_are_kept():
     """Room in a cell is that of two blocks; the next ones are dropped until a block has left."""
     assembler = BlockAssembler([0, 1], 40, 0, 10)
-    assert filled(assembler, [0] * 15) == [] and assembler.found == 10
+    assert filled(assembler, [0] * 15) == [] and assembler.count == 10
     (block,) = filled(assembler, [1] * 5)
     assert sorted(block.rows[0][block.rows[1] == 0]) == [0, 1, 2, 3, 4]
 
@@ -118,7 +118,7 @@ def test_a_rare_cell_does_not_fill_the_memory():
     assembler = BlockAssembler([0, 1], 10**6, 0, 100)
     for _ in range(50):
         filled(assembler, (source.random(1000) < 0.001).astype(int))
-        assert assembler.found - assembler.done <= 200
+        assert assembler.count - assembler.done <= 200
     assert 0 < assembler.done < 10**6
 
 

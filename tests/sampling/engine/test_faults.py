@@ -112,7 +112,7 @@ class InPairs(Local):
     """Names shards two at a time."""
 
     def written(self, *, wait):
-        return super().written(wait=True) if wait or len(self._packed) >= 2 else iter(())
+        return super().finished_shards(wait=True) if wait or len(self._packed) >= 2 else iter(())
 
 
 @pytest.mark.parametrize("what", ["save_checkpoint", "write_manifest"])

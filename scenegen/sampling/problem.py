@@ -13,13 +13,7 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array, as_numbers
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import (
-    ALL_HELD,
-    CANNOT_BE_HELD,
-    NO_TIME_TO_CHECK,
-    NOT_A_POSE,
-    UNKNOWN_OBJECT,
-)
+from scenegen.errors.requests import ALL_HELD, CANNOT_BE_HELD, NO_TIME_TO_CHECK, NOT_A_POSE, UNKNOWN_OBJECT
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, gated, read_rows
 from scenegen.lang.formula.interpret import phi as evaluate
@@ -210,12 +204,7 @@ def phi_varies(problem: Problem) -> bool:
 
 
 def narrow_problem(
-    problem: Problem,
-    core: Core,
-    box: tuple[Array, Array],
-    phi: Mapping[str, Range],
-    seed: int,
-    effort: Effort,
+    problem: Problem, core: Core, box: tuple[Array, Array], phi: Mapping[str, Range], seed: int, effort: Effort
 ) -> Problem:
     """The same request for the labels of another core over the same objects, without requirement, in another box of
     poses, (3N,) each. Raises RequestError if contraction proves it empty, and what `effort` raises."""

@@ -226,13 +226,7 @@ def measure(
 
 
 def _measure(
-    core: Core,
-    lowest: Array,
-    highest: Array,
-    labels: Sequence[str],
-    seed: int,
-    effort: int,
-    stop: Stop,
+    core: Core, lowest: Array, highest: Array, labels: Sequence[str], seed: int, effort: int, stop: Stop
 ) -> Rarity | RequirementUnmet:
     base: _Base | None = None
     required: Estimate | None = None
@@ -311,13 +305,7 @@ class _Base:
 
 
 def _require(
-    core: Core,
-    lowest: Array,
-    highest: Array,
-    count: int,
-    seed: int,
-    effort: int,
-    stop: Stop,
+    core: Core, lowest: Array, highest: Array, count: int, seed: int, effort: int, stop: Stop
 ) -> tuple[_Base, float]:
     """Chains at the base distribution conditioned on the requirement; weights 0 if it could not be satisfied."""
     chain_state = make_frame(core, lowest, highest)

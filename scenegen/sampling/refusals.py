@@ -84,12 +84,7 @@ def refuse_points(
 
 
 def move_shared_bounds(
-    core: Core,
-    lowest: Array,
-    highest: Array,
-    phi: Mapping[str, Range],
-    bounds: dict[str, Bounds],
-    effort: Effort,
+    core: Core, lowest: Array, highest: Array, phi: Mapping[str, Range], bounds: dict[str, Bounds], effort: Effort
 ) -> tuple[Mapping[str, Range], dict[str, Bounds]]:
     """The ranges and the bounds of phi, where a range only touches a bound that many scenes share, as where phi is a
     matter of which surface a thing is on: the bound moves by a hair, for it has not probability 0, and a range of that

@@ -310,10 +310,7 @@ class SampleRequest:
     ] = DEFAULT_SCENES
     seed: Annotated[int, Option("The same seed gives the same scenes.", most=MAX_SEED)] = 0
     method: Annotated[str, Option(methods_help(), hints=METHODS, panel=DRAWING_PANEL)] = "auto"
-    spread: Annotated[
-        str,
-        Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS),
-    ] = "flat"
+    spread: Annotated[str, Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS)] = "flat"
     fix: Annotated[
         Mapping[str, FixedPose | tuple[float, ...]],
         Option(
@@ -325,10 +322,7 @@ class SampleRequest:
             check=_check_fix,
         ),
     ] = field(default_factory=dict)
-    settle: Annotated[
-        bool,
-        Option("Only scenes in which nothing moves when dropped in a simulator."),
-    ] = False
+    settle: Annotated[bool, Option("Only scenes in which nothing moves when dropped in a simulator.")] = False
     success: Annotated[
         Range | Ends | None,
         Option(
@@ -356,8 +350,7 @@ class SampleRequest:
     timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", panel=DRAWING_PANEL)] = 60.0
     keep_partial: Annotated[bool, Option("Keep what was found when time is up.", panel=DRAWING_PANEL)] = False
     raw: Annotated[
-        bool,
-        Option("A model's own output, neither refined nor filtered.", of=("scenes",), panel=MODELS_PANEL),
+        bool, Option("A model's own output, neither refined nor filtered.", of=("scenes",), panel=MODELS_PANEL)
     ] = False
     resume: Annotated[bool, Option("Go on where an earlier run with this --out was broken off.", of=("files",))] = False
     shard_size: Annotated[

@@ -293,11 +293,7 @@ class Rejection(Plan):
 
 
 def make_plan(
-    problem: Problem,
-    budget: Budget,
-    trial: Trial | None = None,
-    most: float = math.inf,
-    together: float = math.inf,
+    problem: Problem, budget: Budget, trial: Trial | None = None, most: float = math.inf, together: float = math.inf
 ) -> Rejection:
     """The plan of a problem; `trial` is its trial if there has been one. A time limit can only cut it short.
 
@@ -334,13 +330,7 @@ def make_plan(
 
 
 def _own_sources(
-    problem: Problem,
-    budget: Budget,
-    trial: Trial,
-    missed: Sequence[int],
-    shares: _Shares,
-    most: float,
-    together: float,
+    problem: Problem, budget: Budget, trial: Trial, missed: Sequence[int], shares: _Shares, most: float, together: float
 ) -> tuple[list[CellGroup], frozenset[int], int]:
     """Sources of the cells that the trial missed, and of those that it hit so seldom that a cover of their own saves
     work, as `shares` notes; the cells that are proved empty, and all candidates. Raises what `make_plan` raises."""

@@ -51,10 +51,7 @@ class Trial:
 
 
 def make_trial(
-    problem: Problem,
-    budget: Budget,
-    most: float = math.inf,
-    further: Callable[[], float] | None = None,
+    problem: Problem, budget: Budget, most: float = math.inf, further: Callable[[], float] | None = None
 ) -> Trial:
     """The cover of the whole range and its first candidates. `further` is called where that takes more work than
     `most`: the work may come to what that returns, if it is more.

@@ -147,7 +147,7 @@ class Pool(Generic[Item, Result]):
                 if self._exhausted and self._yielded == self._ordered:
                     over = True
                     return
-                self._hear(self._inbox.get())
+                self._receive(self._inbox.get())
         finally:
             if not over:
                 self.close()
@@ -185,7 +185,7 @@ class Pool(Generic[Item, Result]):
         self._exhausted = order is None
         return order
 
-    def _hear(self, message: WorkerMessage) -> None:
+    def _receive(self, message: WorkerMessage) -> None:
         worker = message.worker
         if message.status == GONE:
             self._replace(worker)

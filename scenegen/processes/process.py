@@ -114,11 +114,7 @@ def main() -> None:
 
 def _listen(source: BinaryIO, orders: queue.SimpleQueue[bytes]) -> None:
     while True:
-        orders.put(_message(source))
-
-
-def _message(source: BinaryIO) -> bytes:
-    return _exactly(source, FRAME_SIZE.unpack(_exactly(source, FRAME_SIZE.size))[0])
+        orders.put(_exactly(source, FRAME_SIZE.unpack(_exactly(source, FRAME_SIZE.size))[0]))
 
 
 def _exactly(source: BinaryIO, size: int) -> bytes:

@@ -247,7 +247,10 @@ class ProductPlan(Plan):
         if REQUIRE in self.problem.core.labels:
             info["probability_of"] = "range and requirement"
         info["components"] = [
-            {"objects": [self.problem.core.objects[thing] for thing in part.objects], **_without_seed(one.info)}
+            {
+                "objects": [self.problem.core.objects[thing] for thing in part.objects],
+                **{name: value for name, value in one.info.items() if name != "seed"},
+            }
             for part, one in zip(self.parts, accounts, strict=True)
         ]
         warnings: dict[Diagnostic, None] = {}
@@ -301,7 +304,3 @@ def _number(info: Mapping[str, object], *names: str, otherwise: float = 0.0) -> 
         if isinstance(value, int | float):
             return value
     return otherwise
-
-
-def _without_seed(info: Mapping[str, object]) -> dict[str, object]:
-    return {name: value for name, value in info.items() if name != "seed"}

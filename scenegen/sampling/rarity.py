@@ -208,6 +208,7 @@ MIN_AFFORDED_CHAINS = 100  # chains: if the effort does not allow so many, growt
 MOVES_AFTER_REQUIREMENT = 4  # more rounds once the requirement is met, before its chains start the runs
 
 
+@np.errstate(all="ignore")  # phi may overflow or be undefined somewhere: such scenes count as unreachable
 def measure(
     core: Core,
     lowest: Array,
@@ -221,20 +222,14 @@ def measure(
     conditional on the core's requirement. The same arguments give the same numbers. `work` is the effort, in visits of
     nodes. Where `stop` raises StoppedError, runs end with what they have, and labels that were not begun are left out;
     it is raised again if there are none. Raises whatever else `stop` raises."""
-    with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        return _measure(gated(core), lowest, highest, labels, seed, work, stop)
-
-
-def _measure(
-    core: Core, lowest: Array, highest: Array, labels: Sequence[str], seed: int, effort: int, stop: Stop
-) -> Rarity | RequirementUnmet:
+    core = gated(core)
     base: _Base | None = None
     required: Estimate | None = None
     spent = 0
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
-    count = _chains([part_of(core, (label, *gate)) for label in labels], lowest, highest, effort)
+    count = _chains([part_of(core, (label, *gate)) for label in labels], lowest, highest, work)
     if gate:
-        base, best = _require(part_of(core, gate), lowest, highest, count, seed, effort, stop)
+        base, best = _require(part_of(core, gate), lowest, highest, count, seed, work, stop)
         spent = base.evaluations
         if not base.weights.any():
             return RequirementUnmet(best, spent)
@@ -253,8 +248,8 @@ def _measure(
             if not reaches:
                 raise
             break
-        work = effort // (2 * len(labels) * cost(one))
-        up, down = (_climb(start.some(start.count), weights, sign, work, stop) for sign in (1, -1))
+        most = work // (2 * len(labels) * cost(one))
+        up, down = (_climb(start.some(start.count), weights, sign, most, stop) for sign in (1, -1))
         reaches[label] = PhiDistribution(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)

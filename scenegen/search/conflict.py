@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from scenegen.arrays import Array
-from scenegen.errors import Diagnostic, Kind, Span
+from scenegen.errors import Diagnostic, Kind
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Atom, Coord, Core, Junction, atoms_below
 from scenegen.lang.formula.interpret import evaluate
@@ -104,7 +104,7 @@ def conjuncts_of(core: Core, wanted: Mapping[int, Bounds]) -> list[Conjunct]:
 def conflict_diagnostic(core: Core, found: Conflict, kind: Kind, **facts: Any) -> Diagnostic:
     """The diagnostic of a clash: the caret under the first atom, the others below with their file and line."""
     texts = [_text(core, conjunct) for conjunct in found.conjuncts]
-    spans = [_span(core, node) for node, _, _ in found.conjuncts]
+    spans = [next((atom.spans[0] for atom in _atoms(core, node) if atom.spans), None) for node, _, _ in found.conjuncts]
     more = "cannot be met" if len(texts) == 1 else "clashes with what is noted below"
     lines = [
         f"{text}  ({span.place})" if span is not None else text
@@ -124,13 +124,6 @@ def _text(core: Core, conjunct: Conjunct) -> str:
     if len(atoms) == 1:
         return f"{names[0]} {sign}"
     return f"{' or '.join(names)} {sign}"
-
-
-def _span(core: Core, index: int) -> Span | None:
-    for atom in _atoms(core, index):
-        if atom.spans:
-            return atom.spans[0]
-    return None
 
 
 def _atoms(core: Core, index: int) -> list[Atom]:

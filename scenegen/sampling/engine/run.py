@@ -67,7 +67,8 @@ def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> S
             except StopIteration as end:
                 tally: Tally = end.value
                 break
-            _check(plan, block)
+            if plan.verified:
+                plan.check(block.rows, block.phi)
             part = slice(count, count + block.count)
             rows[:, part], phi[:, part] = block.rows, block.phi
             count += block.count
@@ -75,11 +76,6 @@ def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> S
         return SampledScenes(
             rows[:, :count], phi[:, :count], info, warnings, shortfall_of_run(plan, tally, budget.spent)
         )
-
-
-def _check(plan: Plan, block: Block) -> None:
-    if plan.verified:
-        plan.check(block.rows, block.phi)
 
 
 def resume_record(problem: Problem, versions: Mapping[str, str]) -> dict[str, object]:

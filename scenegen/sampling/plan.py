@@ -110,8 +110,8 @@ class Tally:
     """The progress of a run. Of `found` scenes, `scenes` are in complete blocks. `pieces` have been used; they gave
     `candidates` in reached cells. `strays` are cells that were hit although the plan considers them unreachable;
     `facts` are the sums of the pieces' facts; `scarcest` is the cell that lacks most scenes, None if none does. All of
-    it depends on the request alone, never on the workers; except `cut`, which says how far the piece had come that the
-    time limit cut short, "" if none was."""
+    it depends on the request alone, never on the workers; except `cut`, the progress of the piece that the time limit
+    interrupted, in words, "" if none was."""
 
     scenes: int
     found: int

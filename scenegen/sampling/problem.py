@@ -114,12 +114,12 @@ class Problem:
 
         return stands_of(self.spec, self.lowest, self.highest)
 
-    def wanted(self, cell: int | None = None) -> dict[int, Bounds]:
+    def demand(self, cell: int | None = None) -> dict[int, Bounds]:
         """The demand of a cell, or of the whole range, on each formula node of the core."""
         low, high = (self.cells.low, self.cells.high) if cell is None else self.cells.limits(cell)
         return label_demand(self.core, low, high)
 
-    def demand(self, low: Array, high: Array) -> dict[int, Bounds]:
+    def demand_between(self, low: Array, high: Array) -> dict[int, Bounds]:
         """That phi of every label lies in low..high, (L,) each, as demands on formula nodes of the core."""
         return label_demand(self.core, low, high)
 

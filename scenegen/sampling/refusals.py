@@ -33,7 +33,7 @@ def impossible(problem: Problem, effort: Effort | None = None) -> Diagnostic:
     if problem.improbable:
         return TOO_IMPROBABLE(wanted=_ranges_text(problem.request.phi))
     effort = Effort() if effort is None else effort
-    asked = problem.request.phi, problem.wanted()
+    asked = problem.request.phi, problem.demand()
     return _impossible(problem.core, problem.lowest, problem.highest, *asked, tuple(problem.fixed), effort)
 
 

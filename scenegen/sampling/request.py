@@ -65,7 +65,7 @@ class Range:
     span: Span | None = field(default=None, compare=False, repr=False)
 
     @property
-    def bounded(self) -> bool:
+    def is_bounded(self) -> bool:
         return self.low is not None and self.high is not None
 
     @property

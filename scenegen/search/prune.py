@@ -84,7 +84,7 @@ class Cover:
     log_share: float
 
     @property
-    def expected(self) -> float:
+    def acceptance(self) -> float:
         """The share of drawn scenes that the pilots kept."""
         return float(sum(weight * part.acceptance for weight, part in zip(self.weights, self.parts, strict=True)))
 

@@ -207,15 +207,15 @@ def wrong_proofs(made: Planted, work: float = 3e7) -> list[str]:
         if cell >= 0 and cell not in problem.possible | problem.improbable:
             found.append(f"{what}: cell {cell}")
         if (
-            minimal_conflict(core, *made.member.box(), problem.wanted(), search=False, work=int(work / 1000))
+            minimal_conflict(core, *made.member.box(), problem.demand(), search=False, work=int(work / 1000))
             is not None
         ):
             found.append(f"{what}: clash")
-        if find_witness(core, *made.member.box(), problem.wanted(), work=int(work / 1000)).verdict == "no":
+        if find_witness(core, *made.member.box(), problem.demand(), work=int(work / 1000)).verdict == "no":
             found.append(f"{what}: search")
         with np.errstate(all="ignore"):
             found += [f"{what}: {proof}" for proof in [too_full(make_graph(problem), problem.spec)] if proof]
-            for mine, wanted in (("range", problem.wanted()), ("cell", problem.wanted(max(cell, 0)))):
+            for mine, wanted in (("range", problem.demand()), ("cell", problem.demand(max(cell, 0)))):
                 try:
                     if not make_cover(problem, wanted, (1, 2), Effort(most=work)).parts:
                         found.append(f"{what}: cover of the {mine}")

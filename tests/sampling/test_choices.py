@@ -324,8 +324,8 @@ def test_a_cover_that_is_good_enough_has_the_same_scenes(monkeypatch: pytest.Mon
     plain = make_trial(few, Budget())
     monkeypatch.setattr(prune, "MIN_COVER_WORK", 0.0)
     early = make_trial(few, Budget())
-    assert early.cover.expected < 0.1 * plain.cover.expected and early.work < plain.work
-    assert make_trial(many, Budget()).cover.expected > 0.4, "for many scenes it is worth the work"
+    assert early.cover.acceptance < 0.1 * plain.cover.acceptance and early.work < plain.work
+    assert make_trial(many, Budget()).cover.acceptance > 0.4, "for many scenes it is worth the work"
 
     def drawn(cover: prune.Cover, count: int, seed: int) -> np.ndarray:
         rows = np.empty((len(few.lowest), count))

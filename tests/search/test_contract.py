@@ -172,7 +172,7 @@ def test_a_cover_holds_every_scene_of_the_range_once(text):
         assert (inside(part.proposal, tape, rows[:, owned]) == 1).all()
     assert (owners == 1).all()
     # and the probability that follows from volume and acceptance is the share of plain hits
-    share = math.exp(cover.log_share) * cover.expected
+    share = math.exp(cover.log_share) * cover.acceptance
     assert share == pytest.approx(len(hits) / 400_000, rel=0.25)
 
 

@@ -154,7 +154,7 @@ def _demand_of_run(problem: Problem, run: Sequence[int]) -> dict[int, Bounds]:
     """A demand that the scenes of all these cells meet."""
     limits = [problem.cells.limits(cell) for cell in run]
     low, high = np.min([ends[0] for ends in limits], axis=0), np.max([ends[1] for ends in limits], axis=0)
-    return problem.demand(low, high)
+    return problem.demand_between(low, high)
 
 
 MAX_PIECE_FACTOR = 4  # times the usual size of a piece, at most, where each brings little
@@ -391,7 +391,7 @@ def first_look(problem: Problem, budget: Budget) -> Rejection | None:
     seed, effort = problem.request.seed, effort_of(budget, FIRST_LOOK_WORK)
     try:
         box, stream = (problem.lowest, problem.highest), (seed, REJECTION_PLAN_STREAM)
-        cover = box_cover(problem.core, *box, problem.wanted(), stream, problem.tape, effort, problem.stands)
+        cover = box_cover(problem.core, *box, problem.demand(), stream, problem.tape, effort, problem.stands)
         if not cover.parts:
             refuse_impossible(problem, effort_of(budget))
         rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN_STREAM, 0, 2]))

@@ -62,7 +62,7 @@ def make_trial(
     seed = problem.request.seed
     effort = effort_of(budget, most, further)
     try:
-        cover = make_cover(problem, problem.wanted(), (seed, REJECTION_PLAN_STREAM), effort, _enough(problem))
+        cover = make_cover(problem, problem.demand(), (seed, REJECTION_PLAN_STREAM), effort, _enough(problem))
         if not cover.parts:
             refuse_impossible(problem, effort_of(budget))
         rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN_STREAM, 0]))
@@ -161,7 +161,7 @@ class _Covering:
         problem, effort = self.problem, effort_of(self.budget, most)
         stream = (problem.request.seed, REJECTION_PLAN_STREAM, cell + 1)
         try:
-            cover = make_cover(problem, problem.wanted(cell), stream, effort, *_enough_for_cell(problem))
+            cover = make_cover(problem, problem.demand(cell), stream, effort, *_enough_for_cell(problem))
             if not cover.parts:
                 return CellCover(cover, 0, 0, effort.used)
             rng = np.random.default_rng(np.random.SeedSequence(list(stream)))

@@ -99,7 +99,7 @@ def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, dat
     found = list(before.offer(block.part(0, cut), index[:cut]))
     after = BlockAssembler(sorted(reached), wanted, 5, size)
     after.restore(*before.state(), 3)
-    assert after.count == before.found
+    assert after.count == before.count
     found += after.offer(block.part(cut, len(cells)), index[cut:])
     assert [block.rows.tobytes() for block in found] == [block.rows.tobytes() for block in expected]
     assert after.state()[0] == one.state()[0] and np.array_equal(after.state()[1], one.state()[1])

@@ -106,7 +106,7 @@ def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
     dear = GrowthFailed(None, None, 0.0, dear=True)
     monkeypatch.setattr("scenegen.sampling.splitting.sampler.plan_splitting", lambda *words, **named: cut)
     monkeypatch.setattr("scenegen.sampling.growth.sampler.plan_growth", lambda *words, **named: dear)
-    assert MethodChoice(problem, Budget())._other(quick) is cut
+    assert MethodChoice(problem, Budget())._rival(quick) is cut
 
 
 TIGHT = """object a, b, c, d
@@ -145,7 +145,7 @@ def test_growth_of_large_populations_and_splitting_are_compared(growth, splittin
     monkeypatch.setattr(Splitting, "seconds", splitting)
     monkeypatch.setattr("scenegen.sampling.growth.sampler.plan_growth", grown)
     monkeypatch.setattr("scenegen.sampling.splitting.sampler.plan_splitting", splits)
-    assert MethodChoice(problem, Budget())._other() is (split if taken == "splitting" else easy)
+    assert MethodChoice(problem, Budget())._rival() is (split if taken == "splitting" else easy)
     assert given["growth"] == (moving_seconds(problem.core.nodes, DESCENT_MOVES * DESCENT_CHAINS, DESCENT_MOVES), True)
     assert given.get("splitting") == {None: math.inf, 75.0: 75.0 / SPLITTING_SHARE, 7.0: None}[growth]
 

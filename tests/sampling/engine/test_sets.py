@@ -48,7 +48,7 @@ class Elsewhere(Local):
     def write(self, writing, number, pieces, blocks):
         self.begun.append((writing, number, pieces, [self.kept[one] for one in blocks]))
 
-    def written(self, *, wait):
+    def finished_shards(self, *, wait):
         ready = self.begun if wait else self.begun[: max(0, len(self.begun) - self.late)]
         self.begun = self.begun[len(ready) :]
         yield from (writing(number, pieces, blocks) for writing, number, pieces, blocks in ready)

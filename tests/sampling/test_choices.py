@@ -297,7 +297,7 @@ def test_a_value_that_many_scenes_share_stays_possible() -> None:
 @pytest.mark.long
 def test_cells_that_are_served_together_have_their_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
     """The trial is told to have missed half of the cells: they are then served from one cover, with the same scenes."""
-    monkeypatch.setattr(trial, "stands_of", lambda *_: ())
+    monkeypatch.setattr("scenegen.search.surfaces.stands_of", lambda *_: ())
     problem = problem_of(KITCHEN, -0.3, -0.19, 4000)
     plain = sampler.make_plan(problem, Budget())
     first = make_trial(problem, Budget())
@@ -319,7 +319,9 @@ def test_cells_that_are_served_together_have_their_scenes(monkeypatch: pytest.Mo
 @pytest.mark.long
 def test_a_cover_that_is_good_enough_has_the_same_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
     """For a few scenes the cover is left as it is after the first split: it keeps 0.2 % of what is drawn, not 46 %."""
-    monkeypatch.setattr(trial, "stands_of", lambda *_: ())  # blocks that are drawn where they stand need no splits
+    monkeypatch.setattr(
+        "scenegen.search.surfaces.stands_of", lambda *_: ()
+    )  # blocks that are drawn where they stand need no splits
     few, many = (problem_of(TOWER, 0.0, 0.01, n) for n in (1, 1_000_000))
     plain = make_trial(few, Budget())
     monkeypatch.setattr(prune, "MIN_COVER_WORK", 0.0)

@@ -38,10 +38,11 @@ import torch
 import scenegen
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.blocks import run_blocks
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.sampler import Rejection, make_plan
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.coverage import coverage
+from scenegen.search.effort import Budget
 
 Array = npt.NDArray[np.float64]
 BAND = 0.0125

@@ -31,7 +31,7 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.sampler import make_plan, work_of
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
@@ -39,7 +39,7 @@ from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.sampler import CHAINS, generator
 from scenegen.sampling.splitting.tuning import Tuner
-from scenegen.search.effort import MOVE, per_scene
+from scenegen.search.effort import MOVE_WORK, Budget, work_per_scene
 
 HERE = Path(__file__).resolve().parent
 KINDS = {"bound": ["BOUNDED"], "draw": ["SCORED", "CALLED", "DRAWN"], "grow": ["STEPPED", "GROWN"], "move": ["MOVED"]}
@@ -51,13 +51,13 @@ def measures(text: str) -> Iterator[tuple[str, float, list[float]]]:
     """Kinds, seconds, and what was counted meanwhile."""
     spec = check_text(text)
     problem = make_problem(spec, SampleRequest({label: Range(0.0) for label in spec.labels}, n=1000))
-    each, _ = per_scene(problem.core.nodes)
+    each, _ = work_per_scene(problem.core.nodes)
     state = Chains.start(frame_of(problem), ChainTape(frame_of(problem)), problem.cells, CHAINS, generator(0, -1))
     begun, before = time.process_time(), state.evaluations
     with np.errstate(all="ignore"):
         while time.process_time() - begun < LEAST:
             state.run(16, Tuner(state).tuning())
-    yield "move", time.process_time() - begun, [(state.evaluations - before) * (each + MOVE)]
+    yield "move", time.process_time() - begun, [(state.evaluations - before) * (each + MOVE_WORK)]
     begun = time.process_time()
     grown = plan_growth(problem, Budget(math.inf), patient=False)
     if isinstance(grown, Growth):

@@ -9,7 +9,7 @@ from typing import TypeVar
 from experiments.plan import Plan
 from scenegen.errors import ScenegenError, render_all
 from scenegen.errors.files import SOME_FAILED
-from scenegen.sampling.engine.engines import each
+from scenegen.sampling.engine.engines import run_each
 
 Job = TypeVar("Job")
 
@@ -23,7 +23,7 @@ def share(jobs: Sequence[Job], plan: Plan, perform: Callable[[Job], float], done
     began = time.monotonic()
     failed: list[str] = []
     named = [(str(job), job) for job in jobs]
-    for over, ended in enumerate(each(perform, named, plan.engine, plan.workers, plan.address), 1):
+    for over, ended in enumerate(run_each(perform, named, plan.engine, plan.workers, plan.address), 1):
         left = (time.monotonic() - began) / over * (len(jobs) - over) / 60.0
         more = f"; {len(jobs) - over} to go, about {left:.0f} min" if over < len(jobs) else ""
         if ended.errors:

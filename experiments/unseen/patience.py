@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 
-from scenegen.sampling.problem import GRACE, Budget
+from scenegen.search.effort import GRACE_SECONDS, Budget
 
 SLOWEST = 20.0  # times as long as its CPU time anything may take, so that a starved process ends, too
 
@@ -27,4 +27,4 @@ class CpuBudget(Budget):
 
     @property
     def overdrawn(self) -> bool:
-        return time.process_time() - self.used >= self.seconds + GRACE
+        return time.process_time() - self.used >= self.seconds + GRACE_SECONDS

@@ -15,7 +15,7 @@ from experiments.unseen.named import named_queries, named_spec
 from experiments.unseen.patience import CpuBudget
 from experiments.unseen.queries import PATIENCE, QUANTILES, SCENES, Array, Query, queries, truth
 from experiments.unseen.specs import TWELVE, spec_text
-from scenegen.api.request import check_request, plan_of
+from scenegen.api.request import check_request
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import RequestError
 from scenegen.learn.evaluation.card import level
@@ -26,6 +26,7 @@ from scenegen.learn.training.balanced import reach
 from scenegen.learn.training.config import make_config
 from scenegen.processes.pool import one_thread
 from scenegen.sampling.engine.run import in_memory
+from scenegen.sampling.methods import plan_for
 from scenegen.sampling.request import SampleRequest
 
 TRUTH, BATCH = 20_261_123, 65_536
@@ -197,7 +198,7 @@ def _returned(model: Model, query: Query, count: int) -> Array:
     """Scenes (3N, n) that `sample` returns, as many as it has within PATIENCE. Raises RequestError."""
     request = SampleRequest(query.ranges, count, seed=1, spread="base", keep_partial=True, workers=1)
     budget = CpuBudget(PATIENCE)
-    sampled = in_memory(plan_of(model, check_request(model, request), budget), budget)
+    sampled = in_memory(plan_for(model.spec.declared, check_request(model, request), budget, model), budget)
     if not sampled.count and sampled.shortfall is not None:
         raise RequestError(sampled.shortfall)
     return sampled.rows

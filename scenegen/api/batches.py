@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array
+from scenegen.sampling.streams import BATCHES_STREAM
 from scenegen.scenes.blocks import Block, joined
 
 MIXED = 4  # row groups whose scenes are mixed: 262,144 scenes
-STREAM = 11  # the stream of random numbers of readers; sampling/engine/blocks.py and sampling/problem.py have others
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +83,12 @@ class SceneBatches:
 
     def _mixed(self) -> Iterator[Block]:
         groups = self.stored.groups()
-        generator = np.random.default_rng(np.random.SeedSequence([self.seed, STREAM, self.epoch]))
+        generator = np.random.default_rng(np.random.SeedSequence([self.seed, BATCHES_STREAM, self.epoch]))
         order = generator.permutation(len(groups)) if self.shuffle else np.arange(len(groups))
         chosen = list(parts(groups, order, *self._range()))
-        own = np.random.default_rng(np.random.SeedSequence([self.seed, STREAM, self.epoch, self.reader, self.readers]))
+        own = np.random.default_rng(
+            np.random.SeedSequence([self.seed, BATCHES_STREAM, self.epoch, self.reader, self.readers])
+        )
         step = MIXED if self.shuffle else 1
         for start in range(0, len(chosen), step):
             blocks = [self.stored.read_group(group).part(s.start, s.stop) for group, s in chosen[start : start + step]]

@@ -31,16 +31,17 @@ from scenegen.errors.requests import (
 )
 from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, Y, row_of
 from scenegen.sampling.plan import verify
-from scenegen.sampling.problem import Budget, Problem, make_problem
+from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.streams import COMPLETION_STREAM
 from scenegen.scenes.arrange import check_held, doubts_of
+from scenegen.search.effort import Budget
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
 
 Draw = Callable[[Spec, SampleRequest], SceneSet]
 
-STREAM = 17  # the stream of random numbers of completed scenes
 ROUND = 65_536  # candidates that are scored together
 ROUNDS = 64
 
@@ -171,7 +172,7 @@ def _drawn(
     nothing is given: the first one that is in the range is exactly distributed."""
     count = held.shape[1]
     found, hit = np.full(held.shape, np.nan), np.zeros(count, dtype=bool)
-    generator = np.random.default_rng(np.random.SeedSequence([request.seed, STREAM]))
+    generator = np.random.default_rng(np.random.SeedSequence([request.seed, COMPLETION_STREAM]))
     cells = problem.cells
     possible = np.array(sorted(problem.possible))
     wanted = np.concatenate([generator.permutation(possible) for _ in range(0, count, len(possible))])[:count]
@@ -207,7 +208,7 @@ def _one(spec: Spec, request: SampleRequest, given: Array, number: int, left: fl
     }
     if left <= 0.0:
         return NOT_COMPLETED(scene=number + 1, reason="time is up")
-    seed = int(np.random.SeedSequence([request.seed, STREAM, number]).generate_state(1)[0])
+    seed = int(np.random.SeedSequence([request.seed, COMPLETION_STREAM, number]).generate_state(1)[0])
     alone = replace(request, n=1, fix=fix, seed=seed, spread="base", method="auto", timeout=left, keep_partial=False)
     try:
         scenes = draw(spec, alone)

@@ -19,8 +19,9 @@ from scenegen.api.set_card import front_matter
 from scenegen.api.spec import Spec, load, parse
 from scenegen.errors import RequestError
 from scenegen.errors.files import FINISHED_SET, NO_PART
-from scenegen.sampling.engine.engines import JobResult, each, here
+from scenegen.sampling.engine.engines import JobResult, run_each, run_here
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.streams import SHARD_SEEDS_STREAM
 from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.lease import held
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
 # What a data set has of a spec: parts of phi, satisfied and not, and how rare each value of phi is.
 
 
-STREAM = 13  # the stream of random numbers of shards' seeds
 RAREST = 2.0  # satisfied scenes up to the phi that is a hundred times as rare as phi >= 0
 FARTHEST = -3.0  # and scenes that are not, down to the phi that one scene in a thousand is below
 DIGITS = 4  # of the ends of parts
@@ -139,7 +139,7 @@ def requests(spec: Spec, parts: Sequence[PhiStratum], n: int, size: int, seed: i
         count = _share(n, which, len(parts))
         files = -(-count // size)
         for number in range(files):
-            words = np.random.SeedSequence([seed, STREAM, int(spec.checked.sha256[:12], 16), len(found)])
+            words = np.random.SeedSequence([seed, SHARD_SEEDS_STREAM, int(spec.checked.sha256[:12], 16), len(found)])
             drawn = int(words.generate_state(1, np.uint64)[0]) >> 11  # any program reads 53 bits exactly
             of = {part.label: (part.low, part.high)}
             found.append(ShardRequest(phi=of, n=_share(count, number, files), seed=drawn))
@@ -289,7 +289,7 @@ def make_dataset(
     Of each spec there are as many scenes of each label that are satisfied as of those that are not, evenly over phi on
     both sides, with phi of all labels and how rare it is. Jobs that fail are reported to `told`, and leave their set
     unfinished; `resume` goes on. The bytes follow from the specs, n, `seed` and `shard_size` alone. Raises RequestError
-    and OutputError for a place that cannot be written to, and what `engine.many.each` raises.
+    and OutputError for a place that cannot be written to, and what `engine.many.run_each` raises.
     """
     from scenegen.scenes import sets
 
@@ -301,14 +301,14 @@ def make_dataset(
     if not resume and sets.CARD in open_store(location).sizes():
         raise RequestError(FINISHED_SET(location=location))
     loaded: dict[str, Spec] = {}
-    for ended in here(lambda path: load(path, root), listed):
+    for ended in run_here(lambda path: load(path, root), listed):
         if ended.errors:
             told(MEASURING, ended, 0, len(listed))
         else:
             loaded[ended.name] = ended.value
     plans: dict[str, SpecPlan] = {}
     named = [(name, (spec.checked.source, known[name])) for name, spec in loaded.items()]
-    for count, ended in enumerate(each(_PlanJob(seed), named, engine, workers, address), 1):
+    for count, ended in enumerate(run_each(_PlanJob(seed), named, engine, workers, address), 1):
         told(MEASURING, ended, count, len(named))
         if not ended.errors:
             plans[ended.name] = ended.value
@@ -332,7 +332,7 @@ def make_dataset(
                     job = f"{name} {sets.shard_name(number)} ({wish})"
                     places[job] = one
                     jobs.append((job, ShardJob(spec.checked.source, store, number, made, plan.rarity)))
-        for count, ended in enumerate(each(ShardDrawJob(timeout), jobs, engine, workers, address), 1):
+        for count, ended in enumerate(run_each(ShardDrawJob(timeout), jobs, engine, workers, address), 1):
             if not ended.errors:
                 places[ended.name].add(ended.value)
             told(DRAWING, ended, count, len(jobs))

@@ -88,8 +88,8 @@ def _search(spec: CheckedSpec, left: list[str], effort: Effort) -> Iterator[Unsa
     left[:] = _not_at_once(core, box, effort)
     if not left:
         return
-    from scenegen.search.clash import clash, explain
-    from scenegen.search.prune import find
+    from scenegen.search.conflict import conflict_diagnostic, minimal_conflict
+    from scenegen.search.prune import find_witness
     from scenegen.search.tape import weight
 
     waiting = list(left) if len(left) <= MOST else [name for name in left if bounds[name][1] < 0.0][:MOST]
@@ -97,7 +97,7 @@ def _search(spec: CheckedSpec, left: list[str], effort: Effort) -> Iterator[Unsa
     work = min(WORK, TOTAL // max(1, len(waiting)))
     for name in waiting:
         one = part_of(core, (name, *required))
-        reach = find(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=work, effort=effort)
+        reach = find_witness(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=work, effort=effort)
         if reach.verdict != "yes":
             highest = bounds[name][1]
             missing.append((name, highest if highest < 0.0 else None, one, reach))
@@ -105,7 +105,7 @@ def _search(spec: CheckedSpec, left: list[str], effort: Effort) -> Iterator[Unsa
             left.remove(name)
     if required and len(missing) == len(spec.labels):  # some label's scene would have met the requirement, too
         one = part_of(core, required)
-        reach = find(one, *box, {one.labels[REQUIRE]: ENDS}, work=work, effort=effort)
+        reach = find_witness(one, *box, {one.labels[REQUIRE]: ENDS}, work=work, effort=effort)
         if reach.verdict != "yes":
             if (crowded := _too_full(spec, REQUIRE, effort)) is not None:
                 left.clear()
@@ -117,7 +117,7 @@ def _search(spec: CheckedSpec, left: list[str], effort: Effort) -> Iterator[Unsa
         if not reach.short or weight(one.nodes) <= 2 * work:
             # a search that was cut short proves little: its best scene is no reason to warn
             wanted = dict.fromkeys(one.labels.values(), ENDS)
-            result = clash(one, *box, wanted, search=not reach.short and reach, work=work, effort=effort)
+            result = minimal_conflict(one, *box, wanted, search=not reach.short and reach, work=work, effort=effort)
         crowded = None
         if result is None or not result.proved:
             crowded = _too_full(spec, name, effort)
@@ -132,10 +132,12 @@ def _search(spec: CheckedSpec, left: list[str], effort: Effort) -> Iterator[Unsa
         if name == REQUIRE:
             left.clear()
             kind = REQUIREMENT_CANNOT_BE_MET if result.proved else REQUIREMENT_HARDLY_MET
-            yield UnsatisfiedLabel(name, result.proved, explain(one, result, kind, **unit))
+            yield UnsatisfiedLabel(name, result.proved, conflict_diagnostic(one, result, kind, **unit))
             return  # without it nothing else matters
         kind = CANNOT_BE_SATISFIED if result.proved else HARDLY_SATISFIED
-        yield UnsatisfiedLabel(name, result.proved, explain(one, result, kind, name=name, most=most, **unit))
+        yield UnsatisfiedLabel(
+            name, result.proved, conflict_diagnostic(one, result, kind, name=name, most=most, **unit)
+        )
 
 
 def idle(spec: CheckedSpec, effort: Effort | None = None) -> list[Diagnostic]:

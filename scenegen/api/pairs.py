@@ -53,7 +53,8 @@ def pairs(
     """
     from scenegen.processes.pool import check_workers
     from scenegen.sampling.pairs import Pairs, PairStarts, draw_numbered, draw_pairs
-    from scenegen.sampling.problem import Budget, make_problem
+    from scenegen.sampling.problem import make_problem
+    from scenegen.search.effort import Budget
 
     check_spec(spec)
     drawn = spec.drawn

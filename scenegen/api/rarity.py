@@ -25,11 +25,19 @@ from scenegen.errors.requests import (
     UNKNOWN_LABEL,
 )
 from scenegen.lang.spec import written
-from scenegen.sampling.problem import Budget
-from scenegen.sampling.rarity import WORK, PhiDistribution, Rarity, RequirementUnmet, measure, mixed, needs_growth
+from scenegen.sampling.rarity import (
+    RARITY_VISITS,
+    PhiDistribution,
+    Rarity,
+    RequirementUnmet,
+    measure,
+    mix_rarities,
+    needs_growth,
+)
 from scenegen.sampling.report import Estimate
 from scenegen.sampling.request import MAX_SEED
-from scenegen.search.effort import Effort, StoppedError
+from scenegen.search.contract import Bounds
+from scenegen.search.effort import Budget, Effort, StoppedError
 from scenegen.validation import as_int, as_seconds
 
 # values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between
@@ -41,8 +49,6 @@ SATISFIED = 0.9  # of the way from 0 to the top: the last part is the rarest, an
 CROWDED = 0.5  # unless so much of what is satisfied lies there, as where a body rests on another: then all of it,
 BEYOND = 1.02  # and a little more, for rounding
 MOST_SHARES = 8  # of the effort that numbers of things get: more of them take longer in all
-
-Ends = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +92,8 @@ class LabelRarity:
     """
 
     label: str
-    bounds: Ends
-    reached: Ends
+    bounds: Bounds
+    reached: Bounds
     levels: tuple[RarityLevel, ...] = field(repr=False)
     curve: tuple[RarityLevel, ...] = field(repr=False)
     bands: tuple[Band, ...] = field(repr=False)
@@ -154,7 +160,7 @@ def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Dia
     """Over all numbers of things in equal shares; those with which nothing meets the requirement are left out. Raises
     RequestError where all are."""
     found: list[Rarity] = []
-    share = WORK // min(len(spec.declared.members), MOST_SHARES)
+    share = RARITY_VISITS // min(len(spec.declared.members), MOST_SHARES)
     for numbers, member in spec.members:
         try:
             found.append(_measure(member, labels, member.bounds(), seed, budget, share))
@@ -165,7 +171,7 @@ def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Dia
                 raise
     if any(len(one.reaches) < len(labels) for one in found):
         raise StoppedError  # a mixture needs all of them
-    return mixed(found)
+    return mix_rarities(found)
 
 
 def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) -> SpecRarity:
@@ -189,7 +195,12 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) ->
 
 
 def _measure(
-    spec: Spec, labels: Sequence[str], bounds: Mapping[str, Ends], seed: int, budget: Budget, work: int = WORK
+    spec: Spec,
+    labels: Sequence[str],
+    bounds: Mapping[str, Bounds],
+    seed: int,
+    budget: Budget,
+    work: int = RARITY_VISITS,
 ) -> Rarity:
     """By splitting, or by growth where splitting does not serve. Raises RequestError where no scene is found that meets
     the requirement."""
@@ -247,7 +258,7 @@ def _clashes(spec: Spec, labels: set[str]) -> list[Diagnostic]:
     return [clashes.get(name) or NEVER_SATISFIED(name=name) for name in spec.labels if name in labels]
 
 
-def _report(label: str, bounds: Ends, reach: PhiDistribution) -> LabelRarity:
+def _report(label: str, bounds: Bounds, reach: PhiDistribution) -> LabelRarity:
     low, high = reach.down.end, reach.up.end
     curve = [_level(phi, reach) for phi in _places(reach)] if low < high else []
     levels = [_level(phi, reach) for phi in spread(low, high)]

@@ -1,4 +1,4 @@
-"""Requests as people write them in Python, made into a `SampleRequest` and a plan."""
+"""Requests as people write them in Python, made into a `SampleRequest`."""
 
 from __future__ import annotations
 
@@ -21,16 +21,13 @@ from scenegen.errors.requests import (
 )
 from scenegen.needs import need
 from scenegen.processes.pool import check_workers
-from scenegen.sampling.request import METHODS, Range, SampleRequest
+from scenegen.sampling.methods import METHODS
+from scenegen.sampling.request import Ends, Range, SampleRequest
 from scenegen.validation import as_list
 
 if TYPE_CHECKING:
-    from scenegen.lang.spec import CheckedSpec
-    from scenegen.sampling.motions.schedule import Watch
-    from scenegen.sampling.plan import Plan
-    from scenegen.sampling.problem import Budget
+    from scenegen.search.effort import Budget
 
-Ends = tuple[float | None, float | None]
 Phi: TypeAlias = Mapping[str, Ends | Range] | Ends | Range
 """Ranges of phi by label, or of the one label of a spec that has no other."""
 
@@ -82,7 +79,7 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
     known: tuple[str, ...] = tuple(METHODS)
     if spec.over_time is not None:
         refuse_choices(spec, "a motion")
-        argument = request.misplaced("motions", "files", "sets")
+        argument = request.misplaced_option("motions", "files", "sets")
         if argument is not None:
             raise RequestError(NOT_FOR_MOTIONS(argument=argument))
         known = tuple(name for name, method in METHODS.items() if method.over_time)
@@ -123,50 +120,3 @@ def _check_success(spec: Spec, request: SampleRequest) -> None:
         reason = "raw scenes are all of a model's output"
         raise RequestError(CONFLICTING_ARGUMENTS(one="raw", other="success", reason=reason))
     _ = spec.checked  # fits are of specs that draw no numbers of things
-
-
-def plan_of(
-    source: Spec | LearnedModel,
-    request: SampleRequest,
-    budget: Budget,
-    on_note: Note | None = None,
-    *,
-    watch: Watch | None = None,
-) -> Plan:
-    """The plan of a checked request; `on_note` gets what `auto` chose, `watch` is shown what comes near the motions of
-    a spec over time. Raises RequestError where there is no scene, or time is up before there is a plan."""
-    from scenegen.sampling.methods import make_plan
-    from scenegen.sampling.problem import make_problem
-
-    model = source if isinstance(source, LearnedModel) else None
-    spec = spec_of(source)
-
-    def make(checked: CheckedSpec, request: SampleRequest) -> Plan:
-        proposer = None if model is None else model.proposer_of(checked, request.phi)
-        return make_plan(make_problem(checked, request, budget), budget, proposer)
-
-    def selected(plan: Plan) -> Plan:
-        if request.success is not None and plan.reached:
-            from scenegen.play.fit.predicted import Predicted
-
-            plan = Predicted.of(plan)
-        if not request.settle or not plan.reached:
-            return plan
-        from scenegen.worlds.physics.settling import Settling
-
-        return Settling(plan.problem, plan, request.workers, budget, why=plan.why)
-
-    if spec.over_time is not None:
-        from scenegen.sampling.motions.sampler import plan_motions
-        from scenegen.sampling.motions.scores import make_problem as make_motion_problem
-
-        return selected(plan_motions(make_motion_problem(spec.declared, request, budget), budget, watch=watch))
-    if spec.counts:
-        from scenegen.sampling.families import plan_numbers
-
-        plan: Plan = plan_numbers(spec.declared, request, budget, make, selected)
-    else:
-        plan = selected(make(spec.checked, request))
-    if plan.why is not None and on_note is not None:
-        on_note(f"{plan.method}: {plan.why}")
-    return plan

@@ -15,22 +15,22 @@ from typing import TYPE_CHECKING, cast
 
 import numpy.typing as npt
 
-from scenegen.api.request import Note, Phi, any_model, check_request, plan_of, read_phi
+from scenegen.api.request import Note, Phi, any_model, check_request, read_phi
 from scenegen.api.scenes import SceneSet, scenes_of
-from scenegen.api.spec import LearnedModel, Spec, spec_of
+from scenegen.api.spec import LearnedModel, Spec, model_of, spec_of
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.files import ONLY_FOR_SETS
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
-from scenegen.sampling.request import MAX_SCENES, USUAL, FixedPose, Progress, Range, SampleRequest
+from scenegen.sampling.request import DEFAULT_SCENES, MAX_SCENES, Ends, FixedPose, Progress, Range, SampleRequest
 
 if TYPE_CHECKING:
     from scenegen.sampling.engine.run import SampledScenes
     from scenegen.sampling.motions.schedule import Watch
     from scenegen.sampling.plan import Plan
-    from scenegen.sampling.problem import Budget
     from scenegen.scenes.motions import AnyFile
+    from scenegen.search.effort import Budget
 
 
 IN_MEMORY = 1 << 25  # numbers of a scene set at most: 3 a scene and object, 1 a scene and label; 268 MB
@@ -49,7 +49,7 @@ def sample(
     keep_partial: bool = False,
     fix: Mapping[str, FixedPose | tuple[float, ...] | npt.ArrayLike] | SceneSet | npt.ArrayLike | None = None,
     settle: bool = False,
-    success: Range | tuple[float | None, float | None] | None = None,
+    success: Range | Ends | None = None,
     under: str | Path | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -81,7 +81,7 @@ def sample(
     many = many_given(fix)
     alone = cast("Mapping[str, FixedPose | tuple[float, ...]]", {} if fix is None or many else fix)
     request = SampleRequest(
-        read_phi(source, phi), USUAL if n is None else n, seed=seed, method=method, spread=spread, fix=alone,
+        read_phi(source, phi), DEFAULT_SCENES if n is None else n, seed=seed, method=method, spread=spread, fix=alone,
         settle=settle, success=success, under=under, raw=raw, timeout=timeout, workers=workers,
         keep_partial=keep_partial,
     )  # fmt: skip
@@ -98,7 +98,7 @@ def draw_scenes(
     on_note: Note | None = None,
 ) -> SceneSet:
     """The scenes of a request, in memory. Raises what `sample` raises."""
-    from scenegen.sampling.problem import Budget
+    from scenegen.search.effort import Budget
 
     _ = spec_of(source).drawn
     budget = Budget(request.timeout)
@@ -123,10 +123,11 @@ def run_in_memory(
     """A checked request's plan, the scenes or motions that it gives, and warnings. Raises RequestError where there are
     too few of them, unless the request keeps partial results."""
     from scenegen.sampling.engine.run import in_memory
-    from scenegen.sampling.problem import Budget
+    from scenegen.sampling.methods import plan_for
+    from scenegen.search.effort import Budget
 
     budget = budget or Budget(request.timeout)
-    plan = plan_of(source, request, budget, on_note, watch=watch)
+    plan = plan_for(spec_of(source).declared, request, budget, model_of(source), on_note, watch=watch)
     drawn = in_memory(plan, budget, progress)
     if drawn.shortfall is None:
         return plan, drawn, drawn.warnings
@@ -182,7 +183,7 @@ def met(phi: Mapping[str, Array]) -> dict[str, PhiSummary]:
 
 def refuse_set_options(request: SampleRequest) -> None:
     """Raises RequestError for options that only sets have."""
-    argument = request.misplaced("scenes", "motions", "files")
+    argument = request.misplaced_option("scenes", "motions", "files")
     if argument is not None:
         raise RequestError(ONLY_FOR_SETS(argument=argument))
 
@@ -205,7 +206,8 @@ def glimpse(
     RequestError for a request that is wrong or proved to be impossible."""
     from scenegen.sampling.growth.sampler import ROUNDS
     from scenegen.sampling.growth.sampler import glimpse as grown
-    from scenegen.sampling.problem import Budget, make_problem
+    from scenegen.sampling.problem import make_problem
+    from scenegen.search.effort import Budget
 
     wanted = {} if fix is None else fix
     request = SampleRequest(read_phi(spec, phi), n, seed=seed, method="growth", fix=wanted, timeout=timeout)

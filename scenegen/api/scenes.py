@@ -281,7 +281,7 @@ class SceneSet(SceneArrays):
 
 def _still(values: Array) -> Array:
     """The same numbers, not to be written to: phi beside them would be that of others."""
-    view = np.asarray(unmasked(values)).view()
+    view = (values if type(values) is np.ndarray else np.asarray(unmasked(values))).view()
     view.flags.writeable = False
     return view
 

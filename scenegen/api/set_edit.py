@@ -14,13 +14,13 @@ from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.files import NOTHING_LEFT, SETS_DIFFER, SHARES
 from scenegen.pose import row_count
 from scenegen.sampling.request import Range
+from scenegen.sampling.streams import SET_SPLIT_STREAM
 from scenegen.scenes import sets
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.lease import held
 from scenegen.scenes.locations import inside
 from scenegen.scenes.stores import Store, open_store
 
-SPLIT = 12  # the stream of random numbers of splits
 MEMORY = 1 << 29  # bytes of the scenes that wait for the shards of all parts of a split
 
 
@@ -71,7 +71,7 @@ def split_set(stored: StoredSet, shares: Mapping[str, float], seed: int, out: st
             facts = {"split": _source(stored), "part": name, "share": share, "seed": seed}
             parts.append(stack.enter_context(_new_set(inside(out, name), stored, facts, size)))
         for index, block in enumerate(_blocks(stored)):
-            draw = np.random.default_rng(np.random.SeedSequence([seed, SPLIT, index])).random(block.count)
+            draw = np.random.default_rng(np.random.SeedSequence([seed, SET_SPLIT_STREAM, index])).random(block.count)
             for number, part in enumerate(parts):
                 part.add(_part(block, (draw >= ends[number]) & (draw < ends[number + 1])))
         return {name: part.finish() for name, part in zip(shares, parts, strict=True)}

@@ -337,3 +337,8 @@ def spec_of(source: Spec | LearnedModel) -> Spec:
         return source.spec
     check_spec(source, "a Spec or a Model")
     return source
+
+
+def model_of(source: Spec | LearnedModel) -> LearnedModel | None:
+    """What proposes the scenes, if a model does."""
+    return source if isinstance(source, LearnedModel) else None

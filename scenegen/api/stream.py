@@ -8,15 +8,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenegen.api.request import Note, Phi, any_model, check_request, plan_of, read_phi
+from scenegen.api.request import Note, Phi, any_model, check_request, read_phi
 from scenegen.api.sample import PhiSummary, Written, refuse_set_options
 from scenegen.api.sample import partial as kept_anyway
 from scenegen.api.scene_arrays import header_of, stored_form
-from scenegen.api.spec import LearnedModel, Spec, check_spec, spec_of
+from scenegen.api.spec import LearnedModel, Spec, check_spec, model_of, spec_of
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
-from scenegen.sampling.request import FixedPose, Progress, Range, SampleRequest
+from scenegen.sampling.methods import plan_for
+from scenegen.sampling.request import Ends, FixedPose, Progress, Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
@@ -50,7 +51,7 @@ def sample_to(
     keep_partial: bool = False,
     fix: Mapping[str, FixedPose | tuple[float, ...]] | None = None,
     settle: bool = False,
-    success: Range | tuple[float | None, float | None] | None = None,
+    success: Range | Ends | None = None,
     under: str | Path | None = None,
     workers: int | None = None,
     resume: bool = False,
@@ -103,8 +104,8 @@ def _write_set(
     on_note: Note | None,
 ) -> Written:
     """The bytes depend on the request and `shard_size` alone, neither on the engine nor on the number of workers."""
-    from scenegen.sampling.problem import Budget
     from scenegen.scenes.stores import open_store
+    from scenegen.search.effort import Budget
 
     budget = Budget(request.timeout)
     store, spec = open_store(as_location(path), on_note), spec_of(source)
@@ -122,7 +123,7 @@ def _write_set(
     check_engine(request.engine, request.address)
     refuse_held(store)
     sets.refuse_taken(store, resume=request.resume)
-    with closing(plan_of(source, request, budget, on_note)) as plan:
+    with closing(plan_for(spec.declared, request, budget, model_of(source), on_note)) as plan:
         with held(store) as hold, open_engine(request.engine, request.workers, plan, request.address) as engine:
 
             def spent() -> bool:
@@ -157,7 +158,7 @@ def _write_file(
     check_writable(path)
     if path.suffix.lower() == ".json" and spec.over_time is None:
         _check_json(as_int("n", request.n), spec)
-    from scenegen.sampling.problem import Budget
+    from scenegen.search.effort import Budget
 
     budget = Budget(request.timeout)
     source = any_model(source, budget) if request.method == "any" else source
@@ -168,7 +169,7 @@ def _write_file(
 
     size = max(1, FILE_SHARD // (8 * _numbers(spec) * BLOCK)) * BLOCK
     seen = _PhiStatistics()
-    with closing(plan_of(source, request, budget, on_note)) as plan:
+    with closing(plan_for(spec.declared, request, budget, model_of(source), on_note)) as plan:
         with open_engine("local", None, plan) as engine:
             tally = write_file(
                 path, plan, engine, _manifest(plan, size), partial(_shard_writer, plan, RAW),
@@ -194,12 +195,12 @@ def _first_header(plan: Plan) -> AnyFile:
 def _manifest(plan: Plan, size: int, **facts: object) -> Manifest:
     """Before the run."""
     from scenegen.resources import __version__
-    from scenegen.sampling.engine.run import request_of
+    from scenegen.sampling.engine.run import resume_record
     from scenegen.scenes.sets import Manifest, header_data
 
     asked = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, **facts}
     return Manifest(
-        request={**request_of(plan.problem, {"scenegen": __version__}), **asked},
+        request={**resume_record(plan.problem, {"scenegen": __version__}), **asked},
         labels=list(plan.problem.labels),
         shard_size=size,
         header=header_data(_first_header(plan)),
@@ -213,9 +214,9 @@ def _shard_writer(plan: Plan, ending: str, store: Store) -> ShardWriter:
 
 
 def _account(plan: Plan, tally: Tally) -> dict[str, object]:
-    from scenegen.sampling.report import summed_up
+    from scenegen.sampling.report import run_info
 
-    return dict(summed_up(plan, tally)[0])
+    return dict(run_info(plan, tally)[0])
 
 
 def _warnings(
@@ -229,12 +230,12 @@ def _warnings(
 ) -> tuple[Diagnostic, ...]:
     """Of a run that ended. Raises RequestError where it found too few scenes, and they were not `written`; `folder`
     keeps them then, if one does."""
-    from scenegen.sampling.report import fell_short, summed_up
+    from scenegen.sampling.report import run_info, shortfall_of_run
 
-    warnings = summed_up(plan, tally)[1]
+    warnings = run_info(plan, tally)[1]
     if isinstance(source, LearnedModel) and request.method == "model":
         warnings = (*warnings, *source.advice(request, None))
-    shortfall = fell_short(plan, tally, spent)
+    shortfall = shortfall_of_run(plan, tally, spent)
     if shortfall is None:
         return warnings
     if not written:

@@ -57,9 +57,9 @@ def shared_work(
     address: str | None,
     unit: str,
 ) -> int:
-    """Do jobs by an engine, say of each what it says, and return the exit status. Raises what `engine.many.each`
+    """Do jobs by an engine, say of each what it says, and return the exit status. Raises what `engine.many.run_each`
     raises, and KeyboardInterrupt that says how many jobs are done."""
-    from scenegen.sampling.engine.engines import each
+    from scenegen.sampling.engine.engines import run_each
 
     done = 0
     with progress_bar() as bar:
@@ -76,7 +76,7 @@ def shared_work(
                     (note if diagnostic.severity == "note" else complain)(diagnostic)
 
         try:
-            return finished(each(job, items, engine, workers, address), len(items), told)
+            return finished(run_each(job, items, engine, workers, address), len(items), told)
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted: {done} of {len(items)} are done") from error
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from scenegen.errors import Diagnostic, OutputError, render_all
 from scenegen.errors.files import CANNOT_WRITE
 from scenegen.errors.program import OTHER_FILES
-from scenegen.processes.process import ENDING, Terminated
+from scenegen.processes.process import END_SIGNALS, Terminated
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,7 +45,7 @@ def prepare() -> None:
             stream.reconfigure(errors="backslashreplace")
     if threading.current_thread() is threading.main_thread():
         begun: list[int] = []
-        for number in ENDING:
+        for number in END_SIGNALS:
             if number != signal.SIGINT and signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` leaves SIGHUP
                 signal.signal(number, functools.partial(_terminate, begun))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.cli.options import COUNT, ROOT, SPEC_FILE, field_option, option, parse_counts
 from scenegen.cli.output import check_output, complain, detail, left, print_error, write_data
-from scenegen.sampling.request import USUAL, SampleRequest, parse_phi
+from scenegen.sampling.request import DEFAULT_SCENES, SampleRequest, parse_phi
 
 if TYPE_CHECKING:
     from scenegen.api.motions import MotionSet
@@ -21,7 +21,7 @@ def pairs(
     ),
     start: list[str] | None = option("Wanted phi of the start; default: anything but a goal.", "[NAME=]LO:HI"),
     moved: int | None = option("How many objects stand elsewhere; default: start and goal are independent.", "K"),
-    n: int = field_option(SampleRequest, "n", "How many pairs.", default=USUAL),
+    n: int = field_option(SampleRequest, "n", "How many pairs.", default=DEFAULT_SCENES),
     count: list[str] | None = COUNT,
     seed: int = field_option(SampleRequest, "seed", "The same seed gives the same pairs."),
     out: Path | None = option("A .json, .jsonl, .parquet or .csv file; default: JSON to standard output.", "FILE"),

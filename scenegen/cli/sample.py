@@ -22,7 +22,7 @@ from scenegen.cli.output import (
 )
 from scenegen.errors import RequestError
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS, NOT_FOR_MOTIONS, OUT_OF_PLACE, WITHOUT_MODEL
-from scenegen.sampling.request import OF_MODELS, Range, SampleRequest
+from scenegen.sampling.request import MODELS_PANEL, Range, SampleRequest
 from scenegen.scenes.locations import inside, names_set
 
 if TYPE_CHECKING:
@@ -84,9 +84,11 @@ def sample(
     render: Path | None = option("Draw the scenes into this folder, too.", "DIR"),
     pictures: int | None = PICTURES,
     steps: int | None = option(
-        "Evaluations of a flow's network for a scene; default: as it was trained.", rich_help_panel=OF_MODELS
+        "Evaluations of a flow's network for a scene; default: as it was trained.", rich_help_panel=MODELS_PANEL
     ),
-    spec: Path | None = option("Refuse a model that was trained on another spec.", "SPEC", rich_help_panel=OF_MODELS),
+    spec: Path | None = option(
+        "Refuse a model that was trained on another spec.", "SPEC", rich_help_panel=MODELS_PANEL
+    ),
     root: Path | None = ROOT,
     **typed: Any,
 ) -> int:
@@ -138,7 +140,7 @@ def _sample_many(sources: list[Path], options: SampleOptions) -> int:
     """A set for each source in the folder --out, and the exit status: 1 if one of them failed. Each uses the whole
     engine; the time limit is that of each. Raises RequestError if the sources cannot be told apart."""
     from scenegen.cli.many import finished, folder_for, names_of
-    from scenegen.sampling.engine.engines import here
+    from scenegen.sampling.engine.engines import run_here
     from scenegen.scenes.files import ensure_folder
 
     folder, render, typed = folder_for(options.out, len(sources), urls=True), options.render, options.typed
@@ -153,7 +155,7 @@ def _sample_many(sources: list[Path], options: SampleOptions) -> int:
     if render is not None:
         ensure_folder(render)
     with _shared(typed["engine"], typed["workers"], typed["address"]):
-        return finished(here(sample, jobs), len(jobs))
+        return finished(run_here(sample, jobs), len(jobs))
 
 
 @contextlib.contextmanager
@@ -208,7 +210,7 @@ def _request(subject: Spec | Model, options: SampleOptions) -> SampleRequest:
     labels = spec_of(subject).labels
     typed = {**options.typed, "timeout": left(options.typed["timeout"])}
     typed["fix"] = None if options.fix_from is not None else typed["fix"]
-    request = SampleRequest.typed(typed, labels)
+    request = SampleRequest.parse(typed, labels)
     if options.satisfied or options.violated:
         rest = Range(low=0.0) if options.satisfied else Range(high=0.0)
         request = replace(request, phi={name: request.phi.get(name, rest) for name in labels})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -114,11 +113,10 @@ def _result(source: Path) -> str:
 
 def _quantity(name: str, text: str, wanted: str) -> float:
     """A length in metres or an angle in degrees, above 0. Raises RequestError."""
-    from scenegen.geometry.primitives import ANGLE, LENGTH, quantity
+    from scenegen.sampling.request import POSE_UNITS, amount_of
 
-    known = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(mm|cm|m|deg|rad|turn)\s*", text)
-    value, unit = quantity(*known.groups()) if known is not None else (0.0, None)
-    if unit != (ANGLE if wanted is ANGLES else LENGTH) or not value > 0.0:
+    value = amount_of(text, POSE_UNITS["rad" if wanted is ANGLES else "m"][1:])
+    if value is None or not value > 0.0:
         raise RequestError(WRONG_VALUE(argument=name, value=f"`{text}`", wanted=wanted))
     from math import degrees
 

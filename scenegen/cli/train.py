@@ -22,7 +22,7 @@ from scenegen.validation import as_seconds
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
     from scenegen.errors import Diagnostic
-    from scenegen.sampling.problem import Budget
+    from scenegen.search.effort import Budget
 
 
 class Clock:
@@ -103,7 +103,7 @@ def train(
     many things there are gets a model for each number, in DIR/NAME/, which `sample` takes as a model.
     """
     from scenegen.needs import need
-    from scenegen.sampling.problem import Budget
+    from scenegen.search.effort import Budget
 
     options = {**typed, "hyper": parse_settings(typed["hyper"] or [])}
     model, recipe, phi = (options.pop(name) for name in ("model", "recipe", "phi"))

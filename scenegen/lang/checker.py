@@ -21,7 +21,7 @@ from scenegen.lang.check.draft import Draft, Look
 from scenegen.lang.check.expressions import FormulaLowering
 from scenegen.lang.check.families import always_the_same, family, is_category, refuse_surfaces
 from scenegen.lang.check.functions import horizon, meant, movers
-from scenegen.lang.check.imports import Project, inline
+from scenegen.lang.check.imports import Project, SourcedStatement, inline
 from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.names import resolve, unused
 from scenegen.lang.check.objects import canonical, categories, name_objects, pose, shape, unlikely
@@ -107,8 +107,12 @@ def refuse(draft: Draft) -> None:
 
 def take_imports(draft: Draft) -> None:
     """The statements of all files, in order."""
-    draft.placed, problems = inline(draft.module, draft.project)
-    draft.problems.extend(problems)
+    module = draft.module
+    if any(isinstance(one, ast.Import) for one in module.statements):
+        draft.placed, problems = inline(module, draft.project)
+        draft.problems.extend(problems)
+    else:
+        draft.placed = [SourcedStatement(module.source, one) for one in module.statements]
 
 
 def declare_names(draft: Draft) -> None:
@@ -140,7 +144,7 @@ def count_objects(draft: Draft) -> None:
     if not draft.problems:
         with draft.problems:
             draft.kinds, draft.variants = categories(lowering, draft.project, draft.counts)
-        lowering.builder.objects = draft.variants.called(scope.objects)
+        lowering.builder.objects = draft.variants.called(scope.objects) if draft.kinds else tuple(scope.objects)
 
 
 def read_time(draft: Draft) -> None:
@@ -176,7 +180,7 @@ def shape_objects(draft: Draft) -> None:
         with draft.problems:
             draft.fixed.update(zip(places, pose(lowering, thing, draft.space), strict=False))
     draft.shapes.extend(looks for _, _, looks in variants.more)
-    also = variants.behind(len(scope.objects))
+    also = variants.behind(len(scope.objects)) if variants.more else {}
     draft.fixed.update({place: draft.fixed[like] for place, like in also.items() if like in draft.fixed})
     lowering.coerce.footprints = tuple(looks.footprint for looks in draft.shapes)
     lowering.coerce.fixed = draft.fixed
@@ -190,7 +194,8 @@ def place_regions(draft: Draft) -> None:
         with draft.problems:
             if declared.name.id not in lowering.areas and declared.name.id not in lowering.levels:
                 areas(lowering, declared)
-    draft.problems.extend(level_clash(lowering, regions))
+    if regions:
+        draft.problems.extend(level_clash(lowering, regions))
 
 
 def stand_objects(draft: Draft) -> None:
@@ -208,7 +213,7 @@ def stand_objects(draft: Draft) -> None:
             with draft.problems:
                 found.update(supports(lowering, thing, places))
                 refuse_surfaces(thing, [found[place] for place in places], spans[places[0]])
-    also = draft.variants.behind(len(scope.objects))
+    also = draft.variants.behind(len(scope.objects)) if draft.variants.more else {}
     found.update({place: found[like] for place, like in also.items() if like in found})
     spans.update({place: spans[like] for place, like in also.items() if like in spans})
     if draft.problems or not found:
@@ -495,7 +500,7 @@ def _spec(draft: Draft) -> CheckedSpec:
             *noted,
             *headings_compared(draft.core),
             *lowering.noticed,
-            *always_the_same(scope, alone),
+            *(always_the_same(scope, alone) if alone else ()),
         ),
         draft.timed,
         drawn,

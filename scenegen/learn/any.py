@@ -37,10 +37,10 @@ from scenegen.processes.pool import one_thread
 from scenegen.resources import __version__
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.plan import Plan
-from scenegen.sampling.problem import Budget, Problem, make_problem
+from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.data import WorkspaceData
-from scenegen.search.effort import StoppedError
+from scenegen.search.effort import Budget, StoppedError
 
 TAKES = {
     "takes": "formulas over centres, headings and footprints: any objects, held or free, regions, heights of fixed "

@@ -20,11 +20,13 @@ import numpy as np
 from scenegen.arrays import Array, Index
 from scenegen.errors import RequestError
 from scenegen.processes.pool import one_thread
+from scenegen.sampling.cells import Cells
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import GUIDED, LARGEST_PIECE, PILOT, Budget, Cells, Problem
+from scenegen.sampling.problem import PIECE_NUMBERS, Problem
 from scenegen.sampling.proposer import Proposer
 from scenegen.sampling.report import shortfall, too_early
-from scenegen.search.effort import NEVER, Stop, StoppedError
+from scenegen.sampling.streams import MODEL_PIECES_STREAM, MODEL_PILOT_STREAM
+from scenegen.search.effort import NEVER, Budget, Stop, StoppedError
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -84,9 +86,9 @@ def make_targets(problem: Problem, regions: Sequence[Array] = (), stop: Stop = N
     if best.shape[1] >= FEWEST:
         required = np.full((len(cells.labels) - labels, best.shape[1]), INSIDE)
         return _sorted(cells, np.concatenate([best, required]))
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PILOT]))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, MODEL_PILOT_STREAM]))
     lowest, highest = problem.lowest[:, None], problem.highest[:, None]
-    count = min(problem.piece_size, max(1024, LARGEST_PIECE // len(problem.core.labels)))
+    count = min(problem.piece_size, max(1024, PIECE_NUMBERS // len(problem.core.labels)))
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes are no targets
         rows = lowest + (highest - lowest) * rng.random((len(lowest), count))
         parts = []
@@ -203,7 +205,7 @@ class ProposerPlan(Plan):
         return rows[:, out], phi[:, out]
 
     def _candidates(self, k: int) -> tuple[Array, Array, int]:
-        seed = (self.seed, GUIDED, 1, k)
+        seed = (self.seed, MODEL_PIECES_STREAM, 1, k)
         order = np.random.default_rng(np.random.SeedSequence(seed)).permutation(sum(self.counts))
         cells = np.repeat(np.array(self.reached, dtype=np.intp), self.counts)[order]
         return refined(self.problem, self.targets, self.proposer, cells, seed, self.stop)
@@ -241,7 +243,7 @@ class RawOutput(Plan):
 
     def draw(self, k: int) -> Piece:
         self.stop.check()
-        seed = (self.seed, GUIDED, 2, k)
+        seed = (self.seed, MODEL_PIECES_STREAM, 2, k)
         rng = np.random.default_rng(np.random.SeedSequence(seed))
         possible = np.array(sorted(self.problem.possible), dtype=np.intp)
         target = self.targets.draw(np.resize(rng.permutation(possible), self.size), rng)
@@ -286,7 +288,9 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
             try:
                 if budget.spent:
                     raise StoppedError
-                rows, phi, shifted = refined(problem, targets, proposer, cells, (seed, GUIDED, 0, number), budget)
+                rows, phi, shifted = refined(
+                    problem, targets, proposer, cells, (seed, MODEL_PIECES_STREAM, 0, number), budget
+                )
             except StoppedError:
                 tried = _tried(int(tries.sum()), proposer)
                 if met.any():

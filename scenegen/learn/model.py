@@ -223,7 +223,7 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
         if ends and card.ranges is not None and not measured(card, one.trained.regions, ends):
             where = [f"{label}={wanted}" for label, wanted in ranges.items()]
             mine.append(NOT_MEASURED(where=" ".join(where), one=where[0] if len(where) == 1 else None))
-        if not one.trained.regions and not all(wanted.bounded for wanted in ranges.values()):
+        if not one.trained.regions and not all(wanted.is_bounded for wanted in ranges.values()):
             mine.append(NO_TABLE_OF_PHI(version=card.scenegen))
         if raw:
             mine += beyond(one, ends)

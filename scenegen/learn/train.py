@@ -15,7 +15,7 @@ from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.lang.spec import written
 from scenegen.learn.model import Model, ModelFamily, family_files
 from scenegen.needs import need
-from scenegen.search.effort import until as ends_at
+from scenegen.search.effort import effort_until as ends_at
 from scenegen.validation import as_path, as_seconds
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ from scenegen.page.limits import MAX_LISTED_SPECS, MAX_TEXT, most_scenes
 from scenegen.page.worker import dumps
 from scenegen.pose import as_poses, row_count
 from scenegen.resources import shipped_specs
-from scenegen.sampling.request import METHODS
+from scenegen.sampling.methods import METHODS
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import is_stream, read_stream, write_whole
 from scenegen.scenes.formats.registry import FORMATS, MOTION_FORMATS, is_motions

@@ -57,7 +57,7 @@ from scenegen.page.limits import (
 )
 from scenegen.page.project import STATIC, FileRefused, OpenProject, digest, html, shipped_json, state_folder
 from scenegen.page.session import Lane, PageSession, PageWorkerEnded, TooManyWorkers, Workers
-from scenegen.processes.process import ENDING, exit_status
+from scenegen.processes.process import END_SIGNALS, exit_status
 from scenegen.resources import grammar_file
 
 
@@ -556,7 +556,7 @@ class _Server(uvicorn.Server):
     def capture_signals(self) -> Iterator[None]:
         """SIGHUP ends the server, too, as the others do: they are raised again when it has ended."""
         with super().capture_signals():
-            number = ENDING[-1]
+            number = END_SIGNALS[-1]
             before = signal.getsignal(number)
             if threading.current_thread() is not threading.main_thread() or before is signal.SIG_IGN:
                 yield

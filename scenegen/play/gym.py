@@ -21,6 +21,7 @@ from scenegen.lang.checker import check_text
 from scenegen.play.frame import UPRIGHT, Axis, Origins, TableFrame, flat, in_world, inverse, quaternion_order, times
 from scenegen.play.starts import AHEAD, RangeStarts, Start, StartSource, Wanted, is_strategy, make_starts, phi_at
 from scenegen.play.tasks import Outcome, PhiBox
+from scenegen.sampling.streams import EPISODE_STARTS_STREAM
 from scenegen.scenes.data import RequestData
 from scenegen.validation import as_int, as_list, as_number, as_point, as_seconds, as_success, by_name
 
@@ -28,8 +29,6 @@ Put: TypeAlias = Callable[[Any, str, Array], None]
 """put(env, name, pose): the object now has the pose (7,), x, y, z in metres and a quaternion."""
 Get: TypeAlias = Callable[[Any, str], Any]
 """get(env, name): the pose of the object now, in the same form; None for one that has none."""
-
-STREAM = 14  # the stream of random numbers by which episodes choose their starts
 
 
 class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -93,7 +92,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._starts = make_starts(spec, phi, goal, seed, timeout, ahead)
         self._asked: Phi | PhiBox | None = None  # by the options of a reset
         self._ranges = RangeStarts(spec, lambda: self._asked, seed, timeout, ahead)
-        self._rng = np.random.default_rng([seed, STREAM])
+        self._rng = np.random.default_rng([seed, EPISODE_STARTS_STREAM])
         self._total, self._steps, self._reported = 0.0, 0, True
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -107,7 +106,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
             wanted = "a start of the same objects, such as suite[i]"
             raise RequestError(WRONG_VALUE(argument="start", value=repr(given), wanted=wanted))
         if seed is not None:
-            self._rng = np.random.default_rng([seed, STREAM])
+            self._rng = np.random.default_rng([seed, EPISODE_STARTS_STREAM])
         source: StartSource = self._starts if self._asked is None else self._ranges
         choose = getattr(source, "choose", None)
         start: Start = given or (source.take() if choose is None else choose(self._rng))

@@ -17,6 +17,7 @@ from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
 from scenegen.needs import need
 from scenegen.play.frame import Axis, Origins, placed, quaternion_order
 from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.streams import LAYOUTS_STREAM
 from scenegen.validation import as_int, as_list, as_seconds
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 
 DRAWS = 8  # draws that are kept for `at`
-STREAM = 13  # the stream of random numbers of layouts; play/starts.py and others have streams of their own
 
 
 class Taken(NamedTuple):
@@ -126,7 +126,7 @@ class Layouts:
         return self._kept[number]
 
     def _draw(self, count: int, number: int, keep_partial: bool) -> Taken:
-        source = np.random.SeedSequence([self._seed, STREAM, number])
+        source = np.random.SeedSequence([self._seed, LAYOUTS_STREAM, number])
         request = SampleRequest(
             self._phi,
             count,

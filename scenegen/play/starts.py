@@ -26,6 +26,7 @@ from scenegen.needs import need
 from scenegen.play.tasks import PhiBox, Strategy
 from scenegen.pose import as_poses, as_rows, row_count
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.streams import STARTS_STREAM
 from scenegen.scenes.arrange import held, held_elsewhere, with_switches
 from scenegen.scenes.data import RequestData
 
@@ -39,7 +40,6 @@ Wanted: TypeAlias = "Phi | PhiBox | Strategy | StartSource | Callable[[], Phi | 
 FIRST, MOST = 1024, 16_384  # scenes of the first draw at a range, and of later ones at most
 AHEAD = 4096  # scenes of a range that a generator chooses among
 RANGES = 64  # ranges whose scenes are kept, the most recent ones
-STREAM = 12  # the stream of random numbers of starts; api/batches.py and others have streams of their own
 
 
 Ranges: TypeAlias = tuple[tuple[str, Range], ...]
@@ -95,7 +95,7 @@ class RangeStarts:
     def choose(self, generator: np.random.Generator) -> Start:
         """One of `ahead` scenes of the range, which are the same whatever was taken before. Raises RequestError, also
         where there is no time to draw them all."""
-        ranges, source = self._ranges(), np.random.SeedSequence([self._seed, STREAM])
+        ranges, source = self._ranges(), np.random.SeedSequence([self._seed, STARTS_STREAM])
         pool = _kept(
             self._pools, ranges, lambda: list(self._drawn(dict(ranges), self._ahead, source, keep_partial=False))
         )
@@ -113,7 +113,7 @@ class RangeStarts:
     def _stream(self, ranges: Mapping[str, Range]) -> Iterator[Start]:
         count = self._first
         while True:
-            source = np.random.SeedSequence([self._seed, STREAM, self._draws])
+            source = np.random.SeedSequence([self._seed, STARTS_STREAM, self._draws])
             self._draws += 1
             yield from self._drawn(ranges, count, source, keep_partial=True)
             count = min(4 * count, MOST)

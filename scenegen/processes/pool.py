@@ -24,9 +24,6 @@ from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
 from scenegen.validation import as_int
 
-# --------------------------------------------------------------------------------------------------------------------
-# Runs torch on one thread, as a context manager.
-
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
@@ -45,26 +42,28 @@ def one_thread() -> Iterator[None]:
 
 
 Item = TypeVar("Item")
-T = TypeVar("T")
+Result = TypeVar("Result")
 
-MAX_WORKERS = 256  # each has pipes, a file and two threads of the command
-AHEAD = 2  # items given to a worker at a time
-BRIEF = 0.25  # seconds that its last item may have taken for that
-WAITING = 3  # items per worker that were sent, but whose results have not been returned yet
-MOST_WAITING = 16  # the same for small results: where one item takes long, no worker waits for it
-SMALL = 1 << 26  # bytes of all of these
-ATTEMPTS = 2  # an item whose worker died is given to another one once
+MAX_PROCESSES = 256  # each has pipes, a file and two threads of the command
+ITEMS_AT_A_WORKER = 2  # items given to a worker at a time
+BRIEF_SECONDS = 0.25  # seconds that its last item may have taken for that
+MAX_ITEMS_PER_WORKER = 3  # items per worker that were sent, but whose results have not been returned yet
+MAX_SMALL_ITEMS_PER_WORKER = 16  # the same for small results: where one item takes long, no worker waits for it
+SMALL_RESULTS_BYTES = 1 << 26  # bytes of all of these
+MAX_ATTEMPTS = 2  # an item whose worker died is given to another one once
 
 
 def check_workers(workers: object) -> int:
     """A number of processes. Raises RequestError for fewer than 1 or more than 256, and for anything but an integer."""
     count = as_int("workers", workers)
-    if not 1 <= count <= MAX_WORKERS:
-        raise RequestError(OUT_OF_RANGE(argument="workers", value=count, wanted=f"from 1 to {MAX_WORKERS}"))
+    if not 1 <= count <= MAX_PROCESSES:
+        raise RequestError(OUT_OF_RANGE(argument="workers", value=count, wanted=f"from 1 to {MAX_PROCESSES}"))
     return count
 
 
-def run_pieces(job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 1) -> Generator[T, None, None]:
+def run_pieces(
+    job: Callable[[Item], Result], pieces: Iterable[Item], workers: int = 1
+) -> Generator[Result, None, None]:
     """job(k) of every piece k, in the order of `pieces`, which may be endless; by one worker in this process.
 
     `job` and its results must be picklable if `workers` is above 1; arrays come back writable. At most 3 items per
@@ -75,22 +74,22 @@ def run_pieces(job: Callable[[Item], T], pieces: Iterable[Item], workers: int = 
     repeated by another process; if that dies as well, ScenegenError is raised. Raises RequestError for fewer than 1 or
     more than 256 workers.
     """
-    return _here(job, pieces) if check_workers(workers) == 1 else _shared(job, pieces, workers)
+    return _run_here(job, pieces) if check_workers(workers) == 1 else _run_shared(job, pieces, workers)
 
 
-def _here(job: Callable[[Item], T], pieces: Iterable[Item]) -> Generator[T, None, None]:
+def _run_here(job: Callable[[Item], Result], pieces: Iterable[Item]) -> Generator[Result, None, None]:
     for piece in pieces:
         with one_thread():
             result = job(piece)
         yield result
 
 
-def _shared(job: Callable[[Item], T], pieces: Iterable[Item], workers: int) -> Generator[T, None, None]:
+def _run_shared(job: Callable[[Item], Result], pieces: Iterable[Item], workers: int) -> Generator[Result, None, None]:
     with Pool(job, workers) as pool, contextlib.closing(pool.map(pieces)) as results:
         yield from results
 
 
-class Pool(Generic[Item, T]):
+class Pool(Generic[Item, Result]):
     """Several processes that share the items of `map`, one call after another. They start with the first items and run
     until `close`, an error, or the early end of a `map`: use it as a context manager.
 
@@ -100,7 +99,7 @@ class Pool(Generic[Item, T]):
 
     def __init__(
         self,
-        job: Callable[[Item], T],
+        job: Callable[[Item], Result],
         workers: int,
         *,
         what: str = "a worker process",
@@ -113,7 +112,7 @@ class Pool(Generic[Item, T]):
         self._inbox: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()
         self._stillborn = 0  # workers that died before they were ready
 
-    def __enter__(self) -> Pool[Item, T]:
+    def __enter__(self) -> Pool[Item, Result]:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -126,7 +125,7 @@ class Pool(Generic[Item, T]):
         while self._workers:
             self._workers.pop().end()
 
-    def map(self, items: Iterable[Item]) -> Generator[T, None, None]:
+    def map(self, items: Iterable[Item]) -> Generator[Result, None, None]:
         """job(item) of every item, in their order. One `map` at a time. Raises what the job raises, and ScenegenError
         if two processes die at the same item, or if none can start."""
         self._begin(items)
@@ -148,7 +147,7 @@ class Pool(Generic[Item, T]):
                 if self._exhausted and self._yielded == self._ordered:
                     over = True
                     return
-                self._hear(self._inbox.get())
+                self._receive(self._inbox.get())
         finally:
             if not over:
                 self.close()
@@ -167,7 +166,7 @@ class Pool(Generic[Item, T]):
     def _give_orders(self) -> None:
         # A second order each only when all have begun: one that starts later would wait for what others have in hand.
         begun = len(self._workers) >= self._size and all(worker.ready for worker in self._workers)
-        for number in range(1, 1 + (AHEAD if begun else 1)):
+        for number in range(1, 1 + (ITEMS_AT_A_WORKER if begun else 1)):
             for worker in self._workers:
                 if worker.ready and len(worker.orders) < (number if worker.brief else 1):
                     order = self._next_order()
@@ -178,7 +177,7 @@ class Pool(Generic[Item, T]):
         if self._again:
             return self._again.pop()
         waiting = self._ordered - self._yielded
-        most = MOST_WAITING if waiting * self._largest <= SMALL else WAITING
+        most = MAX_SMALL_ITEMS_PER_WORKER if waiting * self._largest <= SMALL_RESULTS_BYTES else MAX_ITEMS_PER_WORKER
         if waiting >= most * self._size:
             return None
         order = next(self._items, None)
@@ -186,7 +185,7 @@ class Pool(Generic[Item, T]):
         self._exhausted = order is None
         return order
 
-    def _hear(self, message: WorkerMessage) -> None:
+    def _receive(self, message: WorkerMessage) -> None:
         worker = message.worker
         if message.status == GONE:
             self._replace(worker)
@@ -198,7 +197,7 @@ class Pool(Generic[Item, T]):
             turn, _ = worker.orders.popleft()
             self._results[turn] = message.status, message.value
             self._largest = max(self._largest, message.size)
-            worker.brief = message.took <= BRIEF
+            worker.brief = message.took <= BRIEF_SECONDS
 
     def _replace(self, worker: WorkerProcess) -> None:
         """A worker has died: another one takes its place and its orders. Raises ScenegenError if that has happened
@@ -212,12 +211,12 @@ class Pool(Generic[Item, T]):
         remedy = f"was there enough memory? try {self._spare}" if status < 0 else "this is a bug; please report it"
         facts = {"what": self._what, "how": how, "remedy": remedy, "said": said}
         self._stillborn += not worker.ready
-        if not worker.ready and (status >= 0 or self._stillborn == ATTEMPTS * self._size):
+        if not worker.ready and (status >= 0 or self._stillborn == MAX_ATTEMPTS * self._size):
             raise ScenegenError(PROCESS_DIED(**facts))
         if worker.orders and worker.ready:
             turn, _ = worker.orders[0]
             self._deaths[turn] = self._deaths.get(turn, 0) + 1
-            if self._deaths[turn] == ATTEMPTS:
+            if self._deaths[turn] == MAX_ATTEMPTS:
                 raise ScenegenError(PROCESS_DIED(**facts, unit=self._unit, item=turn))
         self._again = sorted([*self._again, *worker.orders], key=lambda order: order[0], reverse=True)
         self._start()

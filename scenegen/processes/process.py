@@ -40,7 +40,6 @@ from typing import IO, Any, BinaryIO
 from scenegen.errors import ScenegenError
 from scenegen.errors.program import CANNOT_START_PROCESS
 
-# --------------------------------------------------------------------------------------------------------------------
 # Memory that is kept for the next arrays.
 #
 # Arrays of some MB come and go all the time. By default glibc gives their pages back to the system each time, and
@@ -49,11 +48,11 @@ from scenegen.errors.program import CANNOT_START_PROCESS
 # give back all the same. Python programs that use scenegen decide for themselves.
 
 
-GARBAGE = 200_000  # objects that are made between two searches for cycles
-KEPT = 1 << 28  # bytes
-VARIABLES = {  # for processes to be started
-    "MALLOC_MMAP_THRESHOLD_": str(KEPT),
-    "MALLOC_TRIM_THRESHOLD_": str(KEPT),
+GC_THRESHOLD = 200_000  # objects that are made between two searches for cycles
+KEPT_BYTES = 1 << 28  # bytes
+MALLOC_VARIABLES = {  # for processes to be started
+    "MALLOC_MMAP_THRESHOLD_": str(KEPT_BYTES),
+    "MALLOC_TRIM_THRESHOLD_": str(KEPT_BYTES),
     "MALLOC_ARENA_MAX": "1",
 }
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # of mallopt
@@ -61,32 +60,28 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # of mallopt
 
 def keep_memory() -> None:
     """The same for this process, unless its environment says otherwise. Other C libraries know nothing of it."""
-    if not VARIABLES.keys().isdisjoint(os.environ):
+    if not MALLOC_VARIABLES.keys().isdisjoint(os.environ):
         return
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if os.name == "posix" else None
     if mallopt is not None:
-        mallopt(_TRIM_THRESHOLD, KEPT)
-        mallopt(_MMAP_THRESHOLD, KEPT)
+        mallopt(_TRIM_THRESHOLD, KEPT_BYTES)
+        mallopt(_MMAP_THRESHOLD, KEPT_BYTES)
         mallopt(_ARENA_MAX, 1)
 
 
 def raise_gc_threshold() -> None:
     """Search for cycles of garbage less often than Python does by itself. Loading makes a hundred thousand objects that
     stay: to search among them is a tenth of a small request. Lines of text are made a fifth faster."""
-    gc.set_threshold(GARBAGE)
+    gc.set_threshold(GC_THRESHOLD)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What runs in a worker process.
-
-
-FRAME = struct.Struct("<qqdqq")
-SIZE = struct.Struct("<Q")
+FRAME_HEAD = struct.Struct("<qqdqq")
+FRAME_SIZE = struct.Struct("<Q")
 
 READY = -1  # the turn of the frame that reports that the job was received
 DONE, FAILED = 0, 1
 
-PIPE = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
+PIPE_BYTES = 1 << 20  # bytes; the default of Linux, 64 KiB, costs twice as much time
 
 
 def main() -> None:
@@ -119,11 +114,7 @@ def main() -> None:
 
 def _listen(source: BinaryIO, orders: queue.SimpleQueue[bytes]) -> None:
     while True:
-        orders.put(_message(source))
-
-
-def _message(source: BinaryIO) -> bytes:
-    return _exactly(source, SIZE.unpack(_exactly(source, SIZE.size))[0])
+        orders.put(_exactly(source, FRAME_SIZE.unpack(_exactly(source, FRAME_SIZE.size))[0]))
 
 
 def _exactly(source: BinaryIO, size: int) -> bytes:
@@ -146,7 +137,7 @@ def _send(results: IO[bytes], turn: int, status: int, value: object, took: float
     buffers: list[pickle.PickleBuffer] = []
     data = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
     raw = [buffer.raw() for buffer in buffers]
-    head = FRAME.pack(turn, status, took, len(data), len(raw)) + b"".join(SIZE.pack(len(one)) for one in raw)
+    head = FRAME_HEAD.pack(turn, status, took, len(data), len(raw)) + b"".join(FRAME_SIZE.pack(len(one)) for one in raw)
     for part in (memoryview(head + data), *raw):
         while len(part):
             part = part[results.write(part) :]
@@ -157,15 +148,11 @@ def widen(pipe: IO[bytes]) -> None:
     with contextlib.suppress(ImportError, AttributeError, OSError):
         import fcntl
 
-        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Ctrl-C, SIGTERM and SIGHUP in long work: recorded, and handled between two steps.
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
 
 
 # What asks a program to end: a user, another program, a terminal that is closed (Windows has no such signal).
-ENDING = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+END_SIGNALS = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
 
 
 class Terminated(KeyboardInterrupt):
@@ -209,7 +196,7 @@ def stop_signals() -> Iterator[StopSignal]:
         return
     before: dict[signal.Signals, Any] = {}
     try:
-        for number in ENDING:
+        for number in END_SIGNALS:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 before[number] = signal.signal(number, stop.ask)
         yield stop
@@ -219,13 +206,9 @@ def stop_signals() -> Iterator[StopSignal]:
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# A worker process, seen from its parent.
-
-
 GONE = 2  # a status in addition to those of frames
 SAFE_PATH = "PYTHONSAFEPATH"  # the variable that is Python's option -P
-SMALL = 1 << 16  # bytes that may be filled with zeros before they are read
+ZEROED_BYTES = 1 << 16  # bytes that may be filled with zeros before they are read
 
 
 def command(module: str) -> list[str]:
@@ -236,7 +219,7 @@ def command(module: str) -> list[str]:
     unless this process has it on its own path. A signal to the whole group, as Ctrl-C or the end of a terminal sends
     it, is for the parent, which ends its workers.
     """
-    ignored = [one.name for one in ENDING]
+    ignored = [one.name for one in END_SIGNALS]
     program = (
         "import importlib, signal, sys;"
         f" [signal.signal(getattr(signal, name), signal.SIG_IGN) for name in {ignored!r}];"
@@ -250,7 +233,7 @@ def environment() -> dict[str, str]:
     """This process's environment, with one thread for numerical libraries, and memory that is kept for the next
     arrays. Pythons that libraries start, as MuJoCo's windows do, get -P from it."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", SAFE_PATH)
-    return {**VARIABLES, **os.environ, **dict.fromkeys(names, "1")}
+    return {**MALLOC_VARIABLES, **os.environ, **dict.fromkeys(names, "1")}
 
 
 def is_limit(error: Exception) -> bool:
@@ -337,7 +320,7 @@ class WorkerProcess:
         with contextlib.suppress(OSError, ValueError), self._writes:
             for message in messages:
                 data = pickle.dumps(message, protocol=5)
-                part = memoryview(SIZE.pack(len(data)) + data)
+                part = memoryview(FRAME_SIZE.pack(len(data)) + data)
                 while len(part):
                     part = part[self.input.write(part) :]
 
@@ -346,8 +329,8 @@ class WorkerProcess:
         with contextlib.suppress(OSError, ValueError, EOFError):
             widen(self.output)
             while True:
-                turn, status, took, size, count = FRAME.unpack(self._exactly(FRAME.size))
-                sizes = [SIZE.unpack(self._exactly(SIZE.size))[0] for _ in range(count)]
+                turn, status, took, size, count = FRAME_HEAD.unpack(self._exactly(FRAME_HEAD.size))
+                sizes = [FRAME_SIZE.unpack(self._exactly(FRAME_SIZE.size))[0] for _ in range(count)]
                 data = self._exactly(size)
                 buffers = [self._exactly(one) for one in sizes]
                 try:
@@ -361,7 +344,7 @@ class WorkerProcess:
         import numpy as np  # commands that need no arrays load this module, too
 
         # Large buffers are not filled with zeros first.
-        buffer = memoryview(bytearray(size)) if size < SMALL else np.empty(size, dtype=np.uint8).data
+        buffer = memoryview(bytearray(size)) if size < ZEROED_BYTES else np.empty(size, dtype=np.uint8).data
         done = 0
         while done < size:
             got = self.output.readinto(buffer[done:])  # type: ignore[attr-defined]  # a raw file, since bufsize is 0

@@ -22,48 +22,55 @@ import numpy as np
 
 from scenegen.errors import RequestError
 from scenegen.sampling.plan import NoPlan, Plan
-from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.rejection.sampler import SPARE, Rejection, first_look
+from scenegen.sampling.problem import Problem
+from scenegen.sampling.rejection.sampler import SPARE_SCENES, Rejection, first_look
 from scenegen.sampling.rejection.sampler import make_plan as plan_rejection
-from scenegen.sampling.rejection.trial import LONG_SEARCH, MOST, Trial, make_trial, nothing_found, search
+from scenegen.sampling.rejection.trial import (
+    LONG_SEARCH_CANDIDATES,
+    TRIAL_WORK,
+    Trial,
+    make_trial,
+    nothing_found,
+    search_longer,
+)
 from scenegen.sampling.report import too_early
-from scenegen.search.effort import BOUNDED, TooMuchError, moving
+from scenegen.search.effort import BOUND_SECONDS, Budget, TooMuchError, moving_seconds
 
 if TYPE_CHECKING:
     from scenegen.sampling.growth.sampler import Growth
     from scenegen.sampling.parts import ProductPlan, SubProblem
     from scenegen.sampling.splitting.sampler import Splitting
 
-P = TypeVar("P", bound=Plan)
+AnyPlan = TypeVar("AnyPlan", bound=Plan)
 
-FIRST = 5e7  # work that pruning may take before growth is tried: under a second, and more than most shipped specs take
-CELLS = 2.4e8  # work that covers of a cell each may take together before another method is tried: 3 s
-TRIED = 2.0  # seconds of rejection with pruning that are spent without looking at another method
-EASY = 1.0  # seconds of rejection without pruning that are spent without looking at another method
-GROWN = 5e-6  # seconds of growth for a scene and each of its moving rows, at least
-MANY = 24  # with more moving rows, other methods than growth are not tried if pruning takes much work
-PRUNED = 4.0  # share of the time without pruning, its inverse, that pruning may take
-POOR = 3.0  # design effect that growth may leave before splitting is tried
-SLOW = 0.1  # correlation that splitting's chains may leave to take its place
+# work that pruning may take before growth is tried: under a second, and more than most shipped specs take
+FIRST_PRUNING_WORK = 5e7
+CELL_COVERS_WORK = 2.4e8  # work that covers of a cell each may take together before another method is tried: 3 s
+CHEAP_PRUNED_SECONDS = 2.0  # seconds of rejection with pruning that are spent without looking at another method
+CHEAP_BOX_SECONDS = 1.0  # seconds of rejection without pruning that are spent without looking at another method
+MIN_GROWTH_SECONDS = 5e-6  # seconds of growth for a scene and each of its moving rows, at least
+MANY_ROWS = 24  # with more moving rows, other methods than growth are not tried if pruning takes much work
+PRUNING_SHARE = 4.0  # share of the time without pruning, its inverse, that pruning may take
+POOR_EFFECT = 3.0  # design effect that growth may leave before splitting is tried
+SLOW_CORRELATION = 0.1  # correlation that splitting's chains may leave to take its place
 ADVANTAGE = 2.0  # growth and splitting must be this much cheaper, because their scenes are only nearly independent
-LOOKED = 2.0  # share of what a plan at hand takes, its inverse, that another method may take to get a plan
-LONG, GLANCE = 8.0, 8.0  # seconds of growth from which on splitting is looked at, too, and the same share for that
-LOOK, GAIN = 4.0, 1.4  # this share where few rows move, and how much cheaper splitting must be then
-DESCENT, CHAINS = 6e3, 4096  # moves and chains of a plan of splitting, about: growth may take as long to get one
+RIVAL_SHARE = 2.0  # share of what a plan at hand takes, its inverse, that another method may take to get a plan
+# seconds of growth from which on splitting is looked at, too, and the same share for that
+LONG_GROWTH_SECONDS, GLANCE_SHARE = 8.0, 8.0
+# this share where few rows move, and how much cheaper splitting must be then
+SPLITTING_SHARE, SPLITTING_GAIN = 4.0, 1.4
+# moves and chains of a plan of splitting, about: growth may take as long to get one
+DESCENT_MOVES, DESCENT_CHAINS = 6e3, 4096
 
 
 def choose(problem: Problem, budget: Budget, *, whole: bool = False) -> Plan:
     """The plan by the better method; its `why` says why. `whole`: the request is not to be split into independent
     parts. Raises RequestError if there is no scene, or if time is up before there is a plan."""
     choice = MethodChoice(problem, budget, () if whole else None)
-    found = try_rejection(problem, budget, FIRST, choice.further)
+    found = try_rejection(problem, budget, FIRST_PRUNING_WORK, choice.further)
     if found.plan is not None and found.enough:
         return with_reason(found.plan, in_range(found.plan))
     return choice.best(found)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What pruned rejection comes to.
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,10 +99,10 @@ def try_rejection(
     if not trial.hits.any():
         return RejectionOutcome(trial)
     try:
-        plan = plan_rejection(problem, budget, trial, MOST, CELLS)
+        plan = plan_rejection(problem, budget, trial, TRIAL_WORK, CELL_COVERS_WORK)
     except TooMuchError:
         return RejectionOutcome(trial)
-    cheap = plan.seconds <= max(TRIED, GROWN * problem.moving * problem.request.n)
+    cheap = plan.seconds <= max(CHEAP_PRUNED_SECONDS, MIN_GROWTH_SECONDS * problem.moving * problem.request.n)
     return RejectionOutcome(trial, plan, cheap and _open_cells(problem, plan) <= len(plan.reached))
 
 
@@ -104,7 +111,7 @@ def _open_cells(problem: Problem, plan: Rejection) -> int:
     return len(problem.possible) - len(plan.reached) - len(plan.ruled_out)
 
 
-def with_reason(plan: P, why: str) -> P:
+def with_reason(plan: AnyPlan, why: str) -> AnyPlan:
     """The plan, and why it was chosen."""
     return replace(plan, why=why)
 
@@ -116,7 +123,7 @@ def in_range(plan: Rejection) -> str:
     if len(plan.sources) == 1:
         rate = plan.explored
         return f"{_percent(rate.hits / rate.candidates)} of the candidates from {boxes} are in range"
-    share = min(1.0, SPARE * plan.wanted / plan.expected)
+    share = min(1.0, SPARE_SCENES * plan.wanted / plan.expected)
     return f"about {_percent(share)} of the candidates from {boxes} are of use"
 
 
@@ -125,10 +132,6 @@ def _percent(share: float) -> str:
     if share >= 0.995:
         return "all" if share == 1.0 else "over 99%"
     return f"{100.0 * share:.0f}%" if share >= 0.1 else f"{100.0 * share:.2g}%"
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The other methods, where rejection is not enough.
 
 
 @dataclass(slots=True)
@@ -150,9 +153,9 @@ class MethodChoice:
 
     @property
     def _affordable(self) -> float:
-        work = 0.0 if self.box is None else self.box.seconds / BOUNDED
-        worth = 2.0 * PRUNED * FIRST < work <= PRUNED * self._cheap / BOUNDED
-        return work / PRUNED if worth else 0.0
+        work = 0.0 if self.box is None else self.box.seconds / BOUND_SECONDS
+        worth = 2.0 * PRUNING_SHARE * FIRST_PRUNING_WORK < work <= PRUNING_SHARE * self._cheap / BOUND_SECONDS
+        return work / PRUNING_SHARE if worth else 0.0
 
     def best(self, found: RejectionOutcome) -> Plan:
         """The best plan, given what rejection came to. Raises RequestError as `choose` does."""
@@ -163,7 +166,7 @@ class MethodChoice:
     @property
     def _cheap(self) -> float:
         """The seconds of rejection up to which no other method is looked at."""
-        return max(EASY, GROWN * self.problem.moving * self.problem.request.n)
+        return max(CHEAP_BOX_SECONDS, MIN_GROWTH_SECONDS * self.problem.moving * self.problem.request.n)
 
     def _independent(self) -> tuple[SubProblem, ...]:
         if self.parts is None:
@@ -190,8 +193,8 @@ class MethodChoice:
         simple = self._cheapest(longer)
         if simple is not None and simple.seconds <= self._cheap:
             return with_reason(simple, in_range(simple))
-        grown = self._growth(patient=False, longest=np.inf if simple is None else simple.seconds / LOOKED)
-        good = isinstance(grown, Plan) and grown.recipe.effect <= POOR
+        grown = self._growth(patient=False, longest=np.inf if simple is None else simple.seconds / RIVAL_SHARE)
+        good = isinstance(grown, Plan) and grown.recipe.effect <= POOR_EFFECT
         if isinstance(grown, Plan) and good and (simple is None or _better(grown, simple)):
             best = self._or_splitting(grown)
             why = "growth does not" if best is grown else "and splitting less than growth"
@@ -200,12 +203,12 @@ class MethodChoice:
             return with_reason(simple, in_range(simple))
         if isinstance(grown, NoPlan) and grown.final:
             raise grown.error(problem)
-        if problem.moving > MANY:  # neither boxes nor chains get anywhere
+        if problem.moving > MANY_ROWS:  # neither boxes nor chains get anywhere
             grown = self._growth()
             if isinstance(grown, NoPlan):
                 raise grown.error(problem)
             return with_reason(grown, "pruning takes much work, growth less")
-        found = try_rejection(problem, budget, MOST)
+        found = try_rejection(problem, budget, TRIAL_WORK)
         if found.trial is None:
             return self._without_rejection("pruning takes too much work", quick=grown)
         self.parts = ()
@@ -241,7 +244,7 @@ class MethodChoice:
     def _against(self, mine: Rejection, quick: Growth | NoPlan | None) -> Plan:
         """Rejection, or another method that reaches more or costs much less."""
         problem = self.problem
-        rival = self._other(quick, longest=np.inf if _open_cells(problem, mine) else mine.seconds / LOOKED)
+        rival = self._rival(quick, longest=np.inf if _open_cells(problem, mine) else mine.seconds / RIVAL_SHARE)
         if isinstance(rival, NoPlan):
             if rival.time_is_up:
                 tried = f"{int(rival.evaluations):,} evaluations"
@@ -258,48 +261,50 @@ class MethodChoice:
 
     def _after_cells(self, trial: Trial, quick: Growth | NoPlan | None) -> Plan:
         """If pruning each cell takes much work: another method, or all the work if there is none."""
-        rival = self._other(quick)
+        rival = self._rival(quick)
         if isinstance(rival, Plan):
             return with_reason(rival, "pruning each cell takes too much work")
-        if rival.final or rival.crowded:
+        if rival.final or rival.is_crowded:
             raise rival.error(self.problem)
         try:
-            return with_reason(plan_rejection(self.problem, self.budget, trial, MOST), "no other method got there")
+            return with_reason(
+                plan_rejection(self.problem, self.budget, trial, TRIAL_WORK), "no other method got there"
+            )
         except TooMuchError:
             raise rival.error(self.problem) from None
 
     def _without_rejection(self, why: str, trial: Trial | None = None, quick: Growth | NoPlan | None = None) -> Plan:
         """If rejection has no plan, or its first candidates are all out of the range."""
         problem, budget = self.problem, self.budget
-        rival = self._other(quick)
+        rival = self._rival(quick)
         if isinstance(rival, Plan):
             return with_reason(rival, why)
-        if rival.final or rival.crowded or trial is None:
+        if rival.final or rival.is_crowded or trial is None:
             raise rival.error(problem)
         # A constant phi gives no levels: rejection may be lucky.
-        longer = search(problem, trial, budget, LONG_SEARCH)
+        longer = search_longer(problem, trial, budget, LONG_SEARCH_CANDIDATES)
         if not longer.hits.any():
             raise RequestError(nothing_found(problem, longer))
         return with_reason(plan_rejection(problem, budget, longer), "no other method got there")
 
-    def _other(self, quick: Growth | NoPlan | None = None, *, longest: float = np.inf) -> Growth | Splitting | NoPlan:
+    def _rival(self, quick: Growth | NoPlan | None = None, *, longest: float = np.inf) -> Growth | Splitting | NoPlan:
         """A plan of growth, or of splitting if only splitting does well. Each may take `longest` seconds to get a
         plan."""
         if quick is None:
             quick = self._growth(patient=False, longest=longest)
-        if isinstance(quick, Plan) and quick.recipe.effect <= POOR:
+        if isinstance(quick, Plan) and quick.recipe.effect <= POOR_EFFECT:
             return self._or_splitting(quick)
         if isinstance(quick, NoPlan) and quick.final:
             return quick
-        if self.problem.moving > MANY:  # more patience first: chains of so much take long to get anywhere
+        if self.problem.moving > MANY_ROWS:  # more patience first: chains of so much take long to get anywhere
             quick = self._growth(longest=longest)
-            if isinstance(quick, Plan) or quick.final or quick.crowded:
+            if isinstance(quick, Plan) or quick.final or quick.is_crowded:
                 return quick
-        if isinstance(quick, NoPlan) and quick.crowded:
+        if isinstance(quick, NoPlan) and quick.is_crowded:
             return self._growth(longest=longest)
         grown = quick
         if isinstance(quick, Plan):  # its scenes have too few ancestors: those of a larger population may have enough
-            descent = moving(self.problem.core.nodes, DESCENT * CHAINS, DESCENT)
+            descent = moving_seconds(self.problem.core.nodes, DESCENT_MOVES * DESCENT_CHAINS, DESCENT_MOVES)
             grown = self._growth(longest=min(longest, descent), larger=True)
             if isinstance(grown, Plan):
                 return self._or_splitting(grown)
@@ -314,14 +319,14 @@ class MethodChoice:
     def _or_splitting(self, grown: Growth) -> Growth | Splitting:
         """Growth; or splitting, where growth takes long and a look shows that splitting takes less. Chains of many
         moving rows take long to get anywhere: of these, only a glance is taken."""
-        if grown.seconds < LONG:
+        if grown.seconds < LONG_GROWTH_SECONDS:
             return grown
-        many = self.problem.moving > MANY
-        split = self._splitting(grown.seconds / (GLANCE if many else LOOK))
+        many = self.problem.moving > MANY_ROWS
+        split = self._splitting(grown.seconds / (GLANCE_SHARE if many else SPLITTING_SHARE))
         if isinstance(split, NoPlan) or len(split.reached) < len(grown.reached):
             return grown
-        cheaper = (ADVANTAGE if many else GAIN) * split.seconds < grown.seconds
-        return split if cheaper and not (many and split.schedule.left >= SLOW) else grown
+        cheaper = (ADVANTAGE if many else SPLITTING_GAIN) * split.seconds < grown.seconds
+        return split if cheaper and not (many and split.schedule.left >= SLOW_CORRELATION) else grown
 
     def _growth(self, *, patient: bool = True, longest: float = np.inf, larger: bool = False) -> Growth | NoPlan:
         from scenegen.sampling.growth.sampler import plan_growth

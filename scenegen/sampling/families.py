@@ -32,10 +32,13 @@ from scenegen.errors.requests import (
 from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec, Picked, combinations, rows_among, written
 from scenegen.pose import X, along, row_count
+from scenegen.sampling.cells import Cells
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import Budget, Cells, Problem, hold_fixed
+from scenegen.sampling.problem import Problem, hold_fixed
 from scenegen.sampling.request import FixedPose, SampleRequest
+from scenegen.sampling.streams import MEMBER_SEEDS_STREAM
 from scenegen.scenes.blocks import numbers_in
+from scenegen.search.effort import Budget
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,17 +57,17 @@ class NumberedCells(Cells):
         """The first cell of each member."""
         return tuple(int(start) for start in np.cumsum([0, *(one.count for one in self.members)])[:-1])
 
-    def of(self, cell: int) -> tuple[int, int]:
+    def member_of(self, cell: int) -> tuple[int, int]:
         """The member of a cell, and its cell there."""
         member = int(np.searchsorted(self.starts, cell, side="right")) - 1
         return member, cell - self.starts[member]
 
     def limits(self, cell: int) -> tuple[Array, Array]:
-        member, own = self.of(cell)
+        member, own = self.member_of(cell)
         return self.members[member].limits(own)
 
     def describe(self, cell: int) -> str:
-        member, own = self.of(cell)
+        member, own = self.member_of(cell)
         return f"{self.members[member].describe(own)} with {self.names[member]}"
 
 
@@ -194,7 +197,7 @@ class FamilyPlan(Plan):
             ]
         warnings = dict[Diagnostic, None]()
         for numbers, one in zip(self.numbers, accounts, strict=True):
-            warnings |= dict.fromkeys(_counted(one.warnings, numbers))
+            warnings |= dict.fromkeys(_name_numbers(one.warnings, numbers))
         tried = "; ".join(f"{one.tried} with {written(mine)}" for mine, one in zip(self.numbers, accounts, strict=True))
         return Account(info, tried, tuple(warnings))
 
@@ -231,11 +234,11 @@ class FamilyPlan(Plan):
         if left.any():
             raise AssertionError("a sampler returned a scene with numbers of things that were not asked for")
 
-    def blamed(self, tally: Tally) -> tuple[Plan, int | None]:
+    def shortfall_of(self, tally: Tally) -> tuple[Plan, int | None]:
         if tally.scarcest is None:
             return self.plans[0], None
         assert isinstance(self.cells, NumberedCells)
-        member, cell = self.cells.of(tally.scarcest)
+        member, cell = self.cells.member_of(tally.scarcest)
         return self.plans[member], cell
 
     def close(self) -> None:
@@ -243,24 +246,20 @@ class FamilyPlan(Plan):
             plan.close()
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Planning scenes of a spec with random numbers of things: every member's plan, and which of them have no scenes.
-
-
-SEEDS = 9  # the stream of random numbers for the members' seeds; sampling/problem.py names the others
-MOST_TURNS = 4096  # pieces until the turns begin again
-WITHOUT = (NO_SUCH_SCENE, TOO_IMPROBABLE, BEYOND_BOUNDS, TABLE_TOO_FULL, REQUIREMENT_NOT_FOUND, NO_ROOM)
-NOT_FOUND = (TOO_FEW_IN_RANGE, TOO_FEW_MEET_REQUIREMENT)  # in all the effort that there is, or in too little time
+MAX_TURNS = 4096  # pieces until the turns begin again
+NO_SCENE_KINDS = (NO_SUCH_SCENE, TOO_IMPROBABLE, BEYOND_BOUNDS, TABLE_TOO_FULL, REQUIREMENT_NOT_FOUND, NO_ROOM)
+NOT_FOUND_KINDS = (TOO_FEW_IN_RANGE, TOO_FEW_MEET_REQUIREMENT)  # in all the effort that there is, or in too little time
 
 MakePlan = Callable[[CheckedSpec, SampleRequest], Plan]
 
 
 def seed_of(seed: int, numbers: Mapping[str, int]) -> int:
     """The seed of the member with these numbers of things."""
-    return int(np.random.SeedSequence([seed, SEEDS, *numbers.values()]).generate_state(1, np.uint64)[0] >> np.uint64(1))
+    words = np.random.SeedSequence([seed, MEMBER_SEEDS_STREAM, *numbers.values()]).generate_state(1, np.uint64)
+    return int(words[0] >> np.uint64(1))
 
 
-def _counted(warnings: Sequence[Diagnostic], numbers: Mapping[str, int]) -> Iterator[Diagnostic]:
+def _name_numbers(warnings: Sequence[Diagnostic], numbers: Mapping[str, int]) -> Iterator[Diagnostic]:
     """Warnings of a member with its numbers; what is said of the request is the same for all members."""
     return (one if one.kind is DOUBTFUL_POSE else one.but(counted=written(numbers)) for one in warnings)
 
@@ -291,7 +290,7 @@ def plan_numbers(
             plan = make(member, replace(request, n=each, seed=seed_of(request.seed, mine)))
         except RequestError as error:
             first = error.diagnostics[0]
-            if first.kind not in WITHOUT and (first.kind not in NOT_FOUND or budget.spent):
+            if first.kind not in NO_SCENE_KINDS and (first.kind not in NOT_FOUND_KINDS or budget.spent):
                 if not budget.spent:
                     raise
                 raise RequestError(*(one.but(counted=written(mine)) for one in error.diagnostics)) from None
@@ -304,7 +303,7 @@ def plan_numbers(
         mine, why = left_out[0]
         raise RequestError(NO_NUMBER_POSSIBLE(reasons[0].span, counted=written(mine), why=why))
     if left_out:
-        plans = [_asked(plan, -(-request.n // len(plans))) for plan in plans]
+        plans = [_with_count(plan, -(-request.n // len(plans))) for plan in plans]
     plans = [last(plan) for plan in plans]
     return FamilyPlan(
         _problem(spec, request, plans, numbers, left_out),
@@ -318,7 +317,7 @@ def plan_numbers(
     )
 
 
-def _asked(plan: Plan, n: int) -> Plan:
+def _with_count(plan: Plan, n: int) -> Plan:
     return replace(plan, problem=replace(plan.problem, request=replace(plan.problem.request, n=n)))
 
 
@@ -343,7 +342,7 @@ def _problem(
     for mine, why in left_out:
         warnings[NUMBER_LEFT_OUT(counted=written(mine), why=why)] = None
     for mine, plan in zip(numbers, plans, strict=True):
-        warnings |= dict.fromkeys(_counted(plan.problem.warnings, mine))
+        warnings |= dict.fromkeys(_name_numbers(plan.problem.warnings, mine))
     return replace(
         first, spec=spec, core=gated(spec.core), lowest=lowest, highest=highest, request=replace(request, fix=fixed),
         cells=cells, possible=possible, improbable=improbable, warnings=tuple(warnings),
@@ -352,7 +351,7 @@ def _problem(
 
 def _turns(pieces: Sequence[float]) -> Index:
     """Which member draws each piece of a round, as evenly as can be: each as often as it needs pieces."""
-    scale = min(1.0 / min(pieces), MOST_TURNS / sum(pieces))
+    scale = min(1.0 / min(pieces), MAX_TURNS / sum(pieces))
     often = [max(1, math.ceil(one * scale - 1e-9)) for one in pieces]
     places = [((number + 0.5) / count, member) for member, count in enumerate(often) for number in range(count)]
     return np.array([member for _, member in sorted(places)], dtype=np.intp)

@@ -20,14 +20,14 @@ from scenegen.errors.requests import CANNOT_MOVE_SO_MANY, TOO_FEW_MOTIONS
 from scenegen.lang.spec import CheckedSpec, combinations, rows_among, written
 from scenegen.pose import PLACE, along, row_count, row_of, rows_of
 from scenegen.sampling.engine.run import draw
-from scenegen.sampling.families import NOT_FOUND, WITHOUT, assets_of, seed_of
-from scenegen.sampling.problem import Budget, Problem
+from scenegen.sampling.families import NO_SCENE_KINDS, NOT_FOUND_KINDS, assets_of, seed_of
+from scenegen.sampling.problem import SCENES_IN_CACHE, Problem
 from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.streams import PAIRS_STREAM
+from scenegen.search.effort import Budget
 
-STREAM = 12  # random numbers of pairs; sampling/problem.py and sampling/motions/schedule.py name the others
-TRIES = 4096  # starts that are tried for a goal before it is given up
-CHUNK = 16_384  # starts that are scored at a time
-AS_MANY = 64  # starts for a pair at most, where the start is anything but the goal
+STARTS_PER_GOAL = 4096  # starts that are tried for a goal before it is given up
+STARTS_PER_PAIR = 64  # starts for a pair at most, where the start is anything but the goal
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ def draw_pairs(goal: Problem, starts: PairStarts, moved: int | None, budget: Bud
     free = np.array([k for k in range(len(goal.spec.objects)) if _moves(goal, k)], dtype=np.intp)
     if moved is not None and moved > len(free):
         raise RequestError(CANNOT_MOVE_SO_MANY(wanted=moved, free=len(free), most=len(free)))
-    rng = np.random.default_rng(np.random.SeedSequence([goal.request.seed, STREAM]))
+    rng = np.random.default_rng(np.random.SeedSequence([goal.request.seed, PAIRS_STREAM]))
     if moved is None:
         found = draw(goal, budget)
         if found.shortfall is not None:
@@ -82,7 +82,7 @@ def draw_pairs(goal: Problem, starts: PairStarts, moved: int | None, budget: Bud
     shortfall = None
     if start.shape[1] < wanted:
         shortfall = TOO_FEW_MOTIONS(pairs="pairs", found=start.shape[1], wanted=wanted, reason=reason)
-    return _checked(goal, starts, start, ends, moved, given_up, shortfall)
+    return _check_pairs(goal, starts, start, ends, moved, given_up, shortfall)
 
 
 def _rounds(
@@ -98,7 +98,7 @@ def _rounds(
         found = draw(replace(goal, request=request), budget)
         if found.shortfall is not None:
             raise RequestError(found.shortfall)
-        start, kept, reason = _moved(starts, found.rows, free, moved, budget, rng)
+        start, kept, reason = _start_elsewhere(starts, found.rows, free, moved, budget, rng)
         pairs.append((start, found.rows[:, kept]))
         count, given_up = count + len(kept), given_up + found.count - len(kept)
         if count == wanted or budget.spent or not len(kept):
@@ -115,7 +115,7 @@ def _independent(starts: PairStarts, wanted: int, budget: Budget, rng: np.random
     """Starts that know nothing of the goals, (3N, m), and why there are too few."""
     problem, count, drawn = starts.problem, 0, 0
     parts = [np.empty((len(problem.lowest), 0))]  # the goals may have taken all the time
-    while count < wanted and drawn < AS_MANY * wanted and not budget.spent:
+    while count < wanted and drawn < STARTS_PER_PAIR * wanted and not budget.spent:
         # scenes of one run are spread over the range together, so the first run has all that are wanted
         request = replace(problem.request, n=max(wanted - count, 256), seed=int(rng.integers(1 << 31)))
         made = draw(replace(problem, request=request), budget)
@@ -129,7 +129,7 @@ def _independent(starts: PairStarts, wanted: int, budget: Budget, rng: np.random
     return found, f"of {drawn:,} scenes {count:,} are starts" if drawn else "time is up"
 
 
-def _moved(
+def _start_elsewhere(
     starts: PairStarts, goals: Array, free: Index, moved: int, budget: Budget, rng: np.random.Generator
 ) -> tuple[Array, Index, str]:
     """Starts in which so many objects stand elsewhere than in the goal; the goals that have one, in order; why the
@@ -137,11 +137,11 @@ def _moved(
     problem = starts.problem
     found, done = goals.copy(), np.zeros(goals.shape[1], dtype=bool)
     tries = 0
-    while tries < TRIES and not done.all() and not budget.spent:
+    while tries < STARTS_PER_GOAL and not done.all() and not budget.spent:
         open_ = np.flatnonzero(~done)
-        each = min(max(1, CHUNK // len(open_)), TRIES - tries)  # several tries of a goal at once
+        each = min(max(1, SCENES_IN_CACHE // len(open_)), STARTS_PER_GOAL - tries)  # several tries of a goal at once
         tries += each
-        for part in np.array_split(open_, -(-len(open_) * each // CHUNK)):
+        for part in np.array_split(open_, -(-len(open_) * each // SCENES_IN_CACHE)):
             which = np.repeat(part, each)
             rows = _elsewhere(problem, goals[:, which], free, moved, rng)
             flags, _ = starts.holds(rows)
@@ -149,7 +149,7 @@ def _moved(
             first, place = np.unique(which[good], return_index=True)
             found[:, first], done[first] = rows[:, good[place]], True
     kept = np.flatnonzero(done)
-    reason = "time is up" if tries < TRIES else f"{TRIES:,} starts were tried for each goal"
+    reason = "time is up" if tries < STARTS_PER_GOAL else f"{STARTS_PER_GOAL:,} starts were tried for each goal"
     return found[:, kept], kept, reason
 
 
@@ -166,7 +166,7 @@ def _elsewhere(problem: Problem, rows: Array, free: Index, moved: int, rng: np.r
     return rows
 
 
-def _checked(
+def _check_pairs(
     goal: Problem,
     starts: PairStarts,
     start: Array,
@@ -189,7 +189,6 @@ def _checked(
     return Pairs(start, ends, start_phi[:labels], goal_phi[:labels], differs, far.sum(axis=0), given_up, shortfall)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Pairs of a spec that draws how many things there are: those of its members, ordinary specs.
 #
 # The number of things is uniform, as in scenes (scenegen.sampling.families): numbers that have pairs get equal shares
@@ -198,7 +197,7 @@ def _checked(
 # objects; rows of absent objects are NaN.
 
 
-ORDER = 1  # of the random numbers of pairs: shares and order, apart from those of a member's pairs
+PAIR_ORDER = 1  # of the random numbers of pairs: shares and order, apart from those of a member's pairs
 
 DrawPairs = Callable[[CheckedSpec, SampleRequest], Pairs]
 
@@ -218,7 +217,7 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
     RequestError where no number has a pair, where one has fewer than its share, for a mistake in the request, and where
     time is up."""
     everything = list(combinations(spec.counts))
-    rng = np.random.default_rng(np.random.SeedSequence([request.seed, STREAM, ORDER]))
+    rng = np.random.default_rng(np.random.SeedSequence([request.seed, PAIRS_STREAM, PAIR_ORDER]))
     order = rng.permutation(len(everything)).tolist()
     found: dict[int, Pairs] = {}
     without: dict[int, Diagnostic] = {}
@@ -242,10 +241,10 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
             else:
                 found[member] = made
     used = [member for member in sorted(found) if shares.get(member)]
-    parts = [_among(spec, spec.members[member], found[member]) for member in used]
-    pairs = _joined(parts, rng.permutation(request.n))
+    parts = [_widen(spec, spec.members[member], found[member]) for member in used]
+    pairs = _join(parts, rng.permutation(request.n))
     each = [(everything[member], found[member]) for member in used]
-    info: dict[str, object] = {"numbers": [_told(numbers, one) for numbers, one in each]}
+    info: dict[str, object] = {"numbers": [_member_info(numbers, one) for numbers, one in each]}
     if without:
         info["left_out"] = [
             {"numbers": everything[one], **assets_of(everything[one]), "reason": without[one].title}
@@ -255,7 +254,7 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
     return NumberedPairs(pairs, info, tuple(warnings))
 
 
-def _told(numbers: Mapping[str, int], pairs: Pairs) -> dict[str, object]:
+def _member_info(numbers: Mapping[str, int], pairs: Pairs) -> dict[str, object]:
     counted = {"pairs": _count(pairs), "goals_without_start": pairs.given_up}
     return {"numbers": dict(numbers), **assets_of(numbers), **counted}
 
@@ -283,14 +282,14 @@ def _member(
         return made.shortfall
     except RequestError as error:
         first = error.diagnostics[0]
-        if first.kind in (*WITHOUT, CANNOT_MOVE_SO_MANY) or (first.kind in NOT_FOUND and not budget.spent):
+        if first.kind in (*NO_SCENE_KINDS, CANNOT_MOVE_SO_MANY) or (first.kind in NOT_FOUND_KINDS and not budget.spent):
             return first
-        if first.kind not in (*NOT_FOUND, TOO_FEW_MOTIONS) and not budget.spent:
+        if first.kind not in (*NOT_FOUND_KINDS, TOO_FEW_MOTIONS) and not budget.spent:
             raise
         raise RequestError(*(one.but(counted=written(numbers)) for one in error.diagnostics)) from None
 
 
-def _among(spec: CheckedSpec, member: CheckedSpec, pairs: Pairs) -> Pairs:
+def _widen(spec: CheckedSpec, member: CheckedSpec, pairs: Pairs) -> Pairs:
     """Pairs of a member in the storage of all objects."""
     rows = rows_among(spec, member)
 
@@ -302,7 +301,7 @@ def _among(spec: CheckedSpec, member: CheckedSpec, pairs: Pairs) -> Pairs:
     return replace(pairs, start=wide(pairs.start), goal=wide(pairs.goal))
 
 
-def _joined(parts: Sequence[Pairs], order: Index) -> Pairs:
+def _join(parts: Sequence[Pairs], order: Index) -> Pairs:
     def columns(name: str) -> Any:
         return np.concatenate([getattr(one, name) for one in parts], axis=-1)[..., order]
 

@@ -21,18 +21,19 @@ from scenegen.lang.formula.core import REQUIRE, Core, Junction, Node, part_of
 from scenegen.pose import BELOW_TURN, THETA, along, rows_of, span_of
 from scenegen.sampling.growth.graph import components, make_graph, touched
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import PAIRED, Budget, Problem, narrowed
-from scenegen.sampling.rejection.sampler import SPARE, Rejection
+from scenegen.sampling.problem import Problem, narrow_problem
+from scenegen.sampling.rejection.sampler import SPARE_SCENES, Rejection
 from scenegen.sampling.report import too_early
 from scenegen.sampling.request import Range
+from scenegen.sampling.streams import PARTS_STREAM
 from scenegen.search.contract import push_down
-from scenegen.search.effort import Effort, StoppedError, scoring
+from scenegen.search.effort import Budget, Effort, StoppedError, scoring_work
 
 Objects = frozenset[int]
 
 REQUIRED = "what is required"  # a label of parts like any other: its probability is a factor, too
-LOOK = 1024  # scenes for estimating how common a part is
-COMMON = 0.2  # parts are merged while at least this share of the contracted box is in range
+SHARE_SCENES = 1024  # scenes for estimating how common a part is
+COMMON_SHARE = 0.2  # parts are merged while at least this share of the contracted box is in range
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,12 +68,12 @@ def _parts(problem: Problem, effort: Effort) -> tuple[SubProblem, ...]:
         return ()
     parts = {group: _part(problem, group, touches, labels, effort) for group in groups}
     shares = {group: _share(one, effort) for group, one in parts.items()}
-    rare = [group for group in groups if shares[group] < COMMON]
+    rare = [group for group in groups if shares[group] < COMMON_SHARE]
     common: list[Objects] = []
     together = 0.0
     for group in sorted(set(groups).difference(rare), key=lambda group: (-shares[group], min(group))):
         together *= shares[group]
-        if together >= COMMON:
+        if together >= COMMON_SHARE:
             common[-1] |= group
         else:
             common.append(group)
@@ -122,10 +123,10 @@ def _part(
     for thing in range(len(core.objects)):
         if thing not in group:
             highest[span_of(thing)] = lowest[span_of(thing)]
-    seed = np.random.SeedSequence([problem.request.seed, PAIRED, *sorted(group)]).generate_state(1, np.uint64)
+    seed = np.random.SeedSequence([problem.request.seed, PARTS_STREAM, *sorted(group)]).generate_state(1, np.uint64)
     small = part_of(Core(tuple(nodes), mine, core.objects), tuple(mine))
     phi = {label: problem.request.phi.get(label, Range(0.0)) for label in mine}
-    made = narrowed(problem, small, (lowest, highest), phi, int(seed[0] >> np.uint64(1)), effort)
+    made = narrow_problem(problem, small, (lowest, highest), phi, int(seed[0] >> np.uint64(1)), effort)
     return SubProblem(tuple(sorted(group)), made)
 
 
@@ -137,12 +138,11 @@ def _share(one: SubProblem, effort: Effort) -> float:
         return 0.0
     graph = make_graph(problem, effort=effort)
     low, high = graph.low, graph.high
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PAIRED]))
-    rows = low + rng.random((len(low), LOOK)) * (high - low)
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PARTS_STREAM]))
+    rows = low + rng.random((len(low), SHARE_SCENES)) * (high - low)
     return float((problem.cells.find(problem.phi(rows)) == 0).mean())
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Independent parts of a request, each sampled by its own plan, and combined.
 #
 # Piece k combines piece k of every part's plan. The scenes of a piece come in random order and are independent of
@@ -150,7 +150,8 @@ def _share(one: SubProblem, effort: Effort) -> float:
 # a joint draw would multiply.
 
 
-LARGEST = 1 << 25  # maximum work of a piece of rejection that must give as many scenes as the other parts' pieces
+# maximum work of a piece of rejection that must give as many scenes as the other parts' pieces
+MAX_PIECE_WORK = 1 << 25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,7 +215,7 @@ class ProductPlan(Plan):
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError if a part's deadline passes meanwhile."""
         made = [plan.draw(k) for plan in self.plans]
-        rng = np.random.default_rng(np.random.SeedSequence([self.seed, PAIRED, k]))
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, PARTS_STREAM, k]))
         chosen = [rng.permutation(np.flatnonzero(one.cell >= 0)) for one in made]
         count = min(map(len, chosen))
         lowest, highest = self.problem.lowest, self.problem.highest
@@ -246,7 +247,10 @@ class ProductPlan(Plan):
         if REQUIRE in self.problem.core.labels:
             info["probability_of"] = "range and requirement"
         info["components"] = [
-            {"objects": [self.problem.core.objects[thing] for thing in part.objects], **_own(one.info)}
+            {
+                "objects": [self.problem.core.objects[thing] for thing in part.objects],
+                **{name: value for name, value in one.info.items() if name != "seed"},
+            }
             for part, one in zip(self.parts, accounts, strict=True)
         ]
         warnings: dict[Diagnostic, None] = {}
@@ -268,16 +272,16 @@ def pair(problem: Problem, parts: Sequence[SubProblem], plans: Sequence[Plan]) -
     """The plan that combines the parts' plans. Pieces of rejection can have any size; they are cut to give about as
     many scenes as the pieces of the others."""
     fixed = [count for plan in plans if (count := plan.scenes_per_piece) and not isinstance(plan, Rejection)]
-    enough = SPARE * problem.request.n / max(plan.fewest for plan in plans)
+    enough = SPARE_SCENES * problem.request.n / max(plan.fewest for plan in plans)
     target = min(enough, *(fixed or [plan.scenes_per_piece for plan in plans]))
     some = target + 3.0 * math.sqrt(target) + 8.0
-    sized = tuple(_sized(plan, some) if isinstance(plan, Rejection) else plan for plan in plans)
+    sized = tuple(_with_size(plan, some) if isinstance(plan, Rejection) else plan for plan in plans)
     return ProductPlan(problem, tuple(parts), sized, tuple(plan.fact_count for plan in sized))
 
 
-def _sized(plan: Rejection, scenes: float) -> Rejection:
+def _with_size(plan: Rejection, scenes: float) -> Rejection:
     """The plan with pieces of about so many scenes, or as many as the maximum work of a piece allows."""
-    most = LARGEST / scoring(plan.problem.core.nodes, plan.candidates)
+    most = MAX_PIECE_WORK / scoring_work(plan.problem.core.nodes, plan.candidates)
     factor = min(max(1.0, most), scenes / plan.scenes_per_piece)
     sources = [replace(one, candidates=math.ceil(factor * one.candidates)) for one in plan.sources]
     return replace(plan, sources=tuple(sources))
@@ -300,7 +304,3 @@ def _number(info: Mapping[str, object], *names: str, otherwise: float = 0.0) -> 
         if isinstance(value, int | float):
             return value
     return otherwise
-
-
-def _own(info: Mapping[str, object]) -> dict[str, object]:
-    return {name: value for name, value in info.items() if name != "seed"}

@@ -12,19 +12,17 @@ import hashlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.sampling.problem import Cells, Problem
+from scenegen.sampling.cells import Cells
+from scenegen.sampling.problem import LIVE_NUMBERS, SCENES_IN_CACHE, Problem
 from scenegen.scenes.blocks import Block
-
-# --------------------------------------------------------------------------------------------------------------------
-# A hash of a plan's values. It does not depend on the version of Python or pickle.
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +67,7 @@ def digest(*values: Any) -> str:
     return found.hexdigest()
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Verification of every scene before it is returned.
-
-
-AGREE = 1e-9  # maximum difference of two evaluators of phi
-CHUNK = 16_384  # scenes at a time, which stay in cache
-LIVE = 1 << 22  # numbers in memory at a time; specs of thousands of atoms get smaller chunks
+PHI_TOLERANCE = 1e-9  # maximum difference of two evaluators of phi
 
 
 def verify(problem: Problem, rows: Array, phi: Array) -> None:
@@ -85,13 +77,13 @@ def verify(problem: Problem, rows: Array, phi: Array) -> None:
     `phi` may lack the requirement's row. Raises AssertionError: a failure is a bug of scenegen, and such scenes are
     never returned.
     """
-    size = max(64, min(CHUNK, LIVE // len(problem.core.nodes)))
+    size = max(64, min(SCENES_IN_CACHE, LIVE_NUMBERS // len(problem.core.nodes)))
     cells, still = problem.cells, problem.lowest == problem.highest
     for start in range(0, rows.shape[1], size):
         part = slice(start, start + size)
         some = np.ascontiguousarray(rows[:, part])
         again = problem.phi(some)
-        if not (np.abs(again[: len(phi)] - phi[:, part]) <= AGREE).all():
+        if not (np.abs(again[: len(phi)] - phi[:, part]) <= PHI_TOLERANCE).all():
             raise AssertionError("two evaluators of the same spec disagree about phi")
         if not ((again >= cells.low[:, None]) & (again <= cells.high[:, None])).all():
             raise AssertionError("a sampler returned a scene outside the requested range")
@@ -118,8 +110,8 @@ class Tally:
     """The progress of a run. Of `found` scenes, `scenes` are in complete blocks. `pieces` have been used; they gave
     `candidates` in reached cells. `strays` are cells that were hit although the plan considers them unreachable;
     `facts` are the sums of the pieces' facts; `scarcest` is the cell that lacks most scenes, None if none does. All of
-    it depends on the request alone, never on the workers; except `cut`, which says how far the piece had come that the
-    time limit cut short, "" if none was."""
+    it depends on the request alone, never on the workers; except `cut`, the progress of the piece that the time limit
+    interrupted, in words, "" if none was."""
 
     scenes: int
     found: int
@@ -249,7 +241,7 @@ class Plan(ABC):
         """Verify scenes, rows (3N, m) with phi (L, m). Raises AssertionError for one that is not what was requested."""
         verify(self.problem, rows, phi)
 
-    def blamed(self, tally: Tally) -> tuple[Plan, int | None]:
+    def shortfall_of(self, tally: Tally) -> tuple[Plan, int | None]:
         """The plan that a shortfall is reported of, and the cell of it that lacks most scenes."""
         return self, tally.scarcest
 
@@ -261,12 +253,27 @@ class Plan(ABC):
         """End the processes that drawing has started: called at the end of a run. Drawing again starts them again."""
 
 
+PROBED_PIECES = 4  # pieces of a selection that are looked at for its cells, as long as none has a scene
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Selection(Plan):
     """`plan` without some of its scenes. Candidates are left out before they are spread over cells, so what they must
-    be is part of the target: within a cell, scenes follow the plan's distribution given it, and all n are found."""
+    be is part of the target: within a cell, scenes follow the plan's distribution given it, and all n are found.
+
+    `found` are the cells that have such scenes among the first, where what is left out goes by phi: see `probe`. None:
+    all that the plan reaches."""
 
     plan: Plan
+    found: tuple[int, ...] | None = field(default=None, kw_only=True)
+
+    def probe(self) -> Self:
+        """The selection with the cells that have scenes in its first pieces; with all where there is one cell, or no
+        scene in these pieces."""
+        if len(self.plan.reached) == 1:
+            return self
+        cells = (set(self.draw(k).cell.tolist()) & {*self.plan.reached} for k in range(PROBED_PIECES))
+        return replace(self, found=tuple(sorted(next(filter(None, cells), self.plan.reached))))
 
     @property
     def method(self) -> str:
@@ -274,7 +281,7 @@ class Selection(Plan):
 
     @property
     def reached(self) -> Sequence[int]:
-        return self.plan.reached
+        return self.plan.reached if self.found is None else self.found
 
     @property
     def ruled_out(self) -> frozenset[int]:
@@ -326,7 +333,7 @@ class NoPlan(ABC):
         return self.time_is_up
 
     @property
-    def crowded(self) -> bool:
+    def is_crowded(self) -> bool:
         """Whether objects only leave no room for each other."""
         return False
 

@@ -4,163 +4,50 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.arrays import Array, Index, as_numbers
+from scenegen.arrays import Array, as_numbers
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import (
-    ALL_HELD,
-    CANNOT_BE_HELD,
-    NO_SUCH_SCENE,
-    NO_TIME_TO_CHECK,
-    NOT_A_POSE,
-    TOO_IMPROBABLE,
-    UNKNOWN_OBJECT,
-)
+from scenegen.errors.requests import ALL_HELD, CANNOT_BE_HELD, NO_TIME_TO_CHECK, NOT_A_POSE, UNKNOWN_OBJECT
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, Core, gated, read_rows
+from scenegen.lang.formula.core import Core, gated, read_rows
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_count, row_of, span_of
-from scenegen.sampling.request import FixedPose, Range, SampleRequest, empty_range, within_reach
+from scenegen.sampling.cells import Cells, cut
+from scenegen.sampling.request import FixedPose, Range, SampleRequest, within_reach
 from scenegen.search import label_bounds
 from scenegen.search.contract import (
-    EVERYTHING,
-    ROUNDS,
-    SLACK,
-    Ends,
-    both,
+    CONTRACT_SLACK,
+    SWEEPS,
+    Bounds,
     contract,
     contract_box,
+    label_demand,
     push_down,
     size_of,
     start,
 )
-from scenegen.search.effort import Effort, StoppedError, TooMuchError, scoring
-from scenegen.search.surfaces import improbable, worlds
+from scenegen.search.effort import Budget, Effort, StoppedError
 from scenegen.search.tape import Tape, make_tape
 
-# --------------------------------------------------------------------------------------------------------------------
-# Cutting the requested range of phi into cells that get equal shares of the scenes (docs/sampling.md).
+if TYPE_CHECKING:
+    from scenegen.search.surfaces import Stand
 
+SCENES_IN_CACHE = 16_384  # scenes that are scored at a time: what is computed on the way stays in cache
+LIVE_NUMBERS = 1 << 22  # numbers in memory at a time meanwhile: specs of thousands of atoms get fewer scenes
+PIECE_SCENES = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k) in any process
+PIECE_NUMBERS = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
 
-CELLS_PER_LABEL = {0: 1, 1: 32, 2: 16}  # cells along each bounded label; 8 for three or more
-
-
-@dataclass(frozen=True, slots=True)
-class Cells:
-    """The product of the bounded ranges, cut into equal cells, plus the constraints of all labels.
-
-    `edges[k]` are the borders along bounded label `bounded[k]` (an index into the labels); `low` and `high` are (L,)
-    with infinities for open ends.
-    """
-
-    labels: tuple[str, ...]
-    bounded: tuple[int, ...]
-    edges: tuple[Array, ...]
-    low: Array
-    high: Array
-
-    @property
-    def count(self) -> int:
-        return math.prod(len(edge) - 1 for edge in self.edges)
-
-    def find(self, phi: Array) -> Index:
-        """The cell of each of B scenes from their phi, (L, B) -> (B,); -1 if a label is out of its range."""
-        inside = ((phi >= self.low[:, None]) & (phi <= self.high[:, None])).all(axis=0)
-        cell = np.zeros(phi.shape[1], dtype=np.intp)
-        for label, edge in zip(self.bounded, self.edges, strict=True):
-            along = np.searchsorted(edge, phi[label], side="right") - 1
-            cell = cell * (len(edge) - 1) + np.clip(along, 0, len(edge) - 2)
-        return np.where(inside, cell, -1)
-
-    def limits(self, cell: int) -> tuple[Array, Array]:
-        """Lowest and highest phi of every label in a cell, each (L,)."""
-        low, high = self.low.copy(), self.high.copy()
-        for label, edge in zip(reversed(self.bounded), reversed(self.edges), strict=True):
-            cell, along = divmod(cell, len(edge) - 1)
-            low[label], high[label] = edge[along], edge[along + 1]
-        return low, high
-
-    def describe(self, cell: int) -> str:
-        """The cell as ranges of phi: `task 0.05:0.054`."""
-        low, high = self.limits(cell)
-        return ", ".join(f"{self.labels[k]} {low[k]:.4g}:{high[k]:.4g}" for k in self.bounded) or "the whole range"
-
-
-def cut(request: SampleRequest, labels: Sequence[str], most: float = math.inf) -> Cells:
-    """The cells of a request; a single one for `--spread base`, or if no range is bounded. About `most` at most: what
-    wants a few scenes needs no more."""
-    ranges = [request.phi.get(label, Range()) for label in labels]
-    low = np.array([-np.inf if wanted.low is None else wanted.low for wanted in ranges])
-    high = np.array([np.inf if wanted.high is None else wanted.high for wanted in ranges])
-    bounded = tuple(k for k, wanted in enumerate(ranges) if wanted.bounded) if request.spread == "flat" else ()
-    pieces = CELLS_PER_LABEL.get(len(bounded), 8)
-    if most < pieces ** len(bounded):
-        pieces = math.ceil(most ** (1 / len(bounded)))
-    edges = tuple(np.linspace(low[k], high[k], pieces + 1) for k in bounded)
-    return Cells(tuple(labels), bounded, edges, low, high)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# How many scenes a piece of a run has.
-
-
-PIECE = 65_536  # scenes of one piece; piece k of a run draws from SeedSequence(seed, k) in any process
-LARGEST_PIECE = 1 << 22  # numbers of one piece: specs with very many objects get fewer scenes
-
-
-# random streams, beside that of the base draws (stream 0)
-PILOT, GUIDED, PLAN, REJECTION, PAIRED = 2, 3, 4, 5, 7
-
-LARGE = 1 << 22  # above so many nodes times cells, cells are compared with plain bounds instead of being contracted
-THIN = 1e-11  # of the size of coordinates: more than what contraction adds for rounding, less than any tolerance
-SHARED = 4096  # scenes that tell whether many have phi at its bound
-GRACE = 0.25  # seconds
-BESIDE = 16  # cost of drawing, sorting into cells and verifying, in nodes per evaluation (measured)
-
-
-@dataclass(frozen=True, slots=True)
-class Budget:
-    """When to stop searching. A time limit can only cut a run short; the scenes before the cut do not depend on it.
-
-    When it is pickled for another process, it keeps the seconds that are left, because clocks may differ."""
-
-    seconds: float = 60.0
-    started: float = field(default_factory=time.monotonic)
-
-    def __reduce__(self) -> tuple[type[Budget], tuple[float]]:
-        return Budget, (self.ends - time.monotonic(),)
-
-    @property
-    def ends(self) -> float:
-        """When time is up, by this process's monotonic clock."""
-        return self.started + self.seconds
-
-    @property
-    def seconds_left(self) -> float:
-        """The seconds until then; a millisecond at least, which is a time limit, too."""
-        return max(self.ends - time.monotonic(), 1e-3)
-
-    @property
-    def spent(self) -> bool:
-        return time.monotonic() - self.started >= self.seconds
-
-    @property
-    def overdrawn(self) -> bool:
-        """Time has long been up: even work that should finish is stopped."""
-        return time.monotonic() - self.started >= self.seconds + GRACE
-
-    def check(self) -> None:
-        """Raises StoppedError if time has long been up."""
-        if self.overdrawn:
-            raise StoppedError
+# above so many nodes times cells, cells are compared with plain bounds instead of being contracted
+MAX_CONTRACTED = 1 << 22
+THIN_WIDTH = 1e-11  # of the size of coordinates: more than what contraction adds for rounding, less than any tolerance
+DRAWING_COST = 16  # cost of drawing, sorting into cells and verifying, in nodes per evaluation (measured)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +85,7 @@ class Problem:
     @property
     def cost(self) -> int:
         """About the cost of drawing and scoring a scene, in visits of nodes."""
-        return len(self.core.nodes) + BESIDE
+        return len(self.core.nodes) + DRAWING_COST
 
     def scenes(self, rows: Array) -> Array:
         """The scenes of a plan as they begin, (3N, B): all of them, but for switches of choices."""
@@ -209,14 +96,32 @@ class Problem:
         """The places of objects that the request fixes: (x, y) or (x, y, theta), headings in [0, 2 pi)."""
         return {name: tuple(pose) for name, pose in self.request.fix.items() if not isinstance(pose, FixedPose)}
 
-    def wanted(self, cell: int | None = None) -> dict[int, Ends]:
+    @property
+    def chooses(self) -> bool:
+        """Whether things choose their surfaces, as far as phi can tell."""
+        if not self.spec.choices:
+            return False
+        from scenegen.search.surfaces import chooses
+
+        return chooses(self.core)
+
+    @property
+    def stands(self) -> tuple[Stand, ...]:
+        """What stands on things or on one of several surfaces, in a spec with choices of these."""
+        if not self.spec.choices:
+            return ()
+        from scenegen.search.surfaces import stands_of
+
+        return stands_of(self.spec, self.lowest, self.highest)
+
+    def demand(self, cell: int | None = None) -> dict[int, Bounds]:
         """The demand of a cell, or of the whole range, on each formula node of the core."""
         low, high = (self.cells.low, self.cells.high) if cell is None else self.cells.limits(cell)
-        return _wanted(self.core, low, high)
+        return label_demand(self.core, low, high)
 
-    def demand(self, low: Array, high: Array) -> dict[int, Ends]:
+    def demand_between(self, low: Array, high: Array) -> dict[int, Bounds]:
         """That phi of every label lies in low..high, (L,) each, as demands on formula nodes of the core."""
-        return _wanted(self.core, low, high)
+        return label_demand(self.core, low, high)
 
     def phi(self, rows: Array) -> Array:
         """Exact phi of float64 rows, (3N, B) -> (L, B), the requirement's last: it determines which scenes are in
@@ -238,7 +143,7 @@ class Problem:
     @property
     def piece_size(self) -> int:
         """Scenes of one piece."""
-        return max(16, min(PIECE, LARGEST_PIECE // row_count(len(self.spec.objects))))
+        return max(16, min(PIECE_SCENES, PIECE_NUMBERS // row_count(len(self.spec.objects))))
 
 
 def make_problem(
@@ -246,7 +151,7 @@ def make_problem(
     request: SampleRequest,
     budget: Budget | None = None,
     *,
-    rounds: int = ROUNDS,
+    rounds: int = SWEEPS,
     most: float = math.inf,
     effort: Effort | None = None,
 ) -> Problem:
@@ -264,179 +169,96 @@ def make_problem(
         for name, one in phi.items():
             point |= one.low is not None and one.low == one.high
             touching |= name in bounds and (one.low == bounds[name][1] or one.high == bounds[name][0])
+        if point or touching:  # few requests need this
+            from scenegen.sampling.refusals import move_shared_bounds, refuse_points
         if point:
-            _refuse_points(core, lowest, highest, phi, tuple(fixed), effort)
+            refuse_points(core, lowest, highest, phi, tuple(fixed), effort)
         if touching:
-            phi, bounds = _at_shared_bounds(core, lowest, highest, phi, bounds, effort)
+            phi, bounds = move_shared_bounds(core, lowest, highest, phi, bounds, effort)
         checked, warnings = within_reach(dataclasses.replace(request, fix=fixed, phi=phi), bounds)
         warnings = (*warnings, *doubts_of_fixed(spec, request.fix))
         cells = cut(checked, tuple(core.labels), most)
         if core is not spec.core:
             cells.low[-1] = 0.0
-        possible, improbable = _possible(core, tape, cells, lowest, highest, effort, rounds)
+        possible, improbable = _possible(core, tape, cells, lowest, highest, effort, rounds, choices=bool(spec.choices))
         problem = Problem(spec, core, lowest, highest, checked, cells, possible, tape, warnings, improbable)
         if not possible:
-            raise RequestError(impossible(problem, effort))
+            refuse_impossible(problem, effort)
         return problem
     except StoppedError:
         raise RequestError(NO_TIME_TO_CHECK()) from None
 
 
-def moves(problem: Problem) -> bool:
+def refuse_impossible(problem: Problem, effort: Effort) -> NoReturn:
+    """Raises RequestError for a request of which no cell is left."""
+    from scenegen.sampling.refusals import impossible  # few requests are refused
+
+    raise RequestError(impossible(problem, effort))
+
+
+def phi_varies(problem: Problem) -> bool:
     """Whether anything that phi depends on can move: otherwise all scenes have the same phi, and rejection is the
     method."""
     rows = np.array([*read_rows(problem.core)], dtype=np.intp)
     return bool((problem.lowest[rows] < problem.highest[rows]).any())
 
 
-def narrowed(
-    problem: Problem,
-    core: Core,
-    box: tuple[Array, Array],
-    phi: Mapping[str, Range],
-    seed: int,
-    effort: Effort,
+def narrow_problem(
+    problem: Problem, core: Core, box: tuple[Array, Array], phi: Mapping[str, Range], seed: int, effort: Effort
 ) -> Problem:
     """The same request for the labels of another core over the same objects, without requirement, in another box of
     poses, (3N,) each. Raises RequestError if contraction proves it empty, and what `effort` raises."""
     request = dataclasses.replace(problem.request, phi=phi, seed=seed)
     cells = cut(request, tuple(core.labels))
     tape = make_tape(core, *box, effort)
-    possible, improbable = _possible(core, tape, cells, *box, effort)
+    possible, improbable = _possible(core, tape, cells, *box, effort, choices=bool(problem.spec.choices))
     made = Problem(problem.spec, core, *box, request, cells, possible, tape, improbable=improbable)
     if not possible:
-        raise RequestError(impossible(made, effort))
+        refuse_impossible(made, effort)
     return made
 
 
-def impossible(problem: Problem, effort: Effort | None = None) -> Diagnostic:
-    """The error for a request of which no cell is left: it is proved to have no scene, and the error names the atoms
-    that conflict, if there is time to find out; or some cells are only too improbable."""
-    if problem.improbable:
-        return TOO_IMPROBABLE(wanted=_asked(problem.request.phi))
-    effort = Effort() if effort is None else effort
-    asked = problem.request.phi, problem.wanted()
-    return _impossible(problem.core, problem.lowest, problem.highest, *asked, tuple(problem.fixed), effort)
-
-
-def _impossible(
-    core: Core,
-    lowest: Array,
-    highest: Array,
-    phi: Mapping[str, Range],
-    wanted: Mapping[int, Ends],
-    held: Sequence[str],
-    effort: Effort,
-) -> Diagnostic:
-    """The error names the requirement alone where that suffices: then no other range of phi helps."""
-    from scenegen.search.clash import clash, explain
-
-    facts: dict[str, object] = {"wanted": _asked(phi)}
-    try:
-        found = None
-        if REQUIRE in core.labels:
-            required = {core.labels[REQUIRE]: (0.0, math.inf)}
-            found = clash(core, lowest, highest, required, search=False, effort=effort)
-        if found is not None:
-            facts = {"required": True, "held": held}
-        else:
-            found = clash(core, lowest, highest, wanted, search=False, effort=effort)
-    except (StoppedError, TooMuchError):
-        found = None
-    return NO_SUCH_SCENE(**facts) if found is None else explain(core, found, NO_SUCH_SCENE, **facts)
-
-
-def _asked(phi: Mapping[str, Range]) -> str:
-    return " and ".join(f"phi of `{name}` in {wanted}" for name, wanted in phi.items())
-
-
-def _refuse_points(
-    core: Core, lowest: Array, highest: Array, phi: Mapping[str, Range], held: Sequence[str], effort: Effort
-) -> None:
-    """A single value has probability 0, so the error suggests a band; if no scene has the value at all, it says so
-    instead."""
-    if any(name not in core.labels or empty_range(wanted) is not None for name, wanted in phi.items()):
-        return
-    low = np.array([-np.inf if (r := phi.get(name)) is None or r.low is None else r.low for name in core.labels])
-    high = np.array([np.inf if (r := phi.get(name)) is None or r.high is None else r.high for name in core.labels])
-    if REQUIRE in core.labels:
-        low[-1] = 0.0
-    wanted = _wanted(core, low, high)
-    if any(map(np.isnan, (*low, *high))):
-        return
-    from scenegen.search.clash import clash  # few requests are refused
-
-    if clash(core, lowest, highest, wanted, search=False, effort=effort) is not None:
-        raise RequestError(_impossible(core, lowest, highest, phi, wanted, held, effort))
-
-
-def _at_shared_bounds(
-    core: Core,
-    lowest: Array,
-    highest: Array,
-    phi: Mapping[str, Range],
-    bounds: dict[str, tuple[float, float]],
-    effort: Effort,
-) -> tuple[Mapping[str, Range], dict[str, tuple[float, float]]]:
-    """The ranges and the bounds of phi, where a range only touches a bound that many scenes share, as where phi is a
-    matter of which surface a thing is on: the bound moves by a hair, for it has not probability 0, and a range of that
-    value alone has its other end open."""
-    ends = {name: wanted for name, wanted in phi.items() if name in bounds}
-    count = max(64, min(SHARED, LARGE // len(core.nodes)))
-    effort.spend(scoring(core.nodes, count))
-    width = (highest - lowest)[:, None]
-    rows = lowest[:, None] + width * np.random.default_rng(0).random((len(lowest), count))
-    with np.errstate(all="ignore"):
-        values = evaluate(core, list(rows), NUMPY)
-    phi, bounds = dict(phi), dict(bounds)
-    for name, one in ends.items():
-        low, high = bounds[name]
-        if one.low == high and np.any(values[name] == high):
-            bounds[name] = low, float(np.nextafter(high, math.inf))
-            phi[name] = dataclasses.replace(one, high=None) if one.high == high else one
-        elif one.high == low and np.any(values[name] == low):
-            bounds[name] = float(np.nextafter(low, -math.inf)), high
-            phi[name] = dataclasses.replace(one, low=None) if one.low == low else one
-    return phi, bounds
-
-
-def _wanted(core: Core, low: Array, high: Array) -> dict[int, Ends]:
-    wanted: dict[int, Ends] = {}
-    for node, least, most in zip(core.labels.values(), map(float, low), map(float, high), strict=True):
-        wanted[node] = both(wanted.get(node, EVERYTHING), (least, most))
-    return wanted
-
-
 def _possible(
-    core: Core, tape: Tape, cells: Cells, lowest: Array, highest: Array, effort: Effort, rounds: int = ROUNDS
+    core: Core,
+    tape: Tape,
+    cells: Cells,
+    lowest: Array,
+    highest: Array,
+    effort: Effort,
+    rounds: int = SWEEPS,
+    *,
+    choices: bool,
 ) -> tuple[frozenset[int], frozenset[int]]:
     """The cells that are not proved empty, by contraction or, for very large specs, by bounds alone: those in which
-    scenes can be found, and those whose scenes are too improbable, which contraction shows where surfaces are chosen.
-    """
-    if len(tape.nodes) * cells.count > LARGE:
+    scenes can be found, and those whose scenes are too improbable, which contraction shows where there are
+    `choices` of surfaces."""
+    if len(tape.nodes) * cells.count > MAX_CONTRACTED:
         least, most = label_bounds(core, lowest, highest, effort)
         limits = map(cells.limits, range(cells.count))
         return frozenset(
             cell for cell, (low, high) in enumerate(limits) if ((low <= most) & (high >= least)).all()
         ), frozenset()
-    wanted = [push_down(core, _wanted(core, *cells.limits(cell))) for cell in range(cells.count)]
+    wanted = [push_down(core, label_demand(core, *cells.limits(cell))) for cell in range(cells.count)]
     boxes = lowest[:, None], highest[:, None]
     alive = _alive(tape, wanted, *boxes, effort, rounds)
     likely = alive
-    choices = worlds(core, lowest, highest)
-    if choices[0].shape[1] > 1 and len(tape.nodes) * cells.count * choices[0].shape[1] <= LARGE:
+    if choices:
+        from scenegen.search.surfaces import worlds
+
+        boxes = worlds(core, lowest, highest)
+    if boxes[0].shape[1] > 1 and len(tape.nodes) * cells.count * boxes[0].shape[1] <= MAX_CONTRACTED:
         narrowest = min((float(np.diff(edge).min()) for edge in cells.edges), default=math.inf)
-        thin = THIN * size_of(lowest, highest)
-        likely = alive & _alive(tape, wanted, *choices, effort, rounds, thin if narrowest > 100.0 * thin else 0.0)
+        thin = THIN_WIDTH * size_of(lowest, highest)
+        likely = alive & _alive(tape, wanted, *boxes, effort, rounds, thin if narrowest > 100.0 * thin else 0.0)
         doubtful = np.flatnonzero(alive & ~likely)
         if len(doubtful):
-            alive[doubtful] = _alive(tape, [wanted[cell] for cell in doubtful], *choices, effort, rounds)
+            alive[doubtful] = _alive(tape, [wanted[cell] for cell in doubtful], *boxes, effort, rounds)
     return frozenset(np.flatnonzero(likely).tolist()), frozenset(np.flatnonzero(alive & ~likely).tolist())
 
 
 def _alive(
     tape: Tape,
-    wanted: Sequence[Mapping[int, Ends]],
+    wanted: Sequence[Mapping[int, Bounds]],
     low: Array,
     high: Array,
     effort: Effort,
@@ -451,15 +273,13 @@ def _alive(
         return np.array([contract_box(tape, low[:, 0], high[:, 0], wanted[0], effort, rounds).alive])
     every = [demand for demand in wanted for _ in range(count)]
     low, high = np.tile(low, len(wanted)), np.tile(high, len(wanted))
-    lo, hi = start(tape, every, low, high, slack=0.0 if thin else SLACK)
+    lo, hi = start(tape, every, low, high, slack=0.0 if thin else CONTRACT_SLACK)
     alive = contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)
     if thin:
+        from scenegen.search.surfaces import improbable
+
         alive &= ~improbable(tape, lo, hi, thin)
     return np.asarray(alive.reshape(len(wanted), count).any(axis=1))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Objects that a request holds.
 
 
 def hold_fixed(

@@ -26,26 +26,27 @@ from scenegen.geometry.footprint import Circle
 from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
-from scenegen.sampling.problem import Cells
+from scenegen.sampling.cells import Cells
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_frame
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.levels import ChainPopulation, Region
 from scenegen.sampling.splitting.tuning import Tuner, longest
+from scenegen.sampling.streams import RARITY_STREAM
 from scenegen.search.effort import NEVER, Stop, StoppedError
 
-# --------------------------------------------------------------------------------------------------------------------
-# How phi is distributed towards either end, from chains that are restricted level by level.
-
-
-ISLANDS = 16  # estimates whose scatter is the error bar
-KEPT, CLIMB = 0.5, 0.1  # share of the chains that makes a level; the same once levels are not counted any more
-NEAR, TOP = 0.01, 0.001  # how near to the end levels are counted, and searched: shares of the way from the median
-LEVELS, SEARCH = 400, 30  # maximum number of counted levels, and of levels in the search for the end after them
-COUNTED = 0.8  # share of the effort after which levels are not counted any more, so that some is left for the search
-ROUNDS = 2  # rounds of moves on a level: after one, copies have parted, but resemble each other
-NONE = 3.0  # scenes that may be missed at 95 % where none of a large number was
-FEW = 8  # minimum number of scenes behind an estimate
+TAIL_ISLANDS = 16  # estimates whose scatter is the error bar
+# share of the chains that makes a level; the same once levels are not counted any more
+LEVEL_SHARE, CLIMB_SHARE = 0.5, 0.1
+# how near to the end levels are counted, and searched: shares of the way from the median
+NEAR_END, AT_END = 0.01, 0.001
+# maximum number of counted levels, and of levels in the search for the end after them
+MAX_COUNTED_LEVELS, MAX_SEARCH_LEVELS = 400, 30
+# share of the effort after which levels are not counted any more, so that some is left for the search
+COUNTED_EFFORT = 0.8
+MOVES_PER_LEVEL = 2  # rounds of moves on a level: after one, copies have parted, but resemble each other
+RULE_OF_THREE = 3.0  # scenes that may be missed at 95 % where none of a large number was
+MIN_HITS = 8  # minimum number of scenes behind an estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +72,11 @@ class Tail:
         stage = int(np.searchsorted(self.levels, place, side="right")) - 1
         values = self.values[stage]
         hits = values.shape[1] - np.array([np.searchsorted(island, place, side="left") for island in values])
-        if hits.sum() < FEW:
+        if hits.sum() < MIN_HITS:
             return None
         if stage == 0 and hits.sum() == values.size and values.shape[1] > 1:
             # Of all that are not there, the share is at most 3 / n at 95 % (the rule of three). Copies tell nothing.
-            return Estimate(0.0, -math.log10(1.0 - NONE / max(2.0 * NONE, len(np.unique(values)))))
+            return Estimate(0.0, -math.log10(1.0 - RULE_OF_THREE / max(2.0 * RULE_OF_THREE, len(np.unique(values)))))
         return ratio(self.weights[stage] * hits / values.shape[1], self.weights[0])
 
     def quantile(self, share: float) -> float:
@@ -113,11 +114,12 @@ class RequirementUnmet:
     evaluations: int
 
 
-def constant(phi: float) -> PhiDistribution:
+def constant_phi(phi: float) -> PhiDistribution:
     """The result for a label whose phi is the same in all scenes."""
-    weights = np.ones((1, ISLANDS))
+    weights = np.ones((1, TAIL_ISLANDS))
     tails = [
-        Tail(sign, np.array([-np.inf]), (np.full((ISLANDS, 1), sign * phi),), weights, phi, True) for sign in (1, -1)
+        Tail(sign, np.array([-np.inf]), (np.full((TAIL_ISLANDS, 1), sign * phi),), weights, phi, True)
+        for sign in (1, -1)
     ]
     return PhiDistribution(tails[0], tails[1], 1)
 
@@ -134,21 +136,23 @@ def climb(
     """Restrict the chains step by step towards one end of the phi of a row, with at most about `work` evaluations.
     `move` is one round of moves. Where `stop` or a move raises StoppedError, the run ends with what it has."""
     phi = margins(state, sign, row)
-    levels, values, shares = [-np.inf], [_sorted(phi)], [weights]
+    levels, values, shares = [-np.inf], [_sort_islands(phi)], [weights]
     middle, end = float(np.median(phi)), float(phi.max())
     counting, searched, whole = True, 0, False
-    while state.evaluations < work and searched < SEARCH:
+    while state.evaluations < work and searched < MAX_SEARCH_LEVELS:
         here = sign * (state.region.low if sign > 0 else state.region.high)[row]
-        whole = whole or (counting and bool(end - here <= NEAR * (end - middle)))
-        counting = counting and not whole and len(levels) < LEVELS and state.evaluations < COUNTED * work
-        level = next_level(phi, here, KEPT if counting else CLIMB)
-        if level is None or end - level <= TOP * (end - middle):
+        whole = whole or (counting and bool(end - here <= NEAR_END * (end - middle)))
+        counting = (
+            counting and not whole and len(levels) < MAX_COUNTED_LEVELS and state.evaluations < COUNTED_EFFORT * work
+        )
+        level = next_level(phi, here, LEVEL_SHARE if counting else CLIMB_SHARE)
+        if level is None or end - level <= AT_END * (end - middle):
             whole = whole or counting
             break
         try:
             stop.check()
             kept = restrict(state, level, sign, row)
-            for _ in range(ROUNDS if counting else 1):
+            for _ in range(MOVES_PER_LEVEL if counting else 1):
                 move()
         except StoppedError:
             break
@@ -157,7 +161,7 @@ def climb(
         if counting:
             weights = weights * kept
             levels.append(level)
-            values.append(_sorted(phi))
+            values.append(_sort_islands(phi))
             shares.append(weights)
         else:
             searched += 1
@@ -170,8 +174,8 @@ def margins(state: ChainPopulation, sign: int, row: int = 0) -> Array:
     return np.where(np.isnan(phi), -np.inf, phi)
 
 
-def _sorted(phi: Array) -> Array:
-    return np.sort(phi.reshape(ISLANDS, -1), axis=1)
+def _sort_islands(phi: Array) -> Array:
+    return np.sort(phi.reshape(TAIL_ISLANDS, -1), axis=1)
 
 
 def next_level(phi: Array, here: float, kept: float) -> float | None:
@@ -188,75 +192,64 @@ def restrict(state: ChainPopulation, level: float, sign: int, row: int = 0) -> A
     low, high = state.region.low.copy(), state.region.high.copy()
     (low if sign > 0 else high)[row] = sign * level
     region = Region(low, high)
-    alive: Array = region.holds(state.phi).reshape(ISLANDS, -1).mean(axis=1)
-    state.narrow(region, ISLANDS)
+    alive: Array = region.holds(state.phi).reshape(TAIL_ISLANDS, -1).mean(axis=1)
+    state.narrow(region, TAIL_ISLANDS)
     return alive
 
 
-STREAM = 6  # random stream of these runs, apart from those of the samplers
-MOST, FEWEST = 8192, 256  # chains of a run
-DEPTH = 15  # levels that the effort of a run must cover if every level takes the maximum number of moves
-WORK = 5_000_000_000  # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
-PER_SHAPE = 60  # cost of a footprint with corners, in plain nodes; two of them in one node cost four times as much
-CAREFUL = 4  # the same for the requirement: all runs start from there
-MANY = 20  # with so many moving rows, chains that start at uniform scenes fail
-AFFORDED = 100  # chains: if the effort does not allow so many, growth is used instead
-SETTLE = 4  # more rounds once the requirement is met, before its chains start the runs
+MAX_TAIL_CHAINS, MIN_TAIL_CHAINS = 8192, 256  # chains of a run
+MIN_LEVELS = 15  # levels that the effort of a run must cover if every level takes the maximum number of moves
+# node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
+RARITY_VISITS = 5_000_000_000
+SHAPE_COST = 60  # cost of a footprint with corners, in plain nodes; two of them in one node cost four times as much
+MOVES_PER_REQUIRED_LEVEL = 4  # the same for the requirement: all runs start from there
+MAX_CHAIN_ROWS = 20  # with so many moving rows, chains that start at uniform scenes fail
+MIN_AFFORDED_CHAINS = 100  # chains: if the effort does not allow so many, growth is used instead
+MOVES_AFTER_REQUIREMENT = 4  # more rounds once the requirement is met, before its chains start the runs
 
 
+@np.errstate(all="ignore")  # phi may overflow or be undefined somewhere: such scenes count as unreachable
 def measure(
     core: Core,
     lowest: Array,
     highest: Array,
     labels: Sequence[str],
     seed: int = 0,
-    work: int = WORK,
+    work: int = RARITY_VISITS,
     stop: Stop = NEVER,
 ) -> Rarity | RequirementUnmet:
     """P(phi >= t) and P(phi <= t) of each of the labels, for poses uniform over the box lowest..highest (3N,),
     conditional on the core's requirement. The same arguments give the same numbers. `work` is the effort, in visits of
     nodes. Where `stop` raises StoppedError, runs end with what they have, and labels that were not begun are left out;
     it is raised again if there are none. Raises whatever else `stop` raises."""
-    with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        return _measure(gated(core), lowest, highest, labels, seed, work, stop)
-
-
-def _measure(
-    core: Core,
-    lowest: Array,
-    highest: Array,
-    labels: Sequence[str],
-    seed: int,
-    effort: int,
-    stop: Stop,
-) -> Rarity | RequirementUnmet:
+    core = gated(core)
     base: _Base | None = None
     required: Estimate | None = None
     spent = 0
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
-    count = _chains([part_of(core, (label, *gate)) for label in labels], lowest, highest, effort)
+    count = _chains([part_of(core, (label, *gate)) for label in labels], lowest, highest, work)
     if gate:
-        base, best = _require(part_of(core, gate), lowest, highest, count, seed, effort, stop)
+        base, best = _require(part_of(core, gate), lowest, highest, count, seed, work, stop)
         spent = base.evaluations
         if not base.weights.any():
             return RequirementUnmet(best, spent)
-        required = ratio(base.weights, np.ones(ISLANDS))
+        required = ratio(base.weights, np.ones(TAIL_ISLANDS))
     reaches: dict[str, PhiDistribution] = {}
     for index, label in enumerate(labels):
         alone = part_of(core, (label,))
         if not make_frame(alone, lowest, highest).dimension:
-            reaches[label] = constant(float(evaluate(alone, list(lowest), NUMPY)[label]))
+            reaches[label] = constant_phi(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
         one = part_of(core, (label, *gate))
-        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
+        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY_STREAM, 1 + index])))
         try:
             start, weights = _begin(make_frame(one, lowest, highest), base, count, rng, stop)
         except StoppedError:
             if not reaches:
                 raise
             break
-        work = effort // (2 * len(labels) * cost(one))
-        up, down = (_climb(start.some(start.count), weights, sign, work, stop) for sign in (1, -1))
+        most = work // (2 * len(labels) * cost(one))
+        up, down = (_climb(start.some(start.count), weights, sign, most, stop) for sign in (1, -1))
         reaches[label] = PhiDistribution(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
@@ -272,8 +265,11 @@ def needs_growth(spec: CheckedSpec, labels: Sequence[str]) -> bool:
     for label in labels:
         one = part_of(core, (label, *gate))
         dimension = make_frame(one, lowest, highest).dimension
-        moves = ROUNDS * longest(max(1, dimension)) * DEPTH
-        if dimension > MANY or AFFORDED * 2 * len(labels) * cost(one) * moves > COUNTED * WORK:
+        moves = MOVES_PER_LEVEL * longest(max(1, dimension)) * MIN_LEVELS
+        if (
+            dimension > MAX_CHAIN_ROWS
+            or MIN_AFFORDED_CHAINS * 2 * len(labels) * cost(one) * moves > COUNTED_EFFORT * RARITY_VISITS
+        ):
             return True
     return False
 
@@ -282,16 +278,16 @@ def cost(core: Core) -> int:
     """About the cost of phi of one scene, in visits of plain nodes."""
     shapes = [node.shapes for node in core.nodes if isinstance(node, Apply)]
     cornered = [sum(not isinstance(shape, Circle) for shape in pair) for pair in shapes]
-    return len(core.nodes) + PER_SHAPE * sum(many * many for many in cornered)
+    return len(core.nodes) + SHAPE_COST * sum(many * many for many in cornered)
 
 
 def _chains(cores: Sequence[Core], lowest: Array, highest: Array, effort: int) -> int:
     """How many chains the effort allows for these cores, a multiple of the islands."""
-    fewest = MOST
+    fewest = MAX_TAIL_CHAINS
     for core in cores:
-        moves = ROUNDS * longest(max(1, make_frame(core, lowest, highest).dimension)) * DEPTH
-        fewest = min(fewest, int(COUNTED * effort) // (2 * len(cores) * cost(core) * moves))
-    return max(fewest, FEWEST) // ISLANDS * ISLANDS
+        moves = MOVES_PER_LEVEL * longest(max(1, make_frame(core, lowest, highest).dimension)) * MIN_LEVELS
+        fewest = min(fewest, int(COUNTED_EFFORT * effort) // (2 * len(cores) * cost(core) * moves))
+    return max(fewest, MIN_TAIL_CHAINS) // TAIL_ISLANDS * TAIL_ISLANDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,37 +300,31 @@ class _Base:
 
 
 def _require(
-    core: Core,
-    lowest: Array,
-    highest: Array,
-    count: int,
-    seed: int,
-    effort: int,
-    stop: Stop,
+    core: Core, lowest: Array, highest: Array, count: int, seed: int, effort: int, stop: Stop
 ) -> tuple[_Base, float]:
     """Chains at the base distribution conditioned on the requirement; weights 0 if it could not be satisfied."""
     chain_state = make_frame(core, lowest, highest)
     if not chain_state.dimension:
         least = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
-        return _Base({}, np.full(ISLANDS, float(least >= 0.0)), 1), least
-    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 0])))
+        return _Base({}, np.full(TAIL_ISLANDS, float(least >= 0.0)), 1), least
+    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY_STREAM, 0])))
     state, weights = _begin(chain_state, None, count, rng, stop)
     tuner = Tuner(state)
     work = effort // cost(core)
     met = False
     while not met and state.evaluations < work:
-        level = next_level(margins(state, 1), state.region.low[0], KEPT)
+        level = next_level(margins(state, 1), state.region.low[0], LEVEL_SHARE)
         if level is None:
             break
         met = level >= 0.0
         weights = weights * restrict(state, min(level, 0.0), 1)
-        for _ in range(CAREFUL):
+        for _ in range(MOVES_PER_REQUIRED_LEVEL):
             tuner.adapt()
-    for _ in range(SETTLE if met else 0):
+    for _ in range(MOVES_AFTER_REQUIREMENT if met else 0):
         tuner.adapt()
     best = float(margins(state, 1).max())
     rows = dict(zip(chain_state.rows, state.rows, strict=True))
-    return _Base(rows, weights if met else np.zeros(ISLANDS), state.evaluations), best
+    return _Base(rows, weights if met else np.zeros(TAIL_ISLANDS), state.evaluations), best
 
 
 def _begin(
@@ -344,7 +334,7 @@ def _begin(
     cells = Cells(tuple(chain_state.core.labels), (), (), np.empty(0), np.empty(0))
     state = Chains.start(chain_state, ChainTape(chain_state, stop=stop), cells, count, rng)
     if base is None:
-        return state, np.ones(ISLANDS)
+        return state, np.ones(TAIL_ISLANDS)
     state.rows = [base.rows.get(row, fresh) for row, fresh in zip(chain_state.rows, state.rows, strict=True)]
     state.pool = list(state.rows)
     state.phi = state.tape(state.rows)
@@ -354,10 +344,6 @@ def _begin(
 
 def _climb(state: Chains, weights: Array, sign: int, work: int, stop: Stop) -> tuple[Tail, int]:
     return climb(state, Tuner(state).adapt, weights, sign, work, stop=stop)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# How phi is distributed where the number of things is drawn: tails of the members, in equal shares.
 
 
 CERTAIN = Estimate(0.0, 0.0)
@@ -389,7 +375,7 @@ class MixedTail:
 
     def __call__(self, phi: float) -> Estimate | None:
         """As of `Tail`; a tail that has too few scenes there counts as having none."""
-        return mean([tail(phi) for tail in self.tails])
+        return mean_estimate([tail(phi) for tail in self.tails])
 
     def quantile(self, share: float) -> float:
         """As of `Tail`."""
@@ -402,7 +388,7 @@ class MixedTail:
         return self.sign * float(values[order[place]])
 
 
-def mean(estimates: Sequence[Estimate | None]) -> Estimate | None:
+def mean_estimate(estimates: Sequence[Estimate | None]) -> Estimate | None:
     """The mean of probabilities; None counts as 0, and is what there is where all are None."""
     known = [(10.0**one.log10, one.error) for one in estimates if one is not None]
     total = sum(value for value, _ in known)
@@ -412,7 +398,7 @@ def mean(estimates: Sequence[Estimate | None]) -> Estimate | None:
     return Estimate(math.log10(total / len(estimates)), error)
 
 
-def mixed(found: Sequence[Rarity]) -> Rarity:
+def mix_rarities(found: Sequence[Rarity]) -> Rarity:
     """The distribution over members in equal shares, each among its own scenes that meet the requirement."""
     reaches = {}
     for label in found[0].reaches:
@@ -420,5 +406,5 @@ def mixed(found: Sequence[Rarity]) -> Rarity:
         up, down = (MixedTail(tuple(tails)) for tails in ([one.up for one in each], [one.down for one in each]))
         reaches[label] = PhiDistribution(up, down, sum(one.evaluations for one in each))
     required = [one.requirement for one in found]
-    requirement = None if not any(required) else mean([one or CERTAIN for one in required])
+    requirement = None if not any(required) else mean_estimate([one or CERTAIN for one in required])
     return Rarity(reaches, requirement, sum(one.evaluations for one in found))

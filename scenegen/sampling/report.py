@@ -26,13 +26,13 @@ from scenegen.lang.formula.interpret import deciding_atoms
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.request import Range
-from scenegen.search.effort import per_scene
+from scenegen.search.effort import work_per_scene
 
-SHOWN = 4096  # candidates scored to find out which atom fails most
-LOOK = 1 << 22  # maximum work (see search.effort) for this: a tenth of a second, because time is up
+BLAME_SCENES = 4096  # candidates scored to find out which atom fails most
+BLAME_WORK = 1 << 22  # maximum work (see search.effort) for this: a tenth of a second, because time is up
 
 
-def summed_up(plan: Plan, tally: Tally) -> tuple[dict[str, object], tuple[Diagnostic, ...]]:
+def run_info(plan: Plan, tally: Tally) -> tuple[dict[str, object], tuple[Diagnostic, ...]]:
     """What a scene file says about a run, and the warnings for the user."""
     problem, account = plan.problem, plan.account(tally)
     info, warnings = dict(account.info), problem.warnings
@@ -41,7 +41,7 @@ def summed_up(plan: Plan, tally: Tally) -> tuple[dict[str, object], tuple[Diagno
         missing = sorted(set(range(count)).difference(plan.reached))
         if not problem.over_time:
             possible = (problem.possible | problem.improbable) - plan.ruled_out
-            warnings += _unreached(problem, missing, possible, account.tried, len(tally.strays))
+            warnings += _unreached_warnings(problem, missing, possible, account.tried, len(tally.strays))
             if problem.fixed:
                 info["fix"] = {name: list(pose) for name, pose in problem.fixed.items()}
         info["cells"] = {"asked": count, "reached": count - len(missing)}
@@ -56,14 +56,14 @@ def too_few_motions(found: int, wanted: int, time_is_up: bool) -> Diagnostic:
     return TOO_FEW_MOTIONS(found=found, wanted=wanted, reason=reason)
 
 
-def fell_short(plan: Plan, tally: Tally, time_is_up: bool) -> Diagnostic | None:
+def shortfall_of_run(plan: Plan, tally: Tally, time_is_up: bool) -> Diagnostic | None:
     """Why a run has fewer scenes than requested; None if it has all."""
     if tally.scenes >= plan.wanted:
         return None
     if plan.problem.over_time:
         return too_few_motions(tally.found, plan.wanted, time_is_up)
     account = plan.account(tally)
-    blamed, rarest = plan.blamed(tally)
+    blamed, rarest = plan.shortfall_of(tally)
     problem = blamed.problem
     if blamed is not plan:  # of a part; what is missing is missing from the whole
         problem = replace(problem, request=replace(problem.request, n=plan.wanted))
@@ -71,7 +71,7 @@ def fell_short(plan: Plan, tally: Tally, time_is_up: bool) -> Diagnostic | None:
     return why.but(refused=account.note or tally.cut)
 
 
-def _unreached(
+def _unreached_warnings(
     problem: Problem, missing: Sequence[int], possible: Set[int], tried: str, strays: int = 0
 ) -> tuple[Diagnostic, ...]:
     """A warning that names the cells that get no scenes; `tried` says how long the search was, `strays` in how many of
@@ -100,16 +100,16 @@ def _percent(share: float) -> str:
 
 def too_early(problem: Problem, tried: str, undecided: int) -> Diagnostic:
     """The error if time is up before it is known which cells get scenes; `undecided` of them are open."""
-    return NO_TIME_TO_TELL(tried=tried, undecided=undecided, cells=_several(problem))
+    return NO_TIME_TO_TELL(tried=tried, undecided=undecided, cells=_cell_count(problem))
 
 
-def _several(problem: Problem) -> int | None:
+def _cell_count(problem: Problem) -> int | None:
     """How many cells the scenes are spread over; None if there is nothing to spread them over."""
     return problem.cells.count if problem.cells.count > 1 else None
 
 
-def _shown(problem: Problem) -> int:
-    return max(16, min(SHOWN, int(LOOK / max(1.0, per_scene(problem.core.nodes)[0]))))
+def _blame_scenes(problem: Problem) -> int:
+    return max(16, min(BLAME_SCENES, int(BLAME_WORK / max(1.0, work_per_scene(problem.core.nodes)[0]))))
 
 
 def shortfall(
@@ -125,13 +125,13 @@ def shortfall(
     low, high = problem.cells.low[:, None], problem.cells.high[:, None]
     out = (phi < low) | (phi > high)
     if not out.any():
-        several = _several(problem)
+        several = _cell_count(problem)
         named = None if rarest is None or several is None else problem.cells.describe(rarest)
         return TOO_FEW_IN_CELL(**facts, cells=several, rarest=named)
     label = int(out.mean(axis=1).argmax())
     name, share = tuple(problem.core.labels)[label], out[label].mean()
     wanted = Range(0.0) if name == REQUIRE else problem.request.phi[name]
-    failing = rows[:, out[label]][:, : _shown(problem)]
+    failing = rows[:, out[label]][:, : _blame_scenes(problem)]
     atom_index, count = next(iter(deciding_atoms(problem.core, failing, name).items()))
     atom = problem.core.nodes[atom_index]
     assert isinstance(atom, Atom)
@@ -140,10 +140,6 @@ def shortfall(
     facts |= {"label": name, "range": wanted, "share": _percent(share), "candidates": phi.shape[1]}
     facts |= {"atom": atom.text, "deciding": count / failing.shape[1]}
     return kind(atom.spans[0] if atom.spans else None, **facts)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# 95 % intervals of probabilities, in log10, from a few independent estimates.
 
 
 # Student's t for 95 % by degrees of freedom, two-sided; beyond the table the normal's value is near enough.
@@ -158,12 +154,12 @@ class Estimate:
     error: float
 
 
-def student(degrees: int) -> float:
+def student_quantile(degrees: int) -> float:
     """The quantile of Student's t that leaves 2.5 % on either side, for so many degrees of freedom (at least 1)."""
     return _STUDENT[degrees - 1] if degrees <= len(_STUDENT) else 1.96 + 2.5 / degrees
 
 
-def of_hits(hits: float, drawn: float, log_share: float = 0.0) -> dict[str, object]:
+def hits_info(hits: float, drawn: float, log_share: float = 0.0) -> dict[str, object]:
     """log10 of the probability that `hits` of `drawn` independent draws tell, and half of its 95 % interval, as a file
     says them; None if unknown. `log_share`, a natural logarithm, is added to that of the share."""
     if not hits:
@@ -195,11 +191,11 @@ def ratio(mine: Array, base: Array) -> Estimate | None:
         variance = float(np.exp(covariance[0, 0]) + np.exp(covariance[1, 1]) - 2.0 * np.exp(covariance[0, 1]))
     else:
         variance = float(((mine - value * base) / mine.mean()).var(ddof=1))
-    error = student(count - 1) * math.sqrt(max(0.0, variance) / count)
+    error = student_quantile(count - 1) * math.sqrt(max(0.0, variance) / count)
     return Estimate(math.log10(value), error / math.log(10.0))
 
 
-def probability(
+def probability_info(
     count: int, total: float, square: float, logs: tuple[float, float] | None = None, excess: float = 0.0
 ) -> dict[str, object]:
     """log10 of the mean of independent unbiased estimates, given their number, sum and sum of squares, and the
@@ -221,5 +217,5 @@ def probability(
             scatter = max(0.0, logs[1] - logs[0] ** 2 / count) / (count - 1)
             widest = scatter + 0.5 * scatter**2 * count / (count - 1)  # of a wild scatter: Cox's interval
             variance = max(variance, math.expm1(scatter) if scatter < 1.0 else widest)
-        out["log10_error"] = round(student(count - 1) * math.sqrt(variance / count) / math.log(10.0), 5)
+        out["log10_error"] = round(student_quantile(count - 1) * math.sqrt(variance / count) / math.log(10.0), 5)
     return out

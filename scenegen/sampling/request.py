@@ -1,7 +1,7 @@
 """A user's request: ranges of phi for some labels, the number of scenes, and how to draw them.
 
 `LO:HI` is a bounded range; `LO:` and `:HI` are constraints only; a label that is not mentioned is free. Text is parsed
-here (`SampleRequest.typed`), Python values in `api/request.py`; after that a request is a `SampleRequest`. A new option
+here (`SampleRequest.parse`), Python values in `api/request.py`; after that a request is a `SampleRequest`. A new option
 is a field of it, and the place where it acts.
 """
 
@@ -32,6 +32,7 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI
+from scenegen.sampling.methods import METHODS, methods_help
 from scenegen.validation import Option, as_int, as_list, as_number, as_path, by_name, options_of
 
 Progress: TypeAlias = Callable[[int, int, int], None]
@@ -40,15 +41,19 @@ Progress: TypeAlias = Callable[[int, int, int], None]
 Spread = Literal["flat", "base"]
 SPREADS: tuple[str, ...] = get_args(Spread)
 
-BAND = 0.0125  # half the width of the band suggested in place of a single value: the paper's tolerance
-USUAL = 16  # scenes, where nobody says how many
+BAND_HALF_WIDTH = 0.0125  # half the width of the band suggested in place of a single value: the paper's tolerance
+DEFAULT_SCENES = 16  # scenes, where nobody says how many
 MAX_SCENES = 1_000_000_000
-LARGEST_PHI = 1e12
+MAX_PHI = 1e12
 MAX_SEED = 2**63 - 1
 PHI_UNITS = ("", "m", "cm", "mm", "rad", "deg")
-RANGE = {"what": "a range", "form": "LO:HI, LO: or :HI"}
+RANGE_FORM = {"what": "a range", "form": "LO:HI, LO: or :HI"}
 RATE_USAGE = "write a range of rates such as 0.4:0.6 or 40%:60%"
 PHI_USAGE = "write a range such as 0.05:0.2, in metres and radians, or with units: 5cm:20cm"
+
+
+Ends: TypeAlias = tuple[float | None, float | None]
+"""A range as Python and files have it: lowest and highest value, None for an open end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +65,7 @@ class Range:
     span: Span | None = field(default=None, compare=False, repr=False)
 
     @property
-    def bounded(self) -> bool:
+    def is_bounded(self) -> bool:
         return self.low is not None and self.high is not None
 
     @property
@@ -109,28 +114,23 @@ def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "ph
 def _parse_range(
     text: str, source: Source, offset: int, units: Collection[str] = PHI_UNITS, usage: str = PHI_USAGE
 ) -> Range:
-    from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
-
     _refuse_lookalikes(source)
     whole = Span(source, offset, offset + len(text))
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
         alone = not colon and number(text) is not None
         raise RequestError(
-            ARGUMENT_SYNTAX(whole, **RANGE, band=_band_text(text) if alone else None, example="0.05:0.2")
+            ARGUMENT_SYNTAX(whole, **RANGE_FORM, band=_band_text(text) if alone else None, example="0.05:0.2")
         )
     ends: list[float | None] = []
     for part, start in ((low, offset), (high, offset + len(low) + 1)):
-        amount, suffix = unit_of(part)
-        value = number(amount) if part.strip() and suffix in units else None
+        value = amount_of(part, units) if part.strip() else None
         if part.strip() and value is None:
             here = Span(source, start, start + len(part))
             raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
-        if value is not None:
-            value = value / 100.0 if suffix == "%" else quantity(amount, suffix)[0]
         ends.append(value)
     if ends == [None, None]:
-        raise RequestError(ARGUMENT_SYNTAX(whole, **RANGE, example="0.05:0.2; or leave the option out"))
+        raise RequestError(ARGUMENT_SYNTAX(whole, **RANGE_FORM, example="0.05:0.2; or leave the option out"))
     result = Range(ends[0], ends[1], whole)
     problem = empty_range(result)
     if problem is not None:
@@ -165,9 +165,21 @@ def unit_of(text: str) -> tuple[str, str]:
     return found[1], "deg" if found[2] == "\N{DEGREE SIGN}" else found[2]
 
 
+def amount_of(text: str, units: Collection[str]) -> float | None:
+    """A quantity as typed, such as 5cm, in metres, radians or seconds, 40% as 0.4; None for what is none, and for one
+    in another unit."""
+    from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
+
+    amount, suffix = unit_of(text)
+    value = number(amount)
+    if value is None or suffix not in units:
+        return None
+    return value / 100.0 if suffix == "%" else quantity(amount, suffix)[0]
+
+
 def _band_text(text: str) -> str:
     value = float(text)
-    return f"{value - BAND:g}:{value + BAND:g}"
+    return f"{value - BAND_HALF_WIDTH:g}:{value + BAND_HALF_WIDTH:g}"
 
 
 def empty_range(wanted: Range) -> Diagnostic | None:
@@ -202,7 +214,7 @@ def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
     """Raises RequestError for an end that is not finite, and for a reversed range."""
     for label, wanted in by_name(name, phi, "ranges by label").items():
         for end in (wanted.low, wanted.high):
-            if end is not None and not abs(end) <= LARGEST_PHI:
+            if end is not None and not abs(end) <= MAX_PHI:
                 raise RequestError(RANGE_NOT_A_PAIR(end=end, label=label))
         problem = empty_range(wanted)
         if problem is not None:
@@ -210,14 +222,10 @@ def _check_phi(name: str, phi: object) -> Mapping[str, Range]:
     return cast("Mapping[str, Range]", phi)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Objects that a request fixes: `--fix plate=0.5,0.5` completes a given scene.
-
-
-HELD = "plate=0.5,0.5 or plate=50cm,0.5,90deg"
-USAGE = f"write NAME=X,Y or NAME=X,Y,THETA, for instance {HELD}"
-COMPASS = {"EAST": 0, "NORTH": 90, "WEST": 180, "SOUTH": 270}
-UNITS = {"m": ("", "m", "cm", "mm"), "rad": ("", "rad", "deg", "turn")}
+FIX_EXAMPLE = "plate=0.5,0.5 or plate=50cm,0.5,90deg"
+FIX_USAGE = f"write NAME=X,Y or NAME=X,Y,THETA, for instance {FIX_EXAMPLE}"
+COMPASS_DEGREES = {"EAST": 0, "NORTH": 90, "WEST": 180, "SOUTH": 270}
+POSE_UNITS = {"m": ("", "m", "cm", "mm"), "rad": ("", "rad", "deg", "turn")}
 
 
 def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, FixedPose]:
@@ -232,12 +240,12 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
         parts = rest.split(",")
         if not equals or not name.strip() or len(parts) not in (len(PLACE), len(FLAT)):
             raise RequestError(
-                ARGUMENT_SYNTAX(whole, what="what is held", form="NAME=X,Y or NAME=X,Y,THETA", example=HELD)
+                ARGUMENT_SYNTAX(whole, what="what is held", form="NAME=X,Y or NAME=X,Y,THETA", example=FIX_EXAMPLE)
             )
         values = []
         start = len(name) + 1
         for place, part in enumerate(parts):
-            value = _amount(part, "rad" if place == THETA else "m", Span(source, start, start + len(part)))
+            value = _coordinate(part, "rad" if place == THETA else "m", Span(source, start, start + len(part)))
             values.append(value)
             start += len(part) + 1
         if name.strip() in found:
@@ -246,66 +254,26 @@ def parse_fix(options: Sequence[str], labels: Sequence[str] = ()) -> dict[str, F
     return found
 
 
-def _amount(part: str, base: str, here: Span) -> float:
+def _coordinate(part: str, base: str, here: Span) -> float:
     """A coordinate in metres, or a heading in radians: a number, with a unit of the language or without. Raises
     RequestError."""
-    from scenegen.geometry.primitives import quantity  # needs numpy, which `sample --help` does not
-
-    amount, suffix = unit_of(part)
-    value = number(amount)
+    value, (amount, suffix) = amount_of(part, POSE_UNITS[base]), unit_of(part)
     if value is None:
-        turn = COMPASS.get(part.strip().upper()) if base == "rad" else None
-        usage = USAGE if turn is None else f"a heading is a number here: {turn}deg for {part.strip()}"
-        raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
-    if suffix not in UNITS[base]:
-        usage = f"it is in {', '.join(UNITS[base][1:])}; {USAGE}"
+        turn = COMPASS_DEGREES.get(part.strip().upper()) if base == "rad" else None
+        usage = FIX_USAGE if turn is None else f"a heading is a number here: {turn}deg for {part.strip()}"
+        if number(amount) is not None:
+            usage = f"it is in {', '.join(POSE_UNITS[base][1:])}; {FIX_USAGE}"
         raise RequestError(NOT_A_NUMBER(here, text=part, usage=usage))
     if not suffix and base == "rad" and abs(value) > TWO_PI:
         raise RequestError(MORE_THAN_A_TURN(here, amount=value))
-    return quantity(amount, suffix)[0]
+    return value
 
 
 def _optional(check: Callable[[str, Any], Any], name: str, value: object) -> Any:
     return None if value is None else check(name, value)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The sampling methods: one table for the command line, the Python API and `auto`.
-
-
-@dataclass(frozen=True, slots=True)
-class Method:
-    """`make` is "module:function". It makes a plan from a problem and a budget; if `proposes`, also from a proposer.
-    Raises RequestError if there is no scene, or if time is up before there is a plan."""
-
-    make: str
-    good_for: str
-    proposes: bool = False
-    over_time: bool = False  # draws motions, too
-
-
-METHODS: Mapping[str, Method] = {
-    "auto": Method("scenegen.sampling.choice:choose", "takes the method below that needs least time", over_time=True),
-    "rejection": Method("scenegen.sampling.rejection.sampler:make_plan", "most requests", over_time=True),
-    "growth": Method("scenegen.sampling.growth.sampler:make_plan", "full tables"),
-    "splitting": Method("scenegen.sampling.splitting.sampler:make_plan", "rare targets", over_time=True),
-    "any": Method("scenegen.learn.any:make_plan", "a network that has learnt from other specs; approximate"),
-    "model": Method("scenegen.learn.guided:make_plan", "a model file", proposes=True),
-}
-
-
-def methods_help() -> str:
-    """The help of `--method`: `auto, rejection or splitting (a spec), model (a model file)`."""
-    *most, last = [name for name, method in METHODS.items() if not method.proposes]
-    proposing = [f"{name} (a model file)" for name, method in METHODS.items() if method.proposes]
-    return ", ".join([f"{', '.join(most)} or {last} (a spec)", *proposing]) + "."
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The request. Its fields are the options of `scenegen sample`, of Python's `sample` and of the page.
-
-
-DRAWING, SETS, OF_MODELS = "How scenes are drawn", "Sets of scenes", "Models"  # panels of the help
+DRAWING_PANEL, SETS_PANEL, MODELS_PANEL = "How scenes are drawn", "Sets of scenes", "Models"  # panels of the help
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,13 +307,10 @@ class SampleRequest:
             least=1,
             most=MAX_SCENES,
         ),
-    ] = USUAL
+    ] = DEFAULT_SCENES
     seed: Annotated[int, Option("The same seed gives the same scenes.", most=MAX_SEED)] = 0
-    method: Annotated[str, Option(methods_help(), hints=METHODS, panel=DRAWING)] = "auto"
-    spread: Annotated[
-        str,
-        Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS),
-    ] = "flat"
+    method: Annotated[str, Option(methods_help(), hints=METHODS, panel=DRAWING_PANEL)] = "auto"
+    spread: Annotated[str, Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS)] = "flat"
     fix: Annotated[
         Mapping[str, FixedPose | tuple[float, ...]],
         Option(
@@ -357,12 +322,9 @@ class SampleRequest:
             check=_check_fix,
         ),
     ] = field(default_factory=dict)
-    settle: Annotated[
-        bool,
-        Option("Only scenes in which nothing moves when dropped in a simulator."),
-    ] = False
+    settle: Annotated[bool, Option("Only scenes in which nothing moves when dropped in a simulator.")] = False
     success: Annotated[
-        Range | tuple[float | None, float | None] | None,
+        Range | Ends | None,
         Option(
             "Only scenes at which a policy is predicted to succeed so often, by the fit of --under.",
             "LO:HI",
@@ -383,13 +345,12 @@ class SampleRequest:
         ),
     ] = None
     workers: Annotated[
-        int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING)
+        int | None, Option("Processes; default: one for small requests, else one per core.", panel=DRAWING_PANEL)
     ] = None
-    timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", panel=DRAWING)] = 60.0
-    keep_partial: Annotated[bool, Option("Keep what was found when time is up.", panel=DRAWING)] = False
+    timeout: Annotated[float, Option("Seconds after which to give up.", unit="s", panel=DRAWING_PANEL)] = 60.0
+    keep_partial: Annotated[bool, Option("Keep what was found when time is up.", panel=DRAWING_PANEL)] = False
     raw: Annotated[
-        bool,
-        Option("A model's own output, neither refined nor filtered.", of=("scenes",), panel=OF_MODELS),
+        bool, Option("A model's own output, neither refined nor filtered.", of=("scenes",), panel=MODELS_PANEL)
     ] = False
     resume: Annotated[bool, Option("Go on where an earlier run with this --out was broken off.", of=("files",))] = False
     shard_size: Annotated[
@@ -399,7 +360,7 @@ class SampleRequest:
             "N",
             check=functools.partial(_optional, as_int),
             of=("sets",),
-            panel=SETS,
+            panel=SETS_PANEL,
         ),
     ] = None
     engine: Annotated[
@@ -408,12 +369,12 @@ class SampleRequest:
             "What draws a set: local processes, or a ray cluster. The bytes are the same.",
             hints=("local", "ray"),
             of=("sets",),
-            panel=SETS,
+            panel=SETS_PANEL,
         ),
     ] = "local"
     address: Annotated[
         str | None,
-        Option("The Ray cluster; default: $RAY_ADDRESS, or this machine.", "ADDR", of=("sets",), panel=SETS),
+        Option("The Ray cluster; default: $RAY_ADDRESS, or this machine.", "ADDR", of=("sets",), panel=SETS_PANEL),
     ] = None
     strict: bool = False
 
@@ -422,7 +383,7 @@ class SampleRequest:
             object.__setattr__(self, name, option.checked(name, getattr(self, name)))
 
     @classmethod
-    def typed(cls, options: Mapping[str, Any], labels: Sequence[str]) -> SampleRequest:
+    def parse(cls, options: Mapping[str, Any], labels: Sequence[str]) -> SampleRequest:
         """The request of options as typed, by their names; those that were not typed are None. Raises RequestError with
         a caret."""
         found = {}
@@ -432,7 +393,7 @@ class SampleRequest:
                 found[name] = value if option.parse is None else option.parse(value, tuple(labels))
         return cls(**found)
 
-    def misplaced(self, *what: str) -> str | None:
+    def misplaced_option(self, *what: str) -> str | None:
         """The first option that was given and means nothing for any of `what`: "scenes", "motions", "files", "sets"."""
         usual = SampleRequest()
         for name, option in _options().items():
@@ -471,7 +432,7 @@ def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warning
     at_top, at_bottom = low == highest, high == lowest
     if at_top or at_bottom:
         # Reached only at its bound, as in closeTo(mug, plate, 0): suggest a band beside the bound.
-        band = Range(highest - 2 * BAND, highest) if at_top else Range(lowest, lowest + 2 * BAND)
+        band = Range(highest - 2 * BAND_HALF_WIDTH, highest) if at_top else Range(lowest, lowest + 2 * BAND_HALF_WIDTH)
         bound = highest if at_top else lowest
         if warnings is None:
             refused = ONLY_AT_BOUND(wanted.span, bound=bound, ask=band, **reach)
@@ -479,6 +440,6 @@ def _within_reach(name: str, wanted: Range, bounds: tuple[float, float], warning
         warnings.append(ONLY_AT_BOUND(wanted.span, bound=bound, band=band, **reach))
         return band
     if low == high:
-        band = Range(max(low - BAND, lowest), min(high + BAND, highest))
+        band = Range(max(low - BAND_HALF_WIDTH, lowest), min(high + BAND_HALF_WIDTH, highest))
         raise RequestError(SINGLE_VALUE(wanted.span, label=name, value=low, band=band))
     return wanted

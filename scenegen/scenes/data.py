@@ -33,6 +33,9 @@ from scenegen.geometry.footprint import is_convex, signed_area
 from scenegen.geometry.workspace import FARTHEST, SMALLEST, WIDEST
 from scenegen.pose import row_count
 
+EndsData = tuple[FiniteFloat | None, FiniteFloat | None]
+"""A range of phi in files: lowest and highest, null for an open end."""
+
 # --------------------------------------------------------------------------------------------------------------------
 # How many things there can be in the scenes of a file, where that is drawn.
 
@@ -281,7 +284,7 @@ class WorkspaceData(_StrictSceneModel):
 class RequestData(_StrictSceneModel):
     """What was asked for: a range [lowest, highest] per label (null is an open end), the count, the spread."""
 
-    phi: dict[str, tuple[FiniteFloat | None, FiniteFloat | None]]
+    phi: dict[str, EndsData]
     n: Annotated[int, Field(ge=1)]
     spread: Literal["flat", "base"] = "flat"
 

@@ -18,15 +18,22 @@ from pydantic import (
 
 from scenegen.pose import row_count
 from scenegen.scenes.blocks import check_numbers, objects_of
-from scenegen.scenes.data import CountData, ObjectData, RegionData, SceneFile, SpecRef, WorkspaceData, check_counts
+from scenegen.scenes.data import (
+    CountData,
+    EndsData,
+    ObjectData,
+    RegionData,
+    SceneFile,
+    SpecRef,
+    WorkspaceData,
+    check_counts,
+)
 
 MOTIONS_FORMAT: Literal["scenegen/motions"] = "scenegen/motions"
 VERSION: Literal[1] = 1
 
 Point = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 """x and y in metres, theta in radians."""
-
-Ends = tuple[FiniteFloat | None, FiniteFloat | None]
 
 
 class _StrictMotionModel(BaseModel):
@@ -43,7 +50,7 @@ class TimeData(_StrictMotionModel):
 class MotionRequestData(_StrictMotionModel):
     """What was asked for: a range [lowest, highest] by name of phi (null is an open end), and the count."""
 
-    phi: dict[str, Ends]
+    phi: dict[str, EndsData]
     n: Annotated[int, Field(ge=1)]
 
 

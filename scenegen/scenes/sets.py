@@ -38,7 +38,7 @@ from scenegen.errors.files import (
     UNFINISHED_RUN,
 )
 from scenegen.scenes.blocks import BLOCK, MOST, Block, SceneFileReading, joined
-from scenegen.scenes.data import SceneFile
+from scenegen.scenes.data import EndsData, SceneFile
 from scenegen.scenes.files import UNFINISHED, HashingWriter, Sink, inside, refuse_place
 from scenegen.scenes.formats.header import load_header
 from scenegen.scenes.formats.registry import MOTIONS, format_of
@@ -70,7 +70,7 @@ class StoredRequest(BaseModel):
     model_config = ConfigDict(strict=True, defer_build=True)
 
     spec: Sha256
-    phi: dict[str, tuple[FiniteFloat | None, FiniteFloat | None]]
+    phi: dict[str, EndsData]
     n: Count
     seed: Seed
     spread: Literal["flat", "base"]

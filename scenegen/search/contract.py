@@ -21,7 +21,6 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.search.effort import Effort
 from scenegen.search.tape import BatchedTape, Contracted, Tape, make_batches, one_by_one
 
-# --------------------------------------------------------------------------------------------------------------------
 # What is wanted of a formula, pushed down to its parts, and split into alternatives that exclude one another.
 #
 # A conjunction lies at or above l if all its parts do; it lies at or below u if *some* part does, and the first one
@@ -29,15 +28,25 @@ from scenegen.search.tape import BatchedTape, Contracted, Tape, make_batches, on
 # each, in proportion to their volumes, are scenes drawn for the whole. Disjunctions are the mirror image.
 
 
-Ends = tuple[float, float]
-EVERYTHING: Ends = (-math.inf, math.inf)
+Bounds = tuple[float, float]
+"""Lowest and highest value, infinite where there is no limit."""
+
+EVERYTHING: Bounds = (-math.inf, math.inf)
 
 
-def both(a: Ends, b: Ends) -> Ends:
+def intersect(a: Bounds, b: Bounds) -> Bounds:
     return max(a[0], b[0]), min(a[1], b[1])
 
 
-def push_down(core: Core, wanted: Mapping[int, Ends]) -> dict[int, Ends]:
+def label_demand(core: Core, low: Array, high: Array) -> dict[int, Bounds]:
+    """That phi of every label lies in low..high, (L,) each, as a demand on formula nodes."""
+    demand: dict[int, Bounds] = {}
+    for node, least, most in zip(core.labels.values(), map(float, low), map(float, high), strict=True):
+        demand[node] = intersect(demand.get(node, EVERYTHING), (least, most))
+    return demand
+
+
+def push_down(core: Core, wanted: Mapping[int, Bounds]) -> dict[int, Bounds]:
     """The same demand with every end that all parts of a junction must meet handed to the parts.
 
     What stays on a junction is what one of its parts must meet: an upper end of a conjunction, a lower end of a
@@ -49,7 +58,7 @@ def push_down(core: Core, wanted: Mapping[int, Ends]) -> dict[int, Ends]:
     return {index: out[index] for index in sorted(out) if out[index] != EVERYTHING}
 
 
-def _push(core: Core, out: dict[int, Ends], top: int) -> None:
+def _push(core: Core, out: dict[int, Bounds], top: int) -> None:
     """Hand the ends at `top` down as far as they go."""
     stack = [top]
     while stack:
@@ -67,15 +76,15 @@ def _push(core: Core, out: dict[int, Ends], top: int) -> None:
             continue
         for arg in node.args:
             before = out.get(arg, EVERYTHING)
-            after = both(before, passed)
+            after = intersect(before, passed)
             if after != before:
                 out[arg] = after
                 stack.append(arg)
 
 
 def alternatives(
-    core: Core, wanted: Mapping[int, Ends], index: int
-) -> Iterator[tuple[dict[int, Ends], dict[int, Ends]]]:
+    core: Core, wanted: Mapping[int, Bounds], index: int
+) -> Iterator[tuple[dict[int, Bounds], dict[int, Bounds]]]:
     """The demand split at junction `index`, which must hold one: one entry per part that can be the first to meet it.
 
     Each entry is the whole demand of that alternative, pushed down, and what sets it apart: ends of formula nodes that
@@ -86,8 +95,8 @@ def alternatives(
     assert isinstance(node, Junction)
     low, high = wanted[index]
     below = node.kind == "min"
-    meets: Ends = (-math.inf, high) if below else (low, math.inf)
-    fails: Ends = (
+    meets: Bounds = (-math.inf, high) if below else (low, math.inf)
+    fails: Bounds = (
         (float(np.nextafter(high, math.inf)), math.inf) if below else (-math.inf, float(np.nextafter(low, -math.inf)))
     )
     rest = {key: ends for key, ends in wanted.items() if key != index}
@@ -99,19 +108,21 @@ def alternatives(
         apart[arg] = meets
         demand = dict(rest)
         for key, ends in apart.items():
-            demand[key] = both(demand.get(key, EVERYTHING), ends)
+            demand[key] = intersect(demand.get(key, EVERYTHING), ends)
         if all(low <= high for low, high in demand.values()):
             yield push_down(core, demand), apart
 
 
-ROUNDS = 4
-LEAST = 0.02  # a sweep that takes less than this share off every box is the last
-KEPT = 4  # contracted boxes of a tape that are kept
-SLACK = 1e-9  # wanted ends are loosened by this, relative to the size of the numbers, for the tape rounds differently
+SWEEPS = 4
+MIN_SWEEP_GAIN = 0.02  # a sweep that takes less than this share off every box is the last
+MAX_CACHED_BOXES = 4  # contracted boxes of a tape that are kept
+CONTRACT_SLACK = (
+    1e-9  # wanted ends are loosened by this, relative to the size of the numbers, for the tape rounds differently
+)
 
 
 def start(
-    tape: Tape, wanted: Sequence[Mapping[int, Ends]], lowest: Array, highest: Array, *, slack: float = SLACK
+    tape: Tape, wanted: Sequence[Mapping[int, Bounds]], lowest: Array, highest: Array, *, slack: float = CONTRACT_SLACK
 ) -> tuple[Array, Array]:
     """Intervals of all nodes, (T, K), for K boxes lowest..highest, (3N, K), each with its own wanted formula nodes.
     Contraction proves nothing with less `slack` than SLACK."""
@@ -120,7 +131,7 @@ def start(
         lo[node], hi[node] = lowest[row], highest[row]
     scale = size_of(lowest, highest)
     for node in tape.loops:
-        lo[node], hi[node] = -scale * SLACK, scale * SLACK
+        lo[node], hi[node] = -scale * CONTRACT_SLACK, scale * CONTRACT_SLACK
     for column, ends in enumerate(wanted):
         impose(tape, ends, lo[:, column], hi[:, column], scale, slack)
     return lo, hi
@@ -131,7 +142,9 @@ def size_of(lowest: Array, highest: Array) -> float:
     return max(1.0, float(np.abs(lowest).max(initial=0.0)), float(np.abs(highest).max(initial=0.0)))
 
 
-def impose(tape: Tape, wanted: Mapping[int, Ends], lo: Array, hi: Array, size: float, slack: float = SLACK) -> None:
+def impose(
+    tape: Tape, wanted: Mapping[int, Bounds], lo: Array, hi: Array, size: float, slack: float = CONTRACT_SLACK
+) -> None:
     """Narrow the intervals of one box, (T,) each, in place, to what is wanted of formula nodes."""
     for node, (low, high) in wanted.items():
         at = tape.where[node]
@@ -143,7 +156,7 @@ def contract(
     nodes: Sequence[Node],
     lo: Array,
     hi: Array,
-    rounds: int = ROUNDS,
+    rounds: int = SWEEPS,
     *,
     batches: BatchedTape | None = None,
     effort: Effort | None = None,
@@ -168,14 +181,14 @@ def contract(
             batches.meet_down(lo, hi, effort)
             alive &= (lo <= hi).all(axis=0)
             after = hi[leaves] - lo[leaves]
-            if not alive.any() or not (after < (1.0 - LEAST) * before)[:, alive].any():
+            if not alive.any() or not (after < (1.0 - MIN_SWEEP_GAIN) * before)[:, alive].any():
                 break
             before = after
     return alive
 
 
 def contract_box(
-    tape: Tape, lowest: Array, highest: Array, demand: Mapping[int, Ends], effort: Effort, rounds: int = ROUNDS
+    tape: Tape, lowest: Array, highest: Array, demand: Mapping[int, Bounds], effort: Effort, rounds: int = SWEEPS
 ) -> Contracted:
     """One box lowest..highest, (3N,), with a demand, contracted. Raises what `effort` raises.
 
@@ -191,7 +204,7 @@ def contract_box(
     lo, hi = start(tape, [demand], lowest[:, None], highest[:, None])
     alive = bool(contract(tape.nodes, lo, hi, rounds, batches=tape.batches, effort=effort)[0])
     made = tape.contracted[key] = Contracted(lo[:, 0], hi[:, 0], alive, effort.used - used)
-    if len(tape.contracted) > KEPT:
+    if len(tape.contracted) > MAX_CACHED_BOXES:
         del tape.contracted[next(iter(tape.contracted))]
     return made
 
@@ -221,10 +234,6 @@ def _is_leaf(nodes: Sequence[Node], node: Node) -> bool:
     if isinstance(node, Apply):
         return node.primitive == "sub" and all(isinstance(nodes[arg], Coord) for arg in node.args)
     return isinstance(node, Coord)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Interval bounds of phi over boxes of poses.
 
 
 def node_bounds(

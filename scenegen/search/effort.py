@@ -13,20 +13,23 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from scenegen.geometry.footprint import Circle
 from scenegen.lang.formula.core import Apply, Node, children
 
-BOUNDED = 8.6e-9  # seconds of a unit of bounds and planning
-SCORED, CALLED, DRAWN = 4.2e-9, 2e-8, 1.2e-8  # of one of scoring candidates, of calls, and of drawing a coordinate
-STEPPED, GROWN = 4e-4, 1.7e-9  # of a step of growth over all its scenes, and of a unit of scoring one of them
-MOVED = 6.3e-9  # of a unit of scoring a scene that a chain moves to
-MOVE, MOVES = 12.0, 1e4  # units of proposing it, and of the calls of a move of all chains, besides those of scoring
-CALL = 1000  # of an interval rule, for each of its arguments, however few boxes there are
-CORNERED = 10  # times as much as a sum: what a footprint with corners takes
-PYTHON = 200  # a few lines of Python for one node, set or tuple
+BOUND_SECONDS = 8.6e-9  # seconds of a unit of bounds and planning
+# of one of scoring candidates, of calls, and of drawing a coordinate
+SCORE_SECONDS, CALL_SECONDS, DRAW_SECONDS = 4.2e-9, 2e-8, 1.2e-8
+# of a step of growth over all its scenes, and of a unit of scoring one of them
+GROWTH_STEP_SECONDS, GROWTH_SCORE_SECONDS = 4e-4, 1.7e-9
+MOVE_SECONDS = 6.3e-9  # of a unit of scoring a scene that a chain moves to
+# units of proposing it, and of the calls of a move of all chains, besides those of scoring
+MOVE_WORK, MOVE_CALLS_WORK = 12.0, 1e4
+CALL_WORK = 1000  # of an interval rule, for each of its arguments, however few boxes there are
+CORNERED_WORK = 10  # times as much as a sum: what a footprint with corners takes
+PYTHON_WORK = 200  # a few lines of Python for one node, set or tuple
 
 
 class StoppedError(Exception):
@@ -54,6 +57,46 @@ class Never:
 
 
 NEVER = Never()
+
+
+GRACE_SECONDS = 0.25  # after which work that should finish is stopped, too
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """When to stop searching. A time limit can only cut a run short; the scenes before the cut do not depend on it.
+
+    When it is pickled for another process, it keeps the seconds that are left, because clocks may differ."""
+
+    seconds: float = 60.0
+    started: float = field(default_factory=time.monotonic)
+
+    def __reduce__(self) -> tuple[type[Budget], tuple[float]]:
+        return Budget, (self.ends - time.monotonic(),)
+
+    @property
+    def ends(self) -> float:
+        """When time is up, by this process's monotonic clock."""
+        return self.started + self.seconds
+
+    @property
+    def seconds_left(self) -> float:
+        """The seconds until then; a millisecond at least, which is a time limit, too."""
+        return max(self.ends - time.monotonic(), 1e-3)
+
+    @property
+    def spent(self) -> bool:
+        return time.monotonic() - self.started >= self.seconds
+
+    @property
+    def overdrawn(self) -> bool:
+        """Time has long been up: even work that should finish is stopped."""
+        return time.monotonic() - self.started >= self.seconds + GRACE_SECONDS
+
+    def check(self) -> None:
+        """Raises StoppedError if time has long been up."""
+        if self.overdrawn:
+            raise StoppedError
 
 
 class TooMuchError(Exception):
@@ -90,47 +133,47 @@ class Effort:
             raise StoppedError
 
 
-def asking(stop: Stop) -> Effort:
+def effort_until_stopped(stop: Stop) -> Effort:
     """Work that raises what `stop` raises."""
 
-    def over() -> bool:
+    def ask() -> bool:
         stop.check()
         return False
 
-    return Effort(over)
+    return Effort(ask)
 
 
-def until(deadline: float) -> Effort:
+def effort_until(deadline: float) -> Effort:
     """Work that is stopped after `deadline`, by the monotonic clock."""
     return Effort(lambda: time.monotonic() > deadline)
 
 
-def bounding(node: Node, boxes: int) -> int:
+def bounding_work(node: Node, boxes: int) -> int:
     """The work of one call of a node's rule, forward or backward, for so many boxes."""
-    return len(children(node)) * (CALL + boxes * (CORNERED if _cornered(node) else 1))
+    return len(children(node)) * (CALL_WORK + boxes * (CORNERED_WORK if _has_corners(node) else 1))
 
 
-def scoring(nodes: Iterable[Node], scenes: int) -> float:
+def scoring_work(nodes: Iterable[Node], scenes: int) -> float:
     """The work of computing nodes of so many scenes."""
-    each, calls = per_scene(nodes)
+    each, calls = work_per_scene(nodes)
     return calls + scenes * each
 
 
-def per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
+def work_per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
     """The work of computing nodes: of each scene, and of the calls, however many scenes there are."""
     plain = cornered = 0
     for node in nodes:
         count = len(children(node))
         plain += count
-        cornered += count * _cornered(node)
-    return 0.1 * plain + 1.4 * cornered, plain * CALL / 8
+        cornered += count * _has_corners(node)
+    return 0.1 * plain + 1.4 * cornered, plain * CALL_WORK / 8
 
 
-def moving(nodes: Iterable[Node], scenes: float, moves: float) -> float:
+def moving_seconds(nodes: Iterable[Node], scenes: float, moves: float) -> float:
     """The seconds of so many moves of chains, in which so many scenes are tried in all."""
-    each, calls = per_scene(nodes)
-    return MOVED * (scenes * (each + MOVE) + moves * MOVES) + CALLED * moves * calls
+    each, calls = work_per_scene(nodes)
+    return MOVE_SECONDS * (scenes * (each + MOVE_WORK) + moves * MOVE_CALLS_WORK) + CALL_SECONDS * moves * calls
 
 
-def _cornered(node: Node) -> bool:
+def _has_corners(node: Node) -> bool:
     return isinstance(node, Apply) and any(not isinstance(shape, Circle) for shape in node.shapes)

@@ -18,12 +18,9 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array, Index
 from scenegen.lang.formula.core import Coord, Node
-from scenegen.search.contract import ROUNDS, SLACK, Ends, contract, forward
-from scenegen.search.effort import PYTHON, Effort
+from scenegen.search.contract import CONTRACT_SLACK, SWEEPS, Bounds, contract, forward
+from scenegen.search.effort import PYTHON_WORK, Effort
 from scenegen.search.tape import BatchedTape, Tape, make_batches
-
-# --------------------------------------------------------------------------------------------------------------------
-# Drawing from a finite distribution in constant time (Walker 1977; the tables as in Vose 1991).
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +58,11 @@ def make_alias(weights: Array) -> Alias:
     return Alias(np.array(keep), np.array(other, dtype=np.intp))
 
 
-LARGEST = 1 << 21  # numbers that one contraction may work on at a time
-FEWEST = 0.97  # the volume must shrink to less than this share of it while the boxes double, else it is enough
-SHARE = 0.25  # boxes smaller than this share of the largest are left for a later round
-TINY = 1e-300  # for volumes that are not 0, but too small for a number
-KEPT = 64  # grids of one search that are kept
+MAX_NUMBERS_AT_A_TIME = 1 << 21  # numbers that one contraction may work on at a time
+MAX_VOLUME_LEFT = 0.97  # the volume must shrink to less than this share of it while the boxes double, else it is enough
+MIN_SHARE_OF_LARGEST = 0.25  # boxes smaller than this share of the largest are left for a later round
+TINY_VOLUME = 1e-300  # for volumes that are not 0, but too small for a number
+MAX_CACHED_GRIDS = 64  # grids of one search that are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,15 +122,15 @@ class _Tape:
     batches: BatchedTape
     effort: Effort
 
-    def contract(self, lo: Array, hi: Array, rounds: int = ROUNDS) -> npt.NDArray[np.bool_]:
+    def contract(self, lo: Array, hi: Array, rounds: int = SWEEPS) -> npt.NDArray[np.bool_]:
         return contract(self.what.nodes, lo, hi, rounds, batches=self.batches, effort=self.effort)
 
-    def settled(self, lo: Array, hi: Array) -> npt.NDArray[np.bool_]:
+    def is_settled(self, lo: Array, hi: Array) -> npt.NDArray[np.bool_]:
         """Boxes in which every scene meets the demands, as far as bounds can tell."""
         low, high = forward(self.what.nodes, lo, hi, self.what.given, batches=self.batches, effort=self.effort)
         settled = np.ones(lo.shape[1], dtype=bool)
         for node, least, most in self.what.demands:
-            room = 8 * SLACK * (1.0 + sum(abs(end) for end in (least, most) if np.isfinite(end)))
+            room = 8 * CONTRACT_SLACK * (1.0 + sum(abs(end) for end in (least, most) if np.isfinite(end)))
             settled &= (low[node] >= least - room) & (high[node] <= most + room)
         return settled
 
@@ -179,7 +176,7 @@ class Grids:
             return known.grid
         made = make_grid(what, budget, effort)
         self._kept[key] = made
-        if len(self._kept) > KEPT:
+        if len(self._kept) > MAX_CACHED_GRIDS:
             del self._kept[next(iter(self._kept))]
         return made.grid
 
@@ -193,10 +190,10 @@ def make_grid(what: Coupled, budget: int, effort: Effort) -> BuiltGrid:
     full = False  # whether a larger budget would have made another grid
     while boxes.open_.any() and boxes.count < budget:
         largest = boxes.volume[boxes.open_].max()
-        chosen = np.flatnonzero(boxes.open_ & (boxes.volume >= SHARE * largest))
+        chosen = np.flatnonzero(boxes.open_ & (boxes.volume >= MIN_SHARE_OF_LARGEST * largest))
         if largest <= 0.0:
             break
-        most = LARGEST // (2 * len(what.dims) * len(what.nodes))
+        most = MAX_NUMBERS_AT_A_TIME // (2 * len(what.dims) * len(what.nodes))
         room = max(1, min(budget - boxes.count, most))
         if len(chosen) > room:
             full |= room < most
@@ -204,13 +201,13 @@ def make_grid(what: Coupled, budget: int, effort: Effort) -> BuiltGrid:
         before = float(boxes.volume.sum())
         boxes = _cut(tape, boxes, chosen)
         # A cut of a share of the boxes can take off no more than that share of what cutting them all would.
-        least = 1.0 - (1.0 - FEWEST) * len(chosen) / max(1, boxes.count)
+        least = 1.0 - (1.0 - MAX_VOLUME_LEFT) * len(chosen) / max(1, boxes.count)
         if len(chosen) >= 32 and boxes.volume.sum() > least * before:
             break
     else:
         full |= bool(boxes.open_.any())
-    total = max(float(boxes.volume.sum()), TINY if boxes.count else 0.0)
-    alias = make_alias(boxes.volume if total > TINY else np.ones(max(boxes.count, 1)))
+    total = max(float(boxes.volume.sum()), TINY_VOLUME if boxes.count else 0.0)
+    alias = make_alias(boxes.volume if total > TINY_VOLUME else np.ones(max(boxes.count, 1)))
     where = list(what.dims)
     grid = Grid(what.names, boxes.lo[where], boxes.hi[where], total, alias)
     return BuiltGrid(grid, effort.used - used, range(budget, budget + 1 if full else sys.maxsize))
@@ -223,7 +220,7 @@ def _first(tape: _Tape) -> _GridBoxes:
     lo, hi = lo[:, alive], hi[:, alive]
     where = list(tape.what.dims)
     whole = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
-    return _GridBoxes(lo, hi, ~tape.settled(lo, hi), _volume(lo, hi, where), whole)
+    return _GridBoxes(lo, hi, ~tape.is_settled(lo, hi), _volume(lo, hi, where), whole)
 
 
 def _cut(tape: _Tape, boxes: _GridBoxes, chosen: npt.NDArray[np.intp]) -> _GridBoxes:
@@ -232,7 +229,7 @@ def _cut(tape: _Tape, boxes: _GridBoxes, chosen: npt.NDArray[np.intp]) -> _GridB
     lo, hi = _split(tape, boxes.lo[:, chosen], boxes.hi[:, chosen], where, boxes.whole)
     kept = np.ones(boxes.count, dtype=bool)
     kept[chosen] = False
-    open_ = np.concatenate([boxes.open_[kept], ~tape.settled(lo, hi)])
+    open_ = np.concatenate([boxes.open_[kept], ~tape.is_settled(lo, hi)])
     volume = np.concatenate([boxes.volume[kept], _volume(lo, hi, where)])
     lo, hi = np.concatenate([boxes.lo[:, kept], lo], axis=1), np.concatenate([boxes.hi[:, kept], hi], axis=1)
     return _GridBoxes(lo, hi, open_, volume, boxes.whole)
@@ -266,7 +263,6 @@ def _split(tape: _Tape, lo: Array, hi: Array, dims: list[int], whole: Array) -> 
     return trial_lo[:, picked], trial_hi[:, picked]
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Coordinates along one axis that are tied by differences: x_j - x_i within [l, u] along the edges of a tree.
 #
 # Chains of `leftOf` are the case in point. Axis-aligned boxes fill such a set badly (sorting seven numbers takes 1/7!
@@ -276,9 +272,9 @@ def _split(tape: _Tape, lo: Array, hi: Array, dims: list[int], whole: Array) -> 
 # edge.
 
 
-BINS = 256
-HAIR = 1e-9  # of a bin: how far a border may lie off by rounding
-ROUNDING = 2.0**-50  # of a sum along an edge, relative
+PATH_BINS = 256
+BIN_SLACK = 1e-9  # of a bin: how far a border may lie off by rounding
+SUM_ROUNDING = 2.0**-50  # of a sum along an edge, relative
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,7 +334,7 @@ class Chain:
         total = self.sums[which]
         found = np.searchsorted(total, mass, side="right")
         found -= 1
-        np.clip(found, 0, BINS - 1, out=found)
+        np.clip(found, 0, PATH_BINS - 1, out=found)
         start = total.take(found)
         # A mass that rounding put at the very end may meet a bin of no weight.
         share = (mass - start) / np.maximum(total.take(found + 1) - start, 1e-300)
@@ -355,27 +351,27 @@ def make_chain(edges: Sequence[DifferenceBound], intervals: Mapping[int, tuple[f
     rows = [edges[0].parent, *(edge.child for edge in edges)]
     at = {row: position for position, row in enumerate(rows)}
     low = np.array([intervals[row][0] for row in rows])
-    width = np.array([max(intervals[row][1] - intervals[row][0], 0.0) / BINS for row in rows])
-    weight = [np.full(BINS, wide) for wide in width]
+    width = np.array([max(intervals[row][1] - intervals[row][0], 0.0) / PATH_BINS for row in rows])
+    weight = [np.full(PATH_BINS, wide) for wide in width]
     sums: list[Array] = [np.empty(0)] * len(rows)
     links: list[Link] = []
     inner = {edge.parent for edge in edges}
     for edge in reversed(edges):
         parent, child = at[edge.parent], at[edge.child]
         leaf = edge.child not in inner
-        borders = low[parent] + width[parent] * np.arange(BINS + 1)
+        borders = low[parent] + width[parent] * np.arange(PATH_BINS + 1)
         if leaf:
             offset = np.maximum(low[child], borders[:-1] + edge.low)
-            inside = np.minimum(low[child] + BINS * width[child], borders[1:] + edge.high) - offset
+            inside = np.minimum(low[child] + PATH_BINS * width[child], borders[1:] + edge.high) - offset
             np.maximum(inside, 0.0, out=inside)
             weight[parent] = weight[parent] * inside
             links.append(Link(parent, child, True, offset, inside))
             continue
         sums[child] = _sum(weight[child])
         step = width[child] if width[child] > 0.0 else 1.0
-        first = np.floor((borders[:-1] + edge.low - low[child]) / step - HAIR)
-        last = np.ceil((borders[1:] + edge.high - low[child]) / step + HAIR)
-        first, last = np.clip(first, 0, BINS).astype(np.intp), np.clip(last, 0, BINS).astype(np.intp)
+        first = np.floor((borders[:-1] + edge.low - low[child]) / step - BIN_SLACK)
+        last = np.ceil((borders[1:] + edge.high - low[child]) / step + BIN_SLACK)
+        first, last = np.clip(first, 0, PATH_BINS).astype(np.intp), np.clip(last, 0, PATH_BINS).astype(np.intp)
         offset = sums[child][first]
         inside = np.where(last > first, sums[child][last] - offset, 0.0)
         weight[parent] = weight[parent] * inside
@@ -392,16 +388,12 @@ def empty(edges: Sequence[DifferenceBound], intervals: Mapping[int, tuple[float,
     for edge in reversed(edges):
         (low, high), (least, most) = left[edge.parent], left[edge.child]
         left[edge.parent] = max(low, least - edge.high), min(high, most - edge.low)
-    room = ROUNDING * len(edges) * max(abs(end) for ends in intervals.values() for end in ends)
+    room = SUM_ROUNDING * len(edges) * max(abs(end) for ends in intervals.values() for end in ends)
     return any(low > high + room for low, high in left.values())
 
 
 def _sum(weight: Array) -> Array:
     return np.concatenate([np.zeros(1), np.cumsum(weight)])
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Which coordinates of a part its open demands tie together, and along which differences.
 
 
 @dataclass(frozen=True, slots=True)
@@ -415,7 +407,7 @@ class Open:
     support: frozenset[int]
 
 
-def open_nodes(tape: Tape, demand: Mapping[int, Ends], lo: Array, hi: Array, effort: Effort) -> list[Open]:
+def open_nodes(tape: Tape, demand: Mapping[int, Bounds], lo: Array, hi: Array, effort: Effort) -> list[Open]:
     """The demands (by core node) that do not hold everywhere in one contracted box, lo and hi (T,)."""
     low, high = forward(
         tape.nodes, lo[:, None], hi[:, None], tuple(tape.differences), batches=tape.batches, effort=effort
@@ -423,10 +415,10 @@ def open_nodes(tape: Tape, demand: Mapping[int, Ends], lo: Array, hi: Array, eff
     found = []
     for index, (least, most) in demand.items():
         node = tape.where[index]
-        room = 8 * SLACK * (1.0 + sum(abs(end) for end in (least, most) if math.isfinite(end)))
+        room = 8 * CONTRACT_SLACK * (1.0 + sum(abs(end) for end in (least, most) if math.isfinite(end)))
         if low[node, 0] < least - room or high[node, 0] > most + room:
             support = tape.support(node)
-            effort.spend(PYTHON * (1 + len(support)))
+            effort.spend(PYTHON_WORK * (1 + len(support)))
             found.append(Open(index, node, least, most, support))
     return found
 
@@ -509,7 +501,7 @@ def groups_of(tape: Tape, forest: Forest, mine: Iterable[Open], effort: Effort) 
     """The drawn nodes that the demands tie together; every difference of the forest is in one of them."""
     groups: list[set[int]] = []
     for part in (*(variables(tape, forest, one.support) for one in mine), *({node} for _, node in forest.up.values())):
-        effort.spend(PYTHON * (1 + len(part)) + 5 * len(groups))
+        effort.spend(PYTHON_WORK * (1 + len(part)) + 5 * len(groups))
         touching = [group for group in groups if group & part]
         groups = [group for group in groups if not group & part]
         groups.append(part.union(*touching))

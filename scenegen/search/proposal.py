@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +18,9 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.lang.formula.core import Coord, Junction, restricted
 from scenegen.pose import PLACE, row_of
-from scenegen.search.effort import PYTHON, Effort
+from scenegen.search.effort import PYTHON_WORK, Effort
 from scenegen.search.grid import (
-    TINY,
+    TINY_VOLUME,
     Chain,
     Coupled,
     DifferenceBound,
@@ -35,10 +36,11 @@ from scenegen.search.grid import (
     trees,
     variables,
 )
-from scenegen.search.surfaces import Stand, Step, steps_for
 from scenegen.search.tape import Tape
 
-# --------------------------------------------------------------------------------------------------------------------
+if TYPE_CHECKING:
+    from scenegen.search.surfaces import Stand, Step
+
 # Coordinates in a row, each at least so far from the one before: x1 + l1 <= x2, x2 + l2 <= x3, ...
 #
 # Where all have the same room, what is left after taking the distances l off is a simplex, and uniform points of it
@@ -47,8 +49,8 @@ from scenegen.search.tape import Tape
 # 1965).
 
 
-NEAR = 1e-5  # of the room: how much the rooms may differ, for contraction loosens every gap a little
-NETWORK = 12  # numbers that are sorted by comparing and swapping rows
+ROOM_TOLERANCE = 1e-5  # of the room: how much the rooms may differ, for contraction loosens every gap a little
+NETWORK_SIZE = 12  # numbers that are sorted by comparing and swapping rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +80,7 @@ class Order:
         """`count` points: one array per row."""
         points = len(self.rows)
         if self.narrow < 0:
-            values = _sorted(points, count, rng)
+            values = _sort_rows(points, count, rng)
             for value, offset in zip(values, self.offset, strict=True):
                 value *= self.room
                 value += offset
@@ -89,7 +91,7 @@ class Order:
         gap /= points
         np.exp(gap, out=gap)  # what the gap leaves, as a share of the room
         gap *= self.room
-        values = _sorted(points - 1, count, rng)
+        values = _sort_rows(points - 1, count, rng)
         for value in values:
             value *= gap
         np.subtract(self.room, gap, out=gap)
@@ -102,9 +104,9 @@ class Order:
         return values
 
 
-def _sorted(points: int, count: int, rng: np.random.Generator) -> list[Array]:
+def _sort_rows(points: int, count: int, rng: np.random.Generator) -> list[Array]:
     """Uniform numbers in [0, 1), sorted along the list."""
-    if points > NETWORK:
+    if points > NETWORK_SIZE:
         return list(np.sort(rng.random((points, count)), axis=0))
     values = [rng.random(count) for _ in range(points)]
     spare = np.empty(count)
@@ -159,16 +161,18 @@ def _fit(
     low = np.maximum.accumulate(np.array([intervals[row][0] for row in rows]) - offset)
     high = np.minimum.accumulate((np.array([intervals[row][1] for row in rows]) - offset)[::-1])[::-1]
     begin, room = float(low.min()), float(high.max() - low.min())
-    if room <= 0.0 or low.max() - low.min() > NEAR * room or high.max() - high.min() > NEAR * room:
+    if room <= 0.0 or low.max() - low.min() > ROOM_TOLERANCE * room or high.max() - high.min() > ROOM_TOLERANCE * room:
         return None
-    bounded = [(k, most - least) for k, (least, most) in enumerate(gaps) if most - least < room * (1.0 - NEAR)]
+    bounded = [
+        (k, most - least) for k, (least, most) in enumerate(gaps) if most - least < room * (1.0 - ROOM_TOLERANCE)
+    ]
     if len(bounded) > 1 or any(most <= 0.0 for _, most in bounded):
         return None
     narrow, most = bounded[0] if bounded else (-1, math.inf)
     return Order(tuple(rows), offset + begin, room, narrow, most)
 
 
-MOST_DIMS = 6  # coupled coordinates that a grid may have; more cannot be covered well by boxes
+MAX_GRID_DIMS = 6  # coupled coordinates that a grid may have; more cannot be covered well by boxes
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,9 +257,14 @@ def propose(
     `relative`: objects that they couple hang from one another. What is in `stands` is drawn on its surfaces, and tied
     to nothing else. Grids are taken from those `known`, and added to them. Raises what `effort` raises.
     """
-    steps = steps_for(stands, tape, lowest, highest, lo, hi, effort)
-    if steps is None:
-        return None
+    steps: tuple[Step, ...] = ()
+    if stands:
+        from scenegen.search.surfaces import steps_for
+
+        placing = steps_for(stands, tape, lowest, highest, lo, hi, effort)
+        if placing is None:
+            return None
+        steps = placing
     taken = {row for step in steps for row in step.rows}
     placed = {tape.rows[row] for row in taken if row in tape.rows}
     placed.update(node for node, pair in tape.differences.items() if steps and not taken.isdisjoint(pair))
@@ -274,7 +283,7 @@ def propose(
     log_volume = sum(step.log_volume for step in steps)
     for dims in groups:
         names = sorted(dims)
-        few = len(names) <= MOST_DIMS
+        few = len(names) <= MAX_GRID_DIMS
         if not few and all(isinstance(tape.nodes[name], Coord) for name in names):
             continue
         grid = _grid(tape, forest, lo, hi, names, pending, budget if few else 1, effort, known)
@@ -326,7 +335,7 @@ def propose(
         if lowest[row] < highest[row]:
             if high < low:
                 return None
-            log_volume += math.log(max(high - low, TINY))
+            log_volume += math.log(max(high - low, TINY_VOLUME))
     return Proposal(
         lowest,
         highest,
@@ -354,7 +363,7 @@ def _grid(
     known: Grids,
 ) -> Grid:
     """The cover of one group by boxes, from the demands that depend on nothing else."""
-    effort.spend(PYTHON * sum(len(one.support) for one in pending) + 50 * len(tape.nodes))
+    effort.spend(PYTHON_WORK * sum(len(one.support) for one in pending) + 50 * len(tape.nodes))
     inside = set(names)
     demands = [one for one in pending if variables(tape, forest, one.support) <= inside]
     # rows that are sums along the forest keep within the workspace, so they are part of what is contracted

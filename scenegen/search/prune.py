@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -18,28 +18,31 @@ from scenegen.arrays import Array, Bool
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction
 from scenegen.lang.formula.interpret import evaluate
-from scenegen.search.contract import ROUNDS, Ends, alternatives, contract, contract_box, push_down, start
-from scenegen.search.effort import PYTHON, Effort, scoring
+from scenegen.search.contract import SWEEPS, Bounds, alternatives, contract, contract_box, push_down, start
+from scenegen.search.effort import PYTHON_WORK, Effort, scoring_work
 from scenegen.search.grid import Grids, Open, open_nodes
 from scenegen.search.proposal import Proposal, propose
-from scenegen.search.surfaces import Stand
 from scenegen.search.tape import Tape, make_tape, weight
 
-PARTS = 256  # alternatives of a cover at most
-PILOT = 1024  # scenes drawn from a part to see what is wasted
-LIVE = 1 << 20  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
-GOOD = 0.5  # share of the drawn scenes that are kept from which on a cover is good enough
-SPENT = 1.5e7  # work of a cover, a quarter of a second, from which on a worse one may be good enough
-FAILS = 0.25  # an open junction that fails this often is worth a split
-LOOSE = (0.7, 0.97)  # demands that these shares of the scenes meet by themselves are left out of the grids, in turn
-COARSE, FINE = 128, 2048  # boxes of a grid, first and when it is worth more
-LARGE = 20_000  # nodes of a tape from which on one sweep must do
+if TYPE_CHECKING:
+    from scenegen.search.surfaces import Stand
+
+MAX_PARTS = 256  # alternatives of a cover at most
+PILOT_SCENES = 1024  # scenes drawn from a part to see what is wasted
+PILOT_NUMBERS = 1 << 20  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
+GOOD_ACCEPTANCE = 0.5  # share of the drawn scenes that are kept from which on a cover is good enough
+MIN_COVER_WORK = 1.5e7  # work of a cover, a quarter of a second, from which on a worse one may be good enough
+SPLIT_FAILURES = 0.25  # an open junction that fails this often is worth a split
+# demands that these shares of the scenes meet by themselves are left out of the grids, in turn
+LOOSE_SHARES = (0.7, 0.97)
+COARSE_BOXES, FINE_BOXES = 128, 2048  # boxes of a grid, first and when it is worth more
+SWEEP_ONLY_NODES = 20_000  # nodes of a tape from which on one sweep must do
 
 
 Apart = tuple[tuple[int, float, float], ...]
 """Formula nodes (of the core) and the ends that tell the scenes of an alternative from the others'."""
 
-Entry = tuple[Mapping[int, Ends], Apart]
+Entry = tuple[Mapping[int, Bounds], Apart]
 """An alternative before anything is known of it: its demand, and what sets it apart."""
 
 
@@ -48,7 +51,7 @@ class Part:
     """One alternative."""
 
     apart: Apart
-    demand: Mapping[int, Ends]
+    demand: Mapping[int, Bounds]
     lo: Array
     hi: Array
     pending: Sequence[Open] = ()
@@ -81,7 +84,7 @@ class Cover:
     log_share: float
 
     @property
-    def expected(self) -> float:
+    def acceptance(self) -> float:
         """The share of drawn scenes that the pilots kept."""
         return float(sum(weight * part.acceptance for weight, part in zip(self.weights, self.parts, strict=True)))
 
@@ -107,7 +110,7 @@ def prune(
     core: Core,
     lowest: Array,
     highest: Array,
-    wanted: Mapping[int, Ends],
+    wanted: Mapping[int, Bounds],
     seed: Sequence[int] = (0,),
     tape: Tape | None = None,
     effort: Effort | None = None,
@@ -128,12 +131,12 @@ def prune(
     tape = make_tape(core, lowest, highest, effort) if tape is None else tape
     rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
     search = _Search(core, tape, lowest, highest, wanted, rng, effort, stands)
-    begun, least = effort.used, SPENT if least is None else least
+    begun, least = effort.used, MIN_COVER_WORK if least is None else least
     parts = search.open_up([(push_down(core, wanted), ())])
     while parts:
         weights = _weights(parts)
         expected = sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True))
-        if expected >= GOOD or (effort.used - begun >= least and enough <= expected * (effort.used - begun)):
+        if expected >= GOOD_ACCEPTANCE or (effort.used - begun >= least and enough <= expected * (effort.used - begun)):
             break
         waste = [
             weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)
@@ -142,7 +145,7 @@ def prune(
         if waste[worst] <= 0.01:
             break
         part = parts.pop(worst)
-        parts[worst:worst] = search.improve(part, PARTS - len(parts))
+        parts[worst:worst] = search.improve(part, MAX_PARTS - len(parts))
     return _whole(parts, lowest, highest)
 
 
@@ -150,7 +153,7 @@ def box_cover(
     core: Core,
     lowest: Array,
     highest: Array,
-    wanted: Mapping[int, Ends],
+    wanted: Mapping[int, Bounds],
     seed: Sequence[int],
     tape: Tape,
     effort: Effort,
@@ -185,7 +188,7 @@ class _Search:
     tape: Tape
     lowest: Array
     highest: Array
-    wanted: Mapping[int, Ends]
+    wanted: Mapping[int, Bounds]
     rng: np.random.Generator
     effort: Effort
     stands: Collection[Stand] = ()
@@ -196,16 +199,16 @@ class _Search:
         if not entries:
             return []
         found = []
-        for (demand, apart), lo, hi in self._contracted(entries):
+        for (demand, apart), lo, hi in self._contract(entries):
             part = Part(apart, demand, lo, hi)
             part.pending = open_nodes(self.tape, demand, part.lo, part.hi, self.effort)
-            if self._equip(part, COARSE, couple):
+            if self._equip(part, COARSE_BOXES, couple):
                 found.append(part)
         return found
 
-    def _contracted(self, entries: Sequence[Entry]) -> list[tuple[Entry, Array, Array]]:
+    def _contract(self, entries: Sequence[Entry]) -> list[tuple[Entry, Array, Array]]:
         """Those that are not proved empty, and what is left of the intervals of all nodes, (T,)."""
-        rounds = 1 if len(self.tape.nodes) > LARGE else ROUNDS
+        rounds = 1 if len(self.tape.nodes) > SWEEP_ONLY_NODES else SWEEPS
         if len(entries) == 1:
             box = contract_box(self.tape, self.lowest, self.highest, entries[0][0], self.effort, rounds)
             return [(entries[0], box.lo.copy(), box.hi.copy())] if box.alive else []
@@ -220,18 +223,18 @@ class _Search:
         failing = [
             (share, node)
             for node, share in part.fails.items()
-            if share >= FAILS and len(_args(self.core, node)) <= room and node in part.demand
+            if share >= SPLIT_FAILURES and len(_args(self.core, node)) <= room and node in part.demand
         ]
         if failing:
             _, node = max(failing)
             split = []
             for demand, apart in alternatives(self.core, part.demand, node):
-                self.effort.spend(PYTHON * (1 + len(demand)))
+                self.effort.spend(PYTHON_WORK * (1 + len(demand)))
                 split.append((demand, (*part.apart, *((key, *ends) for key, ends in apart.items()))))
             return self.open_up(split)
         part.final = True
         if part.proposal is not None and part.proposal.grids:
-            return [part] if self._equip(part, FINE) else []
+            return [part] if self._equip(part, FINE_BOXES) else []
         return [part]
 
     def _equip(self, part: Part, budget: int, couple: bool = True) -> bool:
@@ -244,9 +247,9 @@ class _Search:
         met = self._pilot(part, best)
         coupling: set[int] = set()
         # A demand that fails often may be tied to others that do not: these come in the second time.
-        for loose in LOOSE if couple else ():
+        for loose in LOOSE_SHARES if couple else ():
             more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
-            if part.acceptance >= GOOD:
+            if part.acceptance >= GOOD_ACCEPTANCE:
                 break
             if not more:
                 continue
@@ -281,8 +284,8 @@ class _Search:
 
     def _pilot(self, part: Part, proposal: Proposal) -> dict[int, float]:
         """Draw a few scenes and note which share is kept; returns the share that meets each open demand."""
-        count = max(64, min(PILOT, LIVE // len(self.core.nodes)))
-        self.effort.spend(scoring(self.core.nodes, count))
+        count = max(64, min(PILOT_SCENES, PILOT_NUMBERS // len(self.core.nodes)))
+        self.effort.spend(scoring_work(self.core.nodes, count))
         rows = np.empty((len(self.lowest), count))
         inside = proposal.draw(rows, self.rng)
         values = [np.broadcast_to(value, count) for value in evaluate(self.core, list(rows), NUMPY, self.effort.check)]
@@ -309,18 +312,15 @@ def _args(core: Core, index: int) -> tuple[int, ...]:
     return node.args if isinstance(node, Junction) else ()
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# A short deterministic search for a scene that meets a demand: what bounds cannot prove, a witness can.
-
-
-SCENES = 1024  # of one round of the search
-KEPT = 32
-SEARCHED = 40
-FIRST = 128  # scenes that are looked at before anything else
-WORK = 30_000  # tape nodes that contraction may visit; the search may visit as many, SEARCHES times
-SEARCHES = 15
-SHRINK = 0.85  # of the step from round to round
-LARGEST = 20_000  # nodes from which on there is no search
+ROUND_SCENES = 1024  # of one round of the search
+KEPT_SCENES = 32
+MAX_SEARCH_ROUNDS = 40
+FIRST_SCENES = 128  # scenes that are looked at before anything else
+# tape nodes that contraction may visit; the search may visit as many, SEARCHES_PER_CONTRACTION times
+SEARCH_VISITS = 30_000
+SEARCHES_PER_CONTRACTION = 15
+STEP_SHRINK = 0.85  # of the step from round to round
+MAX_SEARCH_NODES = 20_000  # nodes from which on there is no search
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,13 +336,13 @@ class Reachability:
     short: bool = False
 
 
-def find(
+def find_witness(
     core: Core,
     lowest: Array,
     highest: Array,
-    wanted: Mapping[int, Ends],
+    wanted: Mapping[int, Bounds],
     *,
-    work: int = WORK,
+    work: int = SEARCH_VISITS,
     effort: Effort | None = None,
 ) -> Reachability:
     """Whether all wanted formula nodes can lie within their ends at once, in the box lowest..highest (3N,).
@@ -354,11 +354,11 @@ def find(
     effort = Effort() if effort is None else effort
     rng = np.random.default_rng(0)
     easy, margins = _best(
-        core, wanted, effort, lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), FIRST))
+        core, wanted, effort, lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), FIRST_SCENES))
     )
     if margins[0] >= 0.0:
         return Reachability("yes", easy[:, 0], float(margins[0]), easy[:, 0])
-    if weight(core.nodes) > 2 * work or len(core.nodes) > LARGEST:
+    if weight(core.nodes) > 2 * work or len(core.nodes) > MAX_SEARCH_NODES:
         return Reachability("unknown", None, float(margins[0]), easy[:, 0], True)
     tape = make_tape(core, lowest, highest, effort)
     lo, hi = start(tape, [push_down(core, wanted)], lowest[:, None], highest[:, None])
@@ -369,15 +369,15 @@ def find(
     for row, at in tape.rows.items():
         low[row], high[row] = max(low[row], lo[at, 0]), min(high[row], hi[at, 0])
     free = np.flatnonzero(high > low)
-    count = max(KEPT, min(SCENES, LIVE // len(core.nodes)))
+    count = max(KEPT_SCENES, min(ROUND_SCENES, PILOT_NUMBERS // len(core.nodes)))
     rows = low[:, None] + (high - low)[:, None] * rng.random((len(low), count))
     best, margins = _best(core, wanted, effort, rows)
     step = 0.3
-    rounds = SEARCHES * work // weight(core.nodes)
-    for _ in range(min(SEARCHED, rounds)):
+    rounds = SEARCHES_PER_CONTRACTION * work // weight(core.nodes)
+    for _ in range(min(MAX_SEARCH_ROUNDS, rounds)):
         if margins[0] >= 0.0 or not len(free):
             break
-        step *= SHRINK
+        step *= STEP_SHRINK
         rows = np.repeat(best, max(1, count // best.shape[1]), axis=1)
         moved = rng.random((len(free), rows.shape[1])) < np.maximum(2.0 / len(free), 0.3)
         rows[free] += np.where(moved, step * (high - low)[free, None] * rng.standard_normal(moved.shape), 0.0)
@@ -386,16 +386,16 @@ def find(
     found = best[:, 0]
     if margins[0] >= 0.0:
         return Reachability("yes", found, float(margins[0]), found)
-    return Reachability("unknown", None, float(margins[0]), found, rounds < SEARCHED)
+    return Reachability("unknown", None, float(margins[0]), found, rounds < MAX_SEARCH_ROUNDS)
 
 
-def _best(core: Core, wanted: Mapping[int, Ends], effort: Effort, rows: Array) -> tuple[Array, Array]:
+def _best(core: Core, wanted: Mapping[int, Bounds], effort: Effort, rows: Array) -> tuple[Array, Array]:
     """The scenes with the largest least margin, best first, and their margins."""
-    effort.spend(scoring(core.nodes, rows.shape[1]))
+    effort.spend(scoring_work(core.nodes, rows.shape[1]))
     values = evaluate(core, list(rows), NUMPY, effort.check)
     margin = np.full(rows.shape[1], np.inf)
     for node, (low, high) in wanted.items():
         np.minimum(margin, np.minimum(values[node] - low, high - values[node]), out=margin)
     margin = np.where(np.isnan(margin), -np.inf, margin)
-    order = np.argsort(-margin, kind="stable")[:KEPT]
+    order = np.argsort(-margin, kind="stable")[:KEPT_SCENES]
     return rows[:, order], margin[order]

@@ -23,16 +23,15 @@ from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, corners
 from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction
 from scenegen.lang.spec import CheckedSpec, Support, options_of
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of
-from scenegen.search.contract import Ends
-from scenegen.search.effort import PYTHON, Effort
+from scenegen.search.contract import Bounds
+from scenegen.search.effort import PYTHON_WORK, Effort
 from scenegen.search.tape import Tape
 
-# --------------------------------------------------------------------------------------------------------------------
 # Patches of surfaces, each in the frame of what carries it: where the centre of an object can be on them, for each
 # slice of its headings, and drawing a place on one of many.
 
 
-SLICES = 128  # of the circle of headings
+HEADING_SLICES = 128  # of the circle of headings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,15 +137,15 @@ def patches(upper: Footprint | None, outline: Footprint, turned: bool) -> tuple[
     (2, K) each. `upper` is what must lie inside, None where only the centre must."""
     points = np.array(_corners(outline))
     low, high = points.min(axis=0)[:, None], points.max(axis=0)[:, None]
-    count = SLICES if turned else 1
+    count = HEADING_SLICES if turned else 1
     if upper is None:
         low, high = np.repeat(low, count, axis=1), np.repeat(high, count, axis=1)
     elif isinstance(upper, Circle) or not turned:
         inner = max(0.0, measures(upper).inner)
         low, high = np.repeat(low + inner, count, axis=1), np.repeat(high - inner, count, axis=1)
     else:
-        angle = (np.arange(SLICES) + 0.5) * (TWO_PI / SLICES)
-        slack = measures(upper).turn * (TWO_PI / SLICES / 2.0)
+        angle = (np.arange(HEADING_SLICES) + 0.5) * (TWO_PI / HEADING_SLICES)
+        slack = measures(upper).turn * (TWO_PI / HEADING_SLICES / 2.0)
         x, y = np.array(corners(upper)).T[:, :, None]
         turned_points = np.array([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y])
         low = low + np.maximum(-turned_points.min(axis=1) - slack, 0.0)
@@ -166,8 +165,8 @@ def facing(begin: Array, ends: tuple[float, float]) -> npt.NDArray[np.bool_]:
     if high - low >= TWO_PI - 1e-6:
         return np.ones(len(begin), dtype=bool)
     out: npt.NDArray[np.bool_] = np.mod(begin - low, TWO_PI) <= high - low
-    out |= np.mod(begin + TWO_PI / SLICES - low, TWO_PI) <= high - low
-    out |= np.mod(low - begin, TWO_PI) <= TWO_PI / SLICES
+    out |= np.mod(begin + TWO_PI / HEADING_SLICES - low, TWO_PI) <= high - low
+    out |= np.mod(low - begin, TWO_PI) <= TWO_PI / HEADING_SLICES
     return out
 
 
@@ -191,7 +190,7 @@ def step_of(thing: int, switch: int | None, pieces: list[SurfacePatches], turned
     frames = tuple(dict.fromkeys(one.frame for one in pieces))
     size = [len(one.heading) for one in pieces]
     weights = np.concatenate([one.width * one.areas for one in pieces])
-    slice_ = TWO_PI / SLICES
+    slice_ = TWO_PI / HEADING_SLICES
     total = float(weights.sum()) * (slice_ if turned else 1.0)
     odds = np.cumsum(weights)
     return Step(
@@ -212,7 +211,7 @@ def step_of(thing: int, switch: int | None, pieces: list[SurfacePatches], turned
     )
 
 
-HAIR = 1e-9  # metres and radians by which boxes are larger than contraction says
+BOX_SLACK = 1e-9  # metres and radians by which boxes are larger than contraction says
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,16 +264,16 @@ def steps_for(
     """How what stands is drawn where the box of poses is contracted to lo, hi (T,). None where no surface is left for
     something: there is no scene. What has no area anywhere is left out, and what a box holds as well as a surface."""
 
-    def ends(row: int) -> Ends:
+    def ends(row: int) -> Bounds:
         node = tape.rows.get(row)
         if node is None or lowest[row] == highest[row]:
             return float(lowest[row]), float(highest[row])
-        return float(lo[node]) - HAIR, float(hi[node]) + HAIR
+        return float(lo[node]) - BOX_SLACK, float(hi[node]) + BOX_SLACK
 
     steps = []
     for stand in stands:
-        effort.spend(PYTHON * 8 * len(stand.options))
-        if _boxed(stand, ends):
+        effort.spend(PYTHON_WORK * 8 * len(stand.options))
+        if _box_of(stand, ends):
             continue
         pieces = _pieces(stand, ends)
         if pieces is None:
@@ -284,26 +283,26 @@ def steps_for(
     return tuple(steps)
 
 
-def step_for(stand: Stand, ends: Callable[[int], Ends]) -> Step | None:
+def step_for(stand: Stand, ends: Callable[[int], Bounds]) -> Step | None:
     """How an object that stands is drawn where `ends` tells the interval of each row; None where it has no place."""
     pieces = _pieces(stand, ends)
     return step_of(stand.thing, stand.switch, pieces, _turns(stand, ends)) if pieces else None
 
 
-def _boxed(stand: Stand, ends: Callable[[int], Ends]) -> bool:
+def _box_of(stand: Stand, ends: Callable[[int], Bounds]) -> bool:
     """Whether all surfaces have one rectangle of centres, along the axes of a table that none of them leaves, such as
     boards above each other: the contracted box is as good, and can be tied to what else is asked."""
     found = set[tuple[object, ...]]()
     for one in stand.options:
-        pose = _carried(one, ends)
+        pose = _carried_boxes(one, ends)
         if pose is None or not isinstance(one.outline, Box) or (one.walled and not isinstance(stand.upper, Circle)):
             return False
         found.add((pose, one.outline, one.walled))
     turn = next(iter(found))[0][2] / (TWO_PI / 4.0)  # type: ignore[index]
-    return len(found) == 1 and abs(turn - round(turn)) < HAIR
+    return len(found) == 1 and abs(turn - round(turn)) < BOX_SLACK
 
 
-def _carried(under: Support, ends: Callable[[int], Ends]) -> tuple[float, float, float] | None:
+def _carried_boxes(under: Support, ends: Callable[[int], Bounds]) -> tuple[float, float, float] | None:
     """The pose of a surface's frame where that is the same in every scene."""
     if under.carrier is None:
         return under.pose
@@ -311,7 +310,7 @@ def _carried(under: Support, ends: Callable[[int], Ends]) -> tuple[float, float,
     return (x[0], y[0], theta[0]) if x[0] == x[1] and y[0] == y[1] and theta[0] == theta[1] else None
 
 
-def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[SurfacePatches] | None:
+def _pieces(stand: Stand, ends: Callable[[int], Bounds]) -> list[SurfacePatches] | None:
     """The patches of each surface that is left; None where none is, nothing where all of them have no area."""
     found, left, begin, turned = list[SurfacePatches](), False, 0.0, _turns(stand, ends)
     for under, end in zip(stand.options, stand.ends, strict=True):
@@ -326,8 +325,8 @@ def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[SurfacePatches] |
         frame: int | tuple[float, float, float] = under.pose if under.carrier is None else row_of(under.carrier, X)
         radius = disc(stand.upper, under)
         middle, half = patches(stand.upper if under.walled else None, under.outline, turned)
-        heading: Array = np.arange(len(half[0])) * np.float64(TWO_PI / SLICES if turned else 0.0)
-        held = _carried(under, ends)
+        heading: Array = np.arange(len(half[0])) * np.float64(TWO_PI / HEADING_SLICES if turned else 0.0)
+        held = _carried_boxes(under, ends)
         kept = (half > 0.0).all(axis=0)
         if held is not None:
             if turned:
@@ -340,17 +339,16 @@ def _pieces(stand: Stand, ends: Callable[[int], Ends]) -> list[SurfacePatches] |
     return found if left else None
 
 
-def _turns(stand: Stand, ends: Callable[[int], Ends]) -> bool:
+def _turns(stand: Stand, ends: Callable[[int], Bounds]) -> bool:
     """Whether the heading is drawn with the place: where walls leave less to some headings than to others."""
     if isinstance(stand.upper, Circle) or not any(one.walled for one in stand.options):
         return False
     low, high = ends(row_of(stand.thing, THETA))
     if low >= high:
         return False
-    return high - low >= TWO_PI - 1e-6 or all(_carried(one, ends) is not None for one in stand.options)
+    return high - low >= TWO_PI - 1e-6 or all(_carried_boxes(one, ends) is not None for one in stand.options)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Which surfaces things are on: the box of poses, cut where a choice of a surface changes.
 #
 # A thing that can be on several surfaces has a coordinate that chooses one, and `pick` nodes make heights of it. A
@@ -358,19 +356,19 @@ def _turns(stand: Stand, ends: Callable[[int], Ends]) -> bool:
 # over.
 
 
-MOST = 64  # boxes
-SEAM = 1e-8  # taken off either side of a cut: there both surfaces would do, in scenes that have probability 0
+MAX_WORLDS = 64  # boxes
+CUT_SEAM = 1e-8  # taken off either side of a cut: there both surfaces would do, in scenes that have probability 0
 
 
 def worlds(core: Core, lowest: Array, highest: Array) -> tuple[Array, Array]:
     """Boxes, (3N, W) each, which together hold the box lowest..highest (3N,) but for the seams, with one choice of a
-    surface each for as many things as `MOST` boxes allow; the box alone where nothing is chosen."""
+    surface each for as many things as `MAX_WORLDS` boxes allow; the box alone where nothing is chosen."""
     low, high = lowest[:, None], highest[:, None]
     for row, ends in sorted(_switches(core).items()):
         inner = sorted(end for end in ends if lowest[row] < end < highest[row])
-        if not inner or low.shape[1] * (len(inner) + 1) > MOST:
+        if not inner or low.shape[1] * (len(inner) + 1) > MAX_WORLDS:
             continue
-        seam = SEAM * max(1.0, abs(float(lowest[row])), abs(float(highest[row])))
+        seam = CUT_SEAM * max(1.0, abs(float(lowest[row])), abs(float(highest[row])))
         begins = np.array([lowest[row], *(end + seam for end in inner)])
         stops = np.array([*(end - seam for end in inner), highest[row]])
         if (begins >= stops).any():

@@ -18,9 +18,8 @@ from scenegen.geometry import PRIMITIVES, Interval
 from scenegen.geometry.footprint import Circle
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children
 from scenegen.lang.formula.interpret import Algebra, fold
-from scenegen.search.effort import PYTHON, Effort, bounding
+from scenegen.search.effort import PYTHON_WORK, Effort, bounding_work
 
-# --------------------------------------------------------------------------------------------------------------------
 # A tape as intervals go over it, up from the coordinates and down from what is wanted: the nodes in batches, each of
 # which only refers to earlier ones.
 #
@@ -29,9 +28,9 @@ from scenegen.search.effort import PYTHON, Effort, bounding
 # small tapes each node is a batch.
 
 
-FEWEST = 500  # nodes from which on batches are made; smaller tapes are walked node by node
-WORTH = 4  # nodes that a batch must have on average: long chains of nodes gain nothing
-ELEMENTS = 1 << 13  # nodes times boxes of one call: what a rule computes on the way stays in cache
+BATCHED_NODES = 500  # nodes from which on batches are made; smaller tapes are walked node by node
+MIN_BATCH_NODES = 4  # nodes that a batch must have on average: long chains of nodes gain nothing
+ELEMENTS_IN_CACHE = 1 << 13  # nodes times boxes of one call: what a rule computes on the way stays in cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,15 +45,15 @@ class Batch:
     def pieces(self, boxes: int, effort: Effort) -> Iterable[Batch]:
         """The batch in pieces that are worth a call each, for so many boxes; their work is counted."""
         if isinstance(self.at, int):
-            effort.spend(bounding(self.kind, boxes))
+            effort.spend(bounding_work(self.kind, boxes))
             return (self,)
         return self._pieces(self.at, boxes, effort)
 
     def _pieces(self, places: Index, boxes: int, effort: Effort) -> Iterator[Batch]:
-        size = max(1, ELEMENTS // max(1, boxes * max(1, len(self.args) // 8)))
+        size = max(1, ELEMENTS_IN_CACHE // max(1, boxes * max(1, len(self.args) // 8)))
         for begin in range(0, len(places), size):
             at = places[begin : begin + size]
-            effort.spend(bounding(self.kind, len(at) * boxes))
+            effort.spend(bounding_work(self.kind, len(at) * boxes))
             yield self if size >= len(places) else Batch(self.kind, at, self.args[:, begin : begin + size])
 
     def value(self, lo: Array, hi: Array) -> Interval:
@@ -156,10 +155,10 @@ def one_by_one(nodes: Sequence[Node]) -> BatchedTape:
     """A tape in which each node is a batch."""
     leaves = [isinstance(node, Const | Coord) for node in nodes]
     alone = tuple([Batch(nodes[at], at, _index(children(nodes[at]))) for at, leaf in enumerate(leaves) if not leaf])
-    return _batched(nodes, alone)
+    return _in_batches(nodes, alone)
 
 
-def make_batches(nodes: Sequence[Node], fewest: int = FEWEST, worth: float = WORTH) -> BatchedTape:
+def make_batches(nodes: Sequence[Node], fewest: int = BATCHED_NODES, worth: float = MIN_BATCH_NODES) -> BatchedTape:
     """The batches of a tape: one by one for fewer nodes than `fewest`, or fewer than `worth` in a batch on average."""
     if len(nodes) < fewest:
         return one_by_one(nodes)
@@ -183,10 +182,10 @@ def make_batches(nodes: Sequence[Node], fewest: int = FEWEST, worth: float = WOR
         Batch(nodes[found[0]], _index(found), np.array([children(nodes[one]) for one in found], dtype=np.intp).T)
         for (_, _), found in sorted(members.items(), key=lambda item: (item[0][0], item[1][0]))
     )
-    return _batched(nodes, batches)
+    return _in_batches(nodes, batches)
 
 
-def _batched(nodes: Sequence[Node], batches: tuple[Batch, ...]) -> BatchedTape:
+def _in_batches(nodes: Sequence[Node], batches: tuple[Batch, ...]) -> BatchedTape:
     constants = [index for index, node in enumerate(nodes) if isinstance(node, Const)]
     values = np.array([node.value for node in nodes if isinstance(node, Const)], dtype=np.float64)
     coords = [index for index, node in enumerate(nodes) if isinstance(node, Coord)]
@@ -197,10 +196,10 @@ def _index(values: Sequence[int]) -> Index:
     return np.array(values, dtype=np.intp)
 
 
-LONGEST = 8  # terms that a sum may have before it counts as one opaque number; keeps the work linear
+MAX_SUM_TERMS = 8  # terms that a sum may have before it counts as one opaque number; keeps the work linear
 
-MOST_LOOPS = 100
-POLYGON = 5  # visits of nodes that a footprint with corners adds to what a primitive costs
+MAX_LOOPS = 100
+POLYGON_VISITS = 5  # visits of nodes that a footprint with corners adds to what a primitive costs
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,42 +362,42 @@ class _Forms(Algebra[AffineForm]):
         self.rows: dict[int, int] = {}
 
     def constant(self, index: int, node: Const) -> AffineForm:
-        return self._done(node, AffineForm(node.value))
+        return self._finish(node, AffineForm(node.value))
 
     def coordinate(self, index: int, node: Coord) -> AffineForm:
         if self._lowest[node.row] == self._highest[node.row]:
-            return self._done(node, AffineForm(float(self._lowest[node.row])))
+            return self._finish(node, AffineForm(float(self._lowest[node.row])))
         place = self.rows[node.row] = self.writer.add(Coord(node.object, node.axis))
-        return self._done(node, AffineForm(0.0, ((place, 1.0),)))
+        return self._finish(node, AffineForm(0.0, ((place, 1.0),)))
 
     def apply(self, index: int, node: Apply, args: list[AffineForm]) -> AffineForm:
-        return self._done(node, _apply(self.writer, node, args))
+        return self._finish(node, _apply(self.writer, node, args))
 
     def atom(self, index: int, node: Atom, margin: AffineForm) -> AffineForm:
-        self._effort.spend(PYTHON * 2)
+        self._effort.spend(PYTHON_WORK * 2)
         margin = self._short(margin)
         self.where.append(self.writer.write(margin))
         return margin
 
     def junction(self, index: int, node: Junction, args: list[AffineForm]) -> AffineForm:
-        self._effort.spend(PYTHON * (1 + len(node.args)))
+        self._effort.spend(PYTHON_WORK * (1 + len(node.args)))
         place = self.writer.add(Junction(node.kind, tuple([self.where[arg] for arg in node.args]), node.text))
         self.where.append(place)
         return AffineForm(0.0, ((place, 1.0),))
 
-    def _done(self, node: Node, form: AffineForm) -> AffineForm:
+    def _finish(self, node: Node, form: AffineForm) -> AffineForm:
         """The form of a number, of which the tape has no place of its own."""
-        self._effort.spend(PYTHON * (1 + len(children(node))))
+        self._effort.spend(PYTHON_WORK * (1 + len(children(node))))
         self.where.append(-1)
         return self._short(form)
 
     def _short(self, form: AffineForm) -> AffineForm:
-        return AffineForm(0.0, ((self.writer.write(form), 1.0),)) if len(form.terms) > LONGEST else form
+        return AffineForm(0.0, ((self.writer.write(form), 1.0),)) if len(form.terms) > MAX_SUM_TERMS else form
 
 
 def weight(nodes: Sequence[Node]) -> int:
     """What it costs to visit nodes once, in visits of simple ones."""
-    return len(nodes) + POLYGON * sum(
+    return len(nodes) + POLYGON_VISITS * sum(
         sum(not isinstance(shape, Circle) for shape in node.shapes) for node in nodes if isinstance(node, Apply)
     )
 
@@ -411,12 +410,12 @@ def _loops(writer: _TapeBuilder, effort: Effort) -> tuple[int, ...]:
         after.setdefault(a, []).append(b)
     found: list[int] = []
     for (a, b), first in sorted(node.items()):
-        effort.spend(PYTHON)
+        effort.spend(PYTHON_WORK)
         for c in after.get(b, ()):
             if (a, c) in node:
                 both = writer.add(Apply("add", (first, node[b, c])))
                 found.append(writer.add(Apply("sub", (both, node[a, c]))))
-                if len(found) >= MOST_LOOPS:
+                if len(found) >= MAX_LOOPS:
                     return tuple(found)
     return tuple(found)
 

@@ -45,7 +45,7 @@ def test_the_command_has_every_option():
 
 def test_what_is_typed_becomes_the_request():
     typed = {"phi": ["task=0:0.2"], "n": 4, "fix": ["mug=0.5,25cm"], "method": None, "raw": False}
-    request = SampleRequest.typed(typed, ["task", "safe"])
+    request = SampleRequest.parse(typed, ["task", "safe"])
     assert request == SampleRequest({"task": Range(0.0, 0.2)}, 4, fix={"mug": FixedPose(0.5, 0.25)})
     assert request.method == "auto"
 
@@ -64,7 +64,7 @@ def test_what_is_typed_becomes_the_request():
     ],
 )
 def test_options_that_mean_nothing_are_found(changes, what, name):
-    assert SampleRequest(**changes).misplaced(*what) == name
+    assert SampleRequest(**changes).misplaced_option(*what) == name
 
 
 @pytest.mark.parametrize(

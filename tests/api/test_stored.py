@@ -62,7 +62,7 @@ def test_refused_before_any_work(stored, spec, tmp_path, monkeypatch):
     place = f"{stored.location}/"
     again = scenegen.sample_to(place, spec, (0.0, 0.5), n=COUNT, shard_size=BLOCK, workers=1, resume=True)
     assert again.count == COUNT and not again.warnings
-    monkeypatch.setattr("scenegen.api.stream.plan_of", lambda *_: pytest.fail("planned"))
+    monkeypatch.setattr("scenegen.api.stream.plan_for", lambda *_: pytest.fail("planned"))
     with pytest.raises(RequestError, match="has a set of scenes already"):
         scenegen.sample_to(place, spec, n=10)
     with pytest.raises(RequestError, match="there is no engine `rai`"):

@@ -166,7 +166,7 @@ def whole(tmp_path_factory):
         (folder / f"{name}.spec").write_text(text)
     failed = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.rarity.WORK", 4_000_000)
+        patch.setattr("scenegen.sampling.rarity.RARITY_VISITS", 4_000_000)
         make_dataset(
             f"{folder}/data", [(name, folder / f"{name}.spec") for name in ("good", "bad", "near")], 900,
             license="mit", workers=1, told=lambda what, ended, *_: failed.extend([ended.name] if ended.errors else []),

@@ -24,14 +24,14 @@ from scenegen.lang.spec import CheckedSpec, combinations
 from scenegen.sampling.growth.failure import too_full
 from scenegen.sampling.growth.graph import make_graph
 from scenegen.sampling.parts import independent_parts
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.sampler import make_plan
 from scenegen.sampling.rejection.trial import make_cover
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search import spec_bounds
-from scenegen.search.clash import clash
-from scenegen.search.effort import Effort, TooMuchError
-from scenegen.search.prune import find
+from scenegen.search.conflict import minimal_conflict
+from scenegen.search.effort import Budget, Effort, TooMuchError
+from scenegen.search.prune import find_witness
 
 Array = npt.NDArray[np.float64]
 
@@ -206,13 +206,16 @@ def wrong_proofs(made: Planted, work: float = 3e7) -> list[str]:
         (cell,) = map(int, problem.cells.find(values))
         if cell >= 0 and cell not in problem.possible | problem.improbable:
             found.append(f"{what}: cell {cell}")
-        if clash(core, *made.member.box(), problem.wanted(), search=False, work=int(work / 1000)) is not None:
+        if (
+            minimal_conflict(core, *made.member.box(), problem.demand(), search=False, work=int(work / 1000))
+            is not None
+        ):
             found.append(f"{what}: clash")
-        if find(core, *made.member.box(), problem.wanted(), work=int(work / 1000)).verdict == "no":
+        if find_witness(core, *made.member.box(), problem.demand(), work=int(work / 1000)).verdict == "no":
             found.append(f"{what}: search")
         with np.errstate(all="ignore"):
             found += [f"{what}: {proof}" for proof in [too_full(make_graph(problem), problem.spec)] if proof]
-            for mine, wanted in (("range", problem.wanted()), ("cell", problem.wanted(max(cell, 0)))):
+            for mine, wanted in (("range", problem.demand()), ("cell", problem.demand(max(cell, 0)))):
                 try:
                     if not make_cover(problem, wanted, (1, 2), Effort(most=work)).parts:
                         found.append(f"{what}: cover of the {mine}")

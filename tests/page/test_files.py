@@ -25,7 +25,7 @@ from scenegen.page.jobs.source import refusal, spec_of
 from scenegen.page.limits import FIELDS, MAX_TEXT, control, without_command_line
 from scenegen.page.project import FIRST_SPEC, STATIC, FileRefused, Folder, digest, open_, shipped_json
 from scenegen.resources import shipped_specs
-from scenegen.sampling.request import METHODS
+from scenegen.sampling.methods import METHODS
 from scenegen.worlds.exporting import EXPORTS
 
 

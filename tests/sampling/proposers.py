@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from scenegen.learn.guided import make_plan
 from scenegen.sampling.engine.run import in_memory
-from scenegen.sampling.problem import Budget
+from scenegen.search.effort import Budget
 
 
 @dataclass(frozen=True)

@@ -10,19 +10,19 @@ import pytest
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
-from scenegen.sampling import problem as module
-from scenegen.sampling.choice import CHAINS, DESCENT, LOOK, MethodChoice, try_rejection
+from scenegen.sampling.choice import DESCENT_CHAINS, DESCENT_MOVES, SPLITTING_SHARE, MethodChoice, try_rejection
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import NoPlan, digest
-from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rejection.trial import make_trial, search
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.rejection.trial import make_trial, search_longer
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.levels import Schedule
 from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled
-from scenegen.search.effort import moving
+from scenegen.search import effort as module
+from scenegen.search.effort import Budget, moving_seconds
 
 # Waves of independent headings: no box of poses tells where their product is large.
 WAVES = " * ".join(f"sin(20 * theta({name}))" for name in "abcde")
@@ -94,7 +94,7 @@ def test_a_search_that_time_cuts_short_is_no_plan():
     problem = make_problem(check_text("leftOf(a, b)"), SampleRequest({"task": Range(0.0)}, n=20))
     trial = make_trial(problem, Budget())
     with pytest.raises(RequestError, match=r"time was up after .* draws, too early"):
-        search(problem, trial, Budget(0.0))
+        search_longer(problem, trial, Budget(0.0))
 
 
 def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
@@ -106,7 +106,7 @@ def test_a_method_that_time_cuts_short_leaves_the_choice_to_none(monkeypatch):
     dear = GrowthFailed(None, None, 0.0, dear=True)
     monkeypatch.setattr("scenegen.sampling.splitting.sampler.plan_splitting", lambda *words, **named: cut)
     monkeypatch.setattr("scenegen.sampling.growth.sampler.plan_growth", lambda *words, **named: dear)
-    assert MethodChoice(problem, Budget())._other(quick) is cut
+    assert MethodChoice(problem, Budget())._rival(quick) is cut
 
 
 TIGHT = """object a, b, c, d
@@ -145,9 +145,9 @@ def test_growth_of_large_populations_and_splitting_are_compared(growth, splittin
     monkeypatch.setattr(Splitting, "seconds", splitting)
     monkeypatch.setattr("scenegen.sampling.growth.sampler.plan_growth", grown)
     monkeypatch.setattr("scenegen.sampling.splitting.sampler.plan_splitting", splits)
-    assert MethodChoice(problem, Budget())._other() is (split if taken == "splitting" else easy)
-    assert given["growth"] == (moving(problem.core.nodes, DESCENT * CHAINS, DESCENT), True)
-    assert given.get("splitting") == {None: math.inf, 75.0: 75.0 / LOOK, 7.0: None}[growth]
+    assert MethodChoice(problem, Budget())._rival() is (split if taken == "splitting" else easy)
+    assert given["growth"] == (moving_seconds(problem.core.nodes, DESCENT_MOVES * DESCENT_CHAINS, DESCENT_MOVES), True)
+    assert given.get("splitting") == {None: math.inf, 75.0: 75.0 / SPLITTING_SHARE, 7.0: None}[growth]
 
 
 @pytest.mark.slow
@@ -162,7 +162,7 @@ def test_distances_held_to_a_tenth_of_a_millimetre_are_splitting():
 @pytest.mark.parametrize("method", ["auto", "rejection"])
 def test_planning_ends_soon_after_time_is_up(ends, method, exp1, monkeypatch):
     """A cover of many objects with footprints takes tens of seconds."""
-    monkeypatch.setattr(module, "GRACE", 0.0)
+    monkeypatch.setattr(module, "GRACE_SECONDS", 0.0)
     with pytest.raises(RequestError, match="time was up after no draws at all") as caught:
         make_plan(make_problem(exp1, SampleRequest({"task": Range(*ends)}, n=200)), Budget(1e-9), method=method)
     assert "`timeout`" in caught.value.diagnostics[0].help

@@ -20,11 +20,12 @@ from scenegen.lang.spec import levels
 from scenegen.learn.training.feed import whole_file
 from scenegen.pictures.figures.sweep import sweep
 from scenegen.pose import row_count
-from scenegen.sampling.problem import Budget, Problem, make_problem
+from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.rejection import sampler, trial
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search import prune
+from scenegen.search.effort import Budget
 from scenegen.search.surfaces import worlds
 
 SPEC = """region mat = rect(0.55, 0.1, 0.95, 0.3) at 20 cm
@@ -296,13 +297,13 @@ def test_a_value_that_many_scenes_share_stays_possible() -> None:
 @pytest.mark.long
 def test_cells_that_are_served_together_have_their_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
     """The trial is told to have missed half of the cells: they are then served from one cover, with the same scenes."""
-    monkeypatch.setattr(trial, "stands_of", lambda *_: ())
+    monkeypatch.setattr("scenegen.search.surfaces.stands_of", lambda *_: ())
     problem = problem_of(KITCHEN, -0.3, -0.19, 4000)
     plain = sampler.make_plan(problem, Budget())
     first = make_trial(problem, Budget())
     hits = first.hits.copy()
     hits[10:26] = 0
-    monkeypatch.setattr(sampler, "WORTH", 0.0)
+    monkeypatch.setattr(sampler, "SIFTING_WORK", 0.0)
     made = sampler.make_plan(problem, Budget(), dataclasses.replace(first, hits=hits))
     assert made.reachable == plain.reachable
     assert any(source.cells.sum() == 16 for source in made.sources)
@@ -318,13 +319,15 @@ def test_cells_that_are_served_together_have_their_scenes(monkeypatch: pytest.Mo
 @pytest.mark.long
 def test_a_cover_that_is_good_enough_has_the_same_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
     """For a few scenes the cover is left as it is after the first split: it keeps 0.2 % of what is drawn, not 46 %."""
-    monkeypatch.setattr(trial, "stands_of", lambda *_: ())  # blocks that are drawn where they stand need no splits
+    monkeypatch.setattr(
+        "scenegen.search.surfaces.stands_of", lambda *_: ()
+    )  # blocks that are drawn where they stand need no splits
     few, many = (problem_of(TOWER, 0.0, 0.01, n) for n in (1, 1_000_000))
     plain = make_trial(few, Budget())
-    monkeypatch.setattr(prune, "SPENT", 0.0)
+    monkeypatch.setattr(prune, "MIN_COVER_WORK", 0.0)
     early = make_trial(few, Budget())
-    assert early.cover.expected < 0.1 * plain.cover.expected and early.work < plain.work
-    assert make_trial(many, Budget()).cover.expected > 0.4, "for many scenes it is worth the work"
+    assert early.cover.acceptance < 0.1 * plain.cover.acceptance and early.work < plain.work
+    assert make_trial(many, Budget()).cover.acceptance > 0.4, "for many scenes it is worth the work"
 
     def drawn(cover: prune.Cover, count: int, seed: int) -> np.ndarray:
         rows = np.empty((len(few.lowest), count))
@@ -348,10 +351,10 @@ def test_cells_that_no_candidate_hits_get_no_covers_of_their_own(monkeypatch: py
         return enough(of)
 
     monkeypatch.setattr(trial, "_enough_for_cell", counted)
-    monkeypatch.setattr(sampler, "WORTH", 0.0)
+    monkeypatch.setattr(sampler, "SIFTING_WORK", 0.0)
     plan = sampler.make_plan(problem, Budget())
     assert len(plan.reachable) == 16 and not made
-    monkeypatch.setattr(sampler, "WORTH", np.inf)
+    monkeypatch.setattr(sampler, "SIFTING_WORK", np.inf)
     assert sampler.make_plan(problem, Budget()).reachable == plan.reachable and made
 
 

@@ -12,20 +12,20 @@ import pytest
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Apply, Atom, gated
-from scenegen.sampling import problem as module
 from scenegen.sampling import report
 from scenegen.sampling.engine.blocks import run_blocks
 from scenegen.sampling.growth.rarity import NoRoom, grow_islands
 from scenegen.sampling.methods import make_plan
-from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.rejection.trial import MOST, make_trial
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.rejection.trial import TRIAL_WORK, make_trial
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, make_frame
 from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, plan_splitting
+from scenegen.search import effort as module
 from scenegen.search import label_bounds
-from scenegen.search.clash import clash
-from scenegen.search.effort import Effort, StoppedError, TooMuchError
-from scenegen.search.prune import find, prune
+from scenegen.search.conflict import minimal_conflict
+from scenegen.search.effort import Budget, Effort, StoppedError, TooMuchError
+from scenegen.search.prune import find_witness, prune
 from scenegen.search.tape import Batch, make_tape
 
 BINS = """object item[6] = cylinder(0.03, 0.05)
@@ -68,8 +68,8 @@ TASKS = {
     "bounds": lambda spec, effort: label_bounds(spec.core, *spec.box(), effort),
     "tape": lambda spec, effort: make_tape(spec.core, *spec.box(), effort),
     "prune": lambda spec, effort: prune(spec.core, *spec.box(), wanted(spec), effort=effort),
-    "search": lambda spec, effort: find(spec.core, *spec.box(), wanted(spec), effort=effort),
-    "clash": lambda spec, effort: clash(spec.core, *spec.box(), wanted(spec), effort=effort),
+    "search": lambda spec, effort: find_witness(spec.core, *spec.box(), wanted(spec), effort=effort),
+    "clash": lambda spec, effort: minimal_conflict(spec.core, *spec.box(), wanted(spec), effort=effort),
 }
 
 
@@ -109,13 +109,13 @@ def test_the_same_work_is_counted_each_time():
 
 
 def test_a_request_is_not_looked_at_for_longer_than_its_time(monkeypatch, spec):
-    monkeypatch.setattr(module, "GRACE", 0.0)
+    monkeypatch.setattr(module, "GRACE_SECONDS", 0.0)
     with pytest.raises(RequestError, match="time was up before"):
         make_problem(spec, SampleRequest({"task": Range(0.0)}, n=1), budget=Budget(1e-9))
 
 
 def test_a_trial_is_not_made_for_longer_than_its_time(monkeypatch):
-    monkeypatch.setattr(module, "GRACE", 0.0)
+    monkeypatch.setattr(module, "GRACE_SECONDS", 0.0)
     problem = make_problem(check_text(CLUTTER), SampleRequest({"task": Range(0.0)}, n=1))
     begin = time.thread_time()
     with pytest.raises(RequestError, match="time was up after no draws at all"):
@@ -211,12 +211,12 @@ def test_what_stood_in_the_way_is_told_of_few_scenes_of_a_large_table(monkeypatc
 
 
 def test_auto_gives_pruning_up_for_having_counted_too_much(monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.choice.FIRST", 1e5)
+    monkeypatch.setattr("scenegen.sampling.choice.FIRST_PRUNING_WORK", 1e5)
     monkeypatch.setattr("scenegen.sampling.choice.first_look", lambda problem, budget: None)
     problem = make_problem(check_text("leftOf(a, b) & closeTo(b, c, 0.2)"), SampleRequest({"task": Range(0.05)}, n=10))
     choice = make_plan(problem, Budget(), method="auto")
     assert choice.method == "growth" and choice.why == "pruning takes much work, growth does not"
-    assert make_trial(problem, Budget()).work < MOST
+    assert make_trial(problem, Budget()).work < TRIAL_WORK
 
 
 CROWD = """object can[3] = cylinder(0.03, 0.05)

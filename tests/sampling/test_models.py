@@ -13,8 +13,9 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.learn.refine import draw, refine
 from scenegen.learn.robustness import Robustness
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import Budget
 
 from .proposers import Constant, Uniform, guided
 

@@ -16,8 +16,9 @@ from scenegen.planning.conversion import export_problems
 from scenegen.pose import as_rows
 from scenegen.sampling import pairs
 from scenegen.sampling.engine.run import draw
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import Budget
 
 SPEC = scenegen.parse("object mug, plate, bowl\nrequire insideWorkspace()\ntask: leftOf(mug, plate)\n")
 

@@ -12,27 +12,27 @@ from scipy import stats
 
 import scenegen
 from experiments.metrics import energy_test, ks_screen
-from scenegen.api.request import plan_of
 from scenegen.api.scenes import evaluate
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Junction
 from scenegen.sampling import choice
-from scenegen.sampling import problem as module
 from scenegen.sampling.engine.run import draw, in_memory
 from scenegen.sampling.families import seed_of
-from scenegen.sampling.methods import make_plan
+from scenegen.sampling.methods import make_plan, plan_for
 from scenegen.sampling.parts import independent_parts, pair
 from scenegen.sampling.plan import Tally
-from scenegen.sampling.problem import PLAN, Budget, make_problem
-from scenegen.sampling.rarity import MixedTail, constant, mean
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.rarity import MixedTail, constant_phi, mean_estimate
 from scenegen.sampling.rejection import draw as draw_staged
 from scenegen.sampling.rejection import draw as module_staged
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection.draw import draw_kept, make_stages
-from scenegen.sampling.rejection.trial import make_trial, search
+from scenegen.sampling.rejection.trial import make_trial, search_longer
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.search.effort import Effort, StoppedError, per_scene
+from scenegen.sampling.streams import REJECTION_PLAN_STREAM
+from scenegen.search import effort as module
+from scenegen.search.effort import Budget, Effort, StoppedError, work_per_scene
 from scenegen.search.prune import box_cover
 
 LEVEL = 0.99
@@ -188,7 +188,7 @@ def test_workers_change_nothing():
 
 @pytest.mark.long
 def test_a_run_is_resumed(monkeypatch, tmp_path):
-    monkeypatch.setattr(module, "GRACE", 60.0)
+    monkeypatch.setattr(module, "GRACE_SECONDS", 60.0)
     spec, path = scenegen.parse(RARE), tmp_path / "x.jsonl"
     words = {"phi": {"task": (0.0, None)}, "n": 1500}
     with pytest.raises(RequestError, match=r"found [\d,]+ of 1,500 scenes in 2 parts"):
@@ -229,7 +229,7 @@ def test_pieces_are_of_a_size():
 
 def test_time_is_up(monkeypatch):
     problem = make_problem(check_text(TWO), SampleRequest(SATISFIED, n=100))
-    monkeypatch.setattr(module, "GRACE", 0.0)
+    monkeypatch.setattr(module, "GRACE_SECONDS", 0.0)
     with pytest.raises(RequestError, match="time was up"):
         independent_parts(problem, Budget(0.0))
 
@@ -279,7 +279,9 @@ def planned(task, wanted, n=100, many=5):
 
 
 def whole_box(problem):
-    return box_cover(problem.core, problem.lowest, problem.highest, {}, (0, PLAN), problem.tape, Effort())
+    return box_cover(
+        problem.core, problem.lowest, problem.highest, {}, (0, REJECTION_PLAN_STREAM), problem.tape, Effort()
+    )
 
 
 @pytest.mark.long
@@ -302,7 +304,7 @@ def test_the_same_scenes_to_the_bit(task, wanted, monkeypatch):
         return draw_kept(problem, cover, COUNT, np.random.default_rng(7), stages=stages)
 
     stages = make_stages(problem, cover)
-    monkeypatch.setattr(module_staged, "FEW", 0)
+    monkeypatch.setattr(module_staged, "MIN_STAGED", 0)
     whole, staged = drawn(None), drawn(stages)
     assert stages.stages
     for one, other in zip(whole, staged, strict=True):
@@ -348,7 +350,7 @@ def test_the_cheap_and_rare_comes_first():
     stages = make_stages(problem, whole_box(problem))
     first = problem.core.nodes[stages.stages[0].conditions[0].node]
     assert first.text.startswith(("facing(", "alignedY("))
-    assert stages.work < 0.2 * per_scene(problem.core.nodes)[0]
+    assert stages.work < 0.2 * work_per_scene(problem.core.nodes)[0]
 
 
 def test_nothing_comes_first_where_nothing_is_cheap():
@@ -369,9 +371,9 @@ def test_stages_of_a_cover_are_found_once(monkeypatch):
     for place in (draw_staged, sampler):
         monkeypatch.setattr(place, "make_stages", counted)
     problem = planned("task: nextTo(box[2], box[1])\n", {"task": Range(0.0, None)}, n=10_000)
-    found = choice.try_rejection(problem, Budget(60.0), choice.FIRST)
+    found = choice.try_rejection(problem, Budget(60.0), choice.FIRST_PRUNING_WORK)
     assert found.plan.sources[0].stages is found.trial.stages is not None and found.plan.seconds > 0.0
-    more = search(problem, found.trial, Budget(60.0))
+    more = search_longer(problem, found.trial, Budget(60.0))
     assert more.stages is found.trial.stages and more.tried > found.trial.tried
     assert len(covers) == len({id(cover) for cover in covers}) == 1
 
@@ -548,15 +550,15 @@ def test_surfaces_are_chosen_of_those_that_are_there(tmp_path):
 
 
 def test_the_mixture_of_tails_is_the_mean():
-    low, high = constant(0.1), constant(0.3)
+    low, high = constant_phi(0.1), constant_phi(0.3)
     tail = MixedTail((low.up, high.up))
     assert (tail.end, tail.whole) == (0.3, True)
     assert 10.0 ** tail(0.2).log10 == pytest.approx(0.5) and tail(0.05).log10 == 0.0 and tail(0.4) is None
     assert tail.quantile(0.25) == 0.3 and tail.quantile(0.75) == 0.1
-    assert mean([None, None]) is None
+    assert mean_estimate([None, None]) is None
 
 
 def test_a_run_that_is_cut_short_does_not_speak_of_equal_shares(spec):
-    plan = plan_of(spec, SampleRequest(n=10), Budget(30.0))
+    plan = plan_for(spec.declared, SampleRequest(n=10), Budget(30.0))
     assert all(one["share"] == 1 / 6 for one in plan.account(Tally(10, 10, 6, 60)).info["numbers"])
     assert not any("share" in one for one in plan.account(Tally(0, 7, 4, 7)).info["numbers"])

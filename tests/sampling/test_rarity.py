@@ -15,9 +15,10 @@ from scenegen.learn.refine import draw as base
 from scenegen.learn.refine import piece_generator
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import RequirementUnmet, measure
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import Budget
 
 SURE = 2.0  # error bars, of 95 % each: of a few dozen comparisons none should be further off
 

@@ -18,13 +18,13 @@ from scenegen.learn.robustness import Robustness
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.methods import make_plan as make_plan_covers
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection import trial as covers
 from scenegen.sampling.rejection.sampler import make_plan
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.search.effort import StoppedError, TooMuchError
+from scenegen.search.effort import Budget, StoppedError, TooMuchError
 from scenegen.search.prune import Part
 
 rejection = partial(run, method="rejection")
@@ -317,7 +317,7 @@ def test_pieces_are_larger_where_there_are_many_of_little_use(kept, parts):
     sizes = []
     for n in (1, 100, 10**5, 10**6, 10**8):
         problem = make_problem(spec, SampleRequest({"task": Range(0.0)}, n=n))
-        need = sampler.SPARE * n / kept
+        need = sampler.SPARE_SCENES * n / kept
         size = sampler._size(problem, need, parts)
         full = problem.piece_size
         if size > full:
@@ -368,7 +368,7 @@ def pools(monkeypatch):
 
     monkeypatch.setattr(covers, "Pool", Noted)
     monkeypatch.setattr(covers, "cores", lambda: 2)
-    monkeypatch.setattr(covers, "WORTH", 1.0)
+    monkeypatch.setattr(covers, "PROCESS_WORK", 1.0)
     return sizes
 
 
@@ -465,7 +465,7 @@ def test_time_that_is_up_reaches_this_process(pools, monkeypatch):
 
 
 def test_little_work_starts_few_processes(pools, monkeypatch):
-    monkeypatch.setattr(covers, "WORTH", 1e15)
+    monkeypatch.setattr(covers, "PROCESS_WORK", 1e15)
     monkeypatch.setattr(covers, "cores", lambda: 6)
     problem = posed(None)
     next(covers.own_covers(problem, sorted(problem.possible), BUDGET, lambda: 1e18))

@@ -18,15 +18,24 @@ from scipy import stats
 import scenegen
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
-from scenegen.sampling.choice import CELLS
+from scenegen.sampling.cells import Cells, cut
+from scenegen.sampling.choice import CELL_COVERS_WORK
 from scenegen.sampling.engine.run import draw as run
-from scenegen.sampling.problem import Budget, Cells, cut, hold_fixed, make_problem
+from scenegen.sampling.problem import hold_fixed, make_problem
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection import trial as covers
-from scenegen.sampling.rejection.trial import MOST, make_trial
-from scenegen.sampling.report import probability, ratio, student
-from scenegen.sampling.request import BAND, FixedPose, Range, SampleRequest, parse_fix, parse_phi, within_reach
-from scenegen.search.effort import TooMuchError
+from scenegen.sampling.rejection.trial import TRIAL_WORK, make_trial
+from scenegen.sampling.report import probability_info, ratio, student_quantile
+from scenegen.sampling.request import (
+    BAND_HALF_WIDTH,
+    FixedPose,
+    Range,
+    SampleRequest,
+    parse_fix,
+    parse_phi,
+    within_reach,
+)
+from scenegen.search.effort import Budget, TooMuchError
 
 from ..fuzz.tables import table
 from ..laws import examples
@@ -124,10 +133,10 @@ def test_a_bound_that_is_only_touched_gets_a_warning_and_a_band():
     for wanted in (Range(0.0, 0.0), Range(0.0), Range(0.0, 0.5)):
         problem = make_problem(spec, SampleRequest({"task": wanted}, n=1))
         (warning,) = problem.warnings
-        assert problem.request.phi == {"task": Range(-2 * BAND, 0.0)}
+        assert problem.request.phi == {"task": Range(-2 * BAND_HALF_WIDTH, 0.0)}
         assert warning.severity == "warning" and "sampling -0.025:0 instead" in warning.title
     lowest = make_problem(check_text("farFrom(mug, plate, 0)"), SampleRequest({"task": Range(None, 0.0)}, n=1)).request
-    assert lowest.phi == {"task": Range(0.0, 2 * BAND)}
+    assert lowest.phi == {"task": Range(0.0, 2 * BAND_HALF_WIDTH)}
 
 
 @pytest.mark.parametrize("wanted", [Range(1.0001, 2.0), Range(1.5), Range(None, -1.0001), Range(-3.0, -2.0)])
@@ -341,8 +350,8 @@ def test_covers_that_all_take_too_much_are_given_up_early(efforts):
     problem = posed(case.text, {name: Range(*ends) for name, ends in case.ranges.items()})
     trial = make_trial(problem, Budget(600.0))
     with pytest.raises(TooMuchError):
-        sampler.make_plan(problem, Budget(600.0), trial, MOST, CELLS)
-    assert 0.2 * CELLS <= sum(effort.used for effort in efforts) < 0.5 * CELLS
+        sampler.make_plan(problem, Budget(600.0), trial, TRIAL_WORK, CELL_COVERS_WORK)
+    assert 0.2 * CELL_COVERS_WORK <= sum(effort.used for effort in efforts) < 0.5 * CELL_COVERS_WORK
 
 
 @pytest.mark.long
@@ -426,19 +435,19 @@ def test_what_is_the_same_in_all_runs_is_certain():
 
 @pytest.mark.parametrize("degrees", [1, 2, 5, 15, 16, 31, 200])
 def test_students_quantiles(degrees):
-    assert student(degrees) == pytest.approx(stats.t.ppf(0.975, degrees), rel=2e-3)
+    assert student_quantile(degrees) == pytest.approx(stats.t.ppf(0.975, degrees), rel=2e-3)
 
 
 def test_estimates_whose_squares_are_too_small_for_a_float():
     """Two of 1e-200 and 3e-200: their squares are 0, and only their logarithms tell how far apart they are."""
     logs = np.log(np.array([1e-200, 3e-200]))
-    found = probability(2, 4e-200, 0.0, (float(logs.sum()), float((logs**2).sum())))
-    same = probability(
+    found = probability_info(2, 4e-200, 0.0, (float(logs.sum()), float((logs**2).sum())))
+    same = probability_info(
         2, 4e-100, 1e-199, tuple(map(float, (np.log([1e-100, 3e-100]).sum(), (np.log([1e-100, 3e-100]) ** 2).sum())))
     )
     assert found["log10_probability"] == pytest.approx(math.log10(2e-200))
     assert found["log10_error"] == pytest.approx(same["log10_error"], rel=1e-6)
-    assert probability(2, 4e-200, 0.0) == {"log10_probability": found["log10_probability"], "log10_error": None}
+    assert probability_info(2, 4e-200, 0.0) == {"log10_probability": found["log10_probability"], "log10_error": None}
 
 
 @pytest.mark.parametrize("count", [4, 8])
@@ -451,29 +460,29 @@ def test_the_interval_of_few_pieces_holds(count, sigma):
         mine = lognormal(rng, sigma, count)
         logs = np.log(mine)
         sums = count, float(mine.sum()), float((mine**2).sum())
-        found = probability(*sums, (float(logs.sum()), float((logs**2).sum())))
+        found = probability_info(*sums, (float(logs.sum()), float((logs**2).sum())))
         held += abs(found["log10_probability"]) <= found["log10_error"]
-        plain += abs(found["log10_probability"]) <= probability(*sums)["log10_error"]
+        plain += abs(found["log10_probability"]) <= probability_info(*sums)["log10_error"]
     assert held / TRIALS > 0.89
     assert sigma < 1.5 or plain / TRIALS < 0.86
 
 
 def test_a_mean_whose_square_is_no_number():
     """The logarithms tell how sure it is; without them nothing does."""
-    sure = probability(4, 4e-200, 0.0, (4 * -460.0, 4 * 460.0**2 + 0.3))
+    sure = probability_info(4, 4e-200, 0.0, (4 * -460.0, 4 * 460.0**2 + 0.3))
     assert sure["log10_probability"] == -200.0 and 0.1 < sure["log10_error"] < 0.5
-    assert probability(4, 4e-200, 0.0) == {"log10_probability": -200.0, "log10_error": None}
+    assert probability_info(4, 4e-200, 0.0) == {"log10_probability": -200.0, "log10_error": None}
 
 
 @pytest.mark.parametrize("text, low, high", [("40%:60%", 0.4, 0.6), (" 40 % : ", 0.4, None), (":0.6", None, 0.6)])
 def test_rates_in_percent(text, low, high):
-    assert SampleRequest.typed({"success": text}, ["task"]).success == Range(low, high)
+    assert SampleRequest.parse({"success": text}, ["task"]).success == Range(low, high)
 
 
 @pytest.mark.parametrize("text", ["40cm:60cm", "0.4rad:", "%:", "40%%:", "50%:40%", "40%:160%"])
 def test_what_is_no_rate(text):
     with pytest.raises(RequestError) as caught:
-        SampleRequest.typed({"success": text}, ["task"])
+        SampleRequest.parse({"success": text}, ["task"])
     assert len(caught.value.diagnostics) == 1
     with pytest.raises(RequestError):
         parse_phi(["40%:60%"], ["task"])

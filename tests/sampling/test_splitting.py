@@ -13,8 +13,8 @@ from scipy import stats
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw as run
-from scenegen.sampling.problem import Budget, make_problem
-from scenegen.sampling.report import probability
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.report import probability_info
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import Chains, Statistics, _systematic, correlation, design_effect
@@ -31,6 +31,7 @@ from scenegen.sampling.splitting.moves import (
     moves_for,
 )
 from scenegen.sampling.splitting.sampler import SplittingStalled, make_schedule, run_piece
+from scenegen.search.effort import Budget
 
 rejection = partial(run, method="rejection")
 splitting = partial(run, method="splitting")
@@ -222,7 +223,7 @@ def test_pieces_are_unbiased_about_the_probability():
 
 def test_the_error_bar_is_students():
     def of(*estimates):
-        return probability(len(estimates), sum(estimates), sum(one**2 for one in estimates))
+        return probability_info(len(estimates), sum(estimates), sum(one**2 for one in estimates))
 
     bar = of(1e-6, 2e-6, 3e-6, 2e-6)
     assert bar["log10_probability"] == round(math.log10(2e-6), 5)

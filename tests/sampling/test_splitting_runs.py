@@ -11,9 +11,10 @@ from scenegen.api.spec import Spec, parse
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw as run
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.sampler import SplittingStalled, _SceneDescent, make_schedule, run_piece
+from scenegen.search.effort import Budget
 
 splitting = partial(run, method="splitting")
 

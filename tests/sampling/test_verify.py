@@ -26,11 +26,12 @@ from scenegen.lang.formula.interpret import evaluate
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.engine.run import draw as run
-from scenegen.sampling.plan import CHUNK, verify
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.plan import verify
+from scenegen.sampling.problem import SCENES_IN_CACHE, make_problem
 from scenegen.sampling.report import shortfall, too_early
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.formats.scenes_json import dump
+from scenegen.search.effort import Budget
 
 from .doubles import DOUBLES
 from .plain import CASES, fits, setting_probability, truth, uniform
@@ -41,11 +42,13 @@ from .verdict import judge, uniform_p
 def made(exp1):
     core = dataclasses.replace(exp1.core, labels={"task": exp1.core.labels["task"]})
     spec = dataclasses.replace(exp1, core=dataclasses.replace(core, requirement=exp1.core.labels["safe"]))
-    problem = make_problem(spec, SampleRequest({"task": Range(0.1, 0.2)}, n=CHUNK + 100, fix={"plate": (0.6, 0.3)}))
+    problem = make_problem(
+        spec, SampleRequest({"task": Range(0.1, 0.2)}, n=SCENES_IN_CACHE + 100, fix={"plate": (0.6, 0.3)})
+    )
     return problem, draw(problem)
 
 
-LAST = CHUNK + 7  # a scene of the second chunk
+LAST = SCENES_IN_CACHE + 7  # a scene of the second chunk
 
 
 def off(row, value):

@@ -24,7 +24,7 @@ from scenegen.search import label_bounds, node_bounds, spec_bounds
 from scenegen.search.contract import alternatives, contract, contract_box, forward, push_down, start
 from scenegen.search.effort import Effort, TooMuchError
 from scenegen.search.prune import prune
-from scenegen.search.tape import FEWEST, make_batches, make_tape
+from scenegen.search.tape import BATCHED_NODES, make_batches, make_tape
 
 from ..laws import examples
 
@@ -172,7 +172,7 @@ def test_a_cover_holds_every_scene_of_the_range_once(text):
         assert (inside(part.proposal, tape, rows[:, owned]) == 1).all()
     assert (owners == 1).all()
     # and the probability that follows from volume and acceptance is the share of plain hits
-    share = math.exp(cover.log_share) * cover.expected
+    share = math.exp(cover.log_share) * cover.acceptance
     assert share == pytest.approx(len(hits) / 400_000, rel=0.25)
 
 
@@ -193,7 +193,7 @@ def test_grids_that_are_kept_change_neither_covers_nor_counts(text, monkeypatch)
         return pickle.dumps(cover), effort.used, len(made)
 
     kept = [covered(), *(covered(most) for most in (1e6, 3e6, 1e7))]
-    monkeypatch.setattr(grids, "KEPT", 0)
+    monkeypatch.setattr(grids, "MAX_CACHED_GRIDS", 0)
     plain = [covered(), *(covered(most) for most in (1e6, 3e6, 1e7))]
     assert [one[:2] for one in kept] == [one[:2] for one in plain]
     assert kept[0][2] <= plain[0][2]
@@ -235,7 +235,7 @@ def test_a_box_is_contracted_once(monkeypatch):
         for rounds in (1, 2):
             contract_box(tape, *box, demand, less, rounds)
             assert len(calls) == 3 + 2 * number + rounds - 1
-    assert len(tape.contracted) == contraction.KEPT
+    assert len(tape.contracted) == contraction.MAX_CACHED_BOXES
 
 
 # every primitive over footprints, with pairs that share objects
@@ -339,13 +339,13 @@ def test_small_tapes_are_walked_node_by_node():
     """So that the plans of small specs stay what they were, bit for bit."""
     spec = check_text(CLUTTER.format(8))
     tape = make_tape(spec.core, *spec.box())
-    assert len(tape.nodes) < FEWEST and alone(tape.batches)
+    assert len(tape.nodes) < BATCHED_NODES and alone(tape.batches)
 
 
 def test_chains_of_nodes_are_walked_one_by_one():
     """Nodes that hang from one another cannot be taken together."""
     deep = check_text("task: " + "abs(" * 600 + "x(a)" + " - 0.1)" * 600 + " <= 0.5")
-    assert len(deep.core.nodes) > FEWEST and alone(make_batches(deep.core.nodes))
+    assert len(deep.core.nodes) > BATCHED_NODES and alone(make_batches(deep.core.nodes))
 
 
 EVERYWHERE = Workspace((-0.2, 1.2), (-0.2, 1.2))

@@ -18,10 +18,10 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.pose import TWO_PI, row_of
 from scenegen.search.effort import Effort, TooMuchError
-from scenegen.search.grid import BINS, DifferenceBound, empty, make_alias, make_chain
+from scenegen.search.grid import PATH_BINS, DifferenceBound, empty, make_alias, make_chain
 from scenegen.search.proposal import make_order
 from scenegen.search.prune import prune
-from scenegen.search.surfaces import SLICES, stands_of, step_for
+from scenegen.search.surfaces import HEADING_SLICES, stands_of, step_for
 
 from ..laws import examples
 
@@ -152,7 +152,7 @@ def test_chains(name, same):
     for edge in edges:
         gap = drawn[edge.child] - drawn[edge.parent]
         kept &= (gap >= edge.low) & (gap <= edge.high)
-        assert gap.min() >= edge.low - 3 / BINS and gap.max() <= edge.high + 3 / BINS
+        assert gap.min() >= edge.low - 3 / PATH_BINS and gap.max() <= edge.high + 3 / PATH_BINS
     acceptance = kept.mean()
     assert acceptance > 0.85
     volume = chain.volume / box(intervals) * acceptance
@@ -250,11 +250,11 @@ def test_the_slices_hold_every_place_where_a_fork_fits():
     fits = np.flatnonzero(room >= 0.0)
     assert len(fits) > 1000
     mine = step.number == step.frames.index(row_of(0, 0))
-    number = np.round(step.heading[mine] / (TWO_PI / SLICES)).astype(int)
+    number = np.round(step.heading[mine] / (TWO_PI / HEADING_SLICES)).astype(int)
     where = {int(one): place for place, one in enumerate(number)}
     middle, half = step.middle[:, mine], step.half[:, mine]
     for place in fits:
-        at = where[int(theta[place] / (TWO_PI / SLICES))]  # a slice that is left out would be a KeyError
+        at = where[int(theta[place] / (TWO_PI / HEADING_SLICES))]  # a slice that is left out would be a KeyError
         assert abs(u[place] - middle[0, at]) <= half[0, at] + 1e-12
         assert abs(v[place] - middle[1, at]) <= half[1, at] + 1e-12
     inside = step.half[0][mine] * step.half[1][mine]

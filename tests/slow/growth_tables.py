@@ -7,8 +7,9 @@ from scipy import stats
 
 from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import Budget
 
 from ..sampling.plain import shipped, square_line
 

@@ -18,8 +18,9 @@ from scenegen.sampling.growth import sampler
 from scenegen.sampling.growth.moves import MoveSettings
 from scenegen.sampling.growth.population import grow, spread_over
 from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import Budget
 
 from ..sampling.plain import shipped, sorting
 from ..sampling.verdict import judge, row

@@ -9,12 +9,12 @@ import torch
 import scenegen
 from scenegen.learn.refine import draw, piece_generator
 from scenegen.resources import shipped_specs
-from scenegen.sampling.problem import PIECE
+from scenegen.sampling.problem import PIECE_SCENES
 from scenegen.scenes.coverage import coverage
 
 pytestmark = pytest.mark.slow
 
-DRAWS = 1000 * PIECE
+DRAWS = 1000 * PIECE_SCENES
 
 
 # spec, P(phi >= 0), P(|phi - 0.03| < 0.0125), both from long runs of other code (the project's reference figures)
@@ -26,8 +26,8 @@ def test_rates_of_experiment_2(name, satisfied, band):
     spec = scenegen.load(shipped_specs()[name])
     phi = spec.robustness()
     hits = near = 0
-    for piece in range(DRAWS // PIECE):
-        rows = draw(*spec.box(), PIECE, piece_generator(5, piece))
+    for piece in range(DRAWS // PIECE_SCENES):
+        rows = draw(*spec.box(), PIECE_SCENES, piece_generator(5, piece))
         values = phi.rows(rows, check=False)[0]
         hits += int((values >= 0).sum())
         near += int(((values - 0.03).abs() < 0.0125).sum())
@@ -39,8 +39,8 @@ def test_rates_of_experiment_2(name, satisfied, band):
 def test_rates_of_experiment_3():
     """P(phi >= 0) is 4 / N! but for scenes sorted in two directions at once."""
     spec = scenegen.load(shipped_specs()["sort_5"])
-    draws = 40 * PIECE
-    rows = torch.cat([draw(*spec.box(), PIECE, piece_generator(6, piece)) for piece in range(40)], dim=1)
+    draws = 40 * PIECE_SCENES
+    rows = torch.cat([draw(*spec.box(), PIECE_SCENES, piece_generator(6, piece)) for piece in range(40)], dim=1)
     share = float((spec.robustness().rows(rows) >= 0).double().mean())
     # four orderings, two along x and two along y, of probability 1/120 each; x and y are independent
     expected = 1 - (1 - 2 / 120) ** 2

@@ -37,7 +37,7 @@ from scenegen.lang.syntax import ast as traversal
 from scenegen.lang.syntax.parse import parse as read
 from scenegen.lang.syntax.printer import print_statement
 from scenegen.pose import SIZE
-from scenegen.search.prune import find
+from scenegen.search.prune import find_witness
 
 DIALECTS: Mapping[str, Callable[[Grammar], str]] = {"lark": lark, "gbnf": gbnf, "json": json}
 GRAMMAR_SHAPES = ("goals", "formulas")
@@ -335,7 +335,7 @@ def valid_scenes(spec: CheckedSpec) -> Array | None:
             return np.concatenate(kept, axis=1)[:, :GRAMMAR_SCENES]
     found = np.concatenate(kept, axis=1)
     if not found.shape[1]:
-        witness = find(core, lowest, highest, {core.labels[REQUIRE]: (0.0, np.inf)}).witness
+        witness = find_witness(core, lowest, highest, {core.labels[REQUIRE]: (0.0, np.inf)}).witness
         if witness is None:
             return None
         found = witness[:, None]

@@ -237,7 +237,7 @@ def categories(lowering: Lowering, project: Project, counts: Mapping[str, int]) 
         made = category_of(thing, len(scope.arrays.get(name, (0,))), project, outlined)
         if made is not None:
             found[name] = made
-    return found, variants(scope, found, counts)
+    return found, variants(scope, found, counts) if found else Variants()
 
 
 def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project) -> Shape:

@@ -19,10 +19,10 @@ from scenegen.learn.evaluation.fidelity import Fidelity, fidelity, ks_distance
 from scenegen.learn.faults import faults
 from scenegen.learn.models.card import QualityData, RangeData
 from scenegen.learn.models.checkpoint import save_model
-from scenegen.sampling.problem import GRACE, Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest, parse_phi
 from scenegen.scenes.files import check_writable, write_whole
-from scenegen.search.effort import StoppedError
+from scenegen.search.effort import GRACE_SECONDS, Budget, StoppedError
 
 if TYPE_CHECKING:
     from scenegen.learn.model import Model
@@ -120,7 +120,7 @@ class CpuBudget(Budget):
 
     @property
     def overdrawn(self) -> bool:
-        return self.spent if self.firm else time.monotonic() >= self.ends + GRACE
+        return self.spent if self.firm else time.monotonic() >= self.ends + GRACE_SECONDS
 
     def some(self, seconds: float) -> CpuBudget:
         """A part of what is left."""

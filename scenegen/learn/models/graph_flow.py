@@ -38,7 +38,7 @@ from scenegen.learn.models.graph import (
 )
 from scenegen.learn.robustness.deciding import deciding
 from scenegen.pose import SIZE
-from scenegen.search.effort import NEVER, Stop, asking
+from scenegen.search.effort import NEVER, Stop, effort_until_stopped
 
 SCALES = (0.005, 0.02, 0.1, 0.5)  # metres or radians: at which margins are seen
 VIEW = 4  # coordinates of an object: x, y, cosine and sine of its heading
@@ -405,7 +405,7 @@ class GraphFlow(SceneModel):
         self.networks = Networks(hyper)
 
     def bind(self, spec: CheckedSpec, stop: Stop = NEVER) -> None:
-        self.frames = frames_of(spec, asking(stop))
+        self.frames = frames_of(spec, effort_until_stopped(stop))
         self.graph = graph_of(self.frames, self.primitives, stop)
         self.codec = Codec(spec.workspace, len(spec.objects))
 

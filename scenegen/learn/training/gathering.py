@@ -24,8 +24,8 @@ from scenegen.errors.learning import DAMAGED_MODEL, NO_TIME_TO_TRAIN
 from scenegen.learn.models.checkpoint import pack, read_card, unpack
 from scenegen.learn.training.config import SECONDS
 from scenegen.processes.process import StopSignal
-from scenegen.sampling.problem import Budget
 from scenegen.scenes.files import write_whole
+from scenegen.search.effort import Budget
 
 FORMAT, WHAT = "scenegen/gathered", "a file of training scenes"
 AT_LEAST = 0.5  # of SECONDS that a batch may take

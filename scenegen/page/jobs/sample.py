@@ -28,7 +28,7 @@ from scenegen.needs import need
 from scenegen.page.jobs.evaluate import scene_set, scenes_json
 from scenegen.page.jobs.source import SLIGHTLY, give_way, run_calmly, spec_of
 from scenegen.page.limits import MAX_PLAYED, most_scenes
-from scenegen.sampling.request import USUAL, Range, SampleRequest
+from scenegen.sampling.request import DEFAULT_SCENES, Range, SampleRequest
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.formats.registry import FORMATS, MOTION_FORMATS
 
@@ -179,7 +179,7 @@ def request_of(message: Mapping[str, Any], spec: Spec) -> SampleRequest:
     wanted = message.get("request") or {}
     patience = SAMPLE_SECONDS if spec.over_time is None else MOTION_SECONDS
     try:
-        n, seed = int(wanted.get("n", USUAL)), int(wanted.get("seed", 0))
+        n, seed = int(wanted.get("n", DEFAULT_SCENES)), int(wanted.get("seed", 0))
         seconds = min(float(message.get("timeout") or patience), MAX_SAMPLE_SECONDS)
         phi = {str(name): Range(_end(ends[0]), _end(ends[1])) for name, ends in dict(wanted.get("phi") or {}).items()}
         fix = {str(name): tuple(float(one) for one in pose) for name, pose in dict(wanted.get("fix") or {}).items()}

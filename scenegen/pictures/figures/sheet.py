@@ -10,6 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.looks.paper import INK, PAPER, QUIET, WARM
 from scenegen.looks.stage import overlaps_of
+from scenegen.sampling.request import Ends
 from scenegen.scenes.blocks import element
 from scenegen.scenes.data import CountData, SceneData, SceneFile
 
@@ -24,7 +25,7 @@ Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 Item = tuple[str, tuple[int, int, int]]
 
 
-def describe_ranges(phi: dict[str, tuple[float | None, float | None]]) -> str:
+def describe_ranges(phi: dict[str, Ends]) -> str:
     """The target ranges in words: `task 0.05..0.2, safe >= 0`."""
     words = []
     for label, (low, high) in phi.items():

@@ -39,7 +39,7 @@ from scenegen.play.tasks import ID, PhiBox
 from scenegen.pose import LENGTHS, NAMES, PLACE, THETA, TWO_PI, along, axis_of, owner, row_of
 from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
 from scenegen.sampling.motions.problem import MotionProblem
-from scenegen.sampling.motions.scores import TraceScores, make_problem
+from scenegen.sampling.motions.scores import TraceScores, make_motion_problem
 from scenegen.sampling.request import SampleRequest
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -353,7 +353,7 @@ def make_motion_rules(scenes: Spec, goal: tuple[str, ...], moves: str, share: fl
     assert timed is not None
     with as_gymnasium():
         refuse_choices(scenes, "a motion")
-        problem = make_problem(scenes.declared, SampleRequest({}, 1))
+        problem = make_motion_problem(scenes.declared, SampleRequest({}, 1))
     made = MotionMoves(problem, moves, share)
     views = make_views(scenes.declared)
     over_time = [k for k, node in enumerate(timed.nodes) if not isinstance(node, Signal)]

@@ -32,7 +32,7 @@ from scenegen.lang.spec import CheckedSpec, rows_among
 from scenegen.play.environments.goal import Goal, as_gymnasium, refused
 from scenegen.play.tasks import PhiBox
 from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_count, row_of
-from scenegen.sampling.request import BAND, Range
+from scenegen.sampling.request import BAND_HALF_WIDTH, Range
 from scenegen.scenes.arrange import check_scenes
 from scenegen.scenes.data import Pose, RestingPose, SceneData
 from scenegen.validation import as_list
@@ -144,7 +144,7 @@ def _ends(name: str, ends: object, points: bool) -> tuple[float, float]:
     if low == high and math.isinf(low):
         raise refused(RANGE_NOT_A_PAIR(end=f"{low:g} at both sides", label=name), error.InvalidBound)
     if low == high and not points:
-        band = f"{low - BAND:g}:{low + BAND:g}"
+        band = f"{low - BAND_HALF_WIDTH:g}:{low + BAND_HALF_WIDTH:g}"
         raise refused(SINGLE_VALUE(label=name, value=low, band=band), error.InvalidBound)
     return low, high
 

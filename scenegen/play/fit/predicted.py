@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,51 +10,26 @@ from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.play.fit.fit import Fit, TaskFit
-from scenegen.sampling.plan import AGREE, Account, Piece, Plan, Selection, Tally, digest
+from scenegen.sampling.plan import PHI_TOLERANCE, Account, Piece, Plan, Selection, Tally, digest
 from scenegen.sampling.request import Range
+from scenegen.search.effort import Budget
 
-TRIES = 4  # pieces that are looked at, as long as none has a scene in the range
 OWN_FACTS = 3  # of a piece: scenes looked at, scenes kept, and the sum of the predictions; then the plan's own
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted(Selection):
-    """The scenes of `plan` whose success, by the fit of `policy` in a task, is predicted from `low` to `high`. `found`
-    are the cells that have such scenes among the first: where success goes by phi, others have none."""
+    """The scenes of `plan` whose success, by the fit of `policy` in a task, is predicted from `low` to `high`."""
 
     fit: TaskFit
     policy: str
     low: float
     high: float
-    found: tuple[int, ...] | None = None
-
-    @staticmethod
-    def of(plan: Plan) -> Predicted:
-        """As `success` and `under` of the plan's request want it. Raises DataError for a file that is no fit, and
-        RequestError for a fit of other tasks, and where it never predicts such a rate."""
-        problem, ends = plan.problem, plan.problem.request.success
-        assert problem.request.under is not None and isinstance(ends, Range)
-        fit = Fit.load(problem.request.under)
-        task = fit.task_of(problem.spec)
-        low, high = 0.0 if ends.low is None else ends.low, 1.0 if ends.high is None else ends.high
-        least, most = task.model.bounds
-        if low > most or high < least:
-            wanted = f"a range of what the fit predicts in {task.name}: from {least:.3g} to {most:.3g}"
-            raise RequestError(OUT_OF_RANGE(argument="success", value=str(ends), wanted=wanted))
-        made = Predicted(problem, plan, task, fit.run.policy, low, high, why=plan.why)
-        if len(plan.reached) == 1:
-            return made
-        cells = (set(made.draw(k).cell.tolist()) & {*plan.reached} for k in range(TRIES))
-        return replace(made, found=tuple(sorted(next(filter(None, cells), plan.reached))))
 
     @property
     def plan_digest(self) -> str:
         facts = self.fit.model_dump_json(), self.low, self.high, self.found
         return digest("predicted", *facts, self.plan.plan_digest)
-
-    @property
-    def reached(self) -> Sequence[int]:
-        return self.plan.reached if self.found is None else self.found
 
     @property
     def shared_by(self) -> int:
@@ -88,5 +62,20 @@ class Predicted(Selection):
     def check(self, rows: Array, phi: Array) -> None:
         self.plan.check(rows, phi)
         rate = self.fit.predicted(self.problem.spec, rows)
-        if not ((rate >= self.low - AGREE) & (rate <= self.high + AGREE)).all():
+        if not ((rate >= self.low - PHI_TOLERANCE) & (rate <= self.high + PHI_TOLERANCE)).all():
             raise AssertionError("a sampler returned a scene whose predicted success is out of the range")
+
+
+def select(plan: Plan, budget: Budget) -> Predicted:
+    """As `success` and `under` of the plan's request want it. Raises DataError for a file that is no fit, and
+    RequestError for a fit of other tasks, and where it never predicts such a rate."""
+    problem, ends = plan.problem, plan.problem.request.success
+    assert problem.request.under is not None and isinstance(ends, Range)
+    fit = Fit.load(problem.request.under)
+    task = fit.task_of(problem.spec)
+    low, high = 0.0 if ends.low is None else ends.low, 1.0 if ends.high is None else ends.high
+    least, most = task.model.bounds
+    if low > most or high < least:
+        wanted = f"a range of what the fit predicts in {task.name}: from {least:.3g} to {most:.3g}"
+        raise RequestError(OUT_OF_RANGE(argument="success", value=str(ends), wanted=wanted))
+    return Predicted(problem, plan, task, fit.run.policy, low, high, why=plan.why).probe()

@@ -37,15 +37,15 @@ from scenegen.errors.requests import (
 from scenegen.lang.checker import check_file
 from scenegen.play.suites.statistics import Z
 from scenegen.play.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
-from scenegen.sampling.engine.engines import JobResult, each
-from scenegen.sampling.problem import Budget
+from scenegen.sampling.engine.engines import JobResult, run_each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
+from scenegen.sampling.streams import SUITES_STREAM
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.files import refuse_existing, whole_files
 from scenegen.scenes.formats.scenes_json import write
+from scenegen.search.effort import Budget
 from scenegen.validation import as_int, as_path, as_seconds
 
-STREAM = 17  # the stream of random numbers of suites
 GOAL, START = "goal", "start"  # labels that are taken where none is named
 DIGITS = 5  # of ends of bands and of probabilities
 MOST = 64  # bands
@@ -118,7 +118,7 @@ def new_suite(
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
-        for done, (plan, ended) in enumerate(zip(plans, each(job, jobs, "local", workers), strict=True), 1):
+        for done, (plan, ended) in enumerate(zip(plans, run_each(job, jobs, "local", workers), strict=True), 1):
             told(ended, done, len(plans))
             if ended.errors:
                 raise RequestError(*ended.errors)
@@ -193,7 +193,7 @@ class _MakeTask:
             if not share > 0.0:
                 wanted = "in {:g}:{:g}, where starts are".format(*curve.ends)
                 raise RequestError(OUT_OF_RANGE(argument="bands", value=f"{name}={low:g}:{high:g}", wanted=wanted))
-            rng = np.random.default_rng([self.seed, STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
+            rng = np.random.default_rng([self.seed, SUITES_STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
             request = SampleRequest(
                 {plan.success: Range(low, high)}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
                 timeout=self.budget.seconds_left, workers=1,

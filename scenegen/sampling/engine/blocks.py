@@ -33,12 +33,9 @@ from scenegen.arrays import Array
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.plan import Piece, Plan, Tally
 from scenegen.sampling.request import Progress
+from scenegen.sampling.streams import BLOCK_ORDER_STREAM
 from scenegen.scenes.blocks import BLOCK, Block, joined
 from scenegen.search.effort import StoppedError
-
-# --------------------------------------------------------------------------------------------------------------------
-# The job of whatever draws pieces: a piece without what the request does not want.
-
 
 Cells = npt.NDArray[np.integer[Any]]
 
@@ -64,7 +61,6 @@ class Drawing:
 Cell = npt.NDArray[np.intp]
 
 GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples are evenly spaced modulo 1, for any number of them
-ORDER = 4  # the stream of random numbers for orders; sampling/problem.py names the others
 
 
 class BlockAssembler:
@@ -79,7 +75,7 @@ class BlockAssembler:
         size: int = BLOCK,
         groups: Sequence[Sequence[int]] | None = None,
     ) -> None:
-        shift = np.random.default_rng(np.random.SeedSequence([seed, ORDER])).random()
+        shift = np.random.default_rng(np.random.SeedSequence([seed, BLOCK_ORDER_STREAM])).random()
         cells = np.array(sorted(reached), dtype=np.intp)
         groups = [reached] if groups is None else groups
         if not len(cells):
@@ -111,7 +107,7 @@ class BlockAssembler:
         return int(self._count.sum())
 
     @property
-    def found(self) -> int:
+    def count(self) -> int:
         """The number of scenes if the run ended now."""
         return self.done + self.waiting
 
@@ -134,7 +130,7 @@ class BlockAssembler:
         for start in range(0, block.count, self._size):
             part = slice(start, start + self._size)
             self._keep(block.part(start, start + self._size), index[part], known[part])
-            yield from self._finished()
+            yield from self._finish_blocks()
 
     def rest(self) -> Block | None:
         """The scenes of unfinished blocks, in random order: for a run that has to end early."""
@@ -185,7 +181,7 @@ class BlockAssembler:
             self._waiting.append((block.take(kept), index[kept]))
             self._count += np.bincount(index[kept], minlength=len(self._cells))
 
-    def _finished(self) -> Iterator[Block]:
+    def _finish_blocks(self) -> Iterator[Block]:
         while not self.complete:
             shares = self._shares(self.done, min(self.done + self._size, self._wanted))
             if (self._count < shares).any():
@@ -208,7 +204,7 @@ class BlockAssembler:
         if len(self._cells) == 1:
             self.done += len(which)
             return block
-        seed = np.random.SeedSequence([self._seed, ORDER, self.done])
+        seed = np.random.SeedSequence([self._seed, BLOCK_ORDER_STREAM, self.done])
         order = which[np.random.default_rng(seed).permutation(len(which))]
         self.done += len(order)
         return block.take(order)
@@ -244,10 +240,6 @@ def _rank(index: Cell, count: int) -> Cell:
     return rank
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# A run: the pieces of a plan, one after the other.
-
-
 @dataclass(slots=True)
 class RunProgress:
     """The progress of a run. `used` pieces have given the sums `facts`; the last `idle` of them gave no new scene.
@@ -267,7 +259,7 @@ class RunProgress:
 
     def follow(self, pieces: Iterator[Any], spent: Callable[[], bool], progress: Progress | None) -> Iterator[Any]:
         """The pieces, one after the other, until the run ends or its time is `spent`; `take` gets each."""
-        while not self.over:
+        while not self.is_over:
             try:
                 piece = next(pieces)
             except StoppedError as stopped:  # time was up in the midst of the piece
@@ -275,12 +267,12 @@ class RunProgress:
                 return
             yield piece
             if progress is not None:
-                progress(self.assembler.found, self.plan.wanted, self.assembler.candidates)
+                progress(self.assembler.count, self.plan.wanted, self.assembler.candidates)
             if spent():
                 return
 
     @property
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         """Whether the run has come to its end by itself."""
         if self.assembler.complete:
             return self.used >= self.plan.fewest
@@ -289,12 +281,12 @@ class RunProgress:
 
     def take(self, piece: Piece) -> Generator[Block, None, None]:
         """The blocks that one more piece completes."""
-        found, facts = self.assembler.found, piece.facts
+        found, facts = self.assembler.count, piece.facts
         yield from self.assembler.offer(piece, piece.cell)
         if len(facts) > len(self.facts):  # an empty piece may have fewer facts than others
             self.facts, facts = facts.copy(), self.facts
         self.facts[: len(facts)] += facts
-        self.idle = self.idle + 1 if self.assembler.found == found else 0
+        self.idle = self.idle + 1 if self.assembler.count == found else 0
         self.used += 1
 
     def tally(self) -> Tally:
@@ -302,7 +294,7 @@ class RunProgress:
         strays, facts = tuple(sorted(assembler.strays)), tuple(map(float, self.facts))
         return Tally(
             assembler.done,
-            assembler.found,
+            assembler.count,
             self.used,
             assembler.candidates,
             strays,
@@ -314,7 +306,7 @@ class RunProgress:
     def state(self) -> tuple[dict[str, object], Array]:
         """Everything that the request does not determine: JSON, and the scenes of unfinished blocks."""
         facts, waiting = self.assembler.state()
-        state = {"pieces": self.used, "idle": self.idle, "found": self.assembler.found}
+        state = {"pieces": self.used, "idle": self.idle, "found": self.assembler.count}
         return {**state, "facts": self.facts.tolist(), "assembler": facts}, waiting
 
     def restore(self, state: Mapping[str, Any], waiting: Array, coordinates: int) -> None:

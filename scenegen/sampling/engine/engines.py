@@ -78,10 +78,10 @@ class ShardWriter:
         return found
 
 
-def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
+def choose_scenes(which: Array, parts: Mapping[int, Block]) -> Block:
     """Scenes by the number of their part and their place in it, (2, m), as one block in that order."""
     part, place = which.astype(np.intp)
-    first, numbers = parts_of(which)
+    first, numbers = part_numbers(which)
     blocks = [parts[first + number] for number in numbers.tolist()]
     start = np.zeros(int(numbers.max(initial=0)) + 1, dtype=np.intp)
     start[numbers] = np.cumsum([0, *(block.count for block in blocks[:-1])])
@@ -89,7 +89,7 @@ def chosen(which: Array, parts: Mapping[int, Block]) -> Block:
     return Block(taken([block.rows for block in blocks], place), taken([block.phi for block in blocks], place))
 
 
-def parts_of(which: Array) -> tuple[int, Index]:
+def part_numbers(which: Array) -> tuple[int, Index]:
     """The numbers of the parts that scenes (2, m) are in: the least one, and all, counted from there, in order."""
     part = which[0].astype(np.intp)
     first = int(part.min(initial=0))
@@ -114,7 +114,7 @@ class Engine(ABC):
 
     @abstractmethod
     def choose(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
-        """Scenes of several parts as one: see `chosen`."""
+        """Scenes of several parts as one: see `choose_scenes`."""
 
     def pick(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
         """The same for `write` alone: they may stay where they are until then."""
@@ -138,7 +138,7 @@ class Engine(ABC):
         written."""
 
     @abstractmethod
-    def written(self, *, wait: bool) -> Iterator[Shard]:
+    def finished_shards(self, *, wait: bool) -> Iterator[Shard]:
         """The shards that are complete, in order, each once; with `wait`, all that were begun. Raises what writing the
         next one raises, each time."""
 
@@ -147,23 +147,22 @@ class Engine(ABC):
         """End all processes of this engine, whatever they do."""
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # This machine: pieces are drawn by worker processes, shards are packed in this process, by threads, block by block
 # while they fill; so little of the last one is left when the last scene is drawn.
 
 
-T = TypeVar("T")
+Packed = TypeVar("Packed")
 
-WAIT = 0.5  # seconds after which a thread that waits looks whether all is over
+POLL_SECONDS = 0.5  # seconds after which a thread that waits looks whether all is over
 
 
-class BlockPacker(Generic[T]):
+class BlockPacker(Generic[Packed]):
     """`work` gets the blocks in a thread, as they are added; one of them waits at most."""
 
-    def __init__(self, threads: ThreadPoolExecutor, work: Callable[[Iterator[Block]], T]) -> None:
+    def __init__(self, threads: ThreadPoolExecutor, work: Callable[[Iterator[Block]], Packed]) -> None:
         self._blocks: queue.Queue[Block | None] = queue.Queue(1)
         self._over = threading.Event()
-        self._result = threads.submit(lambda: work(self._added()))
+        self._result = threads.submit(lambda: work(self._blocks_added()))
 
     def add(self, block: Block) -> None:
         """One more block. Raises what the work has raised."""
@@ -178,15 +177,15 @@ class BlockPacker(Generic[T]):
         """Whether the work goes on: it has failed if it ends before its last block."""
         while not self._result.done():
             with contextlib.suppress(queue.Full):
-                self._blocks.put(block, timeout=WAIT)
+                self._blocks.put(block, timeout=POLL_SECONDS)
                 return True
         return False
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         return self._result.done()
 
-    def result(self) -> T:
+    def result(self) -> Packed:
         """What the work returns, once that is known. Raises what it raises."""
         return self._result.result()
 
@@ -195,10 +194,10 @@ class BlockPacker(Generic[T]):
         self._over.set()
         self._result.cancel()
 
-    def _added(self) -> Iterator[Block]:
+    def _blocks_added(self) -> Iterator[Block]:
         while True:
             try:
-                block = self._blocks.get(timeout=WAIT)
+                block = self._blocks.get(timeout=POLL_SECONDS)
             except queue.Empty:
                 if self._over.is_set():
                     raise CancelledError from None
@@ -208,7 +207,7 @@ class BlockPacker(Generic[T]):
             yield block
 
 
-WRITERS = 3  # shards that are packed and written at a time
+MAX_SHARD_WRITERS = 3  # shards that are packed and written at a time
 
 Written = tuple[Shard, list[str]]
 """A shard, and what its store said on the way, for the main thread to tell."""
@@ -219,7 +218,7 @@ class Local(Engine):
 
     def __init__(self, workers: int) -> None:
         self._workers = workers
-        self._threads = ThreadPoolExecutor(WRITERS) if workers > 1 else None
+        self._threads = ThreadPoolExecutor(MAX_SHARD_WRITERS) if workers > 1 else None
         self.threaded = workers > 1
         self._tell: Tell | None = None
         self._packing: BlockPacker[Written] | None = None  # the shard that is being filled
@@ -232,7 +231,7 @@ class Local(Engine):
                 yield piece, piece.cell, piece.facts
 
     def choose(self, which: Array, parts: Mapping[int, SceneHandle]) -> SceneHandle:
-        return chosen(which, parts)
+        return choose_scenes(which, parts)
 
     def fetch(self, scenes: SceneHandle) -> Block:
         assert isinstance(scenes, Block)
@@ -244,7 +243,7 @@ class Local(Engine):
     def pack(self, writing: ShardWriter, number: int, block: SceneHandle) -> SceneHandle:
         if self._threads is None:
             return block
-        self._packing = self._packing or BlockPacker(self._threads, functools.partial(_written, writing, number))
+        self._packing = self._packing or BlockPacker(self._threads, functools.partial(_write_shard, writing, number))
         self._packing.add(writing.ready(block))
         return None
 
@@ -258,10 +257,10 @@ class Local(Engine):
         self._packed.append((self._packing, pieces))
         self._packing = None
 
-    def written(self, *, wait: bool) -> Iterator[Shard]:
+    def finished_shards(self, *, wait: bool) -> Iterator[Shard]:
         while self._shards:
             yield self._shards.popleft()
-        while self._packed and (wait or self._packed[0][0].done):
+        while self._packed and (wait or self._packed[0][0].is_done):
             packing, pieces = self._packed[0]
             shard, said = packing.result()
             self._packed.popleft()
@@ -278,7 +277,7 @@ class Local(Engine):
             self._threads.shutdown(cancel_futures=True)
 
 
-def _written(writing: ShardWriter, number: int, blocks: Iterator[Block]) -> Written:
+def _write_shard(writing: ShardWriter, number: int, blocks: Iterator[Block]) -> Written:
     """Runs in a thread."""
     said: list[str] = []
     return replace(writing, store=writing.store.told_to(said.append)).write(number, 0, blocks), said
@@ -318,7 +317,6 @@ def open_engine(name: str, workers: int | None, plan: Plan, address: str | None 
     return Local(jobs(plan))  # the plan's request has the number of workers, if somebody gave one
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Many independent jobs, each with a name: a job that fails is reported and does not stop the others.
 #
 # The one mechanism for whatever is many jobs: trainings, files to draw or to settle, experiments, shards of a data
@@ -354,7 +352,7 @@ class Attempt:
             return JobResult(name, errors=tuple(error.diagnostics))
 
 
-def here(job: Callable[[Any], Any], items: Iterable[Named]) -> Generator[JobResult, None, None]:
+def run_here(job: Callable[[Any], Any], items: Iterable[Named]) -> Generator[JobResult, None, None]:
     """Every job in this process, one after the other: for jobs that use all processes themselves."""
     for name, item in items:
         try:
@@ -364,7 +362,7 @@ def here(job: Callable[[Any], Any], items: Iterable[Named]) -> Generator[JobResu
         yield ended
 
 
-def each(
+def run_each(
     job: Callable[[Any], Any],
     items: Sequence[Named],
     engine: str = "local",
@@ -388,7 +386,7 @@ def each(
                     place = index + 1
                     yield ended
         except ScenegenError as error:
-            which = _lost(error)
+            which = _lost_item(error)
             if which is None:
                 raise
             index = rest[which]
@@ -408,7 +406,7 @@ def _results(
     return map_each(engine, job, items, workers, address)
 
 
-def _lost(error: ScenegenError) -> int | None:
+def _lost_item(error: ScenegenError) -> int | None:
     """The number of the item at which processes died, None for another error."""
     first = error.diagnostics[0]
     which = first.facts.get("item")

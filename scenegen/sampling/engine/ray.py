@@ -2,8 +2,8 @@
 
 A task that is lost with its worker or its node is run again by Ray, and gives the same scenes. The driver sees the
 cells of candidates only; scenes pass through it when they wait for more than one shard, which keeps the history that
-Ray would have to repeat after a loss short. At most `AHEAD` tasks for each core and `SHARDS` shards are under way, so
-memory is flat.
+Ray would have to repeat after a loss short. At most `TASKS_PER_CORE` tasks for each core and `MAX_SHARD_TASKS` shards
+are under way, so memory is flat.
 """
 
 from __future__ import annotations
@@ -29,19 +29,20 @@ from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import CLUSTER_FAILED, CLUSTER_NOT_FOUND
 from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.processes.pool import one_thread
-from scenegen.processes.process import SAFE_PATH, VARIABLES, raise_gc_threshold
+from scenegen.processes.process import MALLOC_VARIABLES, SAFE_PATH, raise_gc_threshold
 from scenegen.sampling.engine.blocks import Cells, Drawing
-from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, chosen, parts_of
+from scenegen.sampling.engine.engines import DrawnPiece, Engine, SceneHandle, ShardWriter, choose_scenes, part_numbers
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.sets import Shard
 from scenegen.search.effort import StoppedError
 
-AHEAD = 3  # tasks for each core that draw pieces, or wait for their turn
-TASK, TOGETHER = 0.15, 8  # seconds that a task should take, and at most so many pieces: each task costs some ms
-SHARDS = 2  # shards that are written at a time
-SPARE = 1.5  # candidates for each scene up to which pieces stay whole until their scenes are written
+TASKS_PER_CORE = 3  # tasks for each core that draw pieces, or wait for their turn
+# seconds that a task should take, and at most so many pieces: each task costs some ms
+TASK_SECONDS, MAX_TASK_PIECES = 0.15, 8
+MAX_SHARD_TASKS = 2  # shards that are written at a time
+MAX_WHOLE_CANDIDATES = 1.5  # candidates for each scene up to which pieces stay whole until their scenes are written
 NICENESS = "RAY_worker_niceness"  # 15 where it is not set
-RETRIES = -1  # a task whose process or node dies is repeated, however often that happens; errors of a task are not
+MAX_RETRIES = -1  # a task whose process or node dies is repeated, however often that happens; errors of a task are not
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,7 @@ class _Stored:
 
 @dataclass(frozen=True, slots=True)
 class _Picked:
-    """Scenes that are still in their parts, `which` (2, m) of them as in `chosen`."""
+    """Scenes that are still in their parts, `which` (2, m) of them as in `choose_scenes`."""
 
     which: Array
     parts: Mapping[int, Any]
@@ -66,8 +67,8 @@ class Cluster(Engine):
         self._ray = ray
         self._leave = leave
         cores = max(1, int(ray.cluster_resources().get("CPU", 1)))
-        self._ahead = AHEAD * min(workers or cores, cores)
-        options = {"num_cpus": 1, "max_retries": RETRIES, "retry_exceptions": False}
+        self._ahead = TASKS_PER_CORE * min(workers or cores, cores)
+        options = {"num_cpus": 1, "max_retries": MAX_RETRIES, "retry_exceptions": False}
         self._draw = ray.remote(**options)(draw)
         self._choose = ray.remote(**options)(choose)
         self._write = ray.remote(**options)(write)
@@ -77,7 +78,7 @@ class Cluster(Engine):
         self._candidates = self._picked = 0  # of this run, so far
 
     def pieces(self, drawing: Drawing, first: int) -> Generator[DrawnPiece, None, None]:
-        job = self._sent(drawing)
+        job = self._send(drawing)
         waiting: deque[tuple[Any, Any]] = deque()
         k, together = first, 1
         try:
@@ -91,7 +92,7 @@ class Cluster(Engine):
                 if isinstance(found, StoppedError):
                     raise found
                 cell, facts, seconds = found
-                together = max(1, min(TOGETHER, round(TASK / max(seconds, 1e-3))))
+                together = max(1, min(MAX_TASK_PIECES, round(TASK_SECONDS / max(seconds, 1e-3))))
                 self._candidates += len(cell)
                 yield _Stored(scenes), cell, facts.copy()
         finally:
@@ -106,7 +107,7 @@ class Cluster(Engine):
         """The task that writes them chooses them, which saves storing them twice; unless few candidates become scenes:
         pieces would take much memory until then."""
         self._picked += which.shape[1]
-        if self._candidates > SPARE * self._picked:
+        if self._candidates > MAX_WHOLE_CANDIDATES * self._picked:
             return self.choose(which, parts)
         return _Picked(which, _parts(which, parts))
 
@@ -118,7 +119,7 @@ class Cluster(Engine):
         return _Stored(self._ray.put(scenes))
 
     def write(self, writing: ShardWriter, number: int, pieces: int, blocks: Sequence[SceneHandle]) -> None:
-        if len(self._writing) >= SHARDS:
+        if len(self._writing) >= MAX_SHARD_TASKS:
             self._ray.wait([self._writing[0]])
         if writing.store.tell is not None:  # listeners stay here
             self._tell = writing.store.tell
@@ -126,10 +127,10 @@ class Cluster(Engine):
         parts = dict(itertools.chain(*(block.parts.items() for block in blocks if isinstance(block, _Picked))))
         whole = [block.reference for block in blocks if isinstance(block, _Stored)]
         self._writing.append(
-            self._write.remote(self._sent(writing), number, pieces, picks, list(parts), *parts.values(), *whole)
+            self._write.remote(self._send(writing), number, pieces, picks, list(parts), *parts.values(), *whole)
         )
 
-    def written(self, *, wait: bool) -> Iterator[Shard]:
+    def finished_shards(self, *, wait: bool) -> Iterator[Shard]:
         while self._writing and (wait or self._ray.wait([self._writing[0]], timeout=0)[0]):
             shard, said = self._get(self._writing[0], "a shard")
             self._writing.popleft()
@@ -142,10 +143,10 @@ class Cluster(Engine):
         self._writing.clear()
         self._leave()
 
-    def _sent(self, job: object) -> Any:
+    def _send(self, job: object) -> Any:
         if id(job) not in self._jobs:
             sent = replace(job, store=job.store.told_to(None)) if isinstance(job, ShardWriter) else job
-            self._jobs[id(job)] = job, self._ray.put(packed(sent))
+            self._jobs[id(job)] = job, self._ray.put(pack_job(sent))
         return self._jobs[id(job)][1]
 
     def _get(self, reference: Any, what: str) -> Any:
@@ -154,7 +155,7 @@ class Cluster(Engine):
 
 def _parts(which: Array, parts: Mapping[int, SceneHandle]) -> dict[int, Any]:
     """References to the parts that these scenes are in, by number."""
-    first, numbers = parts_of(which)
+    first, numbers = part_numbers(which)
     return {number: parts[number].reference for number in (first + numbers).tolist()}
 
 
@@ -192,9 +193,9 @@ def map_each(
 ) -> Generator[Any, None, None]:
     """job(item) of every item, in their order; each is a task."""
     with joined_cluster(workers, address) as ray:
-        data = ray.put(packed(job))
-        task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(apply)
-        ahead = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+        data = ray.put(pack_job(job))
+        task = ray.remote(num_cpus=1, max_retries=MAX_RETRIES, retry_exceptions=False)(apply)
+        ahead = TASKS_PER_CORE * max(1, int(ray.cluster_resources().get("CPU", 1)))
         waiting: deque[Any] = deque()
         left = iter(items)
         while True:
@@ -241,7 +242,7 @@ def _for_children() -> Iterator[None]:
     started for one, and asks another process to prepare it. And workers are as nice as those of the local engine, and
     keep as much memory: by itself, Ray lets all other work on the machine go first."""
     path = os.pathsep.join(entry for entry in sys.path if entry)
-    usual = {NICENESS: "0", SAFE_PATH: "1", **VARIABLES}
+    usual = {NICENESS: "0", SAFE_PATH: "1", **MALLOC_VARIABLES}
     given = {"PYTHONPATH": path, **{name: os.environ.get(name, value) for name, value in usual.items()}}
     before = {name: os.environ.get(name) for name in given}
     os.environ.update(given)
@@ -255,10 +256,6 @@ def _for_children() -> Iterator[None]:
                 os.environ[name] = value
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Tasks, which run in the worker processes of the cluster.
-
-
 @dataclass(frozen=True, slots=True)
 class StoredJob:
     """A pickled job that many tasks share, as bytes in the object store; only its name tells it from others."""
@@ -267,7 +264,7 @@ class StoredJob:
     data: np.ndarray[Any, Any] = field(compare=False)
 
 
-def packed(job: object) -> StoredJob:
+def pack_job(job: object) -> StoredJob:
     return StoredJob(uuid.uuid4().hex, np.frombuffer(pickle.dumps(job, protocol=5), dtype=np.uint8))
 
 
@@ -301,7 +298,7 @@ def apply(sent: StoredJob, item: Any) -> Any:
 
 
 def choose(which: Array, numbers: list[int], *parts: Block) -> Block:
-    return chosen(which, dict(zip(numbers, parts, strict=True)))
+    return choose_scenes(which, dict(zip(numbers, parts, strict=True)))
 
 
 def write(
@@ -311,6 +308,6 @@ def write(
     stand where a pick is None."""
     said: list[str] = []
     parts, whole = dict(zip(numbers, scenes, strict=False)), iter(scenes[len(numbers) :])
-    blocks = [next(whole) if which is None else chosen(which, parts) for which in picks]
+    blocks = [next(whole) if which is None else choose_scenes(which, parts) for which in picks]
     writing: ShardWriter = _job(sent)
     return replace(writing, store=writing.store.told_to(said.append))(number, pieces, blocks), said

@@ -19,13 +19,15 @@ from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import run_blocks
 from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import Plan, Tally
-from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.report import fell_short, summed_up
+from scenegen.sampling.problem import Problem
+from scenegen.sampling.report import run_info, shortfall_of_run
 from scenegen.sampling.request import Progress, Range
 from scenegen.scenes.blocks import Block
+from scenegen.search.effort import Budget
 
-SMALL = 1 << 29  # evaluations of formula nodes below which processes cost more time than they save: a few seconds
-AT_LEAST = 1 << 27  # of them for each process, for the same reason
+# evaluations of formula nodes below which processes cost more time than they save: a few seconds
+SMALL_RUN_WORK = 1 << 29
+MIN_PROCESS_WORK = 1 << 27  # of them for each process, for the same reason
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +50,7 @@ def jobs(plan: Plan) -> int:
     if workers is not None:
         return min(check_workers(workers), plan.shared_by)
     work = plan.evaluations * plan.problem.cost
-    return 1 if work < SMALL else max(1, min(cores(), plan.shared_by, math.floor(work / AT_LEAST)))
+    return 1 if work < SMALL_RUN_WORK else max(1, min(cores(), plan.shared_by, math.floor(work / MIN_PROCESS_WORK)))
 
 
 def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> SampledScenes:
@@ -65,20 +67,18 @@ def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> S
             except StopIteration as end:
                 tally: Tally = end.value
                 break
-            _check(plan, block)
+            if plan.verified:
+                plan.check(block.rows, block.phi)
             part = slice(count, count + block.count)
             rows[:, part], phi[:, part] = block.rows, block.phi
             count += block.count
-        info, warnings = summed_up(plan, tally)
-        return SampledScenes(rows[:, :count], phi[:, :count], info, warnings, fell_short(plan, tally, budget.spent))
+        info, warnings = run_info(plan, tally)
+        return SampledScenes(
+            rows[:, :count], phi[:, :count], info, warnings, shortfall_of_run(plan, tally, budget.spent)
+        )
 
 
-def _check(plan: Plan, block: Block) -> None:
-    if plan.verified:
-        plan.check(block.rows, block.phi)
-
-
-def request_of(problem: Problem, versions: Mapping[str, str]) -> dict[str, object]:
+def resume_record(problem: Problem, versions: Mapping[str, str]) -> dict[str, object]:
     """JSON that, together with a plan, determines the scenes."""
     request, rates = problem.request, problem.request.success
     return {

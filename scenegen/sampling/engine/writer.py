@@ -59,9 +59,10 @@ from scenegen.scenes.sets import (
 )
 from scenegen.scenes.stores import Store, store_at
 
-SPARE = 4  # blocks of candidates that are held though none of them waits any more
-CHECKPOINT = 5.0  # seconds of work on a file that kill -9 may cost; the times of checkpoints do not change the file
-OLDER = "scenegen/shards"  # the format of files in progress before they were sets
+SPARE_BLOCKS = 4  # blocks of candidates that are held though none of them waits any more
+# seconds of work on a file that kill -9 may cost; the times of checkpoints do not change the file
+CHECKPOINT_SECONDS = 5.0
+OLDER_FORMAT = "scenegen/shards"  # the format of files in progress before they were sets
 
 
 def write_set(
@@ -105,10 +106,6 @@ def write_set(
     return tally, run.manifest
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# One file: a set in progress beside it, which is joined at the end.
-
-
 def folder_of(path: Path) -> Path:
     """The folder in which a file grows."""
     return path.with_name(f"{path.name}.part")
@@ -127,7 +124,7 @@ def write_file(
     spent: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
     joining: Callable[[Block], None] = lambda block: None,
-    checkpoint: float = CHECKPOINT,
+    checkpoint: float = CHECKPOINT_SECONDS,
     block: int = BLOCK,
 ) -> Tally:
     """Write the scenes of a request to a file in the format of the path's ending, however many there are.
@@ -150,28 +147,28 @@ def write_file(
     kind = format_of(path, trial.format)
     kind.write(io.BytesIO(), trial, manifest.labels, [])
     with ExitStack() as ending:
-        kept = ending.enter_context(_Kept.opened(path))
+        kept = ending.enter_context(_FileInProgress.open(path))
         ending.enter_context(held(kept.store))
         ending.callback(kept.leave)
         ending.callback(engine.close)  # before that: it may be writing
         found = kept.begin(manifest, resume)
         into = writing(kept.store)
         run = _Run(kept.store, plan, engine, found, into, block, checkpoint)
-        with _damage(kept.store):
+        with _damage_refused(kept.store):
             run.restore(without_waiting=found.complete)
         kept.run = run
         if found.complete:  # the file is there, and only the folder has to be removed
             return run.standing.tally()
 
         def write(header: AnyFile, blocks: Iterable[Block], **options: Any) -> None:
-            def seen(sink: IO[bytes]) -> Iterator[Block]:
+            def blocks_joined(sink: IO[bytes]) -> Iterator[Block]:
                 for one in blocks:
                     joining(one)
                     yield one
                     begin_writing(sink)
 
-            with whole_file(kept.joined) as sink:
-                kind.write(sink, header, manifest.labels, seen(sink), **options)
+            with whole_file(kept.joined_file) as sink:
+                kind.write(sink, header, manifest.labels, blocks_joined(sink), **options)
 
         ahead: BlockPacker[None] | None = None
         last: list[AnyFile] = []
@@ -197,7 +194,7 @@ def write_file(
         else:
             ahead.finish()
             ahead.result()
-        put_in_place(kept.joined, kept.path)
+        put_in_place(kept.joined_file, kept.path)
         sync_folder(kept.path.parent)
         if not rest:
             run.update(complete=True)
@@ -206,7 +203,7 @@ def write_file(
 
 
 @dataclass(slots=True)
-class _Kept:
+class _FileInProgress:
     """What there is of a file in progress: its folder as a store, and the run that fills it, once there is one."""
 
     path: Path
@@ -216,7 +213,7 @@ class _Kept:
 
     @classmethod
     @contextmanager
-    def opened(cls, path: Path) -> Generator[_Kept, None, None]:
+    def open(cls, path: Path) -> Generator[_FileInProgress, None, None]:
         """Errors of the block speak of the file, and say what is kept. At its end an empty folder is removed."""
         kept = cls(path, store_at(str(folder_of(path))))
         try:
@@ -230,25 +227,25 @@ class _Kept:
                 raise
             raise KeyboardInterrupt(INTERRUPTED(folder=kept.store.location, scenes=point.state["found"])) from error
         except (OutputError, OSError) as error:
-            raise kept._said(error) from error
+            raise kept._explain(error) from error
         finally:
             with suppress(OSError):
                 Path(kept.store.root).rmdir()
 
     @property
-    def joined(self) -> Path:
+    def joined_file(self) -> Path:
         """The file, as long as it is in the folder."""
         return Path(self.store.root, JOINED)
 
     @property
-    def begun(self) -> bool:
+    def has_checkpoint(self) -> bool:
         """Whether there is a checkpoint."""
         return self.run is not None and self.run.manifest.begun
 
     def begin(self, manifest: Manifest, resume: bool) -> Manifest:
         """The manifest to go on from, as of `sets.begin`. Raises RequestError, OutputError, and DataError for damage,
         of which all is found now, not when all else is drawn."""
-        with _damage(self.store):
+        with _damage_refused(self.store):
             there = self.store.sizes()
             if MANIFEST in there:
                 _refuse_older(self.store)
@@ -265,26 +262,26 @@ class _Kept:
                 same_request(self.store, found, manifest)
                 return found
             discard(self.store, complete=True)
-        with _damage(self.store):
+        with _damage_refused(self.store):
             found = begin(self.store, manifest, resume=resume)
             for _ in raw_blocks(self.store, found):
                 pass
         return found
 
     def blocks(self, manifest: Manifest) -> Iterator[Block]:
-        with _damage(self.store):
+        with _damage_refused(self.store):
             yield from raw_blocks(self.store, manifest)
 
     def leave(self) -> None:
         """Remove what nobody will go on with."""
-        if self.run is not None and (self.over or self.run.manifest.complete or not self.begun):
+        if self.run is not None and (self.over or self.run.manifest.complete or not self.has_checkpoint):
             discard(self.store, complete=self.run.manifest.complete)
 
-    def _said(self, error: OutputError | OSError) -> OutputError:
+    def _explain(self, error: OutputError | OSError) -> OutputError:
         cause = error.__cause__ if isinstance(error, OutputError) else error
         if isinstance(cause, OSError):
             found = output_error(self.path, cause).diagnostics[0]
-            if self.begun:
+            if self.has_checkpoint:
                 assert self.run is not None
                 full = cause.errno in FULL or None
                 found = found.but(folder=self.store.location, scenes=self.run.manifest.scenes, full=full)
@@ -294,7 +291,7 @@ class _Kept:
 
 
 @contextmanager
-def _damage(store: Store) -> Iterator[None]:
+def _damage_refused(store: Store) -> Iterator[None]:
     """Whatever is wrong with a file in progress: it cannot be drawn again in part, so the run is refused."""
     try:
         yield
@@ -307,13 +304,9 @@ def _refuse_older(store: Store) -> None:
     known: Any = None
     with suppress(DataError, ValueError):
         known = json.loads(store.read(MANIFEST))
-    if isinstance(known, dict) and known.get("format") == OLDER:
+    if isinstance(known, dict) and known.get("format") == OLDER_FORMAT:
         scenes = sum(one["scenes"] for one in known.get("shards", ()))
         raise RequestError(UNFINISHED_RUN(folder=store.location, scenes=scenes, older=True))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The run itself.
 
 
 @dataclass(slots=True)
@@ -403,7 +396,7 @@ class _Run:
             self._begun[-1] = _Moment(self.standing.state()[0], None, np.empty((1, 0)))
         if (
             len(self._begun) > begun
-            or sum(self._sizes.values()) > SPARE * self.block + 2 * self.standing.assembler.waiting
+            or sum(self._sizes.values()) > SPARE_BLOCKS * self.block + 2 * self.standing.assembler.waiting
         ):
             self._compact()
         self.publish()
@@ -436,11 +429,11 @@ class _Run:
     def rest(self) -> list[Block]:
         """The scenes of unfinished blocks, as files hold them."""
         rest = self.standing.assembler.rest()
-        return [] if rest is None else [self.writing.ready(self.engine.fetch(self._chosen(rest.rows)))]
+        return [] if rest is None else [self.writing.ready(self.engine.fetch(self._choose(rest.rows)))]
 
     def publish(self, *, wait: bool = False) -> None:
         """Name in the manifest what is complete."""
-        for shard in self.engine.written(wait=wait):
+        for shard in self.engine.finished_shards(wait=wait):
             self._commit(self._begun.pop(0), shard)
 
     def update(self, **changes: object) -> None:
@@ -463,16 +456,16 @@ class _Run:
         """Whether a piece of so many candidates can complete a shard."""
         assembler = self.standing.assembler
         end = min(self._done + self.manifest.shard_size, self.plan.wanted)
-        return assembler.found + count >= end
+        return assembler.count + count >= end
 
     def _moment(self, state: dict[str, object], waiting: Array) -> _Moment:
         """What `RunProgress.state` returned before the piece that is being taken; the sources of then are still
         there."""
         if not waiting.size:
             return _Moment(state, None, np.empty((1, 0)))
-        return _Moment(state, self._chosen(waiting[:2]), waiting[2:])
+        return _Moment(state, self._choose(waiting[:2]), waiting[2:])
 
-    def _chosen(self, places: Array) -> SceneHandle:
+    def _choose(self, places: Array) -> SceneHandle:
         return self.engine.choose(places, self._sources)
 
     def _add(self, places: Array, before: tuple[dict[str, object], Array] | None) -> None:
@@ -509,7 +502,7 @@ class _Run:
     def _compact(self) -> None:
         """Let go of all candidates that do not wait."""
         state, waiting = self.standing.state()
-        pool = self.engine.fetch(self._chosen(waiting[:2])) if waiting.size else None
+        pool = self.engine.fetch(self._choose(waiting[:2])) if waiting.size else None
         self._sources.clear()
         self._sizes.clear()
         if pool is not None:

@@ -49,7 +49,7 @@ class GrowthFailed(NoPlan):
         return self.time_is_up or bool(self.proof)
 
     @property
-    def crowded(self) -> bool:
+    def is_crowded(self) -> bool:
         """Whether poses met all clauses but those that keep objects apart: the table is too full."""
         return self.stuck is not None and self.stuck.placed.attracted > 0
 

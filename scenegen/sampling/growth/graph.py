@@ -39,7 +39,7 @@ from scenegen.lang.formula.core import (
 )
 from scenegen.pose import FLAT, PLACE, X, owner, row_of, rows_of
 from scenegen.sampling.problem import Problem
-from scenegen.search.contract import EVERYTHING, ROUNDS, Ends, both, contract, push_down, start
+from scenegen.search.contract import EVERYTHING, SWEEPS, Bounds, contract, intersect, push_down, start
 from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, stands_of
 from scenegen.search.tape import make_tape
@@ -213,7 +213,7 @@ class Graph:
         return (*(() if switch is None else (switch,)), *(row for row in rows_of(thing) if row in self.rows))
 
 
-def make_graph(problem: Problem, rounds: int = ROUNDS, effort: Effort | None = None) -> Graph:
+def make_graph(problem: Problem, rounds: int = SWEEPS, effort: Effort | None = None) -> Graph:
     """The factor graph of a request, its box contracted in so many rounds. Raises what `effort` raises."""
     stands = {one.thing: one for one in stands_of(problem.spec, problem.lowest, problem.highest)}
     builder = _Builder(problem, rounds, stands, effort)
@@ -267,7 +267,7 @@ class _Builder:
     def __init__(
         self,
         problem: Problem,
-        rounds: int = ROUNDS,
+        rounds: int = SWEEPS,
         stands: Mapping[int, Stand] = NONE,
         effort: Effort | None = None,
     ) -> None:
@@ -297,10 +297,10 @@ class _Builder:
         for cell in range(cells.count):
             self._effort.check()
             low, high = cells.limits(cell)
-            wanted: dict[int, Ends] = {}
+            wanted: dict[int, Bounds] = {}
             for place, name in enumerate(names):
                 node = core.labels[name]
-                wanted[node] = both(wanted.get(node, EVERYTHING), (float(low[place]), float(high[place])))
+                wanted[node] = intersect(wanted.get(node, EVERYTHING), (float(low[place]), float(high[place])))
             wanted = {node: ends for node, ends in wanted.items() if ends != EVERYTHING}
             for node, ends in push_down(core, wanted).items():
                 mine = found.get(node)

@@ -17,8 +17,17 @@ from scenegen.sampling.growth.graph import Clause, Disjunction, Graph, make_grap
 from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room, make_standing
 from scenegen.sampling.growth.touch import Touch, Values, make_values, touches, within
 from scenegen.sampling.problem import Problem
-from scenegen.search.contract import ROUNDS
-from scenegen.search.effort import DRAWN, GROWN, STEPPED, Effort, StoppedError, TooMuchError, per_scene, until
+from scenegen.search.contract import SWEEPS
+from scenegen.search.effort import (
+    DRAW_SECONDS,
+    GROWTH_SCORE_SECONDS,
+    GROWTH_STEP_SECONDS,
+    Effort,
+    StoppedError,
+    TooMuchError,
+    effort_until,
+    work_per_scene,
+)
 
 # --------------------------------------------------------------------------------------------------------------------
 # The order in which objects are placed: what hangs together follows one another, the large and the tightly held
@@ -289,7 +298,11 @@ class Machine:
     @property
     def seconds(self) -> float:
         """What was done so far, in seconds of CPU by the constants of search.effort."""
-        return GROWN * self.each * self.work + STEPPED * self.steps_done + DRAWN * self.drawn
+        return (
+            GROWTH_SCORE_SECONDS * self.each * self.work
+            + GROWTH_STEP_SECONDS * self.steps_done
+            + DRAW_SECONDS * self.drawn
+        )
 
     @property
     def cells(self) -> int:
@@ -298,7 +311,7 @@ class Machine:
     @property
     def effort(self) -> Effort:
         """Work that is stopped once the deadline has passed."""
-        return until(self.deadline)
+        return effort_until(self.deadline)
 
     def room(self, thing: int, stage: int) -> FreePoses | SupportPoses:
         """The room of an object under the clauses in force at a stage; of what stands, its surfaces."""
@@ -365,7 +378,7 @@ class Machine:
 def make_machine(
     problem: Problem,
     last: Collection[int] = (),
-    rounds: int = ROUNDS,
+    rounds: int = SWEEPS,
     deadline: float = math.inf,
     *,
     loose: bool = False,
@@ -373,7 +386,7 @@ def make_machine(
     """The machine of a problem; its own problem holds what the formulas imply besides. Objects in `last` are placed
     after all others. `rounds` are those of contraction. `loose`: upper ends that most scenes meet are left out. Raises
     StoppedError after `deadline`, by the monotonic clock."""
-    effort = until(deadline)
+    effort = effort_until(deadline)
     problem = strengthened(problem, effort)
     graph, begin = make_graph(problem, rounds, effort), None
     if loose:
@@ -414,7 +427,7 @@ def make_machine(
         seen,
         standing=standing,
         begin=begin,
-        each=per_scene(problem.core.nodes)[0],
+        each=work_per_scene(problem.core.nodes)[0],
         deadline=deadline,
     )
 

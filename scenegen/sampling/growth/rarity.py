@@ -20,18 +20,19 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.lang.formula.core import REQUIRE, Junction
 from scenegen.lang.spec import CheckedSpec
+from scenegen.sampling.cells import cut
 from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.graph import flat
 from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
 from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.population import Grown, PlacementFailed, explore, grow, tuned
 from scenegen.sampling.growth.sampler import log_base
-from scenegen.sampling.problem import Budget, Problem, cut, make_problem
+from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.rarity import (
-    FEW,
-    ISLANDS,
-    NEAR,
-    TOP,
+    AT_END,
+    MIN_HITS,
+    NEAR_END,
+    TAIL_ISLANDS,
     PhiDistribution,
     Rarity,
     Tail,
@@ -39,7 +40,7 @@ from scenegen.sampling.rarity import (
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.contract import push_down
-from scenegen.search.effort import StoppedError, TooMuchError
+from scenegen.search.effort import Budget, StoppedError, TooMuchError
 
 # --------------------------------------------------------------------------------------------------------------------
 # Growth as an estimate: the probability of a range, and phi of scenes in it, from independent populations.
@@ -146,7 +147,7 @@ def measure_vast(
     """
     base = make_problem(spec, SampleRequest(n=1, seed=seed), Budget(deadline, started=0.0))
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        first = grow_islands(base, ISLANDS, EACH, (seed, VAST), FIRST, deadline)
+        first = grow_islands(base, TAIL_ISLANDS, EACH, (seed, VAST), FIRST, deadline)
         if isinstance(first, NoRoom):
             raise GrowthFailed(first.machine, first.stuck, first.work / len(base.core.nodes)).error(base)
         work = 0.0
@@ -216,7 +217,7 @@ class _TailRuns:
             level = self._next(last)
             if not far:
                 scale = self.end - self.middle
-                if level is None or self.end - level <= TOP * scale or self.end - last.level <= NEAR * scale:
+                if level is None or self.end - level <= AT_END * scale or self.end - last.level <= NEAR_END * scale:
                     self.whole = True
                     return
                 if not self._hold(level, effort):
@@ -232,7 +233,7 @@ class _TailRuns:
 
     def _tells(self, phi: float) -> bool:
         """Whether the last run found enough scenes beyond a value of phi."""
-        return int((self.stages[-1].values >= self.sign * phi).sum()) >= FEW
+        return int((self.stages[-1].values >= self.sign * phi).sum()) >= MIN_HITS
 
     def _each(self) -> float:
         """What a run takes."""
@@ -261,7 +262,7 @@ class _TailRuns:
         problem = _held(self.base, self.label, ends)
         try:
             most = 2.0 * effort - self.work
-            found = grow_islands(problem, ISLANDS, EACH, (*self.seed, self.runs), most, self.deadline)
+            found = grow_islands(problem, TAIL_ISLANDS, EACH, (*self.seed, self.runs), most, self.deadline)
         except StoppedError:
             return False
         self.work += found.work

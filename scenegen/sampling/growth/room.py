@@ -22,7 +22,7 @@ from scenegen.pose import THETA, TWO_PI, axis_of
 from scenegen.sampling.growth.graph import Clause, asked, flat
 from scenegen.sampling.growth.touch import Touch
 from scenegen.sampling.problem import Problem
-from scenegen.search.contract import SLACK, contract, size_of
+from scenegen.search.contract import CONTRACT_SLACK, contract, size_of
 from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, Step, step_for
 
@@ -163,8 +163,8 @@ class FreePoses:
         low = clause.low[0] if len(clause.low) == 1 else clause.low[cell]
         high = clause.high[0] if len(clause.high) == 1 else clause.high[cell]
         with np.errstate(invalid="ignore"):
-            low = low - SLACK * (self.scale + np.abs(low))
-            high = high + SLACK * (self.scale + np.abs(high))
+            low = low - CONTRACT_SLACK * (self.scale + np.abs(low))
+            high = high + CONTRACT_SLACK * (self.scale + np.abs(high))
         least, most = lo[place], hi[place]  # indexed in two steps: numpy moves columns to the front beside a number
         least[..., columns] = np.fmax(least[..., columns], low)
         most[..., columns] = np.fmin(most[..., columns], high)

@@ -36,15 +36,22 @@ from scenegen.sampling.growth.population import (
     wanted_scenes,
 )
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.report import probability
-from scenegen.search.effort import DRAWN, GROWN, STEPPED, StoppedError, TooMuchError
+from scenegen.sampling.problem import Problem
+from scenegen.sampling.report import probability_info
+from scenegen.sampling.streams import GROWTH_STREAM
+from scenegen.search.effort import (
+    DRAW_SECONDS,
+    GROWTH_SCORE_SECONDS,
+    GROWTH_STEP_SECONDS,
+    Budget,
+    StoppedError,
+    TooMuchError,
+)
 
 # --------------------------------------------------------------------------------------------------------------------
 # The populations with which a plan of growth begins: the first is grown while the plan is made, the second is piece 1.
 
 
-GROWTH = 6  # random stream of growth: plan and pieces
 LEAST, MOST = 512, 4096  # scenes of a population
 OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
 A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
@@ -88,7 +95,7 @@ def second_population(problem: Problem, budget: Budget, size: Size) -> Populatio
 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH, piece + 1])))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH_STREAM, piece + 1])))
 
 
 def _population(
@@ -109,7 +116,7 @@ def _population(
 
 def _of_plan(seed: int, which: int) -> np.random.Generator:
     """Random numbers of the populations of a plan."""
-    words = [seed, GROWTH, 0, *([which] if which else [])]
+    words = [seed, GROWTH_STREAM, 0, *([which] if which else [])]
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(words)))
 
 
@@ -225,7 +232,7 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
     whole = made.cost + settled.cost * settled.sweeps  # smaller pieces take fewer evaluations, but as many steps
     piece = whole * each / count
     share = whole / machine.work if machine.work else 1.0  # no work: no clause is left to evaluate
-    around = STEPPED * machine.steps_done * share + DRAWN * machine.drawn * share * each / count
+    around = GROWTH_STEP_SECONDS * machine.steps_done * share + DRAW_SECONDS * machine.drawn * share * each / count
     return Recipe(
         made.steps,
         made.settings,
@@ -239,7 +246,7 @@ def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) ->
         size,
         (made.taken,),
         made.share,
-        (machine.seconds, GROWN * machine.each * piece + around),
+        (machine.seconds, GROWTH_SCORE_SECONDS * machine.each * piece + around),
     )
 
 
@@ -391,7 +398,7 @@ class Growth(Plan):
             "effective_share": round(share, 4),
         }
         logs = (log, log_square) if lived == islands else None
-        info |= probability(int(islands), total, square, logs)
+        info |= probability_info(int(islands), total, square, logs)
         if REQUIRE in self.problem.core.labels:
             info["probability_of"] = "range and requirement"
         warnings: tuple[Diagnostic, ...] = ()
@@ -431,7 +438,7 @@ def log_base(machine: Machine) -> Array:
 
 
 def _aside(seed: int, piece: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence([seed, GROWTH, piece + 1, 1]))
+    return np.random.default_rng(np.random.SeedSequence([seed, GROWTH_STREAM, piece + 1, 1]))
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -445,7 +452,7 @@ def _aside(seed: int, piece: int) -> np.random.Generator:
 SIZES = (12, 96)  # scenes of a population: the larger one where none of the smaller ones lives
 QUICK = 4.0  # poses that meet all clauses that a scene of the smaller one should have among its tries
 ROUNDS = 1  # of contraction
-ASIDE = (GROWTH, 0, 1)  # the stream of its random numbers: no plan reads it
+ASIDE = (GROWTH_STREAM, 0, 1)  # the stream of its random numbers: no plan reads it
 
 
 def glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int] = SIZES) -> Array:

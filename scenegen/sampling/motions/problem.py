@@ -13,7 +13,7 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import ANGLES, LENGTHS, SIZE, THETA, TWO_PI, row_count
-from scenegen.sampling.problem import Cells, cut
+from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.rarity import cost as state_cost
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.search.effort import NEVER, Stop

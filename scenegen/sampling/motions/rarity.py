@@ -13,12 +13,12 @@ from scenegen.arrays import Array
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.motions.problem import GATES, MotionProblem, cost
 from scenegen.sampling.motions.schedule import MotionChains
-from scenegen.sampling.motions.scores import make_problem
+from scenegen.sampling.motions.scores import make_motion_problem
 from scenegen.sampling.rarity import (
-    COUNTED,
-    ISLANDS,
-    KEPT,
-    ROUNDS,
+    COUNTED_EFFORT,
+    LEVEL_SHARE,
+    MOVES_PER_LEVEL,
+    TAIL_ISLANDS,
     PhiDistribution,
     Rarity,
     RequirementUnmet,
@@ -29,9 +29,9 @@ from scenegen.sampling.rarity import (
 )
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import SampleRequest
+from scenegen.sampling.streams import MOTION_RARITY_STREAM
 from scenegen.search.effort import NEVER, Stop
 
-STREAM = 12  # random stream of these runs, apart from those of the samplers
 MOST, FEWEST = 4096, 256  # chains of a run
 DEPTH = 18  # levels that the effort of a run must cover
 WORK = 2_000_000_000  # node visits, times moments, of the runs together, and of meeting the requirement
@@ -41,14 +41,14 @@ CAREFUL, SETTLE = 2, 4  # rounds of moves on a level of the requirement, and onc
 def measure(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, stop: Stop = NEVER) -> Rarity | RequirementUnmet:
     """P(phi >= t) and P(phi <= t) of each of the labels of a spec over time, among the motions that meet its
     requirement and stay within the limits. The same arguments give the same numbers. Where `stop` raises StoppedError,
-    runs end with what they have. Raises what `make_problem` raises, and StoppedError where it is not known yet what
-    meets the requirement."""
-    problem = make_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
+    runs end with what they have. Raises what `make_motion_problem` raises, and StoppedError where it is not known yet
+    what meets the requirement."""
+    problem = make_motion_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
     with np.errstate(all="ignore"):
         moves = 10 + problem.steps + len(problem.names)
         work = WORK // cost(spec)
-        count = int(COUNTED * work) // (2 * len(labels) * ROUNDS * moves * DEPTH)
-        count = problem.at_once(min(max(count, FEWEST), MOST), 4 * ISLANDS) // ISLANDS * ISLANDS
+        count = int(COUNTED_EFFORT * work) // (2 * len(labels) * MOVES_PER_LEVEL * moves * DEPTH)
+        count = problem.at_once(min(max(count, FEWEST), MOST), 4 * TAIL_ISLANDS) // TAIL_ISLANDS * TAIL_ISLANDS
         base, weights, best = _require(problem, count, moves, seed, work, stop)
         if not weights.any():
             return RequirementUnmet(best, base.evaluations)
@@ -69,7 +69,7 @@ def measure(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, stop: Stop 
 def _required(weights: Array, excess: float) -> Estimate | None:
     if (weights == 1.0).all():
         return None
-    found = ratio(weights, np.ones(ISLANDS))
+    found = ratio(weights, np.ones(TAIL_ISLANDS))
     return None if found is None else replace(found, log10=found.log10 + excess / math.log(10.0))
 
 
@@ -78,12 +78,12 @@ def _require(
 ) -> tuple[MotionChains, Array, float]:
     """Chains that meet the limits, then the requirement, with the weights of their islands (0 if they do not), and the
     largest margin."""
-    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM])))
-    chains, weights, best = MotionChains.start(problem, count, rng, stop), np.ones(ISLANDS), np.inf
+    rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, MOTION_RARITY_STREAM])))
+    chains, weights, best = MotionChains.start(problem, count, rng, stop), np.ones(TAIL_ISLANDS), np.inf
     for row in reversed(range(len(problem.labels), len(problem.labels) + len(GATES))):
         met = bool((margins(chains, 1, row) >= 0.0).all())
         while not met and chains.evaluations < work:
-            level = next_level(margins(chains, 1, row), chains.region.low[row], KEPT)
+            level = next_level(margins(chains, 1, row), chains.region.low[row], LEVEL_SHARE)
             if level is None:
                 break
             met = level >= 0.0
@@ -92,7 +92,7 @@ def _require(
                 chains.run(moves)
         best = float(margins(chains, 1, row).max())
         if not met:
-            return chains, np.zeros(ISLANDS), best
+            return chains, np.zeros(TAIL_ISLANDS), best
         low = chains.region.low.copy()
         low[row] = 0.0
         chains.narrow(type(chains.region)(low, chains.region.high))

@@ -18,12 +18,12 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.motions.problem import NUMBERS, MotionProblem, Variables, draw, poses_of, within_a_turn
-from scenegen.sampling.motions.schedule import STREAM, MotionChains, Watch, generator, make_schedule
-from scenegen.sampling.plan import AGREE, Account, Piece, Plan, Record, Tally, digest
-from scenegen.sampling.problem import Budget
-from scenegen.sampling.report import of_hits, probability, too_few_motions
+from scenegen.sampling.motions.schedule import MotionChains, Watch, generator, make_schedule
+from scenegen.sampling.plan import PHI_TOLERANCE, Account, Piece, Plan, Record, Tally, digest
+from scenegen.sampling.report import hits_info, probability_info, too_few_motions
 from scenegen.sampling.splitting.levels import Schedule, follow
-from scenegen.search.effort import NEVER, Stop, StoppedError
+from scenegen.sampling.streams import MOTIONS_STREAM
+from scenegen.search.effort import NEVER, Budget, Stop, StoppedError
 
 BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
 LEAST = 8  # the same, of very large motions
@@ -62,7 +62,9 @@ class _MotionPlan(Plan):
             again = problem.scores(problem.poses(rows[:, part]))
             assert (problem.cells.find(again) >= 0).all(), "a motion is out of range"
             given, found = phi[:, part], again[: len(phi)]
-            assert ((np.abs(found - given) <= AGREE) | (found == given)).all(), "two scores of a motion disagree"
+            assert ((np.abs(found - given) <= PHI_TOLERANCE) | (found == given)).all(), (
+                "two scores of a motion disagree"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +113,7 @@ class MotionRejection(_MotionPlan):
     def account(self, tally: Tally) -> Account:
         hits, drawn = sum(tally.facts), tally.pieces * self.batch
         info = {"method": self.method, "seed": self.seed, "candidates": drawn, "pieces": tally.pieces}
-        info |= of_hits(hits, drawn, self.problem.log_excess)
+        info |= hits_info(hits, drawn, self.problem.log_excess)
         return Account(info, f"{drawn:,} motions")
 
 
@@ -191,7 +193,7 @@ class MotionSplitting(_MotionPlan):
             "effective_share": effective_share(alive, plan.chains, np.array(watched).reshape(3, -1)),
         }
         of_logs = (logs[0], logs[1]) if alive == tally.pieces else None
-        info |= probability(tally.pieces, total, square, of_logs, self.problem.log_excess)
+        info |= probability_info(tally.pieces, total, square, of_logs, self.problem.log_excess)
         return Account(info, f"{evaluations:,} evaluations of splitting, {plan.levels} levels")
 
 
@@ -219,7 +221,7 @@ class _Pilot:
     def __call__(self, k: int) -> Index:
         problem, cells = self.problem, self.problem.cells
         self.stop.check()
-        rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, STREAM, 0, k]))
+        rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, MOTIONS_STREAM, 0, k]))
         with np.errstate(all="ignore"):
             cell = cells.find(problem.scores(poses_of(problem, draw(problem, self.batch, rng)), self.stop))
         return np.bincount(cell[cell >= 0], minlength=cells.count)

@@ -11,9 +11,9 @@ import numpy as np
 from scenegen.arrays import Array, Index
 from scenegen.sampling.motions.moves import changes
 from scenegen.sampling.motions.problem import GATES, Flags, MotionProblem, Variables, draw, poses_of, within_a_turn
-from scenegen.sampling.problem import Budget
 from scenegen.sampling.splitting.levels import Descent, Region, Schedule, Stage, which_cell
-from scenegen.search.effort import NEVER, Stop
+from scenegen.sampling.streams import MOTIONS_STREAM
+from scenegen.search.effort import NEVER, Budget, Stop
 
 # --------------------------------------------------------------------------------------------------------------------
 # How often each change is made: so that what is slowest to be forgotten is forgotten sooner.
@@ -230,7 +230,6 @@ class MotionChains:
 # The descent of a request for motions.
 
 
-STREAM = 11  # random numbers of motions, separate from those of scenes
 KEPT = 0.4  # share of the chains that makes a level
 FEWEST, PIECES = 64, 4  # chains of a piece, and pieces of a request, at least
 AT_LEAST = 16  # chains, of motions so large that more would not fit
@@ -242,7 +241,7 @@ ROUNDS = 24  # of weights that even out the cells
 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k; the plan's are those of piece -1, and the pilot has its own."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, piece + 2])))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, MOTIONS_STREAM, piece + 2])))
 
 
 Watch = Callable[[Array, int], None]

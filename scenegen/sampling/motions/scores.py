@@ -48,7 +48,7 @@ from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_st
 from scenegen.sampling.motions.problem import MotionProblem, cost, within_a_turn
 from scenegen.sampling.problem import doubts_of_fixed, hold_fixed
 from scenegen.sampling.request import SampleRequest, within_reach
-from scenegen.search.effort import NEVER, Stop, StoppedError, asking
+from scenegen.search.effort import NEVER, Stop, StoppedError, effort_until_stopped
 
 STATES = 1 << 16  # states scored at a time, which stay in cache
 ALIVE = 1 << 25  # numbers alive meanwhile; large formulas get fewer states
@@ -328,12 +328,12 @@ def _below(timed: Timed, roots: tuple[int, ...]) -> tuple[tuple[TimeNode, ...], 
 # From a spec over time and a request to a problem for the samplers.
 
 
-def make_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) -> MotionProblem:
+def make_motion_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) -> MotionProblem:
     """Raises RequestError for a request that is wrong or out of the bounds of phi, for an object of which nothing says
     how far it moves in a step, and where time is up."""
     timed = spec.timed
     assert timed is not None
-    effort = asking(stop)
+    effort = effort_until_stopped(stop)
     lowest, highest, fixed = hold_fixed(spec, request.fix)
     try:
         bounds = phi_bounds(timed, lowest, highest, effort)

@@ -13,11 +13,11 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction, Node, children
 from scenegen.lang.formula.interpret import FEWEST_GAPS, GapMinima, evaluate, find_groups
 from scenegen.pose import BELOW_TURN, THETA, along, row_count
-from scenegen.sampling.problem import PLAN, Problem
-from scenegen.search.effort import Effort, per_scene
+from scenegen.sampling.problem import LIVE_NUMBERS, SCENES_IN_CACHE, Problem
+from scenegen.sampling.streams import REJECTION_PLAN_STREAM
+from scenegen.search.effort import Effort, work_per_scene
 from scenegen.search.prune import Cover
 
-# --------------------------------------------------------------------------------------------------------------------
 # What rejection scores first: cheap conditions that most candidates fail, so that few are scored in full.
 #
 # phi of a conjunction is the least of its arguments, so a label is at least `low` if and only if each of them is; the
@@ -27,12 +27,12 @@ from scenegen.search.prune import Cover
 
 Check = Callable[[], None] | None
 
-LATER = 0.5  # share of the candidates that a stage must leave out before another begins
-FEW = 256  # candidates from which on all is scored at once: calls cost more than numbers
-WORTH = 0.8  # share of the work of full scoring above which stages are not worth their calls
-MOST = 100_000  # conditions times nodes: choosing among more would take longer than it saves
-DRAW = 0.2  # work of a coordinate
-BOUND, GAPS = 0.4, 36.0  # work of a minimum of gaps: of the bounds of each, and of the few that are computed
+STAGE_SURVIVORS = 0.5  # share of the candidates that a stage must leave out before another begins
+MIN_STAGED = 256  # candidates from which on all is scored at once: calls cost more than numbers
+STAGED_SHARE = 0.8  # share of the work of full scoring above which stages are not worth their calls
+MAX_STAGE_CHOICES = 100_000  # conditions times nodes: choosing among more would take longer than it saves
+DRAW_WORK = 0.2  # work of a coordinate
+BOUND_WORK, GAPS_WORK = 0.4, 36.0  # work of a minimum of gaps: of the bounds of each, and of the few that are computed
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +71,11 @@ class Stages:
         (m,); conditions of a few candidates are left to scoring. Without stages: all candidates and None."""
         at: Index | None = None
         good = usable
-        if usable.mean() <= LATER:
+        if usable.mean() <= STAGE_SURVIVORS:
             at = np.flatnonzero(usable)
             rows, good = rows.take(at, axis=1), np.ones(len(at), dtype=bool)
         for stage in self.stages:
-            if rows.shape[1] < FEW:
+            if rows.shape[1] < MIN_STAGED:
                 break
             values = evaluate(core, list(rows), NUMPY, check, stage.groups)
             for condition in stage.conditions:
@@ -90,11 +90,15 @@ def choose_stages(problem: Problem, rows: Array, usable: Bool, needed: Collectio
     """The stages that save most for candidates like `rows` (3N, B), of which some are `usable`, (B,). `needed` are the
     nodes that scoring needs."""
     core = problem.core
-    full, drawing, tops = find_groups(core, needed), DRAW * row_count(len(core.objects)), tuple(core.labels.values())
+    full, drawing, tops = (
+        find_groups(core, needed),
+        DRAW_WORK * row_count(len(core.objects)),
+        tuple(core.labels.values()),
+    )
     whole, _ = _work(core, full, tops, set())
     found = _conditions(problem)
     alone = len(tops) == 1 and {one.node for one in found} <= {*tops}  # it costs as much as all of the scoring
-    if alone or len(found) * len(core.nodes) > MOST or not usable.any():
+    if alone or len(found) * len(core.nodes) > MAX_STAGE_CHOICES or not usable.any():
         return Stages((), full, drawing + whole)
     values = evaluate(core, list(rows[:, usable]), NUMPY, None, [one.node for one in found])
     alive = np.ones(int(usable.sum()), dtype=bool)
@@ -114,14 +118,14 @@ def choose_stages(problem: Problem, rows: Array, usable: Bool, needed: Collectio
         work += share * more
         known |= needs
         alive &= holds[one]
-        if alive.mean() <= LATER * share:
+        if alive.mean() <= STAGE_SURVIVORS * share:
             share, known = float(alive.mean()), set()
     work += float(alive.mean()) * whole
-    if not stages or work > WORTH * whole:
+    if not stages or work > STAGED_SHARE * whole:
         return Stages((), full, drawing + whole)
     made = (FilterStage(tuple(some), find_groups(core, [one.node for one in some])) for some in stages)
     first = float(usable.mean())
-    return Stages(tuple(made), full, drawing + work * (first if first <= LATER else 1.0))
+    return Stages(tuple(made), full, drawing + work * (first if first <= STAGE_SURVIVORS else 1.0))
 
 
 def _conditions(problem: Problem) -> list[Condition]:
@@ -153,35 +157,36 @@ def _work(core: Core, full: GapMinima, tops: Sequence[int], known: Collection[in
     wanted, bounds, rest = needs.difference(known), 0.0, list[Node]()
     for index in wanted:
         if index in groups:
-            bounds += BOUND * len(groups[index].atoms) + GAPS
+            bounds += BOUND_WORK * len(groups[index].atoms) + GAPS_WORK
         else:
             rest.append(core.nodes[index])
-    return bounds + per_scene(rest)[0], needs
+    return bounds + work_per_scene(rest)[0], needs
 
 
-LIVE = 1 << 22  # numbers in memory at a time while candidates are scored
-CHUNK = 16_384  # maximum number of candidates drawn and scored at a time: intermediates then stay in cache
-WORK = 1 << 26  # candidates times nodes of one exploration
-PIECE, PART = 1 << 24, 1 << 22  # work (see search.effort) of a piece and of a chunk: a third and a tenth of a second
-EXPLORE = 4  # chunks drawn from the common cover to see which cells they hit
-PILOT = 512  # candidates that show which conditions are best checked first
-ENOUGH = 16  # hits after which a cell's rate is known well enough
+EXPLORE_VISITS = 1 << 26  # candidates times nodes of one exploration
+# work (see search.effort) of a piece and of a chunk: a third and a tenth of a second
+PIECE_WORK, CHUNK_WORK = 1 << 24, 1 << 22
+EXPLORE_CHUNKS = 4  # chunks drawn from the common cover to see which cells they hit
+PILOT_CANDIDATES = 512  # candidates that show which conditions are best checked first
+ENOUGH_HITS = 16  # hits after which a cell's rate is known well enough
 
 
-def within(problem: Problem, work: float) -> int:
+def scorable(problem: Problem, work: float) -> int:
     """How many candidates can be scored with so much work, at least 64."""
-    return max(64, int(work / max(1.0, per_scene(problem.core.nodes)[0])))
+    return max(64, int(work / max(1.0, work_per_scene(problem.core.nodes)[0])))
 
 
 def affordable(problem: Problem, count: int) -> int:
     """That many candidates, or fewer if scoring one takes thousands of operations."""
-    return max(64, min(count, WORK // EXPLORE // len(problem.core.nodes), within(problem, PIECE)))
+    return max(
+        64, min(count, EXPLORE_VISITS // EXPLORE_CHUNKS // len(problem.core.nodes), scorable(problem, PIECE_WORK))
+    )
 
 
 def chunk_size(problem: Problem) -> int:
     """How many candidates are drawn and scored at a time."""
-    live = LIVE // max(len(problem.core.nodes), len(problem.lowest))
-    return max(64, min(CHUNK, live, within(problem, PART)))
+    live = LIVE_NUMBERS // max(len(problem.core.nodes), len(problem.lowest))
+    return max(64, min(SCENES_IN_CACHE, live, scorable(problem, CHUNK_WORK)))
 
 
 def chunks(count: int, size: int) -> list[int]:
@@ -204,15 +209,15 @@ def explore(
     hits = np.zeros(problem.cells.count, dtype=np.intp)
     tried, size = 0, chunk_size(problem)
     for chunk in range(most):
-        for count in chunks(affordable(problem, 2048 if cell is not None and not chunk else CHUNK), size):
+        for count in chunks(affordable(problem, 2048 if cell is not None and not chunk else SCENES_IN_CACHE), size):
             if stages is None and tried:
                 stages = make_stages(problem, cover)
-            each, calls = per_scene(problem.core.nodes)
+            each, calls = work_per_scene(problem.core.nodes)
             effort.spend(calls + count * (each if stages is None else min(each, stages.work)))
             _, _, cells = draw_kept(problem, cover, count, rng, check=effort.check, stages=stages)
             hits += np.bincount(cells, minlength=problem.cells.count)
             tried += count
-        if cell is not None and hits[cell] >= ENOUGH:
+        if cell is not None and hits[cell] >= ENOUGH_HITS:
             break
     return hits, tried, stages
 
@@ -227,14 +232,14 @@ def draw_kept(
     stages: Stages | None = None,
 ) -> tuple[Array, Array, Index]:
     """The accepted ones of `count` candidates, in random order: rows (3N, m), phi (L, m), cells (m,). `room` is a
-    buffer for the draws, (3N, CHUNK); `check` may interrupt, see `evaluate`; `stages` save work."""
-    rows, spans, usable = _drawn(problem, cover, count, rng, room)
+    buffer for the draws, (3N, SCENES_IN_CACHE); `check` may interrupt, see `evaluate`; `stages` save work."""
+    rows, spans, usable = _draw(problem, cover, count, rng, room)
     if stages is not None:
         rows, at = stages.survivors(problem.core, rows, usable, check)
         if at is not None:
             spans = [slice(*np.searchsorted(at, (span.start, span.stop))) for span in spans]
             usable = np.ones(len(at), dtype=bool)
-    phi = _scored(problem, cover, rows, spans, usable, check, None if stages is None else stages.full)
+    phi = _score(problem, cover, rows, spans, usable, check, None if stages is None else stages.full)
     for value, low, high in zip(phi, problem.cells.low, problem.cells.high, strict=True):
         if low > -math.inf:
             usable &= (value >= low) & (value <= high)
@@ -248,11 +253,11 @@ def draw_kept(
 
 def candidates(problem: Problem, cover: Cover, count: int, rng: np.random.Generator) -> tuple[Array, Array, Bool]:
     """Candidates (3N, B), their exact phi (L, B), and which are scenes of the part that they were drawn for, (B,)."""
-    rows, spans, usable = _drawn(problem, cover, count, rng)
-    return rows, _scored(problem, cover, rows, spans, usable), usable
+    rows, spans, usable = _draw(problem, cover, count, rng)
+    return rows, _score(problem, cover, rows, spans, usable), usable
 
 
-def _drawn(
+def _draw(
     problem: Problem, cover: Cover, count: int, rng: np.random.Generator, room: Array | None = None
 ) -> tuple[Array, Sequence[slice], Bool]:
     """Candidates (3N, B), which of them belong to each part, and which are scenes of its box, (B,)."""
@@ -262,7 +267,7 @@ def _drawn(
     return rows, spans, usable
 
 
-def _scored(
+def _score(
     problem: Problem,
     cover: Cover,
     rows: Array,
@@ -273,7 +278,7 @@ def _scored(
 ) -> Array:
     """phi (L, B); and `usable` loses those that are not scenes of their part."""
     labels = problem.core.labels.values()
-    values = evaluate(problem.core, list(rows), NUMPY, check, _needed(problem, cover) if full is None else full)
+    values = evaluate(problem.core, list(rows), NUMPY, check, _needed_nodes(problem, cover) if full is None else full)
     for part, span in zip(cover.parts, spans, strict=True):
         if part.apart:
             mine = part.owns(values, span)
@@ -285,7 +290,7 @@ def _scored(
     return phi
 
 
-def _needed(problem: Problem, cover: Cover) -> set[int]:
+def _needed_nodes(problem: Problem, cover: Cover) -> set[int]:
     """The nodes whose values scoring reads."""
     needed = {*problem.core.labels.values()}
     for part in cover.parts:
@@ -295,14 +300,14 @@ def _needed(problem: Problem, cover: Cover) -> set[int]:
 
 def make_stages(problem: Problem, cover: Cover) -> Stages:
     """What is scored first of candidates from a cover."""
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 3]))
-    rows, _, usable = _drawn(problem, cover, affordable(problem, PILOT), rng)
-    return choose_stages(problem, rows, usable, _needed(problem, cover))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN_STREAM, 0, 3]))
+    rows, _, usable = _draw(problem, cover, affordable(problem, PILOT_CANDIDATES), rng)
+    return choose_stages(problem, rows, usable, _needed_nodes(problem, cover))
 
 
 def misses(problem: Problem, cover: Cover) -> tuple[Array, Array]:
     """Candidates out of the range, for the report: rows (3N, m) and phi (L, m)."""
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0]))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN_STREAM, 0]))
     rows, phi, usable = candidates(problem, cover, chunk_size(problem), rng)
     out = np.flatnonzero(usable & (problem.cells.find(phi) < 0))
     return rows[:, out], phi[:, out]

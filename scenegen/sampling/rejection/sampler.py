@@ -19,10 +19,10 @@ from scenegen.arrays import Array, Bool, Index
 from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import PLAN, REJECTION, Budget, Problem, impossible
+from scenegen.sampling.problem import Problem, refuse_impossible
 from scenegen.sampling.rejection.draw import (
-    PIECE,
-    PILOT,
+    PIECE_WORK,
+    PILOT_CANDIDATES,
     Stages,
     affordable,
     chunk_size,
@@ -31,7 +31,7 @@ from scenegen.sampling.rejection.draw import (
     explore,
     make_stages,
     misses,
-    within,
+    scorable,
 )
 from scenegen.sampling.rejection.trial import (
     Rate,
@@ -41,15 +41,24 @@ from scenegen.sampling.rejection.trial import (
     make_trial,
     nothing_found,
     own_covers,
-    search,
+    search_longer,
 )
-from scenegen.sampling.report import of_hits, too_early
-from scenegen.search.contract import Ends
-from scenegen.search.effort import CALLED, DRAWN, NEVER, SCORED, Stop, StoppedError, TooMuchError, per_scene
-from scenegen.search.prune import GOOD, Cover, box_cover
-from scenegen.search.surfaces import chooses, stands_of
+from scenegen.sampling.report import hits_info, too_early
+from scenegen.sampling.streams import REJECTION_PLAN_STREAM, REJECTION_STREAM
+from scenegen.search.contract import Bounds
+from scenegen.search.effort import (
+    CALL_SECONDS,
+    DRAW_SECONDS,
+    NEVER,
+    SCORE_SECONDS,
+    Budget,
+    Stop,
+    StoppedError,
+    TooMuchError,
+    work_per_scene,
+)
+from scenegen.search.prune import GOOD_ACCEPTANCE, Cover, box_cover
 
-# --------------------------------------------------------------------------------------------------------------------
 # Cells that no candidate hit, looked at together: where phi jumps, most of the cells of a range have no scenes.
 #
 # Bounds seldom prove this, and a cover of each such cell takes as long as one of the whole range. Where all those
@@ -57,10 +66,11 @@ from scenegen.search.surfaces import chooses, stands_of
 # it; if they miss all cells, these get no covers of their own.
 
 
-WORTH = 3e7  # work of covers of a cell each, about, above which a look at all of them together is worth it: 0.5 s
-LEAST = 2  # cells of a run
-CHUNKS = 10  # drawn from the cover of a run
-ROUGH = 5e6  # work of a cover of a run, about: many candidates are drawn in the time that a good one takes
+# work of covers of a cell each, about, above which a look at all of them together is worth it: 0.5 s
+SIFTING_WORK = 3e7
+MIN_RUN_CELLS = 2  # cells of a run
+RUN_CHUNKS = 10  # drawn from the cover of a run
+RUN_COVER_WORK = 5e6  # work of a cover of a run, about: many candidates are drawn in the time that a good one takes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +96,7 @@ class Sieve:
     work: float = 0.0
 
     @property
-    def settled(self) -> frozenset[int]:
+    def settled_cells(self) -> frozenset[int]:
         return self.empty.union(self.barren, *(one.cells for one in self.served))
 
 
@@ -98,7 +108,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
     Raises StoppedError if time is up, and TooMuchError if the work exceeds `most`.
     """
     missed = [cell for cell in cells if not trial.hits[cell]]
-    if len(missed) * trial.work < WORTH or not chooses(problem.core):
+    if len(missed) * trial.work < SIFTING_WORK or not problem.chooses:
         return Sieve()
     served, empty, barren = list[CellGroup](), set[int](), set[int]()
     effort, tried = effort_of(budget, most), 0
@@ -106,17 +116,17 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
     waiting = _runs(missed, possible)
     while waiting:
         run = waiting.pop()
-        if len(run) < LEAST:
+        if len(run) < MIN_RUN_CELLS:
             continue
         if budget.spent:
             raise StoppedError
-        stream = (problem.request.seed, PLAN, run[0] + 1, run[-1] + 1)
-        cover = make_cover(problem, _wanted(problem, run), stream, effort, 0.0, ROUGH)
+        stream = (problem.request.seed, REJECTION_PLAN_STREAM, run[0] + 1, run[-1] + 1)
+        cover = make_cover(problem, _demand_of_run(problem, run), stream, effort, 0.0, RUN_COVER_WORK)
         if not cover.parts:
             empty.update(run)
             continue
         rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
-        hits, count, stages = explore(problem, cover, CHUNKS, rng, effort)
+        hits, count, stages = explore(problem, cover, RUN_CHUNKS, rng, effort)
         tried += count
         if not hits[run].any():
             barren.update(run)
@@ -140,23 +150,25 @@ def _runs(missed: Sequence[int], possible: Sequence[int]) -> list[list[int]]:
     return runs
 
 
-def _wanted(problem: Problem, run: Sequence[int]) -> dict[int, Ends]:
+def _demand_of_run(problem: Problem, run: Sequence[int]) -> dict[int, Bounds]:
     """A demand that the scenes of all these cells meet."""
     limits = [problem.cells.limits(cell) for cell in run]
     low, high = np.min([ends[0] for ends in limits], axis=0), np.max([ends[1] for ends in limits], axis=0)
-    return problem.demand(low, high)
+    return problem.demand_between(low, high)
 
 
-LARGER = 4  # times the usual size of a piece, at most, where each brings little
-PIECES, NUMBERS = 32, 1 << 21  # that a request of such pieces has at least, and that each brings at most
-EACH = 512  # candidates of each part of a cover, from which on larger pieces are no faster
-SMALLEST = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
-OWN = 100_000  # candidates that could be drawn in the time that it takes to make a cover
-SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
-STAGED = 16  # times the candidates of a pilot that a source needs for stages to be worth it
-HOPELESS, SEEN = 2.0, 0.2  # times the work that is left, and share of it spent, at which covers are given up
-SIFTED = 0.25  # share of the work of all covers of a cell each that a look at these cells together may take
-LOOK, FEW = 6e7, 4  # work of a first trial, and how many of its candidates must be in each cell
+MAX_PIECE_FACTOR = 4  # times the usual size of a piece, at most, where each brings little
+# that a request of such pieces has at least, and that each brings at most
+MIN_LARGE_PIECES, LARGE_PIECE_NUMBERS = 32, 1 << 21
+CANDIDATES_PER_PART = 512  # candidates of each part of a cover, from which on larger pieces are no faster
+MIN_PIECE_CANDIDATES = 4096  # candidates of a piece, at least; fewer for specs of thousands of atoms
+COVER_CANDIDATES = 100_000  # candidates that could be drawn in the time that it takes to make a cover
+SPARE_SCENES = 1.2  # more than is needed on average, so that one piece is enough for few scenes
+STAGED_PILOTS = 16  # times the candidates of a pilot that a source needs for stages to be worth it
+# times the work that is left, and share of it spent, at which covers are given up
+HOPELESS_WORK, HOPELESS_SHARE = 2.0, 0.2
+SIFTING_SHARE = 0.25  # share of the work of all covers of a cell each that a look at these cells together may take
+FIRST_LOOK_WORK, FIRST_LOOK_HITS = 6e7, 4  # work of a first trial, and how many of its candidates must be in each cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +225,7 @@ class Rejection(Plan):
 
     @property
     def scenes_per_piece(self) -> float:
-        return SPARE * self.wanted * self.candidates / max(self.expected, 1.0)
+        return SPARE_SCENES * self.wanted * self.candidates / max(self.expected, 1.0)
 
     @property
     def evaluations(self) -> float:
@@ -223,12 +235,12 @@ class Rejection(Plan):
     def seconds(self) -> float:
         work, calls = work_of(self)
         moving = np.count_nonzero(self.problem.lowest < self.problem.highest)
-        return self.expected * (SCORED * work + CALLED * calls + DRAWN * moving)
+        return self.expected * (SCORE_SECONDS * work + CALL_SECONDS * calls + DRAW_SECONDS * moving)
 
     def draw(self, k: int) -> Piece:
         """Piece k, the same in any process. Its facts are the hits of each source: in the whole range for the common
         cover, in its cell for the others. Raises StoppedError if time is up meanwhile."""
-        rng = np.random.default_rng(np.random.SeedSequence([self.problem.request.seed, REJECTION, k]))
+        rng = np.random.default_rng(np.random.SeedSequence([self.problem.request.seed, REJECTION_STREAM, k]))
         rows: list[Array] = []
         phi: list[Array] = []
         found: list[Index] = []
@@ -271,7 +283,7 @@ class Rejection(Plan):
         known = self.explored.hits + int(hits[0])
         if known:
             looked = self.explored.candidates + tally.pieces * first.candidates
-            info |= of_hits(known, looked, first.cover.log_share + self.problem.log_excess)
+            info |= hits_info(known, looked, first.cover.log_share + self.problem.log_excess)
             if REQUIRE in self.problem.core.labels:
                 info["probability_of"] = "range and requirement"
         return Account(info, f"{draws:,} draws")
@@ -281,11 +293,7 @@ class Rejection(Plan):
 
 
 def make_plan(
-    problem: Problem,
-    budget: Budget,
-    trial: Trial | None = None,
-    most: float = math.inf,
-    together: float = math.inf,
+    problem: Problem, budget: Budget, trial: Trial | None = None, most: float = math.inf, together: float = math.inf
 ) -> Rejection:
     """The plan of a problem; `trial` is its trial if there has been one. A time limit can only cut it short.
 
@@ -298,8 +306,8 @@ def make_plan(
     if problem.cells.count == 1:
         return _alone(problem, trial, frozenset({0}), frozenset(), budget)
     possible = sorted(problem.possible)
-    each, _ = per_scene(problem.core.nodes)
-    price = max(OWN, trial.work / each) if chooses(problem.core) else OWN
+    each, _ = work_per_scene(problem.core.nodes)
+    price = max(COVER_CANDIDATES, trial.work / each) if problem.chooses else COVER_CANDIDATES
     rates = trial.hits / trial.tried
     missed = [cell for cell in possible if not rates[cell]]
     hit = [cell for cell in np.argsort(rates, kind="stable").tolist() if rates[cell] and cell in problem.possible]
@@ -312,8 +320,8 @@ def make_plan(
     found = common.union(*[one.cells for one in own]) if own else common
     if not found:
         if len(empty) == len(possible):
-            raise RequestError(impossible(problem, effort_of(budget)))
-        longer = search(problem, trial, budget)
+            refuse_impossible(problem, effort_of(budget))
+        longer = search_longer(problem, trial, budget)
         if not longer.hits.any():
             raise RequestError(nothing_found(problem, longer))
         return _alone(problem, longer, frozenset(map(int, np.flatnonzero(longer.hits))), empty, budget)
@@ -322,27 +330,21 @@ def make_plan(
 
 
 def _own_sources(
-    problem: Problem,
-    budget: Budget,
-    trial: Trial,
-    missed: Sequence[int],
-    shares: _Shares,
-    most: float,
-    together: float,
+    problem: Problem, budget: Budget, trial: Trial, missed: Sequence[int], shares: _Shares, most: float, together: float
 ) -> tuple[list[CellGroup], frozenset[int], int]:
     """Sources of the cells that the trial missed, and of those that it hit so seldom that a cover of their own saves
     work, as `shares` notes; the cells that are proved empty, and all candidates. Raises what `make_plan` raises."""
     possible, hit, draws = problem.possible, shares.hit, trial.tried
-    each, _ = per_scene(problem.core.nodes)
+    each, _ = work_per_scene(problem.core.nodes)
     try:
-        worth = max(OWN, trial.work / each) * len(possible) / problem.request.n
-        sieve = sift(problem, trial, missed, budget, min(most, SIFTED * together), worth)
+        worth = max(COVER_CANDIDATES, trial.work / each) * len(possible) / problem.request.n
+        sieve = sift(problem, trial, missed, budget, min(most, SIFTING_SHARE * together), worth)
     except StoppedError:
         raise RequestError(too_early(problem, f"{draws:,} draws", len(possible) - len(hit))) from None
     together -= sieve.work
     draws += sieve.tried
     ruled_out, served = set(sieve.empty), list(sieve.served)
-    must = [cell for cell in missed if cell not in sieve.settled]
+    must = [cell for cell in missed if cell not in sieve.settled_cells]
     rest = [*must, *hit]
     allowed = together
     own: list[CellGroup] = []
@@ -380,25 +382,23 @@ def _hopeless(allowed: float, left: float, done: int, count: int) -> bool:
     if not done or math.isinf(allowed):
         return False
     spent = allowed - left
-    return spent >= SEEN * allowed and spent / done * (count - done) > HOPELESS * left
+    return spent >= HOPELESS_SHARE * allowed and spent / done * (count - done) > HOPELESS_WORK * left
 
 
 def first_look(problem: Problem, budget: Budget) -> Rejection | None:
     """Rejection from the contracted box, if candidates of little work reach every cell; else None. Pruning would need
     fewer candidates, but can take long itself. Raises RequestError if it turns out that there is no scene."""
-    seed, effort = problem.request.seed, effort_of(budget, LOOK)
+    seed, effort = problem.request.seed, effort_of(budget, FIRST_LOOK_WORK)
     try:
-        stands = stands_of(problem.spec, problem.lowest, problem.highest)
-        cover = box_cover(
-            problem.core, problem.lowest, problem.highest, problem.wanted(), (seed, PLAN), problem.tape, effort, stands
-        )
+        box, stream = (problem.lowest, problem.highest), (seed, REJECTION_PLAN_STREAM)
+        cover = box_cover(problem.core, *box, problem.demand(), stream, problem.tape, effort, problem.stands)
         if not cover.parts:
-            raise RequestError(impossible(problem, effort_of(budget)))
-        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0, 2]))
+            refuse_impossible(problem, effort_of(budget))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN_STREAM, 0, 2]))
         hits, tried, stages = explore(problem, cover, 1, rng, effort)
     except (StoppedError, TooMuchError):
         return None
-    if hits[sorted(problem.possible)].min() < FEW:
+    if hits[sorted(problem.possible)].min() < FIRST_LOOK_HITS:
         return None
     trial = Trial(cover, hits, tried, effort.used, stages)
     return _alone(problem, trial, problem.possible, frozenset(), budget)
@@ -409,7 +409,7 @@ def work_of(plan: Rejection) -> tuple[float, float]:
     the first stage, but some of every chunk are scored in full."""
     common = plan.sources[0]
     stages = make_stages(plan.problem, common.cover) if common.stages is None else common.stages
-    _, calls = per_scene(plan.problem.core.nodes)
+    _, calls = work_per_scene(plan.problem.core.nodes)
     return stages.work, calls / chunk_size(plan.problem)
 
 
@@ -418,7 +418,7 @@ def _alone(
 ) -> Rejection:
     """A plan that draws from the common cover alone."""
     rarest = max(int(trial.hits[sorted(reachable)].min()), 1) / trial.tried
-    need = SPARE * problem.request.n / (rarest * len(reachable))
+    need = SPARE_SCENES * problem.request.n / (rarest * len(reachable))
     everywhere = np.ones(problem.cells.count, dtype=bool)
     source = _source(problem, trial.cover, everywhere, _size(problem, need, len(trial.cover.parts)), need, trial.stages)
     return Rejection(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need, stop)
@@ -453,7 +453,7 @@ class _Shares:
         """Whether it is likely that further covers save more than they cost: if they are about as good as those made,
         or as `prune` wants them."""
         done = len(self.made)
-        hoped = done / sum(1.0 / rate if rate else math.inf for rate in self.made) if done else GOOD
+        hoped = done / sum(1.0 / rate if rate else math.inf for rate in self.made) if done else GOOD_ACCEPTANCE
         if not hoped:
             return False
         ahead = [self._cost(count, hoped) for count in range(done + 1, len(self.hit) + 1)]
@@ -469,7 +469,7 @@ def _balance(
     cells, parts = len(common), len(trial.cover.parts) if common else 0
     for one in own:
         cells, parts = cells + len(one.cells), parts + len(one.cover.parts)
-    share = SPARE * problem.request.n / cells
+    share = SPARE_SCENES * problem.request.n / cells
     need = [share / rate[sorted(common)].min() if common else 0.0]
     need += [share / one.rate for one in own]
     size = _size(problem, sum(need), parts)
@@ -489,7 +489,7 @@ def _source(
 ) -> CoverSource:
     """`stages` are the cover's, where they have been made. `need` is how many candidates the request takes in all: for
     a few, to make stages costs more than they save."""
-    if stages is None and need >= STAGED * PILOT:
+    if stages is None and need >= STAGED_PILOTS * PILOT_CANDIDATES:
         stages = make_stages(problem, cover)
     return CoverSource(cover, cells, candidates, stages)
 
@@ -498,11 +498,16 @@ def _size(problem: Problem, need: float, parts: int) -> int:
     """Candidates of a piece, from covers of so many parts: all that are needed if they are few, else a power of two up
     to a full piece; more if there are many pieces, of which each brings few scenes or takes few from each part."""
     bits = math.ceil(math.log2(max(need, 1.0)))
-    least = affordable(problem, SMALLEST)
-    most = min(problem.piece_size, within(problem, PIECE))
+    least = affordable(problem, MIN_PIECE_CANDIDATES)
+    most = min(problem.piece_size, scorable(problem, PIECE_WORK))
     size = int(min(max(least, 1 << min(bits, 62)), max(most, least)))
-    kept, numbers = SPARE * problem.request.n / need, len(problem.lowest) + len(problem.core.labels)
-    largest = min(LARGER * problem.piece_size, within(problem, PIECE), need / PIECES, NUMBERS / (kept * numbers))
-    while 2 * size <= largest and (kept < 1.0 / LARGER or size < EACH * parts):
+    kept, numbers = SPARE_SCENES * problem.request.n / need, len(problem.lowest) + len(problem.core.labels)
+    largest = min(
+        MAX_PIECE_FACTOR * problem.piece_size,
+        scorable(problem, PIECE_WORK),
+        need / MIN_LARGE_PIECES,
+        LARGE_PIECE_NUMBERS / (kept * numbers),
+    )
+    while 2 * size <= largest and (kept < 1.0 / MAX_PIECE_FACTOR or size < CANDIDATES_PER_PART * parts):
         size *= 2
     return size

@@ -13,16 +13,17 @@ from scenegen.arrays import Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
-from scenegen.sampling.problem import PLAN, Budget, Problem, impossible
-from scenegen.sampling.rejection.draw import CHUNK, EXPLORE, Stages, explore, misses
+from scenegen.sampling.problem import SCENES_IN_CACHE, Problem, refuse_impossible
+from scenegen.sampling.rejection.draw import EXPLORE_CHUNKS, Stages, explore, misses
 from scenegen.sampling.report import shortfall, too_early
-from scenegen.search.effort import Effort, StoppedError, TooMuchError, per_scene
-from scenegen.search.prune import SPENT, Cover, prune
-from scenegen.search.surfaces import chooses, stands_of
+from scenegen.sampling.streams import REJECTION_PLAN_STREAM
+from scenegen.search.effort import Budget, Effort, StoppedError, TooMuchError, work_per_scene
+from scenegen.search.prune import MIN_COVER_WORK, Cover, prune
 
-MOST = 1.4e8  # work of a trial above which another method is worth a try: more than any shipped spec takes, 2 to 3 s
-MARGIN = 32.0  # times as many candidates as scenes, for cells that are rarer than others
-LONG_SEARCH = 32 * 65_536  # candidates after which the search ends if exploration found no cell at all
+# work of a trial above which another method is worth a try: more than any shipped spec takes, 2 to 3 s
+TRIAL_WORK = 1.4e8
+CANDIDATE_MARGIN = 32.0  # times as many candidates as scenes, for cells that are rarer than others
+LONG_SEARCH_CANDIDATES = 32 * 65_536  # candidates after which the search ends if exploration found no cell at all
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +51,7 @@ class Trial:
 
 
 def make_trial(
-    problem: Problem,
-    budget: Budget,
-    most: float = math.inf,
-    further: Callable[[], float] | None = None,
+    problem: Problem, budget: Budget, most: float = math.inf, further: Callable[[], float] | None = None
 ) -> Trial:
     """The cover of the whole range and its first candidates. `further` is called where that takes more work than
     `most`: the work may come to what that returns, if it is more.
@@ -64,11 +62,11 @@ def make_trial(
     seed = problem.request.seed
     effort = effort_of(budget, most, further)
     try:
-        cover = make_cover(problem, problem.wanted(), (seed, PLAN), effort, _enough(problem))
+        cover = make_cover(problem, problem.demand(), (seed, REJECTION_PLAN_STREAM), effort, _enough(problem))
         if not cover.parts:
-            raise RequestError(impossible(problem, effort_of(budget)))
-        rng = np.random.default_rng(np.random.SeedSequence([seed, PLAN, 0]))
-        hits, tried, stages = explore(problem, cover, EXPLORE, rng, effort)
+            refuse_impossible(problem, effort_of(budget))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, REJECTION_PLAN_STREAM, 0]))
+        hits, tried, stages = explore(problem, cover, EXPLORE_CHUNKS, rng, effort)
     except StoppedError:
         raise RequestError(too_early(problem, "no draws at all", problem.cells.count)) from None
     return Trial(cover, hits, tried, effort.used, stages)
@@ -78,24 +76,24 @@ def _enough(problem: Problem) -> float:
     """The work of the scenes that a problem asks for, were all candidates kept, if its cells are about as common as
     each other. Where objects choose among surfaces, covers of many choices get better little by little, and most often
     few scenes are asked for; else it is worth it."""
-    each, _ = per_scene(problem.core.nodes)
-    return MARGIN * problem.request.n * each if chooses(problem.core) else math.inf
+    each, _ = work_per_scene(problem.core.nodes)
+    return CANDIDATE_MARGIN * problem.request.n * each if problem.chooses else math.inf
 
 
-def search(problem: Problem, trial: Trial, budget: Budget, most: float = math.inf) -> Trial:
+def search_longer(problem: Problem, trial: Trial, budget: Budget, most: float = math.inf) -> Trial:
     """A longer search, if the first candidates were all out of range: at least LONG_SEARCH candidates, then more until
     one is in range, there are `most`, or time is up.
 
     Raises RequestError if time is up although some were in range: how many would depend on the machine, and so would
     every plan that is made of it.
     """
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, PLAN, 0, 1]))
+    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN_STREAM, 0, 1]))
     hits, tried, stages = trial.hits.copy(), trial.tried, trial.stages
     effort = Effort(lambda: budget.spent)
-    while tried < LONG_SEARCH or (tried < most and not hits.any()):
+    while tried < LONG_SEARCH_CANDIDATES or (tried < most and not hits.any()):
         try:
             effort.check()
-            more, count, stages = explore(problem, trial.cover, EXPLORE, rng, effort, stages=stages)
+            more, count, stages = explore(problem, trial.cover, EXPLORE_CHUNKS, rng, effort, stages=stages)
         except StoppedError:
             if hits.any():
                 undecided = problem.cells.count - int(np.count_nonzero(hits))
@@ -125,19 +123,17 @@ def make_cover(
     least: float | None = None,
 ) -> Cover:
     """A cover of the scenes that meet a demand; see `prune`."""
-    stands = stands_of(problem.spec, problem.lowest, problem.highest)
     return prune(
-        problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort, enough, least, stands
+        problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort, enough, least, problem.stands
     )
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Covers of one cell each, and how often their candidates hit it. They need nothing of each other, so several
 # processes make them where that takes long: it is most of the work before the first scene is drawn.
 
 
-SEARCH = 5  # chunks drawn from a cell's own cover before the cell counts as unreachable
-WORTH = 2.5e7  # work of each process, about, at which it saves more time than it takes to start: half a second
+CELL_CHUNKS = 5  # chunks drawn from a cell's own cover before the cell counts as unreachable
+PROCESS_WORK = 2.5e7  # work of each process, about, at which it saves more time than it takes to start: half a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,13 +159,13 @@ class _Covering:
     def __call__(self, item: tuple[int, float]) -> CellCover:
         cell, most = item
         problem, effort = self.problem, effort_of(self.budget, most)
-        stream = (problem.request.seed, PLAN, cell + 1)
+        stream = (problem.request.seed, REJECTION_PLAN_STREAM, cell + 1)
         try:
-            cover = make_cover(problem, problem.wanted(cell), stream, effort, *_enough_for_cell(problem))
+            cover = make_cover(problem, problem.demand(cell), stream, effort, *_enough_for_cell(problem))
             if not cover.parts:
                 return CellCover(cover, 0, 0, effort.used)
             rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
-            hits, tried, stages = explore(problem, cover, SEARCH, rng, effort, cell)
+            hits, tried, stages = explore(problem, cover, CELL_CHUNKS, rng, effort, cell)
         except TooMuchError:
             return CellCover(None, 0, 0, effort.used)
         return CellCover(cover, int(hits[cell]), tried, effort.used, stages)
@@ -179,11 +175,11 @@ def _enough_for_cell(problem: Problem) -> tuple[float, float | None]:
     """From which work on any cover of a cell is good enough, as `prune` takes it: see `trial._enough`. Where objects
     choose among surfaces, a cover is worth as much work as drawing the cell's scenes takes if they are so rare that the
     search just hits them; where the search misses them, a better cover would seldom have helped."""
-    if not chooses(problem.core):
+    if not problem.chooses:
         return math.inf, None
-    each, _ = per_scene(problem.core.nodes)
+    each, _ = work_per_scene(problem.core.nodes)
     share = problem.request.n / len(problem.possible)
-    return 0.0, max(SPENT, share * each * SEARCH * CHUNK)
+    return 0.0, max(MIN_COVER_WORK, share * each * CELL_CHUNKS * SCENES_IN_CACHE)
 
 
 def own_covers(
@@ -211,7 +207,7 @@ def own_covers(
 
 def _sharers(problem: Problem, covers: int, each: float) -> int:
     """How many processes make so many covers that take so much work each."""
-    worth = int(each * covers / WORTH)
+    worth = int(each * covers / PROCESS_WORK)
     if worth < 2:
         return 1
     workers = problem.request.workers

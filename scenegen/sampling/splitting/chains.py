@@ -8,7 +8,7 @@ import numpy as np
 
 from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import PLACE
-from scenegen.sampling.problem import Cells
+from scenegen.sampling.cells import Cells
 from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, choices, watched
 from scenegen.sampling.splitting.levels import Region
 from scenegen.sampling.splitting.moves import MOVES, Deck, MoveInputs, MoveProposal, Tuning, bring_home

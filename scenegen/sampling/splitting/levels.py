@@ -20,7 +20,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from scenegen.arrays import Array, Bool, Index
-from scenegen.sampling.problem import Cells
+from scenegen.sampling.cells import Cells
 
 LEVELS = 1000  # of a descent at most
 LEAST = 16  # chains beyond a value that most of them share, for a level to leave it behind

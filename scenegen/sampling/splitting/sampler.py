@@ -21,14 +21,15 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import SCENES_ALIKE
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, NoPlan, Piece, Plan, Record, Tally, digest
-from scenegen.sampling.problem import Budget, Problem
-from scenegen.sampling.report import SHOWN, probability, shortfall, too_early
+from scenegen.sampling.problem import Problem
+from scenegen.sampling.report import BLAME_SCENES, probability_info, shortfall, too_early
 from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
 from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, design_effect, forgetting
 from scenegen.sampling.splitting.levels import Descent, Schedule, Stage, follow
 from scenegen.sampling.splitting.moves import Tuning
 from scenegen.sampling.splitting.tuning import LONGEST, Tuner, even_out
-from scenegen.search.effort import NEVER, Stop, StoppedError, moving
+from scenegen.sampling.streams import SPLITTING_STREAM
+from scenegen.search.effort import NEVER, Budget, Stop, StoppedError, moving_seconds
 
 FACTS = 9  # of a piece, and two for each statistic
 _SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
@@ -36,7 +37,6 @@ FEWEST = 4  # minimum number of pieces: the error bar of the probability is thei
 BARREN = 8  # a run ends after so many pieces in a row without a new scene
 
 
-SPLIT = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
 KEPT = 0.5  # share of the chains that makes a level
 PIECES = 8  # pieces of a request that is large enough
 CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
@@ -48,12 +48,12 @@ NUMBERS = 1 << 21  # maximum number of coordinates of a piece's chains
 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k; the plan's are those of piece -1."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLIT, piece + 1])))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLITTING_STREAM, piece + 1])))
 
 
 def _aside(seed: int, piece: int) -> np.random.Generator:
     """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
-    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
+    return np.random.default_rng(np.random.SeedSequence([seed, SPLITTING_STREAM, piece + 1, 1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class SplittingStalled(NoPlan):
         tried = f"{self.evaluations:,} evaluations of splitting, {self.levels} levels"
         if not self.phi:
             return RequestError(too_early(problem, tried, len(problem.possible)))
-        shown = min(len(self.phi[0]), SHOWN)
+        shown = min(len(self.phi[0]), BLAME_SCENES)
         rng = _aside(problem.request.seed, -1)
         rows = frame_of(problem).complete([row[:shown] for row in self.rows], problem.lowest, problem.highest, rng)
         return RequestError(shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in self.phi])))
@@ -215,7 +215,7 @@ class Splitting(Plan):
 
     @property
     def seconds(self) -> float:
-        return moving(self.problem.core.nodes, self.schedule.chains * self._moves, self._moves)
+        return moving_seconds(self.problem.core.nodes, self.schedule.chains * self._moves, self._moves)
 
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError if time is up meanwhile."""
@@ -259,7 +259,7 @@ class Splitting(Plan):
             "effective_share": round(min(1.0, 1.0 / (effect * within)), 4) if scenes else 0.0,
         }
         logs = (log, log_square) if alive == tally.pieces else None
-        info |= probability(tally.pieces, total, square, logs, self.problem.log_excess)
+        info |= probability_info(tally.pieces, total, square, logs, self.problem.log_excess)
         if REQUIRE in self.problem.core.labels:
             info["probability_of"] = "range and requirement"
         warnings: tuple[Diagnostic, ...] = ()
@@ -272,7 +272,7 @@ def plan_splitting(problem: Problem, budget: Budget, *, longest: float = math.in
     """The plan of a problem; SplittingStalled if its range is not reached. There must be something to move: see
     `moves`. The descent may take `longest` seconds, by the constants of search.effort."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
-        most = longest / moving(problem.core.nodes, ENSEMBLE, 1.0) * ENSEMBLE
+        most = longest / moving_seconds(problem.core.nodes, ENSEMBLE, 1.0) * ENSEMBLE
         plan = make_schedule(problem, budget, most)
     return plan if isinstance(plan, SplittingStalled) else Splitting(problem, plan, budget)
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenegen.arrays import Array, Bool
-from scenegen.sampling.problem import Cells
+from scenegen.sampling.cells import Cells
 from scenegen.sampling.splitting.chains import Chains, Statistics, forgetting, helps
 from scenegen.sampling.splitting.levels import Region, which_cell
 from scenegen.sampling.splitting.moves import COMPOSED, SCALED, STEPS, Tuning, moves_for

@@ -27,9 +27,9 @@ from scenegen.needs import need
 from scenegen.pose import as_poses, flat
 from scenegen.processes.pool import Pool, check_workers
 from scenegen.processes.process import cores
-from scenegen.sampling.plan import Account, Piece, Selection, Tally, digest
+from scenegen.sampling.plan import Account, Piece, Plan, Selection, Tally, digest
 from scenegen.scenes.blocks import BLOCK
-from scenegen.search.effort import NEVER, Stop
+from scenegen.search.effort import NEVER, Budget, Stop
 from scenegen.things import Shape
 from scenegen.things.surfaces import base_heights
 from scenegen.worlds.export import sdf
@@ -264,3 +264,8 @@ class Settling(Selection):
         if self._memory.settler is not None:
             self._memory.settler.close()
             self._memory.settler = None
+
+
+def select(plan: Plan, budget: Budget) -> Settling:
+    """The plan without the scenes that do not settle, dropped on the workers of its request."""
+    return Settling(plan.problem, plan, plan.problem.request.workers, budget, why=plan.why)

@@ -25,9 +25,9 @@ from scenegen.learn.models.codec import ways_of
 from scenegen.learn.models.frames import frames_of
 from scenegen.learn.models.graph import KINDS, graph_of
 from scenegen.learn.models.graph_flow import shipped
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.search.effort import StoppedError
+from scenegen.search.effort import Budget, StoppedError
 
 TEXT = """object plate, mug, bowl
 require noOverlap()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.api.request import check_request, plan_of
+from scenegen.api.request import check_request
 from scenegen.api.scenes import evaluate
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import (
@@ -19,8 +19,9 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.play.fit import Fit
-from scenegen.sampling.problem import Budget
+from scenegen.sampling.methods import plan_for
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import Budget
 
 from .conftest import OWN, TASK
 
@@ -30,7 +31,7 @@ EDGE = (0.4, 0.6)
 def plan(fit, spec=TASK, **asked):
     source = scenegen.parse(spec)
     asked = {"success": EDGE, **asked}
-    return plan_of(source, check_request(source, SampleRequest(under=fit, **asked)), Budget(60.0))
+    return plan_for(source.declared, check_request(source, SampleRequest(under=fit, **asked)), Budget(60.0))
 
 
 def test_all_scenes_are_in_the_range(fitted):
@@ -183,8 +184,8 @@ def test_where_it_has_no_place(fitted):
 
 
 def test_typed(fitted):
-    request = SampleRequest.typed({"success": "0.4:", "under": "p.fit"}, ["goal"])
+    request = SampleRequest.parse({"success": "0.4:", "under": "p.fit"}, ["goal"])
     assert request.success == Range(0.4, None) and str(request.under) == "p.fit"
     for text in ("0.5", "0.6:0.4", "low:", "0.4:1.5"):
         with pytest.raises(RequestError):
-            SampleRequest.typed({"success": text}, ["goal"])
+            SampleRequest.parse({"success": text}, ["goal"])

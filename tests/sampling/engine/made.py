@@ -14,10 +14,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from scenegen.geometry import Circle
+from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.engine.engines import Local, ShardWriter
-from scenegen.sampling.engine.writer import CHECKPOINT, write_file
+from scenegen.sampling.engine.writer import CHECKPOINT_SECONDS, write_file
 from scenegen.sampling.plan import Piece
-from scenegen.sampling.problem import Cells, cut
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import ObjectData, RequestData, SceneFile, ShapeData, SpecRef, WorkspaceData, footprint_data
@@ -83,7 +83,7 @@ def request_of(made):
     return {**request, "scenegen": "", "numpy": ""}
 
 
-def stream(path, made, *, workers=1, size=BLOCK, checkpoint=CHECKPOINT, header=None, **options):
+def stream(path, made, *, workers=1, size=BLOCK, checkpoint=CHECKPOINT_SECONDS, header=None, **options):
     """Stream to a file; the tally."""
 
     def usual(tally):

@@ -22,7 +22,7 @@ from scenegen.api.scenes import evaluate
 from scenegen.errors import OutputError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import gated
-from scenegen.processes.process import VARIABLES, environment
+from scenegen.processes.process import MALLOC_VARIABLES, environment
 from scenegen.sampling.engine.blocks import BlockAssembler
 from scenegen.sampling.engine.engines import Local, ShardWriter
 from scenegen.sampling.engine.writer import folder_of, write_file
@@ -99,7 +99,7 @@ def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, dat
     found = list(before.offer(block.part(0, cut), index[:cut]))
     after = BlockAssembler(sorted(reached), wanted, 5, size)
     after.restore(*before.state(), 3)
-    assert after.found == before.found
+    assert after.count == before.count
     found += after.offer(block.part(cut, len(cells)), index[cut:])
     assert [block.rows.tobytes() for block in found] == [block.rows.tobytes() for block in expected]
     assert after.state()[0] == one.state()[0] and np.array_equal(after.state()[1], one.state()[1])
@@ -108,7 +108,7 @@ def test_going_on_from_a_state_changes_nothing(cells, reached, wanted, size, dat
 def test_the_first_of_each_cell_are_kept():
     """Room in a cell is that of two blocks; the next ones are dropped until a block has left."""
     assembler = BlockAssembler([0, 1], 40, 0, 10)
-    assert filled(assembler, [0] * 15) == [] and assembler.found == 10
+    assert filled(assembler, [0] * 15) == [] and assembler.count == 10
     (block,) = filled(assembler, [1] * 5)
     assert sorted(block.rows[0][block.rows[1] == 0]) == [0, 1, 2, 3, 4]
 
@@ -118,7 +118,7 @@ def test_a_rare_cell_does_not_fill_the_memory():
     assembler = BlockAssembler([0, 1], 10**6, 0, 100)
     for _ in range(50):
         filled(assembler, (source.random(1000) < 0.001).astype(int))
-        assert assembler.found - assembler.done <= 200
+        assert assembler.count - assembler.done <= 200
     assert 0 < assembler.done < 10**6
 
 
@@ -273,7 +273,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 
 def faults(how, **more):
-    env = {name: value for name, value in os.environ.items() if name not in VARIABLES} | more
+    env = {name: value for name, value in os.environ.items() if name not in MALLOC_VARIABLES} | more
     run = subprocess.run([sys.executable, "-c", PROGRAM, how], capture_output=True, text=True, env=env, check=True)
     return int(run.stdout)
 
@@ -286,8 +286,8 @@ def test_pages_are_kept_for_the_next_arrays():
 
 
 def test_workers_keep_theirs_unless_the_environment_says_otherwise(monkeypatch):
-    for name in VARIABLES:
+    for name in MALLOC_VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    assert VARIABLES.items() <= environment().items()
+    assert MALLOC_VARIABLES.items() <= environment().items()
     monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "1000")
     assert environment()["MALLOC_TRIM_THRESHOLD_"] == "1000"

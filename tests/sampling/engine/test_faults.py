@@ -111,8 +111,8 @@ def test_a_disk_that_fails(workers, moment, number, reason, remedy, plain, tmp_p
 class InPairs(Local):
     """Names shards two at a time."""
 
-    def written(self, *, wait):
-        return super().written(wait=True) if wait or len(self._packed) >= 2 else iter(())
+    def finished_shards(self, *, wait):
+        return super().finished_shards(wait=True) if wait or len(self._packed) >= 2 else iter(())
 
 
 @pytest.mark.parametrize("what", ["save_checkpoint", "write_manifest"])

@@ -11,9 +11,11 @@ from contextlib import closing
 import pytest
 
 import scenegen
-from scenegen.api.request import check_request, plan_of
-from scenegen.sampling.problem import Budget
-from scenegen.sampling.request import METHODS, Range, SampleRequest
+from scenegen.api.request import check_request
+from scenegen.api.spec import model_of, spec_of
+from scenegen.sampling.methods import METHODS, plan_for
+from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import Budget
 
 WAVE = "sin(20 * theta({})) >= 0.9"
 TEXT = "object mug, plate, cup\nrequire farFrom(mug, plate, 0.1)\ntask: leftOf(mug, plate) & closeTo(cup, mug, 0.3)\n"
@@ -70,7 +72,7 @@ def _plan(kind, model):
     request = SampleRequest(FLAT, 20, **KINDS[kind], workers=1)
     if kind == "paired":
         return _paired()
-    return plan_of(source, check_request(source, request), Budget(600.0))
+    return plan_for(spec_of(source).declared, check_request(source, request), Budget(600.0), model_of(source))
 
 
 def _paired():

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import RequestError, ScenegenError
-from scenegen.processes.pool import MOST_WAITING, WAITING, Pool, run_pieces
+from scenegen.processes.pool import MAX_ITEMS_PER_WORKER, MAX_SMALL_ITEMS_PER_WORKER, Pool, run_pieces
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
@@ -43,7 +43,7 @@ def test_no_pieces():
     assert list(run_pieces(jobs.Numbers(), [], 2)) == []
 
 
-@pytest.mark.parametrize("size, most", [(8, MOST_WAITING), (16 << 20, WAITING)])
+@pytest.mark.parametrize("size, most", [(8, MAX_SMALL_ITEMS_PER_WORKER), (16 << 20, MAX_ITEMS_PER_WORKER)])
 def test_an_endless_supply_is_taken_only_as_fast_as_it_is_used(size, most):
     import jobs
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from scenegen.sampling.engine import ray as ray_engine
-from scenegen.sampling.engine.engines import chosen
+from scenegen.sampling.engine.engines import choose_scenes
 from scenegen.sampling.plan import Piece
 from scenegen.scenes.blocks import Block
 from scenegen.search.effort import StoppedError
@@ -82,7 +82,7 @@ def plain(tmp_path_factory):
 
 @pytest.mark.parametrize(("spare", "early"), [(0.0, [True] * 7), (100.0, [False] * 7)])
 def test_the_bytes_do_not_depend_on_who_chooses_the_scenes(spare, early, plain, store, tmp_path, monkeypatch):
-    monkeypatch.setattr(ray_engine, "SPARE", spare)
+    monkeypatch.setattr(ray_engine, "MAX_WHOLE_CANDIDATES", spare)
     run(tmp_path / "set", ray_engine.Cluster(store, 2, lambda: None))
     assert digest(tmp_path / "set") == plain
     writers = [words for name, words in store.done if name == "write"]
@@ -91,11 +91,11 @@ def test_the_bytes_do_not_depend_on_who_chooses_the_scenes(spare, early, plain, 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.1, 10.0])
 def test_quick_pieces_share_a_task(seconds, plain, store, tmp_path, monkeypatch):
-    monkeypatch.setattr(ray_engine, "TASK", seconds)
+    monkeypatch.setattr(ray_engine, "TASK_SECONDS", seconds)
     run(tmp_path / "set", ray_engine.Cluster(store, 2, lambda: None))
     assert digest(tmp_path / "set") == plain
     counts = [words[2] for name, words in store.done if name == "draw"]
-    assert max(counts) == (1 if seconds == 0.0 else ray_engine.TOGETHER)
+    assert max(counts) == (1 if seconds == 0.0 else ray_engine.MAX_TASK_PIECES)
     firsts = [words[1] for name, words in store.done if name == "draw"]
     assert firsts == [0, *itertools.accumulate(counts[:-1])]
 
@@ -108,7 +108,7 @@ def test_time_that_is_up_in_the_midst_of_a_task(monkeypatch):
             return Piece(np.zeros((3, k)), np.zeros((1, k)), np.zeros(k, dtype=np.int8), np.ones(1))
 
     monkeypatch.setattr(ray_engine, "_job", lambda _: Job())
-    made = ray_engine.draw(ray_engine.packed("anything"), 5, 4)
+    made = ray_engine.draw(ray_engine.pack_job("anything"), 5, 4)
     assert [one.count for one in made[1:4:2]] == [5, 6] and made[5] is made[7] is None
     assert [str(one) for one in made[4::2]] == ["so far"] * 2
 
@@ -118,7 +118,7 @@ def test_a_shard_of_blocks_of_both_kinds(plain, store, tmp_path, monkeypatch):
     pick = ray_engine.Cluster.pick
 
     def either(self, which, parts):
-        monkeypatch.setattr(ray_engine, "SPARE", next(turns))
+        monkeypatch.setattr(ray_engine, "MAX_WHOLE_CANDIDATES", next(turns))
         return pick(self, which, parts)
 
     monkeypatch.setattr(ray_engine.Cluster, "pick", either)
@@ -138,7 +138,7 @@ def test_pieces_stay_whole_only_where_most_candidates_become_scenes(store):
     engine._candidates = 300
     early = engine.pick(which, held)
     assert [name for name, _ in store.done] == ["choose"]
-    assert engine.fetch(early).rows.tobytes() == chosen(which, parts).rows.tobytes()
+    assert engine.fetch(early).rows.tobytes() == choose_scenes(which, parts).rows.tobytes()
 
 
 def test_a_writer_takes_blocks_that_were_chosen_and_parts_to_choose_from():
@@ -151,7 +151,7 @@ def test_a_writer_takes_blocks_that_were_chosen_and_parts_to_choose_from():
             got["blocks"] = blocks
             return number, pieces
 
-    sent = ray_engine.packed("anything")
+    sent = ray_engine.pack_job("anything")
     rng = np.random.default_rng(0)
     first, second, whole = (Block(rng.random((6, 9)), rng.random((1, 9))) for _ in range(3))
     which = np.array([[7.0, 5.0, 7.0], [0.0, 8.0, 3.0]])
@@ -167,10 +167,10 @@ def test_a_writer_takes_blocks_that_were_chosen_and_parts_to_choose_from():
 
 
 def test_a_job_is_read_once_however_often_it_is_sent():
-    sent = ray_engine.packed(("plan", 1))
+    sent = ray_engine.pack_job(("plan", 1))
     again = pickle.loads(pickle.dumps(sent))  # noqa: S301 - our own
     assert ray_engine._job(sent) is ray_engine._job(again)
-    others = [ray_engine.packed(("plan", k)) for k in range(3)]
+    others = [ray_engine.pack_job(("plan", k)) for k in range(3)]
     assert [ray_engine._job(one) for one in others] == [("plan", 0), ("plan", 1), ("plan", 2)]
     for one, other in itertools.combinations([sent, *others], 2):
         assert one != other

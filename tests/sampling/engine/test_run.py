@@ -15,8 +15,9 @@ from scenegen.resources import shipped_specs
 from scenegen.sampling.engine import run
 from scenegen.sampling.engine.run import draw, jobs
 from scenegen.sampling.methods import make_plan
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import Budget
 
 TEXT = "object mug, plate, cup\nrequire farFrom(mug, plate, 0.1)\ntask: leftOf(mug, plate) & closeTo(cup, mug, 0.3)\n"
 # name -> method, wanted ends, scenes

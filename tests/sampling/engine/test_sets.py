@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError, OutputError, RequestError
-from scenegen.sampling.engine.engines import BlockPacker, Local, chosen, open_engine
+from scenegen.sampling.engine.engines import BlockPacker, Local, choose_scenes, open_engine
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.formats.registry import read_scenes, write_scenes
 from scenegen.scenes.sets import MANIFEST, read_manifest, read_set
@@ -36,7 +36,7 @@ class Elsewhere(Local):
             yield self.hold(drawn[0]), *drawn[1:]
 
     def choose(self, which, parts):
-        return self.hold(chosen(which, {number: self.kept[held] for number, held in parts.items()}))
+        return self.hold(choose_scenes(which, {number: self.kept[held] for number, held in parts.items()}))
 
     def fetch(self, scenes):
         return self.kept[scenes]
@@ -48,7 +48,7 @@ class Elsewhere(Local):
     def write(self, writing, number, pieces, blocks):
         self.begun.append((writing, number, pieces, [self.kept[one] for one in blocks]))
 
-    def written(self, *, wait):
+    def finished_shards(self, *, wait):
         ready = self.begun if wait else self.begun[: max(0, len(self.begun) - self.late)]
         self.begun = self.begun[len(ready) :]
         yield from (writing(number, pieces, blocks) for writing, number, pieces, blocks in ready)
@@ -265,7 +265,7 @@ def test_chosen_scenes():
         7: Block(np.arange(8.0).reshape(2, 4), np.arange(4.0)[None]),
         -1: Block(-np.ones((2, 2)), -np.ones((1, 2))),
     }
-    block = chosen(np.array([[7.0, -1.0, 7.0], [3.0, 1.0, 0.0]]), parts)
+    block = choose_scenes(np.array([[7.0, -1.0, 7.0], [3.0, 1.0, 0.0]]), parts)
     np.testing.assert_array_equal(block.rows, [[3.0, -1.0, 0.0], [7.0, -1.0, 4.0]])
     np.testing.assert_array_equal(block.phi, [[3.0, -1.0, 0.0]])
 

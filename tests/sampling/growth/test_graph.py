@@ -16,8 +16,9 @@ from scenegen.lang.formula.interpret import phi
 from scenegen.sampling.growth.graph import components, make_graph, with_implied
 from scenegen.sampling.growth.machine import resample
 from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.search.effort import Budget
 
 from .made import anywhere, everything_placed, machine_of, posed
 

@@ -248,7 +248,7 @@ def machine(request):
 
 def demanded(problem):
     """What the request asks of nodes of the core, pushed down: node -> ends."""
-    return push_down(problem.core, problem.wanted())
+    return push_down(problem.core, problem.demand())
 
 
 def free_objects(core, node, held):

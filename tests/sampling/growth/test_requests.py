@@ -152,7 +152,7 @@ def test_growth_agrees_with_plain_rejection(plain, monkeypatch):
 @pytest.mark.long
 def test_growth_and_splitting_agree(monkeypatch):
     monkeypatch.setattr(module, "EFFORT", 1e8)
-    monkeypatch.setattr("scenegen.sampling.rarity.WORK", 500_000_000)
+    monkeypatch.setattr("scenegen.sampling.rarity.RARITY_VISITS", 500_000_000)
     spec = check_text(shipped_specs()["sort_5"].read_text(), "sort_5")
     (label,) = spec.labels
     grown = measure_vast(spec, (label,)).reaches[label].up

@@ -17,9 +17,9 @@ from scenegen.sampling.growth.failure import how_far, too_full
 from scenegen.sampling.growth.population import explore
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
-from scenegen.sampling.problem import Budget, make_problem
+from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.search.effort import StoppedError
+from scenegen.search.effort import Budget, StoppedError
 
 TEXT = """object p[3] = cylinder(0.06, 0.1), q = box(0.2, 0.1, 0.1)
 workspace [0, 0.6] x [0, 0.6]

@@ -15,7 +15,7 @@ from scenegen.sampling.motions import groups
 from scenegen.sampling.motions.moves import WAYS, changes
 from scenegen.sampling.motions.problem import Variables, draw, poses_of
 from scenegen.sampling.motions.schedule import MotionChains, statistics
-from scenegen.sampling.motions.scores import lean, make_problem, moments_needed
+from scenegen.sampling.motions.scores import lean, make_motion_problem, moments_needed
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.levels import Region
 
@@ -139,7 +139,7 @@ SPECS = {
 
 def scored(text, count=400):
     spec = scenegen.parse(text)
-    problem = make_problem(spec.declared, SampleRequest({spec.labels[0]: Range(-9.0, None)}, n=10))
+    problem = make_motion_problem(spec.declared, SampleRequest({spec.labels[0]: Range(-9.0, None)}, n=10))
     poses = poses_of(problem, draw(problem, count, np.random.default_rng(0)))
     with np.errstate(all="ignore"):
         return problem, poses, problem.scores(poses)

@@ -16,11 +16,11 @@ from scenegen.sampling.motions import rarity
 from scenegen.sampling.motions.problem import MotionProblem, Variables, draw, poses_of, unit_steps
 from scenegen.sampling.motions.sampler import MotionSplitting, make_plan, pilot, sample
 from scenegen.sampling.motions.schedule import MotionChains
-from scenegen.sampling.motions.scores import make_problem
+from scenegen.sampling.motions.scores import make_motion_problem
 from scenegen.sampling.plan import Tally
-from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.levels import Schedule
+from scenegen.search.effort import Budget
 
 from .problems import all_problems, apart, ends_right, held, meets, problem
 
@@ -160,7 +160,7 @@ far: always farFrom(plate, bowl, 30 cm)
 @pytest.fixture(scope="module")
 def plain():
     """phi of both labels of motions that meet what is required, and the share of those: (2, P) and a number."""
-    problem = make_problem(SPEC.declared, SampleRequest({}, n=1))
+    problem = make_motion_problem(SPEC.declared, SampleRequest({}, n=1))
     scores = problem.scores(poses_of(problem, draw(problem, 60_000, np.random.default_rng(3))))
     good = (scores[2:] >= 0.0).all(axis=0)
     return scores[:2, good], good.mean()
@@ -267,7 +267,7 @@ def test_the_interval_follows_the_scatter_of_logarithms():
     spec = scenegen.parse(
         "object a, b\ntime 1 steps\nrequire speed(a) <= 1 mm/s & speed(b) <= 1 mm/s\ntask: leftOf(a, b)"
     )
-    problem = make_problem(spec.declared, SampleRequest({}, n=8))
+    problem = make_motion_problem(spec.declared, SampleRequest({}, n=8))
     motions = MotionSplitting(problem, (0,), Schedule((), 1, (0,), 64, 0.0, 1000))
     shares, logs = np.array([1e-6, 2e-6, 1e-6, 9e-6]), np.log([1e-6, 2e-6, 1e-6, 9e-6])
     alive = [shares.sum(), (shares**2).sum(), 4.0, logs.sum(), (logs**2).sum(), 100.0, 1.0]

@@ -12,7 +12,7 @@ from scenegen.errors import RequestError
 from scenegen.pose import as_rows
 from scenegen.sampling.motions.bounds import step_bounds
 from scenegen.sampling.motions.problem import draw, poses_of, within_a_turn
-from scenegen.sampling.motions.scores import make_problem
+from scenegen.sampling.motions.scores import make_motion_problem
 from scenegen.sampling.request import SampleRequest
 
 HEAD = "object mug, plate\ntime {steps} steps\n{moves}require forall a in objects: speed(a) <= 20 cm/s\n"
@@ -182,7 +182,7 @@ SPEC = scenegen.parse(HEAD_MONITOR + "".join(f"{name}: {text}\n" for name, text 
 
 def motions(count, seed):
     """(B, T + 1, N, 3) from the base distribution, and the box they come from."""
-    problem = make_problem(SPEC.declared, SampleRequest({}, n=1, seed=seed))
+    problem = make_motion_problem(SPEC.declared, SampleRequest({}, n=1, seed=seed))
     poses = within_a_turn(poses_of(problem, draw(problem, 40 * count, np.random.default_rng(seed))))
     inside = problem.room(poses) >= 0.0
     return np.ascontiguousarray(poses[..., inside][..., :count].transpose(3, 2, 0, 1))

@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 
 import scenegen
-from scenegen.api.request import check_request, plan_of
+from scenegen.api.request import check_request
 from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.errors import DataError, RequestError
 from scenegen.sampling.engine.engines import Local, ShardWriter, open_engine
 from scenegen.sampling.engine.writer import write_file, write_set
-from scenegen.sampling.problem import Budget
+from scenegen.sampling.methods import plan_for
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes import sets
 from scenegen.scenes.formats.registry import MOTION_FORMATS
 from scenegen.scenes.formats.registry import read_motions as read
 from scenegen.scenes.stores import store_at
+from scenegen.search.effort import Budget
 
 PASS = """object mug, plate at (0.5, 0.5)
 time 3 steps
@@ -32,7 +33,7 @@ PHI, N, SEED, BLOCK = (-0.3, 0.1), 300, 4, 64
 def plan():
     """One whose pieces are small."""
     request = check_request(SPEC, SampleRequest({"task": Range(*PHI)}, N, seed=SEED, workers=1))
-    made = plan_of(SPEC, request, Budget(1e6))
+    made = plan_for(SPEC.declared, request, Budget(1e6))
     small = dataclasses.replace(made.problem, cost=1 << 21)
     return dataclasses.replace(made, problem=small)
 

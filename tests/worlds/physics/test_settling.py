@@ -19,9 +19,9 @@ import scenegen
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.geometry import NUMPY, PRIMITIVES, Box, Circle, Polygon
 from scenegen.processes import process
+from scenegen.sampling.cells import Cells
 from scenegen.sampling.engine.blocks import BlockAssembler, run_blocks
 from scenegen.sampling.plan import Account, Piece, Plan
-from scenegen.sampling.problem import Cells
 from scenegen.sampling.request import SampleRequest
 from scenegen.scenes.blocks import Block
 from scenegen.search.effort import StoppedError

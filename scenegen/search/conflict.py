@@ -13,29 +13,38 @@ from typing import Any
 import numpy as np
 
 from scenegen.arrays import Array
-from scenegen.errors import Diagnostic, Kind, Span
+from scenegen.errors import Diagnostic, Kind
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Atom, Coord, Core, Junction, atoms_below
 from scenegen.lang.formula.interpret import evaluate
-from scenegen.search.contract import EVERYTHING, Ends, alternatives, both, contract, impose, push_down, size_of, start
-from scenegen.search.effort import PYTHON, Effort, scoring
+from scenegen.search.contract import (
+    EVERYTHING,
+    Bounds,
+    alternatives,
+    contract,
+    impose,
+    intersect,
+    push_down,
+    size_of,
+    start,
+)
+from scenegen.search.effort import PYTHON_WORK, Effort, scoring_work
 from scenegen.search.grid import open_nodes
-from scenegen.search.prune import Reachability, find
+from scenegen.search.prune import SWEEP_ONLY_NODES, Reachability, find_witness
 from scenegen.search.tape import Tape, make_tape, weight
 
 Conjunct = tuple[int, float, float]
 """Formula node of the core, lowest and highest value: one end is infinite."""
 
-EFFORTS = (1, 16, 256)  # boxes that one proof may look at: what is proved with few is minimised with few
-WORK = 30_000  # tape nodes that all proofs together may visit: about two seconds
-POINTS = 64  # scenes tried in every round of a proof: one that meets the demand ends it
-WIDE = 32  # boxes that are split at a time
-LARGEST = 20_000  # nodes of a tape from which on nothing is proved beyond one sweep
-SHOWN = 4  # atoms that a message names
+PROOF_BOXES = (1, 16, 256)  # boxes that one proof may look at: what is proved with few is minimised with few
+PROOF_VISITS = 30_000  # tape nodes that all proofs together may visit: about two seconds
+TRIED_SCENES = 64  # scenes tried in every round of a proof: one that meets the demand ends it
+BOXES_AT_A_TIME = 32  # boxes that are split at a time
+MAX_NAMED_ATOMS = 4  # atoms that a message names
 
 
 @dataclass(frozen=True, slots=True)
-class Clash:
+class Conflict:
     """Conjuncts that clash. `proved`: no scene in the box meets them all, and each is needed for that proof (as far as
     the effort went); otherwise a search found no scene that does, and these are the ones that stood in its way."""
 
@@ -48,16 +57,16 @@ class Clash:
         return tuple(dict.fromkeys(node for node, _, _ in self.conjuncts))
 
 
-def clash(
+def minimal_conflict(
     core: Core,
     lowest: Array,
     highest: Array,
-    wanted: Mapping[int, Ends],
+    wanted: Mapping[int, Bounds],
     *,
     search: bool | Reachability = True,
-    work: int = WORK,
+    work: int = PROOF_VISITS,
     effort: Effort | None = None,
-) -> Clash | None:
+) -> Conflict | None:
     """What clashes in a demand over the box lowest..highest (3N,); None where a scene meets it.
 
     `wanted` maps formula nodes to the ends that their value should lie in. Where nothing can be proved and a short
@@ -67,21 +76,21 @@ def clash(
     """
     effort = Effort() if effort is None else effort
     tape = make_tape(core, lowest, highest, effort)
-    conjuncts = take_apart(core, wanted)
+    conjuncts = conjuncts_of(core, wanted)
     proof = _Proof(core, tape, lowest, highest, work, effort)
-    for boxes in EFFORTS:
+    for boxes in PROOF_BOXES:
         proof.boxes = boxes
         if proof.refutes(conjuncts):
-            return Clash(tuple(proof.smallest(conjuncts)), True)
+            return Conflict(tuple(proof.smallest(conjuncts)), True)
     if search is False:
         return None
-    found = find(core, lowest, highest, wanted, work=work, effort=effort) if search is True else search
+    found = find_witness(core, lowest, highest, wanted, work=work, effort=effort) if search is True else search
     if found.verdict == "yes" or found.nearest is None:
         return None
-    return Clash(_in_the_way(core, found.nearest, conjuncts), False)
+    return Conflict(_least_margins(core, found.nearest, conjuncts), False)
 
 
-def take_apart(core: Core, wanted: Mapping[int, Ends]) -> list[Conjunct]:
+def conjuncts_of(core: Core, wanted: Mapping[int, Bounds]) -> list[Conjunct]:
     """The conjuncts of a demand, one end each."""
     found = []
     for node, (low, high) in push_down(core, wanted).items():
@@ -92,17 +101,17 @@ def take_apart(core: Core, wanted: Mapping[int, Ends]) -> list[Conjunct]:
     return found
 
 
-def explain(core: Core, found: Clash, kind: Kind, **facts: Any) -> Diagnostic:
+def conflict_diagnostic(core: Core, found: Conflict, kind: Kind, **facts: Any) -> Diagnostic:
     """The diagnostic of a clash: the caret under the first atom, the others below with their file and line."""
     texts = [_text(core, conjunct) for conjunct in found.conjuncts]
-    spans = [_span(core, node) for node, _, _ in found.conjuncts]
+    spans = [next((atom.spans[0] for atom in _atoms(core, node) if atom.spans), None) for node, _, _ in found.conjuncts]
     more = "cannot be met" if len(texts) == 1 else "clashes with what is noted below"
     lines = [
         f"{text}  ({span.place})" if span is not None else text
-        for text, span in list(zip(texts, spans, strict=True))[1 : SHOWN + 1]
+        for text, span in list(zip(texts, spans, strict=True))[1 : MAX_NAMED_ATOMS + 1]
     ]
-    if len(texts) > SHOWN + 1:
-        lines.append(f"and {len(texts) - SHOWN - 1} more")
+    if len(texts) > MAX_NAMED_ATOMS + 1:
+        lines.append(f"and {len(texts) - MAX_NAMED_ATOMS - 1} more")
     lines.append("bounds prove it" if found.proved else "no proof: a short search found no scene")
     return kind(spans[0], clash=f"{texts[0]} {more}", others="\n".join(lines), **facts)
 
@@ -111,17 +120,10 @@ def _text(core: Core, conjunct: Conjunct) -> str:
     index, low, high = conjunct
     sign = f">= {low:.4g}" if low > -np.inf else f"<= {high:.4g}"
     atoms = _atoms(core, index)
-    names = [f"`{atom.text}`" for atom in atoms[:SHOWN]] + (["..."] if len(atoms) > SHOWN else [])
+    names = [f"`{atom.text}`" for atom in atoms[:MAX_NAMED_ATOMS]] + (["..."] if len(atoms) > MAX_NAMED_ATOMS else [])
     if len(atoms) == 1:
         return f"{names[0]} {sign}"
     return f"{' or '.join(names)} {sign}"
-
-
-def _span(core: Core, index: int) -> Span | None:
-    for atom in _atoms(core, index):
-        if atom.spans:
-            return atom.spans[0]
-    return None
 
 
 def _atoms(core: Core, index: int) -> list[Atom]:
@@ -134,10 +136,10 @@ def _atoms(core: Core, index: int) -> list[Atom]:
     return list(found.values())
 
 
-def _joined(conjuncts: Sequence[Conjunct]) -> dict[int, Ends]:
-    demand: dict[int, Ends] = {}
+def _demand_of(conjuncts: Sequence[Conjunct]) -> dict[int, Bounds]:
+    demand: dict[int, Bounds] = {}
     for node, low, high in conjuncts:
-        demand[node] = both(demand.get(node, EVERYTHING), (low, high))
+        demand[node] = intersect(demand.get(node, EVERYTHING), (low, high))
     return demand
 
 
@@ -156,11 +158,11 @@ class _Proof:
     def refutes(self, conjuncts: Sequence[Conjunct]) -> bool:
         """Whether it is proved, within the boxes allowed, that no scene meets the conjuncts."""
         core, tape = self.core, self.tape
-        self.effort.spend(PYTHON * len(conjuncts))
-        demand = push_down(core, _joined(conjuncts))
+        self.effort.spend(PYTHON_WORK * len(conjuncts))
+        demand = push_down(core, _demand_of(conjuncts))
         if any(low > high for low, high in demand.values()):
             return True
-        rounds, cost = 1 if len(tape.nodes) > LARGEST else 4, weight(tape.nodes)
+        rounds, cost = 1 if len(tape.nodes) > SWEEP_ONLY_NODES else 4, weight(tape.nodes)
         demands = [demand]
         lo, hi = start(tape, demands, self.lowest[:, None], self.highest[:, None])
         looked = 1
@@ -170,11 +172,15 @@ class _Proof:
             if not len(kept):
                 return True
             lo, hi, demands = lo[:, kept], hi[:, kept], [demands[column] for column in kept]
-            if rounds == 1 or looked >= self.boxes or self._met(conjuncts, lo, hi):
+            if rounds == 1 or looked >= self.boxes or self._meets(conjuncts, lo, hi):
                 return False
-            next_lo, next_hi, next_demands = [lo[:, WIDE:]], [hi[:, WIDE:]], demands[WIDE:]
-            self.work -= cost * min(WIDE, len(demands)) // 4
-            for column in range(min(WIDE, len(demands))):
+            next_lo, next_hi, next_demands = (
+                [lo[:, BOXES_AT_A_TIME:]],
+                [hi[:, BOXES_AT_A_TIME:]],
+                demands[BOXES_AT_A_TIME:],
+            )
+            self.work -= cost * min(BOXES_AT_A_TIME, len(demands)) // 4
+            for column in range(min(BOXES_AT_A_TIME, len(demands))):
                 split = self._split(demands[column], lo[:, column], hi[:, column])
                 if split is None:
                     return False
@@ -201,16 +207,16 @@ class _Proof:
                 return conjuncts
             size = max(1, size // 2)
 
-    def _met(self, conjuncts: Sequence[Conjunct], lo: Array, hi: Array) -> bool:
+    def _meets(self, conjuncts: Sequence[Conjunct], lo: Array, hi: Array) -> bool:
         """Whether one of a few scenes in the boxes meets the conjuncts: middles first, then random ones."""
         rng = np.random.default_rng(0)
-        boxes = np.resize(np.arange(lo.shape[1]), max(POINTS, lo.shape[1]))
+        boxes = np.resize(np.arange(lo.shape[1]), max(TRIED_SCENES, lo.shape[1]))
         where = rng.random((len(self.lowest), len(boxes)))
         where[:, : lo.shape[1]] = 0.5
         rows = self.lowest[:, None] + where * (self.highest - self.lowest)[:, None]
         for row, node in self.tape.rows.items():
             rows[row] = lo[node, boxes] + where[row] * (hi[node, boxes] - lo[node, boxes])
-        self.effort.spend(scoring(self.core.nodes, len(boxes)))
+        self.effort.spend(scoring_work(self.core.nodes, len(boxes)))
         values = evaluate(self.core, list(rows), NUMPY, self.effort.check)
         met = np.ones(len(boxes), dtype=bool)
         for node, low, high in conjuncts:
@@ -218,8 +224,8 @@ class _Proof:
         return bool(met.any())
 
     def _split(
-        self, demand: dict[int, Ends], lo: Array, hi: Array
-    ) -> list[tuple[dict[int, Ends], Array, Array]] | None:
+        self, demand: dict[int, Bounds], lo: Array, hi: Array
+    ) -> list[tuple[dict[int, Bounds], Array, Array]] | None:
         """A box in parts: by the alternatives of an open junction, else in halves along the widest coordinate or
         difference that an open atom depends on. None where the whole box meets the demand, or nothing is wide."""
         core, tape = self.core, self.tape
@@ -228,7 +234,7 @@ class _Proof:
             return None
         for one in pending:
             node = core.nodes[one.core]
-            if isinstance(node, Junction) and len(node.args) <= WIDE:
+            if isinstance(node, Junction) and len(node.args) <= BOXES_AT_A_TIME:
                 parts = []
                 for other, _ in alternatives(core, demand, one.core):
                     part_lo, part_hi = lo.copy(), hi.copy()
@@ -252,7 +258,7 @@ class _Proof:
         return [(demand, lo, below), (demand, above, hi)]
 
 
-def _in_the_way(core: Core, rows: Array, conjuncts: Sequence[Conjunct]) -> tuple[Conjunct, ...]:
+def _least_margins(core: Core, rows: Array, conjuncts: Sequence[Conjunct]) -> tuple[Conjunct, ...]:
     """The conjuncts with the least margin at the best scene that was found: there they hold each other in balance."""
     values = evaluate(core, list(map(float, rows)))
     margins = [min(values[node] - low, high - values[node]) for node, low, high in conjuncts]

@@ -23,7 +23,7 @@ from scenegen.sampling.engine.engines import JobResult, each, here
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import RequestData
-from scenegen.scenes.lease import held
+from scenegen.scenes.lock import acquire
 from scenegen.scenes.locations import inside
 from scenegen.scenes.sets import Manifest, Rareness, ShardRequest
 from scenegen.scenes.stores import open_store
@@ -322,7 +322,7 @@ def make_dataset(
             spec, plan, store = loaded[name], plans[name], stores[name]
             wanted = requests(spec, plan.parts, share, size, seed)
             wanted = [one for one in wanted if one.n]
-            stack.enter_context(held(store))
+            stack.enter_context(acquire(store))
             manifest = sets.begin(store, _manifest(spec, plan, share, seed, size, license), resume=resume)
             one = growing[name] = _PartialSet(name, store, manifest, len(wanted))
             there = {shard.file for shard in manifest.shards}

@@ -16,7 +16,7 @@ from scenegen.pose import row_count
 from scenegen.sampling.request import Range
 from scenegen.scenes import sets
 from scenegen.scenes.blocks import BLOCK, Block
-from scenegen.scenes.lease import held
+from scenegen.scenes.lock import acquire
 from scenegen.scenes.locations import inside
 from scenegen.scenes.stores import Store, open_store
 
@@ -96,7 +96,7 @@ def write_blocks(out: str, like: StoredSet, blocks: Iterable[Block], provenance:
 def _new_set(out: str, like: StoredSet, provenance: Mapping[str, Any], size: int) -> Iterator[_NewSet]:
     """A new set, for this process alone until the end of the block. Where that fails, nothing is left of it."""
     store = open_store(out)
-    with held(store):
+    with acquire(store):
         made = _NewSet(store, like, provenance, size)
         try:
             yield made

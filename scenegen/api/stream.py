@@ -114,26 +114,21 @@ def _write_set(
     from scenegen.sampling.engine.engines import check_engine, open_engine
     from scenegen.sampling.engine.writer import write_set
     from scenegen.scenes import sets
-    from scenegen.scenes.lease import held, refuse_held
+    from scenegen.scenes.lock import acquire, refuse_in_use
 
     numbers = _numbers(spec)
     block = BLOCK if spec.horizon is None else sets.motion_block(numbers)
     size = sets.shard_size(request.shard_size, numbers, len(spec.objects), block)
     check_engine(request.engine, request.address)
-    refuse_held(store)
+    refuse_in_use(store)
     sets.refuse_taken(store, resume=request.resume)
     with closing(plan_of(source, request, budget, on_note)) as plan:
-        with held(store) as hold, open_engine(request.engine, request.workers, plan, request.address) as engine:
-
-            def spent() -> bool:
-                hold.check()
-                return budget.spent
-
+        with acquire(store), open_engine(request.engine, request.workers, plan, request.address) as engine:
             manifest = _manifest(plan, size, method=request.method)
             tally, manifest = write_set(
                 store, plan, engine, manifest, _shard_writer(plan, sets.PARQUET, store),
                 lambda tally: _account(plan, tally), resume=request.resume, keep_partial=request.keep_partial,
-                spent=spent, progress=progress, block=block,
+                spent=lambda: budget.spent, progress=progress, block=block,
             )  # fmt: skip
             warnings: tuple[Diagnostic, ...] = ()
             if tally is not None:

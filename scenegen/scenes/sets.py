@@ -111,7 +111,7 @@ class ShardRequest(BaseModel):
 
 
 MANIFEST = "manifest.json"
-LOCK = ".lock"  # says who writes: see `lease`
+LOCK = ".lock"  # says who writes: see `lock`
 CARD = "README.md"
 SHARDS = "part-"  # how the names of shards begin
 PARQUET, RAW = ".parquet", ".npy"  # endings of shards: of a set, of a file in progress

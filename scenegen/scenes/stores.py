@@ -116,10 +116,9 @@ class Store:
     patience: float = PATIENCE  # seconds for which an object store that fails is asked again
     tell: Tell | None = field(default=None, compare=False)  # called with failures that are tried again
 
-    def told_to(self, tell: Tell | None, *, patience: float | None = None) -> Store:
-        """The same store with another listener, and another patience if one is given. One that is sent to other
-        processes has none."""
-        return replace(self, tell=tell, patience=self.patience if patience is None else patience)
+    def with_progress(self, tell: Tell | None) -> Store:
+        """The same store with another listener. One that is sent to other processes has none."""
+        return replace(self, tell=tell)
 
     def read(self, name: str) -> bytes:
         """The bytes of a file. Raises DataError."""
@@ -195,19 +194,6 @@ class Store:
         found = self._reading(".", lambda: self.system.get_file_info(selector))
         start = len(self.root) + 1
         return {one.path[start:]: one.size for one in found if one.type == fs.FileType.File}
-
-    def changed(self, name: str) -> float:
-        """When a file was last written, in seconds since 1970 by the store's clock; 0 if it is not there. Raises
-        DataError."""
-
-        def work() -> float:
-            if self.local:
-                path = Path(self.path(name))
-                return path.stat().st_mtime if path.exists() else 0.0
-            found = self.system.get_file_info(self.path(name))
-            return 0.0 if found.mtime_ns is None else found.mtime_ns / 1e9
-
-        return self._reading(name, work)
 
     def delete(self, *names: str) -> None:
         """Remove files; those that are not there are left alone. Raises OutputError."""

@@ -44,7 +44,7 @@ from scenegen.processes.pool import check_workers
 from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
 from scenegen.resources import __version__
 from scenegen.scenes.files import check_writable, reported, target, write_whole
-from scenegen.scenes.lease import locked
+from scenegen.scenes.lock import lock_file
 from scenegen.validation import as_int, as_path, as_seconds, as_success
 
 SAID = 200  # characters of an error that outcomes keep
@@ -92,7 +92,7 @@ def run_suite(
     )  # fmt: skip
     check_writable(out)
     whole = target(out)
-    with locked(whole.with_name(f".{whole.name[:200]}.lock"), str(out)):
+    with lock_file(whole.with_name(f".{whole.name[:200]}.lock"), str(out)):
         found: list[EpisodeOutcome] = []
         if out.exists() and (before := read_outcomes(out, suite)).episodes:
             if not resume:

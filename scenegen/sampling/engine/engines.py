@@ -281,7 +281,7 @@ class Local(Engine):
 def _written(writing: ShardWriter, number: int, blocks: Iterator[Block]) -> Written:
     """Runs in a thread."""
     said: list[str] = []
-    return replace(writing, store=writing.store.told_to(said.append)).write(number, 0, blocks), said
+    return replace(writing, store=writing.store.with_progress(said.append)).write(number, 0, blocks), said
 
 
 def map_each(

@@ -40,7 +40,7 @@ from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import FULL, begin_writing, output_error, put_in_place, sync_folder, target, whole_file
 from scenegen.scenes.formats.registry import format_of
-from scenegen.scenes.lease import held
+from scenegen.scenes.lock import acquire
 from scenegen.scenes.motions import AnyFile
 from scenegen.scenes.sets import (
     JOINED,
@@ -151,7 +151,7 @@ def write_file(
     kind.write(io.BytesIO(), trial, manifest.labels, [])
     with ExitStack() as ending:
         kept = ending.enter_context(_Kept.opened(path))
-        ending.enter_context(held(kept.store))
+        ending.enter_context(acquire(kept.store))
         ending.callback(kept.leave)
         ending.callback(engine.close)  # before that: it may be writing
         found = kept.begin(manifest, resume)

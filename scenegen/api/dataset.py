@@ -23,8 +23,8 @@ from scenegen.sampling.engine.engines import JobResult, each, here
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import RequestData
-from scenegen.scenes.lock import acquire
 from scenegen.scenes.locations import inside
+from scenegen.scenes.lock import acquire
 from scenegen.scenes.sets import Manifest, Rareness, ShardRequest
 from scenegen.scenes.stores import open_store
 from scenegen.validation import as_int

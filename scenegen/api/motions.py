@@ -168,7 +168,7 @@ def draw_motions(spec: Spec, request: SampleRequest, *, watch: Watch | None = No
     """The motions of a request; `watch` is shown what comes near it meanwhile. Raises what `sample_motions` raises."""
     check_spec(spec)
     if spec.over_time is None:
-        raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
+        raise RequestError(NOT_OVER_TIME(file=spec.definition.name))
     plan, drawn, warnings = run_in_memory(spec, check_request(spec, request), watch=watch)
     stored = stored_form(plan.problem)
     assert stored is not None

@@ -121,7 +121,7 @@ def rarity(spec: Spec, label: str | None = None, *, seed: int = 0, timeout: floa
     if not 0 <= seed <= MAX_SEED:
         raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
     budget = Budget(math.inf if timeout is None else as_seconds("timeout", timeout))
-    lowest, highest = spec.declared.box()
+    lowest, highest = spec.definition.box()
     if not (lowest < highest).any():
         raise RequestError(ALL_HELD(consequence="phi has one value"))
     labels = spec.labels if label is None else (label,)
@@ -154,14 +154,14 @@ def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Dia
     """Over all numbers of things in equal shares; those with which nothing meets the requirement are left out. Raises
     RequestError where all are."""
     found: list[Rarity] = []
-    share = WORK // min(len(spec.declared.members), MOST_SHARES)
+    share = WORK // min(len(spec.definition.members), MOST_SHARES)
     for numbers, member in spec.members:
         try:
             found.append(_measure(member, labels, member.bounds(), seed, budget, share))
         except RequestError as error:
             first = error.diagnostics[0]
             left_out.append(NUMBER_LEFT_OUT(counted=written(numbers), why=first.title))
-            if len(left_out) == len(spec.declared.members):
+            if len(left_out) == len(spec.definition.members):
                 raise
     if any(len(one.reaches) < len(labels) for one in found):
         raise StoppedError  # a mixture needs all of them
@@ -174,9 +174,9 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) ->
 
     timed = spec.over_time
     assert timed is not None
-    lowest, highest = spec.declared.box()
+    lowest, highest = spec.definition.box()
     refuse_choices(spec, "a motion")
-    found = measure(spec.declared, labels, seed, stop=_Until(budget))
+    found = measure(spec.definition, labels, seed, stop=_Until(budget))
     if isinstance(found, RequirementUnmet):
         misses = -found.best if math.isfinite(found.best) else None
         raise RequestError(REQUIREMENT_NOT_FOUND(motion="motion", evaluations=found.evaluations, misses=misses))

@@ -26,7 +26,6 @@ from scenegen.errors.files import (
 )
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.geometry.workspace import upright
-from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import NAMES, X, as_rows
 from scenegen.scenes.arrange import doubts_of
@@ -60,8 +59,7 @@ class _GivenScenes:
 class AnySpec(Protocol):
     """A Spec, as far as reading scenes needs it."""
 
-    @property
-    def drawn(self) -> CheckedSpec: ...
+    def require_scenes(self) -> CheckedSpec: ...
 
 
 def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, spec: AnySpec | None = None) -> SceneSet:
@@ -99,7 +97,7 @@ def open_scenes(path: Path, spec: AnySpec | None = None) -> SceneFileReading | S
     if not is_plain(path):
         table.read_scenes(path)  # says what else is wrong with it
         raise _says_itself(path)
-    return read_own(spec.drawn, path)
+    return read_own(spec.require_scenes(), path)
 
 
 def _says_itself(path: str | Path) -> RequestError:
@@ -145,7 +143,7 @@ def _file(drawn: CheckedSpec, path: Path, *, partly: bool = False) -> _GivenScen
 def settled_scenes(path: Path) -> SceneSet:
     """The scenes of a file of `scenegen settle`, as they came to rest. Raises DataError."""
     said, rest, on = read_settled(path)
-    spec = check_text(said.spec.source, f"the spec of {path}")
+    spec = said.spec.checked_spec
     if list(spec.objects) != said.objects:
         facts = {"wanted": tuple(spec.objects), "found": tuple(said.objects)}
         raise DataError(OTHER_SPEC(reason="the objects of the file are not those of its spec", **facts))

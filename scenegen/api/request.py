@@ -160,11 +160,11 @@ def plan_of(
         from scenegen.sampling.motions.sampler import plan_motions
         from scenegen.sampling.motions.scores import make_problem as make_motion_problem
 
-        return selected(plan_motions(make_motion_problem(spec.declared, request, budget), budget, watch=watch))
+        return selected(plan_motions(make_motion_problem(spec.definition, request, budget), budget, watch=watch))
     if spec.counts:
         from scenegen.sampling.families import plan_numbers
 
-        plan: Plan = plan_numbers(spec.declared, request, budget, make, selected)
+        plan: Plan = plan_numbers(spec.definition, request, budget, make, selected)
     else:
         plan = selected(make(spec.checked, request))
     if plan.why is not None and on_note is not None:

@@ -100,7 +100,7 @@ def draw_scenes(
     """The scenes of a request, in memory. Raises what `sample` raises."""
     from scenegen.sampling.problem import Budget
 
-    _ = spec_of(source).drawn
+    _ = spec_of(source).require_scenes()
     budget = Budget(request.timeout)
     source = any_model(source, budget) if request.method == "any" else source
     request = check_request(source, request)
@@ -137,7 +137,7 @@ def run_in_memory(
 
 def _check_size(source: Spec | LearnedModel, n: int) -> None:
     """Refuse more scenes than go into memory. Raises RequestError."""
-    spec = spec_of(source).drawn
+    spec = spec_of(source).require_scenes()
     most = IN_MEMORY // (row_count(len(spec.objects)) + len(spec.labels))
     if most < n <= MAX_SCENES:  # of even more it is said that nobody can sample them
         raise RequestError(TOO_MANY(n=n, objects=len(spec.objects), most=most))

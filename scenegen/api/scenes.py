@@ -20,7 +20,6 @@ from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, NOT_INSTALLED, WRONG_VALUE
 from scenegen.geometry import NUMPY, Circle
 from scenegen.geometry.workspace import turned
-from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, Atom, gated
 from scenegen.lang.formula.interpret import deciding_atom
 from scenegen.lang.formula.interpret import evaluate as interpret
@@ -142,7 +141,7 @@ class SceneSet(SceneArrays):
         """Each scene as in a mirror: x counted from the other side of the workspace, headings turned with it, and phi
         as the spec gives it there. Raises DataError where the spec holds an object off the middle."""
         self.refuse_rest("mirrored")
-        spec, (left, right) = check_text(self.header.spec.source, "the spec of the scenes"), self.header.workspace.x
+        spec, (left, right) = self.header.spec.checked_spec, self.header.workspace.x
         poses = self.poses.copy()
         poses[..., X] = left + right - poses[..., X]
         poses[..., THETA] = np.remainder(math.pi - poses[..., THETA], TWO_PI)
@@ -292,7 +291,7 @@ def _check_phi(scenes: SceneSet) -> None:
     if np.shape(scenes.poses) != shape or any(np.shape(one) != shape[:1] for one in scenes.phi.values()):
         value, wanted = f"of the shape {np.shape(scenes.poses)}", f"{shape}, and phi ({shape[0]},) of each label"
         raise RequestError(WRONG_VALUE(argument="poses", value=value, wanted=wanted))
-    for wrong in compare(check_text(scenes.header.spec.source, "the spec of the scenes"), scenes, "the set"):
+    for wrong in compare(scenes.header.spec.checked_spec, scenes, "the set"):
         raise DataError(wrong)
 
 

@@ -16,8 +16,8 @@ from scenegen.pose import row_count
 from scenegen.sampling.request import Range
 from scenegen.scenes import sets
 from scenegen.scenes.blocks import BLOCK, Block
-from scenegen.scenes.lock import acquire
 from scenegen.scenes.locations import inside
+from scenegen.scenes.lock import acquire
 from scenegen.scenes.stores import Store, open_store
 
 SPLIT = 12  # the stream of random numbers of splits

@@ -194,11 +194,11 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
 
 def checked_spec(stored: StoredSet) -> CheckedSpec:
     """The spec that the set was made from, read from its header. Raises DataError if it is none."""
-    from scenegen.api.spec import parse
+    from scenegen.api.spec import Spec
     from scenegen.errors.files import NOT_A_SET
 
     try:
-        return parse(stored.header.spec.source).drawn
+        return Spec(stored.header.spec.checked_spec).require_scenes()
     except SpecError as error:
         reason = f"the spec in its header does not parse: {error.diagnostics[0].title}"
         remedy = "it was made by another version of scenegen"
@@ -207,7 +207,7 @@ def checked_spec(stored: StoredSet) -> CheckedSpec:
 
 def coverage_of(stored: StoredSet, timeout: float) -> tuple[float, float] | None:
     """Coverage of fresh exact scenes of the same request by scenes of the set, and by other fresh ones."""
-    from scenegen.api.spec import parse
+    from scenegen.api.spec import Spec
     from scenegen.scenes.coverage import coverage
 
     request = stored.header.request
@@ -215,7 +215,7 @@ def coverage_of(stored: StoredSet, timeout: float) -> tuple[float, float] | None
     try:
         from scenegen.api.sample import sample
 
-        spec = parse(stored.header.spec.source)
+        spec = Spec(stored.header.spec.checked_spec)
         fresh = sample(
             spec, dict(request.phi), n=2 * few, seed=987_654_321,
             spread=request.spread, timeout=timeout, workers=1,

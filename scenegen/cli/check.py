@@ -80,11 +80,11 @@ def check(
                 {"file": named(path), "ok": False, "diagnostics": [_as_json(one) for one in error.diagnostics]}
             )
             continue
-        detail(f"parsed and checked {path}: {len(spec.declared.core.nodes):,} nodes")
+        detail(f"parsed and checked {path}: {len(spec.definition.core.nodes):,} nodes")
         looking = _Looking(started + LOOKED)
-        found = doubts(spec.declared, looking.effort)
+        found = doubts(spec.definition, looking.effort)
         detail("looked for what satisfies the labels")
-        problems = [*spec.warnings, *_problems(found, allow_unsatisfiable), *idle(spec.declared, looking.effort)]
+        problems = [*spec.warnings, *_problems(found, allow_unsatisfiable), *idle(spec.definition, looking.effort)]
         if looking.ended:
             problems.append(NOT_LOOKED_AT(file=named(path), seconds=LOOKED))
         ok = all(one.severity != "error" for one in problems)
@@ -147,7 +147,7 @@ def _print(path: Path, spec: Spec, found: list[UnsatisfiedLabel], ok: bool, dept
 def _facts(spec: Spec) -> dict[str, Any]:
     return {
         "objects": list(spec.objects),
-        "shapes": {name: _shape(shape) for name, shape in zip(spec.objects, spec.declared.shapes, strict=True)},
+        "shapes": {name: _shape(shape) for name, shape in zip(spec.objects, spec.definition.shapes, strict=True)},
         "workspace": {"x": list(spec.workspace.x), "y": list(spec.workspace.y)},
         "labels": {name: list(bounds) for name, bounds in spec.bounds().items()},
         "source": spec.source,
@@ -200,7 +200,7 @@ def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool,
     everything = full or depth is not None
     head = list(_head(spec, None if full else width))
     yield from head
-    outline = Outline(spec if not spec.counts else Spec(spec.declared.members[-1]))
+    outline = Outline(spec if not spec.counts else Spec(spec.definition.members[-1]))
     labels = outline.labels
     bounds = spec.bounds() if spec.counts else {}
     titles = {name: _title(outline, name, rough.get(name, ""), bounds.get(name)) for name in labels}
@@ -229,7 +229,7 @@ def timed_page(spec: Spec, horizon: Horizon, *, full: bool, width: int) -> Itera
     yield from _head(spec, None if full else width)
     step = f"{horizon.dt:g} s each, {horizon.seconds:g} s in all"
     yield f"  time       {horizon.steps:,} steps, {step}; moves {spec.moves}"
-    module = parse(Source(spec.declared.name, spec.source))
+    module = parse(Source(spec.definition.name, spec.source))
     shown = [one for one in module.statements if isinstance(one, ast.Require | ast.Label)]
     bounds = spec.bounds()
     for statement in shown[: None if full else LINES]:
@@ -244,7 +244,7 @@ def timed_page(spec: Spec, horizon: Horizon, *, full: bool, width: int) -> Itera
 
 
 def _head(spec: Spec, width: int | None) -> Iterator[str]:
-    checked, (x, y) = spec.declared, (spec.workspace.x, spec.workspace.y)
+    checked, (x, y) = spec.definition, (spec.workspace.x, spec.workspace.y)
     if checked.title:
         yield f"  {checked.title}"
     yield f"  workspace  [{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}] m"
@@ -280,7 +280,7 @@ def _named(kind: str, names: Sequence[str], width: int | None) -> Iterator[str]:
 def _sizes(spec: Spec, width: int | None) -> Iterator[str]:
     """A line for each shape: the objects that have it, what it is, and its size in metres."""
     names: dict[Shape, list[str]] = {}
-    for name, shape in zip(spec.objects, spec.declared.shapes, strict=True):
+    for name, shape in zip(spec.objects, spec.definition.shapes, strict=True):
         names.setdefault(shape, []).append(name)
     for number, (shape, objects) in enumerate(names.items()):
         if width is not None and number == SHAPES - 1 and len(names) > SHAPES:

@@ -63,7 +63,7 @@ def range_(
         print_json(as_json(named(spec), found))
     else:
         what = "scene" if checked.over_time is None else "motion"
-        _print(spec, found, what, count or [], checked.declared.declares_heights)
+        _print(spec, found, what, count or [], checked.definition.declares_heights)
     complain(*found.warnings)
     if png is not None:
         from scenegen.pictures.figures.charts import RarityPanel, plot

@@ -214,12 +214,12 @@ def stored_scenes(file: Path, together: int = 1) -> tuple[list[Part], Spec, Scen
     elsewhere there is one part, with no numbers. So many scenes lie `together`: the start and the goal of a pair.
     Raises DataError, SpecError, and RequestError where there are no scenes."""
     found = read_scenes(file)
-    spec = parse(found.header.spec.source, file.name)
+    spec = Spec(replace(found.header.spec.checked_spec, name=file.name))
     if not len(found):
         raise RequestError(NO_SCENES(file=file.name))
     parts = list(found.parts())
     most = max(1, most_scenes(len(found.objects)) // len(parts) // together) * together
-    names = {tuple(numbers.values()): written(numbers) for numbers in combinations(spec.declared.counts)}
+    names = {tuple(numbers.values()): written(numbers) for numbers in combinations(spec.definition.counts)}
     scenes: list[Part] = []
     for numbers, which in parts:
         member, numbers = with_numbers(spec, tuple(sorted(numbers.items())))

@@ -13,7 +13,6 @@ from scenegen.api.scenes import SceneSet, check_count
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE
 from scenegen.errors.worlds import ONE_PROBLEM_A_FILE
-from scenegen.lang.checker import check_text
 from scenegen.planning.export import (
     Originals,
     Problems,
@@ -177,11 +176,10 @@ def _in_its_words(
     scenes: SceneSet, out: Path, reading: CompiledProblem, file: str, facts: Sequence[str] | None
 ) -> Exported:
     check_count(scenes)
-    source = scenes.header.spec.source
-    checked = check_text(source, OF_SCENES)
+    checked = scenes.header.spec.checked_spec
     refuse_other(reading, checked.objects, [one.name for one in checked.regions], file)
     rows = rows_of(checked, scenes)
-    originals = Originals(ground(source, OF_SCENES, explicit=candidates(reading, facts)), reading)
+    originals = Originals(ground(checked.source, OF_SCENES, explicit=candidates(reading, facts)), reading)
     texts = originals.texts(rows, [f"Scene {number}" for number in range(1, len(scenes) + 1)])
     made = _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
     return replace(made, warnings=undecided(originals, file))

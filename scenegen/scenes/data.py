@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Sequence
-from functools import partial
+from functools import cached_property, partial
 from operator import is_, not_
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
@@ -32,6 +32,9 @@ from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.geometry.footprint import is_convex, signed_area
 from scenegen.geometry.workspace import FARTHEST, SMALLEST, WIDEST
 from scenegen.pose import row_count
+
+if TYPE_CHECKING:
+    from scenegen.lang.spec import CheckedSpec
 
 # --------------------------------------------------------------------------------------------------------------------
 # How many things there can be in the scenes of a file, where that is drawn.
@@ -271,6 +274,19 @@ class SpecRef(_StrictSceneModel):
         if hashlib.sha256(self.source.encode()).hexdigest() != self.sha256:
             raise ValueError("the spec's text does not have the checksum beside it")
         return self
+
+    @cached_property
+    def checked_spec(self) -> CheckedSpec:
+        """The spec, parsed and checked when it is first asked for. Raises SpecError."""
+        from scenegen.lang.checker import check_text
+
+        return check_text(self.source, "the spec of the scenes")
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Other processes check it themselves, if they need it at all."""
+        state = super().__getstate__()
+        fields = {name: value for name, value in state["__dict__"].items() if name != "checked_spec"}
+        return {**state, "__dict__": fields}
 
 
 class WorkspaceData(_StrictSceneModel):

@@ -1,7 +1,7 @@
 """One run at a time in a folder: the system's own lock of a file, which ends with its process, whatever ends it.
 
-Object stores have no locks, nor have disks of some systems: there two runs at a time are not noticed. docs/scale.md says
-what comes of them.
+Object stores have no locks, nor have disks of some systems: there two runs at a time are not noticed. docs/scale.md
+says what comes of them.
 """
 
 from __future__ import annotations

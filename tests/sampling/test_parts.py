@@ -425,7 +425,7 @@ def test_absent_objects_have_no_pose_and_phi_is_that_of_the_rest(spec, drawn_num
     assert (
         drawn_numbered.present.sum(axis=1) == drawn_numbered.counts["block"] + drawn_numbered.counts["cup"] + 1
     ).all()
-    assert (evaluate(spec.drawn, drawn_numbered)["task"] == drawn_numbered.phi["task"]).all()
+    assert (evaluate(spec.require_scenes(), drawn_numbered)["task"] == drawn_numbered.phi["task"]).all()
     assert ((drawn_numbered.phi["task"] >= 0.0) & (drawn_numbered.phi["task"] <= 0.2)).all()
     scene = drawn_numbered[0]
     assert set(scene.poses) == {
@@ -543,7 +543,8 @@ def test_surfaces_are_chosen_of_those_that_are_there(tmp_path):
         assert np.array_equal(again.on, found.on, equal_nan=True)
         assert np.array_equal(again.poses, found.poses, equal_nan=True)
     assert (
-        evaluate(scenegen.parse(text + "task: leftOf(mug, can[1])").drawn, again)["task"] == found.phi["task"]
+        evaluate(scenegen.parse(text + "task: leftOf(mug, can[1])").require_scenes(), again)["task"]
+        == found.phi["task"]
     ).all()
 
 

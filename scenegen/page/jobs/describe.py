@@ -31,7 +31,7 @@ from scenegen.things.palette import mix
 
 def describe(spec: Spec) -> dict[str, Any]:
     """Objects, regions and labels of a spec, and its formulas as trees."""
-    checked = spec.declared
+    checked = spec.definition
     header = header_of(spec)
     stage = stage_of_spec(spec)
     bounds = spec.bounds()

@@ -22,7 +22,6 @@ from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NEEDED_HERE, NO_SCENES, WRONG_VALUE
 from scenegen.geometry.workspace import upright
-from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count, rows_of
@@ -244,7 +243,7 @@ def _own(scenes: SceneFile, meshes: str | Path | None) -> Own:
 
 def _header(scenes: SceneFile, simulator: str, seconds: float, max_shift: float, max_turn: float) -> SettledHeader:
     check_simulator(simulator)
-    spec = check_text(scenes.spec.source, "the spec of the scenes")
+    spec = scenes.spec.checked_spec
     return SettledHeader(
         spec=scenes.spec,
         objects=[one.name for one in scenes.objects],
@@ -268,7 +267,7 @@ def _blocks(
     scenes: SceneFile, header: SettledHeader, blocks: Iterable[Block], own: Own, workers: int | None
 ) -> Iterator[SettledBlock]:
     """What becomes of the scenes of some blocks, some at a time, in their order."""
-    spec = check_text(scenes.spec.source, "the spec of the scenes")
+    spec = scenes.spec.checked_spec
     if not scenes.counts:
         yield from _same_objects(spec, scenes, header, blocks, own, workers)
         return

@@ -40,7 +40,7 @@ def plan():
 def begun(plan):
     """The header before the run, and the manifest."""
     header = header_of(plan.problem, {"method": plan.method})
-    facts = {"spec": SPEC.checked.sha256 if SPEC.over_time is None else SPEC.declared.sha256, "phi": {"task": PHI}}
+    facts = {"spec": SPEC.checked.sha256 if SPEC.over_time is None else SPEC.definition.sha256, "phi": {"task": PHI}}
     facts |= {"n": N, "seed": SEED, "spread": "flat", "scenegen": "0", "numpy": np.__version__}
     return header, sets.Manifest(request=facts, labels=["task"], shard_size=2 * BLOCK, header=sets.header_data(header))
 

@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 
 Draw = Callable[[Spec, SampleRequest], SceneSet]
 
-STREAM = 17  # the stream of random numbers of completed scenes
-ROUND = 65_536  # candidates that are scored together
-ROUNDS = 64
+COMPLETION_STREAM = 17  # the stream of random numbers of completed scenes
+ROUND_CANDIDATES = 65_536  # candidates that are scored together
+MAX_ROUNDS = 64
 
 
 def many_given(fix: object) -> bool:
@@ -115,11 +115,13 @@ def complete(
             raise RequestError(OUT_OF_PLACE(argument=name, rule=rule, remedy="leave it out"))
     request = check_request(spec, replace(request, n=len(given), fix={}))
     problem = make_problem(checked, request, Budget(request.timeout))
-    held = _held(problem, given)
-    found, hit, draws = _drawn(problem, held, request, began)
+    held = _given_rows(problem, given)
+    found, hit, draws = _draw_candidates(problem, held, request, began)
     warnings = [*problem.warnings, *doubts_of(source, checked.objects, given, checked.workspace)]
     for number in np.flatnonzero(~hit):
-        one = _one(spec, request, given[number], int(number), request.timeout - (time.monotonic() - began), draw)
+        one = _complete_alone(
+            spec, request, given[number], int(number), request.timeout - (time.monotonic() - began), draw
+        )
         if isinstance(one, Diagnostic):
             if not request.keep_partial:
                 raise RequestError(one)
@@ -136,7 +138,7 @@ def complete(
     return scenes_of(problem, {"method": "completed", **facts}, rows, phi, tuple(warnings))
 
 
-def _held(problem: Problem, given: Array) -> Array:
+def _given_rows(problem: Problem, given: Array) -> Array:
     """(R, n): the rows of the core that are given, headings in [0, 2 pi), and NaN for those that are free. Raises
     RequestError and DataError."""
     spec = problem.spec
@@ -164,31 +166,31 @@ def _held(problem: Problem, given: Array) -> Array:
     return held
 
 
-def _drawn(
+def _draw_candidates(
     problem: Problem, held: Array, request: SampleRequest, began: float
 ) -> tuple[Array, npt.NDArray[np.bool_], int]:
     """The rows of every scene, (R, n), of which there are some, and the number of candidates. These are uniform where
     nothing is given: the first one that is in the range is exactly distributed."""
     count = held.shape[1]
     found, hit = np.full(held.shape, np.nan), np.zeros(count, dtype=bool)
-    generator = np.random.default_rng(np.random.SeedSequence([request.seed, STREAM]))
+    generator = np.random.default_rng(np.random.SeedSequence([request.seed, COMPLETION_STREAM]))
     cells = problem.cells
     possible = np.array(sorted(problem.possible))
     wanted = np.concatenate([generator.permutation(possible) for _ in range(0, count, len(possible))])[:count]
     draws = 0
     span = (problem.highest - problem.lowest)[:, None]
-    for turn in range(ROUNDS):
+    for turn in range(MAX_ROUNDS):
         waiting = np.flatnonzero(~hit)
         if not len(waiting) or time.monotonic() - began > request.timeout:
             break
-        some = waiting[:ROUND]
-        each = max(1, ROUND // len(some) >> max(0, 4 - turn))  # most scenes are hit soon
+        some = waiting[:ROUND_CANDIDATES]
+        each = max(1, ROUND_CANDIDATES // len(some) >> max(0, 4 - turn))  # most scenes are hit soon
         draws += each * len(some)
         rows = problem.lowest[:, None] + span * generator.random((len(held), len(some) * each))
         given = np.repeat(held[:, some], each, axis=1)
         rows = np.where(np.isnan(given), rows, given)
         cell = cells.find(problem.phi(rows)).reshape(len(some), each)
-        strict = request.spread == "flat" and turn < ROUNDS // 2
+        strict = request.spread == "flat" and turn < MAX_ROUNDS // 2
         fits = cell == wanted[some, None] if strict else cell >= 0
         new = fits.any(axis=1)
         first = fits.argmax(axis=1)
@@ -197,7 +199,9 @@ def _drawn(
     return found, hit, draws
 
 
-def _one(spec: Spec, request: SampleRequest, given: Array, number: int, left: float, draw: Draw) -> Array | Diagnostic:
+def _complete_alone(
+    spec: Spec, request: SampleRequest, given: Array, number: int, left: float, draw: Draw
+) -> Array | Diagnostic:
     """The rows of one scene that was not hit, or why there are none."""
     checked = spec.checked
     fix = {
@@ -207,7 +211,7 @@ def _one(spec: Spec, request: SampleRequest, given: Array, number: int, left: fl
     }
     if left <= 0.0:
         return NOT_COMPLETED(scene=number + 1, reason="time is up")
-    seed = int(np.random.SeedSequence([request.seed, STREAM, number]).generate_state(1)[0])
+    seed = int(np.random.SeedSequence([request.seed, COMPLETION_STREAM, number]).generate_state(1)[0])
     alone = replace(request, n=1, fix=fix, seed=seed, spread="base", method="auto", timeout=left, keep_partial=False)
     try:
         scenes = draw(spec, alone)

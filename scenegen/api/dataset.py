@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenegen.api.rarity import SATISFIED, LabelRarity, rarity
+from scenegen.api.rarity import SATISFIED_SHARE, LabelRarity, rarity
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.set_card import front_matter
 from scenegen.api.spec import Spec, load, parse
@@ -36,14 +36,10 @@ if TYPE_CHECKING:
     from scenegen.scenes.stores import Store
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What a data set has of a spec: parts of phi, satisfied and not, and how rare each value of phi is.
-
-
-STREAM = 13  # the stream of random numbers of shards' seeds
+SHARD_STREAM = 13  # the stream of random numbers of shards' seeds
 RAREST = 2.0  # satisfied scenes up to the phi that is a hundred times as rare as phi >= 0
-FARTHEST = -3.0  # and scenes that are not, down to the phi that one scene in a thousand is below
-DIGITS = 4  # of the ends of parts
+LOWEST_LOG10P = -3.0  # and scenes that are not, down to the phi that one scene in a thousand is below
+END_DIGITS = 4  # of the ends of parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +70,7 @@ def plan_spec(spec: Spec, seed: int) -> SpecPlan:
     parts: list[PhiStratum] = []
     missing: list[str] = []
     for one in found.labels:
-        for side, name in ((_satisfied(one), "phi > 0"), (_violated(one), "phi < 0")):
+        for side, name in ((_satisfied_part(one), "phi > 0"), (_violated_part(one), "phi < 0")):
             if side is None:
                 missing.append(f"{one.label}: no scene with {name} was found")
             else:
@@ -101,8 +97,8 @@ def _tails(one: LabelRarity) -> tuple[Any, Any]:
     return falling, rising
 
 
-def _satisfied(one: LabelRarity) -> PhiStratum | None:
-    low, high = max(0.0, one.reached[0]), SATISFIED * one.reached[1]
+def _satisfied_part(one: LabelRarity) -> PhiStratum | None:
+    low, high = max(0.0, one.reached[0]), SATISFIED_SHARE * one.reached[1]
     if not one.reached[1] > 0.0 or not low < high:
         return None
     if one.curve:
@@ -112,23 +108,23 @@ def _satisfied(one: LabelRarity) -> PhiStratum | None:
         beyond = [phi for phi, value in zip(places, above, strict=True) if value < least and phi > low]
         high = min([high, *beyond[:1]])
         if one.curve[-1].above is not None and not beyond:  # many scenes have the highest phi, as where a body rests
-            return PhiStratum(one.label, _rounded(low), one.reached[1])
-    return PhiStratum(one.label, _rounded(low), _rounded(high))
+            return PhiStratum(one.label, _round_end(low), one.reached[1])
+    return PhiStratum(one.label, _round_end(low), _round_end(high))
 
 
-def _violated(one: LabelRarity) -> PhiStratum | None:
+def _violated_part(one: LabelRarity) -> PhiStratum | None:
     low, high = one.reached[0], min(0.0, one.reached[1])
     if not low < high:
         return None
     places = [level.phi for level in one.curve]
     below = _tails(one)[1]
-    within = [phi for phi, value in zip(places, below, strict=True) if value >= FARTHEST and phi < high]
+    within = [phi for phi, value in zip(places, below, strict=True) if value >= LOWEST_LOG10P and phi < high]
     low = max([low, *within[:1]])
-    return PhiStratum(one.label, _rounded(low), _rounded(high))
+    return PhiStratum(one.label, _round_end(low), _round_end(high))
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}") + 0.0
+def _round_end(value: float) -> float:
+    return float(f"{value:.{END_DIGITS}g}") + 0.0
 
 
 def requests(spec: Spec, parts: Sequence[PhiStratum], n: int, size: int, seed: int) -> list[ShardRequest]:
@@ -139,7 +135,7 @@ def requests(spec: Spec, parts: Sequence[PhiStratum], n: int, size: int, seed: i
         count = _share(n, which, len(parts))
         files = -(-count // size)
         for number in range(files):
-            words = np.random.SeedSequence([seed, STREAM, int(spec.checked.sha256[:12], 16), len(found)])
+            words = np.random.SeedSequence([seed, SHARD_STREAM, int(spec.checked.sha256[:12], 16), len(found)])
             drawn = int(words.generate_state(1, np.uint64)[0]) >> 11  # any program reads 53 bits exactly
             of = {part.label: (part.low, part.high)}
             found.append(ShardRequest(phi=of, n=_share(count, number, files), seed=drawn))
@@ -170,8 +166,8 @@ def plan_from(manifest: Manifest) -> SpecPlan:
     )
 
 
-TIMEOUT = 600.0  # seconds of a shard
-Told = Callable[
+SHARD_SECONDS = 600.0  # seconds of a shard
+OnJob = Callable[
     [str, JobResult, int, int], None
 ]  # what is done; a job of it that is over, and how many of how many are
 MEASURING, DRAWING = "measuring", "drawing shards"
@@ -186,18 +182,18 @@ class ShardDrawJob:
     def __call__(self, item: ShardJob) -> Shard:
         from scenegen.scenes.sets import shard_name
 
-        scenes = self._drawn(item)
+        scenes = self._draw(item)
         with item.store.whole(shard_name(item.number)) as sink:
             return _pack(item, scenes, sink)
 
-    def packed(self, item: ShardJob) -> tuple[Shard, list[bytes | memoryview]]:
+    def pack(self, item: ShardJob) -> tuple[Shard, list[bytes | memoryview]]:
         """The shard and its bytes, not written."""
         from scenegen.scenes.files import Parts
 
         sink = Parts()
-        return _pack(item, self._drawn(item), sink), sink.parts
+        return _pack(item, self._draw(item), sink), sink.parts
 
-    def _drawn(self, item: ShardJob) -> SceneSet:
+    def _draw(self, item: ShardJob) -> SceneSet:
         from scenegen.api.sample import draw_scenes
 
         made = item.made
@@ -275,14 +271,14 @@ def make_dataset(
     *,
     seed: int = 0,
     shard_size: int = BLOCK,
-    timeout: float = TIMEOUT,
+    timeout: float = SHARD_SECONDS,
     resume: bool = False,
     license: str = "unknown",
     engine: str = "local",
     workers: int | None = None,
     address: str | None = None,
     root: Path | None = None,
-    told: Told = lambda what, ended, done, count: None,
+    told: OnJob = lambda what, ended, done, count: None,
 ) -> dict[str, Manifest]:
     """n scenes of named specs, in equal shares, as a folder of sets with a card; returns their manifests by name.
 
@@ -370,7 +366,7 @@ def _manifest(spec: Spec, plan: SpecPlan, n: int, seed: int, size: int, license:
     )  # fmt: skip
 
 
-def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard, bool]:
+def remake(location: str, number: int, timeout: float = SHARD_SECONDS) -> tuple[Shard, bool]:
     """Make shard `number` of a data set again, from its request alone, and write it where its bytes are those of the
     manifest. Returns it, and whether the file there was missing or had other bytes. Raises RequestError for a number
     that no shard has and for sets whose shards have no requests of their own, DataError for other bytes, as other
@@ -392,7 +388,7 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
         raise RequestError(NO_SEED(location=stored.location))
     checked_spec(stored)
     job = ShardJob(stored.header.spec.source, stored.store, number, shard.made, stored.manifest.rarity)
-    again, parts = ShardDrawJob(timeout).packed(job)
+    again, parts = ShardDrawJob(timeout).pack(job)
     if again.sha256 != shard.sha256:
         facts = {"scenegen": stored.manifest.request.get("scenegen"), "numpy": stored.manifest.request.get("numpy")}
         raise DataError(REMADE_DIFFERS(file=shard.file, location=stored.location, **facts))
@@ -401,10 +397,6 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
     if not whole:
         stored.store.write(shard.file, *parts)
     return again, not whole
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The card of a data set of many specs: README.md with front matter as dataset hubs read it, a configuration a spec.
 
 
 def write_dataset_card(store: Store, manifests: Mapping[str, Manifest], failed: Sequence[str], license: str) -> None:

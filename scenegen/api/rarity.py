@@ -33,13 +33,13 @@ from scenegen.search.effort import Effort, StoppedError
 from scenegen.validation import as_int, as_seconds
 
 # values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between
-BELOW, ABOVE = (0.97, 0.8, 0.6, 0.4, 0.2, 0.05), (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
-ACROSS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
-CURVE = 64  # values of phi of a curve, evenly apart; the levels of the runs come on top
+SHARES_BELOW, SHARES_ABOVE = (0.97, 0.8, 0.6, 0.4, 0.2, 0.05), (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
+SHARES_ACROSS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+CURVE_POINTS = 64  # values of phi of a curve, evenly apart; the levels of the runs come on top
 HARD, MIDDLE, EASY = (0.001, 0.1), (0.4, 0.6), (0.1, 0.001)  # of the scenes: how many lie below (easy: above)
-SATISFIED = 0.9  # of the way from 0 to the top: the last part is the rarest, and no use as a goal
+SATISFIED_SHARE = 0.9  # of the way from 0 to the top: the last part is the rarest, and no use as a goal
 CROWDED = 0.5  # unless so much of what is satisfied lies there, as where a body rests on another: then all of it,
-BEYOND = 1.02  # and a little more, for rounding
+BEYOND_TOP = 1.02  # and a little more, for rounding
 MOST_SHARES = 8  # of the effort that numbers of things get: more of them take longer in all
 
 Ends = tuple[float, float]
@@ -257,7 +257,7 @@ def _report(label: str, bounds: Ends, reach: PhiDistribution) -> LabelRarity:
 
 def _places(reach: PhiDistribution) -> list[float]:
     """Where a curve has points: evenly over what was reached, and where each run had its levels."""
-    even = np.linspace(reach.down.end, reach.up.end, CURVE)
+    even = np.linspace(reach.down.end, reach.up.end, CURVE_POINTS)
     places = np.unique(np.concatenate([even, reach.up.levels[1:], -reach.down.levels[1:]]))
     return [float(phi) for phi in places]
 
@@ -272,11 +272,15 @@ def spread(low: float, high: float) -> list[float]:
     if not low < high:
         return [low]
     if not low < 0.0 < high:
-        return rounded([low + (high - low) * share for share in ACROSS], high - low)
-    return [*rounded([low * share for share in BELOW], -low), 0.0, *rounded([high * share for share in ABOVE], high)]
+        return round_values([low + (high - low) * share for share in SHARES_ACROSS], high - low)
+    return [
+        *round_values([low * share for share in SHARES_BELOW], -low),
+        0.0,
+        *round_values([high * share for share in SHARES_ABOVE], high),
+    ]
 
 
-def rounded(values: Sequence[float], width: float) -> list[float]:
+def round_values(values: Sequence[float], width: float) -> list[float]:
     """Values to about two hundredths of a width, as decimals that people read; each once."""
     digits = max(0, math.ceil(-math.log10(width / 100.0)))
     return list(dict.fromkeys(round(value, digits) + 0.0 for value in values))
@@ -294,14 +298,14 @@ def _bands(reach: PhiDistribution) -> list[Band]:
         ("easy" if top[0] >= 0.0 else "easier", *top),
     ]
     if high > 0.0:
-        crowded = _share(reach.up(SATISFIED * high)) >= CROWDED * _share(reach.up(max(0.0, low)))
-        found.append(("satisfied", max(0.0, low), (BEYOND if crowded else SATISFIED) * high))
+        crowded = _share(reach.up(SATISFIED_SHARE * high)) >= CROWDED * _share(reach.up(max(0.0, low)))
+        found.append(("satisfied", max(0.0, low), (BEYOND_TOP if crowded else SATISFIED_SHARE) * high))
     bands = []
     for name, least, most in found:
         if not least < most:
             continue
-        ends = rounded([least, most], 5.0 * (most - least))
-        probability = _between(reach, *ends) if len(ends) == 2 else 0.0
+        ends = round_values([least, most], 5.0 * (most - least))
+        probability = _probability_between(reach, *ends) if len(ends) == 2 else 0.0
         if probability > 0.0:
             bands.append(Band(name, ends[0], ends[1], math.log10(probability)))
         elif len(ends) == 2 and name == "satisfied":  # scenes were met there, too few to count
@@ -309,7 +313,7 @@ def _bands(reach: PhiDistribution) -> list[Band]:
     return bands
 
 
-def _between(reach: PhiDistribution, low: float, high: float) -> float:
+def _probability_between(reach: PhiDistribution, low: float, high: float) -> float:
     """P(low <= phi <= high), from the tail that is the smaller one."""
 
     up = _share(reach.up(low)), _share(reach.up(high))

@@ -148,10 +148,6 @@ def partial(shortfall: Diagnostic) -> Diagnostic:
     return dataclasses.replace(shortfall.but(kept="these are kept"), severity="warning")
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What `sample_to` returns: where scenes are, how many, and what phi is in them.
-
-
 @dataclass(frozen=True, slots=True)
 class PhiSummary:
     """phi of one label over the scenes of a file."""
@@ -175,7 +171,7 @@ class Written:
         return self.count
 
 
-def met(phi: Mapping[str, Array]) -> dict[str, PhiSummary]:
+def summarize_phi(phi: Mapping[str, Array]) -> dict[str, PhiSummary]:
     """What phi, by label, is in a set of at least one scene, or motion."""
     return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in phi.items()}
 
@@ -185,10 +181,6 @@ def refuse_set_options(request: SampleRequest) -> None:
     argument = request.misplaced("scenes", "motions", "files")
     if argument is not None:
         raise RequestError(ONLY_FOR_SETS(argument=argument))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A few scenes of a request, soon and without a plan: for programs in which somebody waits for something to look at.
 
 
 def glimpse(

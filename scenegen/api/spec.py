@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from scenegen.sampling.proposer import Proposer
     from scenegen.sampling.request import Range, SampleRequest
 
-MAX_BYTES = 64_000_000
+MAX_SPEC_BYTES = 64_000_000
 
 
 class Spec:
@@ -308,8 +308,8 @@ def read_spec(path: str | Path) -> tuple[Path, bytes]:
     """What a spec's file is called in messages, and its bytes. Raises DataError."""
     path = as_path("path", path)
     if is_stream(path):
-        return Path("<stdin>"), read_stream(path, "a spec", limit=MAX_BYTES)
-    return path, read_bytes(path, "a spec", limit=MAX_BYTES)
+        return Path("<stdin>"), read_stream(path, "a spec", limit=MAX_SPEC_BYTES)
+    return path, read_bytes(path, "a spec", limit=MAX_SPEC_BYTES)
 
 
 class LearnedModel(ABC):

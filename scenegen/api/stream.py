@@ -20,7 +20,7 @@ from scenegen.sampling.request import FixedPose, Progress, Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
-from scenegen.scenes.formats.scenes_json import BYTES, MOST_BYTES
+from scenegen.scenes.formats.scenes_json import BYTES, MAX_JSON_BYTES
 from scenegen.scenes.locations import as_location, names_set
 from scenegen.validation import as_int, as_path
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from scenegen.scenes.stores import Store
 
 FILE_SHARD = 1 << 26  # bytes of a shard of a file in progress, at most
-MORE = 4  # columns of motions beside poses and phi: number, time and two facts
+MOTION_COLUMNS = 4  # columns of motions beside poses and phi: number, time and two facts
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
 
@@ -240,7 +240,7 @@ def _warnings(
 def _numbers(spec: Spec) -> int:
     """How many numbers of a scene, or motion, files have."""
     rows = row_count(len(spec.objects)) + len(spec.labels)
-    return rows if spec.horizon is None else (rows + MORE) * spec.horizon.moments
+    return rows if spec.horizon is None else (rows + MOTION_COLUMNS) * spec.horizon.moments
 
 
 def _blocks_of(path: Path, over_time: bool) -> Iterable[Block]:
@@ -254,7 +254,7 @@ def _blocks_of(path: Path, over_time: bool) -> Iterable[Block]:
 def _check_json(n: int, spec: Spec) -> None:
     """Refuse more scenes than a .json file can hold. Raises RequestError."""
     check_spec(spec)
-    most = min(MAX_JSON, MOST_BYTES // (BYTES * (row_count(len(spec.objects)) + len(spec.labels))))
+    most = min(MAX_JSON, MAX_JSON_BYTES // (BYTES * (row_count(len(spec.objects)) + len(spec.labels))))
     if n > most:
         raise RequestError(TOO_MANY(n=n, most=most))
 

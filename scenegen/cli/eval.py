@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scenegen.lang.formula.timed import TimedValues
 
 
-EVERY = 10_000  # sub-formulas of a label that --json has at most
+MAX_JSON_LINES = 10_000  # sub-formulas of a label that --json has at most
 
 
 def evaluate(
@@ -148,7 +148,7 @@ def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | Non
 def _formulas(spec: Spec, scenes: SceneSet, number: int) -> dict[str, list[Line]]:
     """Every sub-formula of a scene, by label, each with its value."""
     outline, values = _values(spec, scenes, number)
-    return {label: outline.lines(label, most=EVERY, values=values)[0] for label in outline.labels}
+    return {label: outline.lines(label, most=MAX_JSON_LINES, values=values)[0] for label in outline.labels}
 
 
 def _values(spec: Spec, scenes: SceneSet, number: int) -> tuple[Outline, list[float]]:

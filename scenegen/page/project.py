@@ -17,7 +17,7 @@ from typing import Any
 from scenegen.api.motions import MotionSet, read_motions
 from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import SceneArrays, rows_of, stored_rows
-from scenegen.api.spec import MAX_BYTES, Spec, parse
+from scenegen.api.spec import MAX_SPEC_BYTES, Spec, parse
 from scenegen.errors import DataError, RequestError, SpecError
 from scenegen.errors.files import DAMAGED_MOTIONS, WRONG_ENDING
 from scenegen.errors.program import NOT_OPENED
@@ -316,7 +316,7 @@ def formats_data() -> list[dict[str, Any]]:
 def open_(what: Path | None) -> OpenProject:
     """Find out what a path or name is, and read it. Raises DataError, RequestError, SpecError."""
     if what is not None and is_stream(what):
-        text = read_source("<stdin>", read_stream(what, "a spec", limit=MAX_BYTES)).text
+        text = read_source("<stdin>", read_stream(what, "a spec", limit=MAX_SPEC_BYTES)).text
         return OpenProject(Folder(Path.cwd().resolve()), text, "stdin")
     if what is not None and is_family(what):
         return _model(what)

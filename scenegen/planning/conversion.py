@@ -157,10 +157,10 @@ def export_problems(
     check_out(out, "pddl")
     own = None if table is None else dict(read_map(Path(table)).predicates) or None
     if problem is not None:
-        for option, value in (("goal", goal is not None), ("whole_goal", whole_goal)):
+        for argument, value in (("goal", goal is not None), ("whole_goal", whole_goal)):
             if value:
                 rule = "chooses a goal, and the problem has its own"
-                raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
+                raise RequestError(OUT_OF_PLACE(argument=argument, rule=rule, remedy="leave it out"))
         starts = scenes.scenes(0) if isinstance(scenes, MotionSet) else scenes
         return _in_its_words(starts, out, import_problem(problem, domain, table).reading, str(problem), facts)
     if isinstance(scenes, MotionSet):
@@ -168,7 +168,7 @@ def export_problems(
         return of_scenes(starts, out, facts, own, goal, ends=ends, whole_goal=whole_goal)
     if whole_goal:
         rule = "is for motions and pairs, and these are scenes"
-        raise RequestError(OUT_OF_PLACE(option="whole_goal", rule=rule, remedy="leave it out"))
+        raise RequestError(OUT_OF_PLACE(argument="whole_goal", rule=rule, remedy="leave it out"))
     return of_scenes(scenes, out, facts, own, goal)
 
 

@@ -36,9 +36,6 @@ from scenegen.pose import row_count
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
 
-# --------------------------------------------------------------------------------------------------------------------
-# How many things there can be in the scenes of a file, where that is drawn.
-
 
 class CountData(BaseModel):
     """An array of objects whose number of elements is drawn, from `least` to `most`: the file has an object for each
@@ -69,9 +66,9 @@ def check_counts(counts: Sequence[CountData], objects: Collection[str]) -> None:
         raise ValueError("two of the counts are of the same array")
 
 
-FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
-VERSION: Literal[1] = 1
-RAISED: Literal[2] = 2  # the version of files whose objects say what they stand on
+SCENES_FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
+SCENES_VERSION: Literal[1] = 1
+VERSION_WITH_HEIGHTS: Literal[2] = 2  # the version of files whose objects say what they stand on
 
 Bounds = tuple[FiniteFloat, FiniteFloat]
 
@@ -309,8 +306,8 @@ class SceneFile(_StrictSceneModel):
     file with `counts` scenes differ in how many things there are.
     """
 
-    format: Literal["scenegen/scenes"] = FORMAT
-    version: Literal[1, 2] = VERSION
+    format: Literal["scenegen/scenes"] = SCENES_FORMAT
+    version: Literal[1, 2] = SCENES_VERSION
     spec: SpecRef
     workspace: WorkspaceData
     objects: list[ObjectData]
@@ -323,7 +320,7 @@ class SceneFile(_StrictSceneModel):
 
     @model_validator(mode="after")
     def _supports_by_version(self) -> Self:
-        if any((one.support is None) != (self.version == VERSION) for one in self.objects):
+        if any((one.support is None) != (self.version == SCENES_VERSION) for one in self.objects):
             raise ValueError("in version 2 every object has a `support`, in version 1 none")
         carried_first(self.objects)
         return self
@@ -354,10 +351,6 @@ class SceneFile(_StrictSceneModel):
         return self.model_copy(update={"scenes": [], "labels": list(labels) or None})
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The header of a file of settled scenes, as a pydantic model. Format `scenegen/settled`, version 1.
-
-
 SETTLED_FORMAT: Literal["scenegen/settled"] = "scenegen/settled"
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
@@ -377,7 +370,7 @@ class SettledHeader(_StrictSceneModel):
     stands on one of several, in the order of their numbers; scenes say on which it was planned."""
 
     format: Literal["scenegen/settled"] = SETTLED_FORMAT
-    version: Literal[1] = VERSION
+    version: Literal[1] = SCENES_VERSION
     spec: SpecRef
     objects: list[str]
     labels: list[str]
@@ -385,10 +378,6 @@ class SettledHeader(_StrictSceneModel):
     max_shift_mm: Positive
     max_turn_deg: Positive
     surfaces: dict[str, list[str]] = Field(default_factory=dict, exclude_if=not_)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Scene files held against the limits that the language keeps to.
 
 
 def check_sizes(header: SceneFile, largest: float = WIDEST) -> None:
@@ -418,10 +407,6 @@ def check_sizes(header: SceneFile, largest: float = WIDEST) -> None:
             raise DataError(SIZE_IN_FILE(what=f"the region `{region.name}`", **facts))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How high the objects of scene files stand, where files say so.
-
-
 def varying(header: SceneFile) -> bool:
     """Whether some object stands higher in one scene than in another."""
     return any(one.support is not None and one.support.z is None for one in header.objects)
@@ -431,7 +416,7 @@ def heights_of(header: SceneFile, on: Array) -> Array | None:
     """How high above the table each object's lowest point is, in metres: (N,), or (n, N) where that is not the same in
     every scene; None where heights follow from the poses. `on` (n, M) says for each of the file's choosers on which of
     its surfaces it stands, counted from 1, and NaN of one that is not there."""
-    if header.version != RAISED:
+    if header.version != VERSION_WITH_HEIGHTS:
         return None
     supports = [one.support for one in header.objects]
     known = np.array([0.0 if one is None or one.z is None else one.z for one in supports])

@@ -22,12 +22,12 @@ from typing import Any, TypeVar
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, UNKNOWN_STORE
 from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.scenes.files import FULL, FlushingWriter, Parts, Sink, below, inside, sync_folder, whole_file
+from scenegen.scenes.files import DISK_FULL, FlushingWriter, Parts, Sink, below, inside, sync_folder, whole_file
 from scenegen.scenes.locations import is_url
 
 T = TypeVar("T")
 
-PATIENCE = 60.0  # seconds for which a store that fails is asked again
+RETRY_SECONDS = 60.0  # seconds for which a store that fails is asked again
 FIRST_WAIT, LONGEST_WAIT = 0.25, 8.0  # seconds between tries, doubled each time
 # Of the answers of object stores, those that another try cannot change. pyarrow has no types for them.
 _FINAL = re.compile(r"ACCESS_DENIED|NO_SUCH_BUCKET|INVALID_ACCESS_KEY|SIGNATURE_DOES_NOT|NoSuchBucket|AccessDenied")
@@ -113,7 +113,7 @@ class Store:
     system: Any  # a pyarrow.fs.FileSystem; None for a disk
     root: str  # the folder in the file system, without a slash at its end
     local: bool
-    patience: float = PATIENCE  # seconds for which an object store that fails is asked again
+    patience: float = RETRY_SECONDS  # seconds for which an object store that fails is asked again
     tell: Tell | None = field(default=None, compare=False)  # called with failures that are tried again
 
     def with_progress(self, tell: Tell | None) -> Store:
@@ -263,7 +263,7 @@ class Store:
             raise self._not_written(name, error, **facts) from error
 
     def _not_written(self, name: str, error: Exception, **facts: float) -> OutputError:
-        full = isinstance(error, OSError) and error.errno in FULL
+        full = isinstance(error, OSError) and error.errno in DISK_FULL
         known = ((full, "make room"), (not self.local and not final(error), "see whether the store is up"))
         remedy = next((words for holds, words in known if holds), "see whether you may write there")
         return OutputError(
@@ -348,11 +348,11 @@ def store_at(location: str, tell: Tell | None = None) -> Store:
     try:
         system, root = fs.FileSystem.from_uri(location)
     except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise DataError(UNKNOWN_STORE(location=shown(location), reason=reason_of(error))) from error
+        raise DataError(UNKNOWN_STORE(location=without_secrets(location), reason=reason_of(error))) from error
     local = isinstance(system, fs.LocalFileSystem)
-    return Store(shown(location), system, root.rstrip("/"), local, tell=tell)
+    return Store(without_secrets(location), system, root.rstrip("/"), local, tell=tell)
 
 
-def shown(location: str) -> str:
+def without_secrets(location: str) -> str:
     """A URL without user names, passwords and keys, for messages and files."""
     return re.sub(r"\?.*$", "", re.sub(r"//[^/@]*@", "//", location))

@@ -26,11 +26,11 @@ from scenegen.errors.files import CANNOT_WRITE, ENDING_OF_ANOTHER, NO_FORMAT, WR
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.looks.look import LOOKS
 from scenegen.needs import need
-from scenegen.scenes.blocks import Block, joined
+from scenegen.scenes.blocks import Block, join_blocks
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.files import check_folder, check_writable, ending_of, reported, scene_name, whole_files
+from scenegen.scenes.files import check_folder, check_writable, ending_of, report_write_errors, scene_name, whole_files
 from scenegen.scenes.formats import registry as table
-from scenegen.scenes.formats.registry import ENDINGS, FORMATS
+from scenegen.scenes.formats.registry import FORMAT_OF_ENDING, FORMATS
 from scenegen.things.outline import Floats
 from scenegen.worlds.export.world import FOLDER as TEXTURES
 from scenegen.worlds.export.world import Own, recorded, worlds_of
@@ -56,14 +56,14 @@ def is_file(out: Path, to: str) -> bool:
     Raises RequestError for the ending of another format.
     """
     ending = ending_of(out)
-    if ending in FORMATS or ENDINGS.get(ending, to) != to:
-        other = ENDINGS.get(ending, "scene files")
+    if ending in FORMATS or FORMAT_OF_ENDING.get(ending, to) != to:
+        other = FORMAT_OF_ENDING.get(ending, "scene files")
         raise RequestError(ENDING_OF_ANOTHER(path=out, other=other, format=to, places=_places(to)))
-    return ending in ENDINGS
+    return ending in FORMAT_OF_ENDING
 
 
 def _places(to: str) -> str:
-    endings = " or ".join(f"`{ending}`" for ending, name in ENDINGS.items() if name == to)
+    endings = " or ".join(f"`{ending}`" for ending, name in FORMAT_OF_ENDING.items() if name == to)
     return f"name a folder, or a file that ends in {endings}"
 
 
@@ -75,7 +75,7 @@ def check_out(out: Path, to: str, *inputs: Path) -> None:
     if is_file(out, to):
         check_writable(out, *inputs)
         return
-    with reported(out):
+    with report_write_errors(out):
         if out.is_file():
             reason = f"it is a file, and a folder is made for {to}"
             raise OutputError(CANNOT_WRITE(path=out, reason=reason, remedy=_places(to)))
@@ -161,8 +161,8 @@ def chosen(to: str | None, out: Path) -> str:
     known = (*EXPORTS, PLANNERS, *NAMES)
     if to is None:
         ending = ending_of(out)
-        if ending in ENDINGS:
-            return ENDINGS[ending]
+        if ending in FORMAT_OF_ENDING:
+            return FORMAT_OF_ENDING[ending]
         if ending in FORMATS:
             return ending.removeprefix(".")
         raise RequestError(NO_FORMAT(path=out, known=known, name="", instead=table.INSTEAD.get(ending[1:])))
@@ -221,7 +221,7 @@ def export(
         from scenegen.worlds.export.looks import dressing_of
 
         given = None if looks is None else dressing_of(scenes.file(), looks, seed)
-        whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
+        whole = join_blocks(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
         return write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes, given, scenes.rest)
     scenes.refuse_rest(to)
     if to == PLANNERS:

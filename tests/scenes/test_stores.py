@@ -216,6 +216,6 @@ def test_urls(tmp_path):
     assert names_set("new/") and names_set("s3://bucket/set") and not names_set(str(tmp_path))
     assert as_location(Path("s3://bucket/set/")) == "s3://bucket/set"
     assert as_location(Path("data/x")) == "data/x"
-    assert stores.shown("s3://key:secret@bucket/set/?endpoint_override=localhost") == "s3://bucket/set/"
+    assert stores.without_secrets("s3://key:secret@bucket/set/?endpoint_override=localhost") == "s3://bucket/set/"
     with pytest.raises(DataError, match="cannot open s4://bucket/set/"):
         store_at("s4://bucket/set/")

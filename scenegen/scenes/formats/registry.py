@@ -31,7 +31,7 @@ FORMATS: dict[str, str] = {
 }
 
 MOTION_FORMATS: dict[str, str] = {
-    ".json": "scenegen.scenes.formats.motions:JSON",
+    ".json": "scenegen.scenes.formats.motions:JSON_FORMAT",
     ".jsonl": "scenegen.scenes.formats.motions:JSON_LINES",
     ".parquet": "scenegen.scenes.formats.motions_parquet",
     ".csv": "scenegen.scenes.formats.motions:CSV",
@@ -40,7 +40,7 @@ MOTION_FORMATS: dict[str, str] = {
 SCENES, MOTIONS = "scenegen/scenes", "scenegen/motions"  # what the headers of files call their formats
 
 # Endings of simulators' and planners' files (see `export`): for these, the error of `sample` suggests `export`.
-ENDINGS: dict[str, str] = {
+FORMAT_OF_ENDING: dict[str, str] = {
     ".xml": "mjcf",
     ".sdf": "sdf",
     ".world": "sdf",
@@ -72,7 +72,7 @@ def format_of(path: Path, kind: str = SCENES) -> Any:
     if ending not in known or path.suffix.lower() == TABS:
         if kind == MOTIONS:
             raise RequestError(UNKNOWN_ENDING(path=path, name=path.suffix, what="motion", known=known))
-        export = path.with_suffix(".json") if ending in ENDINGS else None
+        export = path.with_suffix(".json") if ending in FORMAT_OF_ENDING else None
         facts = {
             "what": "scene",
             "name": path.suffix,
@@ -143,7 +143,7 @@ def read_motions(path: Path) -> MotionArrays:
     return found
 
 
-PEEK = 256  # bytes at the start of a file within which it names its format
+FORMAT_NAME_BYTES = 256  # bytes at the start of a file within which it names its format
 
 
 def is_motions(path: Path) -> bool:
@@ -152,9 +152,9 @@ def is_motions(path: Path) -> bool:
     try:
         if ending in (".json", ".jsonl") and path.is_file():
             with path.open("rb") as file:
-                return named in file.read(PEEK)
+                return named in file.read(FORMAT_NAME_BYTES)
         if ending == ".parquet" and path.is_file():
-            return named in format_of(path, MOTIONS).header_bytes(path)[:PEEK]
+            return named in format_of(path, MOTIONS).header_bytes(path)[:FORMAT_NAME_BYTES]
     except (OSError, RequestError):
         pass
     return False

@@ -25,7 +25,7 @@ from scenegen.geometry.workspace import upright
 from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count, rows_of
-from scenegen.scenes.blocks import Block, counts_in, joined, member_of
+from scenegen.scenes.blocks import Block, counts_in, join_blocks, member_of
 from scenegen.scenes.data import SceneFile, SettledHeader, SimulatorData
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.jsonl import block_of
@@ -281,7 +281,7 @@ def _same_objects(
 ) -> Iterator[SettledBlock]:
     """The same of scenes of the same objects, a few at a time."""
     placed = row_count(len(header.objects))
-    bare = world_of(scenes, joined([], placed + len(scenes.choosers), 0), own)
+    bare = world_of(scenes, join_blocks([], placed + len(scenes.choosers), 0), own)
     # of rounds that are being simulated: poses (m, N, 3), and on which of its surfaces each chooser stands, (m, M)
     waiting: deque[tuple[Array, Array]] = deque()
 

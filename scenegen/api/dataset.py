@@ -334,14 +334,12 @@ def make_dataset(
             told(DRAWING, ended, count, len(jobs))
     manifests = {name: one.manifest for name, one in growing.items()}
     failed = tuple(name for name, _ in listed if name not in growing)
-    write_dataset_card(open_store(location), manifests, failed, license)
+    open_store(location).write(sets.CARD, dataset_card(manifests, failed, license).encode())
     return manifests
 
 
 def _manifest(spec: Spec, plan: SpecPlan, n: int, seed: int, size: int, license: str) -> Manifest:
     """Of a set before its first shard."""
-    import numpy as np
-
     from scenegen.resources import __version__
     from scenegen.scenes import sets
 
@@ -397,13 +395,6 @@ def remake(location: str, number: int, timeout: float = SHARD_SECONDS) -> tuple[
     if not whole:
         stored.store.write(shard.file, *parts)
     return again, not whole
-
-
-def write_dataset_card(store: Store, manifests: Mapping[str, Manifest], failed: Sequence[str], license: str) -> None:
-    """Write the card. Raises OutputError."""
-    from scenegen.scenes.sets import CARD
-
-    store.write(CARD, dataset_card(manifests, failed, license).encode())
 
 
 def dataset_card(manifests: Mapping[str, Manifest], failed: Sequence[str], license: str) -> str:

@@ -97,7 +97,8 @@ def open_scenes(path: Path, spec: AnySpec | None = None) -> SceneFileReading | S
     if not is_plain(path):
         table.read_scenes(path)  # says what else is wrong with it
         raise _says_itself(path)
-    return read_own(spec.require_scenes(), path)
+    checked = spec.require_scenes()
+    return _scenes(checked, _file(checked, path))
 
 
 def _says_itself(path: str | Path) -> RequestError:
@@ -117,11 +118,6 @@ def reading_of(path: Path, spec: AnySpec | None = None) -> SceneFileReading:
 def own_scenes(spec: CheckedSpec, poses: object, on: object = None) -> SceneSet:
     """See `Spec.scenes`."""
     return _scenes(spec, _read_argument(spec, poses, on))
-
-
-def read_own(spec: CheckedSpec, path: Path) -> SceneSet:
-    """The scenes of a file that holds poses alone. Raises DataError."""
-    return _scenes(spec, _file(spec, path))
 
 
 def _file(drawn: CheckedSpec, path: Path, *, partly: bool = False) -> _GivenScenes:

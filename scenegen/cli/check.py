@@ -129,8 +129,6 @@ def _print(path: Path, spec: Spec, found: list[UnsatisfiedLabel], ok: bool, dept
     import shutil
     import sys
 
-    from scenegen.lang.formula.core import REQUIRE
-
     typer.echo(f"{display_name(path)}: {'ok' if ok else 'cannot be satisfied'}")
     rough = {
         one.label: OPEN_QUESTION.format("that meets it" if one.label == REQUIRE else "with phi >= 0")

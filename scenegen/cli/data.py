@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,30 +109,24 @@ def data(
         assert out is not None
         _edit(action, [open_set(place) for place in places], out, phi or [], share or [], seed)
         return 0
-    return _report(places, ReportOptions(verify, timeout, engine, address, workers), json=json)
+    from scenegen.sampling.engine.engines import map_each
+
+    how: dict[str, Any] = {"verify": verify, "timeout": timeout}
+    how["map_jobs"] = lambda job, items: map_each(engine, job, items, workers, address)
+    return _report(places, json=json, **how)
 
 
-@dataclass(frozen=True, slots=True)
-class ReportOptions:
-    """How sets are looked at."""
-
-    verify: bool
-    timeout: float
-    engine: str
-    address: str | None
-    workers: int | None
-
-
-def _report(places: list[str], how: ReportOptions, *, json: bool) -> int:
-    """Report every set of the places, and return the exit status."""
-    from scenegen.api.stored import sets_in
-    from scenegen.cli.many import exit_status
+def _report(places: list[str], *, json: bool, **how: Any) -> int:
+    """Report every set of the places, `how` as `set_report` takes it, and return the exit status."""
+    from scenegen.api.set_report import set_report
+    from scenegen.api.stored import open_set, sets_in
 
     found = [one for place in places for one in sets_in(place)]
     documents, failed, scenes, size = [], [], 0, 0
     for number, location in enumerate(found):
         try:
-            stored, report = _look(location, how)
+            stored = open_set(location)
+            report = set_report(stored, **how)
         except DataError as error:
             if len(found) == 1:
                 raise
@@ -158,21 +151,6 @@ def _report(places: list[str], how: ReportOptions, *, json: bool) -> int:
     elif len(found) > 1:
         print(f"\n{len(found)} sets: {scenes:,} scenes, {size / 1e6:,.1f} MB; {len(failed)} damaged")
     return exit_status(failed, len(found)) if len(found) > 1 else int(bool(failed))
-
-
-def _look(location: str, how: ReportOptions) -> tuple[StoredSet, SetReport]:
-    from scenegen.api.set_report import set_report
-    from scenegen.api.stored import open_set
-    from scenegen.sampling.engine.engines import map_each
-
-    stored = open_set(location)
-    report = set_report(
-        stored,
-        map_jobs=lambda job, items: map_each(how.engine, job, items, how.workers, how.address),
-        verify=how.verify,
-        timeout=how.timeout,
-    )
-    return stored, report
 
 
 def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share: list[str], seed: int) -> None:

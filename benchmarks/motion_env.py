@@ -39,7 +39,7 @@ def single(spec: scenegen.Spec, motions: Any, seconds: float) -> tuple[float, fl
     assert spec.over_time is not None
     calls, began = 0, time.process_time()
     while time.process_time() - began < seconds / 2:
-        watch = BatchMonitor(spec.over_time, *spec.declared.box(), True, 1)
+        watch = BatchMonitor(spec.over_time, *spec.definition.box(), True, 1)
         for moment in np.ascontiguousarray(motions.poses[calls % 16]):
             watch.add(moment[None])
             calls += 1

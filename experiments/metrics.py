@@ -16,8 +16,8 @@ from scenegen.arrays import Array
 from scenegen.learn.evaluation.fidelity import deviations, summed_distances, whitened
 from scenegen.pose import THETA, TWO_PI, X, Y, along, is_angle, object_count
 from scenegen.scenes.coverage import (
-    centred,
-    checked,
+    center,
+    check_rows,
     checked_pair,
     features,
     kth_squared,
@@ -409,7 +409,7 @@ def duplicates(rows: npt.ArrayLike, *, tolerance: float = TOLERANCE) -> Duplicat
     of four objects take 1 to 3 s on one core; memory is two to three times that of the scenes. Raises DataError for
     malformed scenes (none at all have no duplicates), ValueError for a tolerance that is negative or not below 1.
     """
-    poses = checked(rows).copy()
+    poses = check_rows(rows).copy()
     if not 0.0 <= tolerance < 1.0:
         raise ValueError(f"tolerance is {tolerance}; it is from 0 to below 1, in metres and radians")
     poses[along(THETA)] = np.mod(poses[along(THETA)], TWO_PI)
@@ -527,7 +527,7 @@ def precision_recall(
     if neighbours < 1:
         raise ValueError(f"neighbours is {neighbours}; it is at least 1")
     poses = checked_pair(reference, generated, (neighbours + 1, neighbours + 1))
-    truth, made = centred(features(poses[0]), features(poses[1]))
+    truth, made = center(features(poses[0]), features(poses[1]))
     return PrecisionRecall(
         precision=_inside(made, truth, neighbours),
         recall=_inside(truth, made, neighbours),
@@ -573,7 +573,7 @@ def training_distances(
     if not levels or not all(0.0 <= level <= 1.0 for level in levels):
         raise ValueError(f"levels are {list(levels)}; there is at least one, each from 0 to 1")
     known, made = checked_pair(training, generated, (1, 1))
-    points, queries = centred(features(known), features(made))
+    points, queries = center(features(known), features(made))
     distance, _ = nearest(queries, points)
     found = np.quantile(distance, list(levels))
     return TrainingDistances(tuple(map(float, levels)), tuple(map(float, found)), float(distance.mean()))

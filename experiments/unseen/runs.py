@@ -198,7 +198,7 @@ def _returned(model: Model, query: Query, count: int) -> Array:
     """Scenes (3N, n) that `sample` returns, as many as it has within PATIENCE. Raises RequestError."""
     request = SampleRequest(query.ranges, count, seed=1, spread="base", keep_partial=True, workers=1)
     budget = CpuBudget(PATIENCE)
-    sampled = in_memory(plan_for(model.spec.declared, check_request(model, request), budget, model), budget)
+    sampled = in_memory(plan_for(model.spec.definition, check_request(model, request), budget, model), budget)
     if not sampled.count and sampled.shortfall is not None:
         raise RequestError(sampled.shortfall)
     return sampled.rows

@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.sampling.streams import BATCHES_STREAM
-from scenegen.scenes.blocks import Block, joined
+from scenegen.scenes.blocks import Block, join_blocks
 
-MIXED = 4  # row groups whose scenes are mixed: 262,144 scenes
+MIXED_GROUPS = 4  # row groups whose scenes are mixed: 262,144 scenes
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,14 +55,14 @@ class SceneBatches:
         start, stop = self._range()
         return -(-(stop - start) // self.batch)
 
-    def of(self, reader: int, readers: int, epoch: int) -> SceneBatches:
+    def for_reader(self, reader: int, readers: int, epoch: int) -> SceneBatches:
         """The batches of one reader of several in an epoch."""
         return replace(self, reader=reader, readers=readers, epoch=epoch)
 
     def __iter__(self) -> Iterator[tuple[Array, Array]]:
         rest: Block | None = None
-        for mixed in self._mixed():
-            block = mixed if rest is None else joined([rest, mixed], len(mixed.rows), len(mixed.phi))
+        for mixed in self._mixed_blocks():
+            block = mixed if rest is None else join_blocks([rest, mixed], len(mixed.rows), len(mixed.phi))
             whole = block.count // self.batch * self.batch
             yield from self._cut(block.part(0, whole))
             rest = block.part(whole, block.count) if whole < block.count else None
@@ -81,7 +81,7 @@ class SceneBatches:
             total -= total % self.readers
         return total * self.reader // self.readers, total * (self.reader + 1) // self.readers
 
-    def _mixed(self) -> Iterator[Block]:
+    def _mixed_blocks(self) -> Iterator[Block]:
         groups = self.stored.groups()
         generator = np.random.default_rng(np.random.SeedSequence([self.seed, BATCHES_STREAM, self.epoch]))
         order = generator.permutation(len(groups)) if self.shuffle else np.arange(len(groups))
@@ -89,10 +89,10 @@ class SceneBatches:
         own = np.random.default_rng(
             np.random.SeedSequence([self.seed, BATCHES_STREAM, self.epoch, self.reader, self.readers])
         )
-        step = MIXED if self.shuffle else 1
+        step = MIXED_GROUPS if self.shuffle else 1
         for start in range(0, len(chosen), step):
             blocks = [self.stored.read_group(group).part(s.start, s.stop) for group, s in chosen[start : start + step]]
-            block = joined(blocks, len(blocks[0].rows), len(blocks[0].phi))
+            block = join_blocks(blocks, len(blocks[0].rows), len(blocks[0].phi))
             if self.shuffle:
                 which = own.permutation(block.count)
                 block = Block(block.rows.take(which, axis=1), block.phi.take(which, axis=1))

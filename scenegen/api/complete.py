@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 
 Draw = Callable[[Spec, SampleRequest], SceneSet]
 
-ROUND = 65_536  # candidates that are scored together
-ROUNDS = 64
+ROUND_CANDIDATES = 65_536  # candidates that are scored together
+MAX_ROUNDS = 64
 
 
 def many_given(fix: object) -> bool:
@@ -116,11 +116,13 @@ def complete(
             raise RequestError(OUT_OF_PLACE(argument=name, rule=rule, remedy="leave it out"))
     request = check_request(spec, replace(request, n=len(given), fix={}))
     problem = make_problem(checked, request, Budget(request.timeout))
-    held = _held(problem, given)
-    found, hit, draws = _drawn(problem, held, request, began)
+    held = _given_rows(problem, given)
+    found, hit, draws = _draw_candidates(problem, held, request, began)
     warnings = [*problem.warnings, *doubts_of(source, checked.objects, given, checked.workspace)]
     for number in np.flatnonzero(~hit):
-        one = _one(spec, request, given[number], int(number), request.timeout - (time.monotonic() - began), draw)
+        one = _complete_alone(
+            spec, request, given[number], int(number), request.timeout - (time.monotonic() - began), draw
+        )
         if isinstance(one, Diagnostic):
             if not request.keep_partial:
                 raise RequestError(one)
@@ -137,7 +139,7 @@ def complete(
     return scenes_of(problem, {"method": "completed", **facts}, rows, phi, tuple(warnings))
 
 
-def _held(problem: Problem, given: Array) -> Array:
+def _given_rows(problem: Problem, given: Array) -> Array:
     """(R, n): the rows of the core that are given, headings in [0, 2 pi), and NaN for those that are free. Raises
     RequestError and DataError."""
     spec = problem.spec
@@ -165,7 +167,7 @@ def _held(problem: Problem, given: Array) -> Array:
     return held
 
 
-def _drawn(
+def _draw_candidates(
     problem: Problem, held: Array, request: SampleRequest, began: float
 ) -> tuple[Array, npt.NDArray[np.bool_], int]:
     """The rows of every scene, (R, n), of which there are some, and the number of candidates. These are uniform where
@@ -178,18 +180,18 @@ def _drawn(
     wanted = np.concatenate([generator.permutation(possible) for _ in range(0, count, len(possible))])[:count]
     draws = 0
     span = (problem.highest - problem.lowest)[:, None]
-    for turn in range(ROUNDS):
+    for turn in range(MAX_ROUNDS):
         waiting = np.flatnonzero(~hit)
         if not len(waiting) or time.monotonic() - began > request.timeout:
             break
-        some = waiting[:ROUND]
-        each = max(1, ROUND // len(some) >> max(0, 4 - turn))  # most scenes are hit soon
+        some = waiting[:ROUND_CANDIDATES]
+        each = max(1, ROUND_CANDIDATES // len(some) >> max(0, 4 - turn))  # most scenes are hit soon
         draws += each * len(some)
         rows = problem.lowest[:, None] + span * generator.random((len(held), len(some) * each))
         given = np.repeat(held[:, some], each, axis=1)
         rows = np.where(np.isnan(given), rows, given)
         cell = cells.find(problem.phi(rows)).reshape(len(some), each)
-        strict = request.spread == "flat" and turn < ROUNDS // 2
+        strict = request.spread == "flat" and turn < MAX_ROUNDS // 2
         fits = cell == wanted[some, None] if strict else cell >= 0
         new = fits.any(axis=1)
         first = fits.argmax(axis=1)
@@ -198,7 +200,9 @@ def _drawn(
     return found, hit, draws
 
 
-def _one(spec: Spec, request: SampleRequest, given: Array, number: int, left: float, draw: Draw) -> Array | Diagnostic:
+def _complete_alone(
+    spec: Spec, request: SampleRequest, given: Array, number: int, left: float, draw: Draw
+) -> Array | Diagnostic:
     """The rows of one scene that was not hit, or why there are none."""
     checked = spec.checked
     fix = {

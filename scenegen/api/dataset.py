@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenegen.api.rarity import SATISFIED, LabelRarity, rarity
+from scenegen.api.rarity import SATISFIED_SHARE, LabelRarity, rarity
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.set_card import front_matter
 from scenegen.api.spec import Spec, load, parse
@@ -24,8 +24,8 @@ from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.streams import SHARD_SEEDS_STREAM
 from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import RequestData
-from scenegen.scenes.lease import held
 from scenegen.scenes.locations import inside
+from scenegen.scenes.lock import acquire
 from scenegen.scenes.sets import Manifest, Rareness, ShardRequest
 from scenegen.scenes.stores import open_store
 from scenegen.validation import as_int
@@ -37,13 +37,9 @@ if TYPE_CHECKING:
     from scenegen.scenes.stores import Store
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What a data set has of a spec: parts of phi, satisfied and not, and how rare each value of phi is.
-
-
 RAREST = 2.0  # satisfied scenes up to the phi that is a hundred times as rare as phi >= 0
-FARTHEST = -3.0  # and scenes that are not, down to the phi that one scene in a thousand is below
-DIGITS = 4  # of the ends of parts
+LOWEST_LOG10P = -3.0  # and scenes that are not, down to the phi that one scene in a thousand is below
+END_DIGITS = 4  # of the ends of parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +70,7 @@ def plan_spec(spec: Spec, seed: int) -> SpecPlan:
     parts: list[PhiStratum] = []
     missing: list[str] = []
     for one in found.labels:
-        for side, name in ((_satisfied(one), "phi > 0"), (_violated(one), "phi < 0")):
+        for side, name in ((_satisfied_part(one), "phi > 0"), (_violated_part(one), "phi < 0")):
             if side is None:
                 missing.append(f"{one.label}: no scene with {name} was found")
             else:
@@ -101,8 +97,8 @@ def _tails(one: LabelRarity) -> tuple[Any, Any]:
     return falling, rising
 
 
-def _satisfied(one: LabelRarity) -> PhiStratum | None:
-    low, high = max(0.0, one.reached[0]), SATISFIED * one.reached[1]
+def _satisfied_part(one: LabelRarity) -> PhiStratum | None:
+    low, high = max(0.0, one.reached[0]), SATISFIED_SHARE * one.reached[1]
     if not one.reached[1] > 0.0 or not low < high:
         return None
     if one.curve:
@@ -112,23 +108,23 @@ def _satisfied(one: LabelRarity) -> PhiStratum | None:
         beyond = [phi for phi, value in zip(places, above, strict=True) if value < least and phi > low]
         high = min([high, *beyond[:1]])
         if one.curve[-1].above is not None and not beyond:  # many scenes have the highest phi, as where a body rests
-            return PhiStratum(one.label, _rounded(low), one.reached[1])
-    return PhiStratum(one.label, _rounded(low), _rounded(high))
+            return PhiStratum(one.label, _round_end(low), one.reached[1])
+    return PhiStratum(one.label, _round_end(low), _round_end(high))
 
 
-def _violated(one: LabelRarity) -> PhiStratum | None:
+def _violated_part(one: LabelRarity) -> PhiStratum | None:
     low, high = one.reached[0], min(0.0, one.reached[1])
     if not low < high:
         return None
     places = [level.phi for level in one.curve]
     below = _tails(one)[1]
-    within = [phi for phi, value in zip(places, below, strict=True) if value >= FARTHEST and phi < high]
+    within = [phi for phi, value in zip(places, below, strict=True) if value >= LOWEST_LOG10P and phi < high]
     low = max([low, *within[:1]])
-    return PhiStratum(one.label, _rounded(low), _rounded(high))
+    return PhiStratum(one.label, _round_end(low), _round_end(high))
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}") + 0.0
+def _round_end(value: float) -> float:
+    return float(f"{value:.{END_DIGITS}g}") + 0.0
 
 
 def requests(spec: Spec, parts: Sequence[PhiStratum], n: int, size: int, seed: int) -> list[ShardRequest]:
@@ -170,8 +166,8 @@ def plan_from(manifest: Manifest) -> SpecPlan:
     )
 
 
-TIMEOUT = 600.0  # seconds of a shard
-Told = Callable[
+SHARD_SECONDS = 600.0  # seconds of a shard
+OnJob = Callable[
     [str, JobResult, int, int], None
 ]  # what is done; a job of it that is over, and how many of how many are
 MEASURING, DRAWING = "measuring", "drawing shards"
@@ -186,18 +182,18 @@ class ShardDrawJob:
     def __call__(self, item: ShardJob) -> Shard:
         from scenegen.scenes.sets import shard_name
 
-        scenes = self._drawn(item)
+        scenes = self._draw(item)
         with item.store.whole(shard_name(item.number)) as sink:
             return _pack(item, scenes, sink)
 
-    def packed(self, item: ShardJob) -> tuple[Shard, list[bytes | memoryview]]:
+    def pack(self, item: ShardJob) -> tuple[Shard, list[bytes | memoryview]]:
         """The shard and its bytes, not written."""
         from scenegen.scenes.files import Parts
 
         sink = Parts()
-        return _pack(item, self._drawn(item), sink), sink.parts
+        return _pack(item, self._draw(item), sink), sink.parts
 
-    def _drawn(self, item: ShardJob) -> SceneSet:
+    def _draw(self, item: ShardJob) -> SceneSet:
         from scenegen.api.sample import draw_scenes
 
         made = item.made
@@ -275,14 +271,14 @@ def make_dataset(
     *,
     seed: int = 0,
     shard_size: int = BLOCK,
-    timeout: float = TIMEOUT,
+    timeout: float = SHARD_SECONDS,
     resume: bool = False,
     license: str = "unknown",
     engine: str = "local",
     workers: int | None = None,
     address: str | None = None,
     root: Path | None = None,
-    told: Told = lambda what, ended, done, count: None,
+    told: OnJob = lambda what, ended, done, count: None,
 ) -> dict[str, Manifest]:
     """n scenes of named specs, in equal shares, as a folder of sets with a card; returns their manifests by name.
 
@@ -322,7 +318,7 @@ def make_dataset(
             spec, plan, store = loaded[name], plans[name], stores[name]
             wanted = requests(spec, plan.parts, share, size, seed)
             wanted = [one for one in wanted if one.n]
-            stack.enter_context(held(store))
+            stack.enter_context(acquire(store))
             manifest = sets.begin(store, _manifest(spec, plan, share, seed, size, license), resume=resume)
             one = growing[name] = _PartialSet(name, store, manifest, len(wanted))
             there = {shard.file for shard in manifest.shards}
@@ -338,14 +334,12 @@ def make_dataset(
             told(DRAWING, ended, count, len(jobs))
     manifests = {name: one.manifest for name, one in growing.items()}
     failed = tuple(name for name, _ in listed if name not in growing)
-    write_dataset_card(open_store(location), manifests, failed, license)
+    open_store(location).write(sets.CARD, dataset_card(manifests, failed, license).encode())
     return manifests
 
 
 def _manifest(spec: Spec, plan: SpecPlan, n: int, seed: int, size: int, license: str) -> Manifest:
     """Of a set before its first shard."""
-    import numpy as np
-
     from scenegen.resources import __version__
     from scenegen.scenes import sets
 
@@ -370,7 +364,7 @@ def _manifest(spec: Spec, plan: SpecPlan, n: int, seed: int, size: int, license:
     )  # fmt: skip
 
 
-def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard, bool]:
+def remake(location: str, number: int, timeout: float = SHARD_SECONDS) -> tuple[Shard, bool]:
     """Make shard `number` of a data set again, from its request alone, and write it where its bytes are those of the
     manifest. Returns it, and whether the file there was missing or had other bytes. Raises RequestError for a number
     that no shard has and for sets whose shards have no requests of their own, DataError for other bytes, as other
@@ -392,7 +386,7 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
         raise RequestError(NO_SEED(location=stored.location))
     checked_spec(stored)
     job = ShardJob(stored.header.spec.source, stored.store, number, shard.made, stored.manifest.rarity)
-    again, parts = ShardDrawJob(timeout).packed(job)
+    again, parts = ShardDrawJob(timeout).pack(job)
     if again.sha256 != shard.sha256:
         facts = {"scenegen": stored.manifest.request.get("scenegen"), "numpy": stored.manifest.request.get("numpy")}
         raise DataError(REMADE_DIFFERS(file=shard.file, location=stored.location, **facts))
@@ -401,17 +395,6 @@ def remake(location: str, number: int, timeout: float = TIMEOUT) -> tuple[Shard,
     if not whole:
         stored.store.write(shard.file, *parts)
     return again, not whole
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The card of a data set of many specs: README.md with front matter as dataset hubs read it, a configuration a spec.
-
-
-def write_dataset_card(store: Store, manifests: Mapping[str, Manifest], failed: Sequence[str], license: str) -> None:
-    """Write the card. Raises OutputError."""
-    from scenegen.scenes.sets import CARD
-
-    store.write(CARD, dataset_card(manifests, failed, license).encode())
 
 
 def dataset_card(manifests: Mapping[str, Manifest], failed: Sequence[str], license: str) -> str:

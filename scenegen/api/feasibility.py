@@ -28,16 +28,16 @@ from scenegen.search.effort import Effort, StoppedError
 
 ENDS = (0.0, math.inf)  # satisfied
 SCENES, LIVE = 256, 1 << 22  # scenes of the first look, and numbers that it may hold at a time
-SMALL = 12_000  # nodes of a core up to which areas are looked at: tenths of a second
-LARGE = 200_000  # nodes of a core from which on nothing is said of parts that decide nothing
-WORK = 2000  # visits of nodes that one label's search for clashes may take: about half a second
-TOTAL = 2 * WORK  # that all labels together may take
-MOST = 24  # labels that are searched for clashes; of more, bounds alone decide
-NUMBERS = 4  # of things, that a message names
+MAX_AREA_NODES = 12_000  # nodes of a core up to which areas are looked at: tenths of a second
+MAX_IDLE_NODES = 200_000  # nodes of a core from which on nothing is said of parts that decide nothing
+LABEL_WORK = 2000  # visits of nodes that one label's search for clashes may take: about half a second
+TOTAL_WORK = 2 * LABEL_WORK  # that all labels together may take
+MAX_LABELS = 24  # labels that are searched for clashes; of more, bounds alone decide
+MAX_NAMED_NUMBERS = 4  # of things, that a message names
 
 SMALLER = {"cm": 0.01, "mm": 0.001}
 
-_NUMBER = re.compile(r"(?<![\w.\[])(?:\d|[A-Z][A-Z0-9_]+\b)")  # or a constant of one's own, in the text of a part
+_NUMERAL = re.compile(r"(?<![\w.\[])(?:\d|[A-Z][A-Z0-9_]+\b)")  # or a constant of one's own, in the text of a part
 _BARE = re.compile(r"[,=<>≤≥]\s*(\d+(?:\.\d+)?)\s*\)?$")  # a number without a unit at its end
 
 
@@ -92,9 +92,9 @@ def _search(spec: CheckedSpec, left: list[str], effort: Effort) -> Iterator[Unsa
     from scenegen.search.prune import find_witness
     from scenegen.search.tape import weight
 
-    waiting = list(left) if len(left) <= MOST else [name for name in left if bounds[name][1] < 0.0][:MOST]
+    waiting = list(left) if len(left) <= MAX_LABELS else [name for name in left if bounds[name][1] < 0.0][:MAX_LABELS]
     missing = []
-    work = min(WORK, TOTAL // max(1, len(waiting)))
+    work = min(LABEL_WORK, TOTAL_WORK // max(1, len(waiting)))
     for name in waiting:
         one = part_of(core, (name, *required))
         reach = find_witness(one, *box, dict.fromkeys(one.labels.values(), ENDS), work=work, effort=effort)
@@ -160,7 +160,7 @@ def idle(spec: CheckedSpec, effort: Effort | None = None) -> list[Diagnostic]:
 
 def _idle(spec: CheckedSpec, effort: Effort) -> dict[tuple[str, Span], Diagnostic]:
     core = gated(spec.core)
-    if len(core.nodes) > LARGE:
+    if len(core.nodes) > MAX_IDLE_NODES:
         return {}
     with np.errstate(over="ignore", invalid="ignore"):
         bounds = node_bounds(core, *spec.box(), effort)
@@ -183,7 +183,7 @@ def _idle(spec: CheckedSpec, effort: Effort) -> dict[tuple[str, Span], Diagnosti
     for span, atoms in parts.items():
         low, high = min(float(bounds[one].lo) for one in atoms), max(float(bounds[one].hi) for one in atoms)
         first = core.nodes[atoms[0]]
-        if told.issuperset(atoms) or not (low > 0.0 or high < 0.0) or low == high or not _NUMBER.search(span.text):
+        if told.issuperset(atoms) or not (low > 0.0 or high < 0.0) or low == high or not _NUMERAL.search(span.text):
             continue
         assert isinstance(first, Atom)
         ends = {"least": low} if low > 0.0 else {"most": high}
@@ -210,7 +210,7 @@ def _unit(core: Core, atom: Atom, here: Span, spec: CheckedSpec) -> dict[str, st
 def _too_full(spec: CheckedSpec, label: str, effort: Effort) -> UnsatisfiedLabel | None:
     """The proof, from areas alone, that the table cannot hold what must keep apart; None where there is none, or where
     it would take long to find. Raises what `effort` raises."""
-    if len(spec.core.nodes) > SMALL:
+    if len(spec.core.nodes) > MAX_AREA_NODES:
         return None
     from scenegen.sampling.growth.failure import too_full
     from scenegen.sampling.growth.graph import make_graph
@@ -251,9 +251,9 @@ def _of_members(spec: CheckedSpec, effort: Effort) -> list[UnsatisfiedLabel]:
         problem = with_problem[0][1].problem
         assert problem is not None
         everywhere = len(each) == len(spec.members) and all(one.proved for _, one in each)
-        names = ", ".join(name for name, _ in with_problem[:NUMBERS])
-        if len(with_problem) > NUMBERS:
-            names += f" and {len(with_problem) - NUMBERS} more"
+        names = ", ".join(name for name, _ in with_problem[:MAX_NAMED_NUMBERS])
+        if len(with_problem) > MAX_NAMED_NUMBERS:
+            names += f" and {len(with_problem) - MAX_NAMED_NUMBERS} more"
         told.append(UnsatisfiedLabel(label, everywhere, problem.but(counted="any number" if everywhere else names)))
     return told
 

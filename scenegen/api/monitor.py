@@ -17,7 +17,7 @@ from scenegen.errors.requests import MOTION_HAS_ENDED, NOT_OVER_TIME, UNKNOWN_OB
 from scenegen.lang.formula.timed import Timed, TimedValues, score
 from scenegen.pose import SIZE, as_rows
 from scenegen.sampling.motions.monitor import HIGH, LOW, BatchMonitor
-from scenegen.scenes.arrange import doubts_of, held, held_elsewhere
+from scenegen.scenes.arrange import doubts_of, fixed_pose_facts, held_elsewhere
 from scenegen.scenes.formats.tables import motion, read_tables
 from scenegen.validation import as_path
 
@@ -66,7 +66,7 @@ class Monitor:
         """Raises RequestError for a spec without `time`."""
         check_spec(spec)
         if spec.over_time is None:
-            raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
+            raise RequestError(NOT_OVER_TIME(file=spec.definition.name))
         self._spec, self._timed, self._reach = spec, spec.over_time, bool(reach)
         self._watch: BatchMonitor | None = None
         self._batch: tuple[int, ...] = ()
@@ -82,18 +82,22 @@ class Monitor:
         if self._watch is None:
             self._batch = array.shape[:-2]
             count = self._batch[0] if self._batch else 1
-            self._watch = BatchMonitor(self._timed, *self._spec.declared.box(), self._reach, count)
+            self._watch = BatchMonitor(self._timed, *self._spec.definition.box(), self._reach, count)
         self._watch.add(as_rows(array.reshape(-1, *array.shape[-2:])))
         moment, required = int(self._watch.seen[0]) - 1, self._watch.required
-        low, high = ({name: self._out(value[end]) for name, value in self._watch.phi.items()} for end in (LOW, HIGH))
-        both = None if self._timed.requirement is None else (self._out(required[LOW]), self._out(required[HIGH]))
-        spec, rows = self._spec.declared, array.reshape(-1, *array.shape[-2:])
+        low, high = (
+            {name: self._as_given(value[end]) for name, value in self._watch.phi.items()} for end in (LOW, HIGH)
+        )
+        both = (
+            None if self._timed.requirement is None else (self._as_given(required[LOW]), self._as_given(required[HIGH]))
+        )
+        spec, rows = self._spec.definition, array.reshape(-1, *array.shape[-2:])
         doubts = doubts_of("`poses`", spec.objects, rows, spec.workspace, int(bool(self._batch)))
         return Outlook(moment, moment * horizon.dt, low, high, both, tuple(doubts))
 
     def read(self, poses: Mapping[str, tuple[float, ...]] | npt.ArrayLike) -> Array:
         """What `add` takes as an array, checked, without adding it. Raises RequestError for poses of another form."""
-        array = self._named(poses) if isinstance(poses, Mapping) else _numbers(poses)
+        array = self._by_name(poses) if isinstance(poses, Mapping) else _numbers(poses)
         self._check(array)
         return array
 
@@ -101,11 +105,11 @@ class Monitor:
         """Forget what was seen: the next moment is the first of another motion."""
         self._watch = None
 
-    def _out(self, values: Array) -> float | Array:
+    def _as_given(self, values: Array) -> float | Array:
         return values.copy() if self._batch else float(values[0])
 
-    def _named(self, poses: Mapping[str, tuple[float, ...]]) -> Array:
-        names, held = self._spec.objects, self._spec.declared.fixed
+    def _by_name(self, poses: Mapping[str, tuple[float, ...]]) -> Array:
+        names, held = self._spec.objects, self._spec.definition.fixed
         for name in poses:
             if name not in names:
                 raise RequestError(UNKNOWN_OBJECT(name=str(name), known=names))
@@ -129,11 +133,11 @@ class Monitor:
             raise RequestError(WRONG_VALUE(argument="poses", value=f"of shape {array.shape}", wanted=wanted))
         if not np.isfinite(array).all():
             raise RequestError(WRONG_VALUE(argument="poses", value="not finite everywhere", wanted="finite numbers"))
-        found = held_elsewhere(self._spec.declared, as_rows(array.reshape(-1, count, SIZE)))
+        found = held_elsewhere(self._spec.definition, as_rows(array.reshape(-1, count, SIZE)))
         if found is not None:
             moment = 0 if self._watch is None else self._watch.seen[0]
             place = f"at moment {moment}" + (f" of motion {found[1]}" if batch else "")
-            raise RequestError(HELD_ELSEWHERE(**held(self._spec.declared, found[0]), place=place))
+            raise RequestError(HELD_ELSEWHERE(**fixed_pose_facts(self._spec.definition, found[0]), place=place))
 
 
 def _numbers(poses: object) -> Array:
@@ -143,10 +147,6 @@ def _numbers(poses: object) -> Array:
         raise RequestError(
             WRONG_VALUE(argument="poses", value="not an array of numbers", wanted="x, y, theta of each object")
         ) from None
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Monitoring: phi of trajectories that were recorded elsewhere.
 
 
 def read_trajectories(
@@ -163,7 +163,7 @@ def read_trajectories(
     """
     check_spec(spec)
     path = as_path("path", path)
-    timed = _timed(spec)
+    timed = _require_time(spec)
     horizon = timed.horizon
     times = np.arange(horizon.moments, dtype=np.float64) * np.float64(horizon.dt)
     found: dict[int | None, npt.NDArray[np.float64]] = {}
@@ -172,24 +172,24 @@ def read_trajectories(
     warnings: list[Diagnostic] = []
     for table in read_tables(path):
         found[table.number], left_out, start, doubts = motion(
-            table, timed.objects, spec.declared.fixed, times, spec.declared.workspace, resample
+            table, timed.objects, spec.definition.fixed, times, spec.definition.workspace, resample
         )
         starts.append(start)
         warnings = warnings or doubts
-        moved = held_elsewhere(spec.declared, as_rows(found[table.number]))
+        moved = held_elsewhere(spec.definition, as_rows(found[table.number]))
         if moved is not None:
             place = f"at moment {moved[1]}" + (f" of motion {table.number}" if table.number is not None else "")
-            raise DataError(HELD_ELSEWHERE(**held(spec.declared, moved[0]), place=f"{place} in {path}"))
+            raise DataError(HELD_ELSEWHERE(**fixed_pose_facts(spec.definition, moved[0]), place=f"{place} in {path}"))
     notes = warnings + ([TABLE_UNUSED(file=path, columns=left_out)] if left_out else [])
     return found, notes + ([TRAJECTORY_START(file=path, start=max(starts))] if any(starts) else [])
 
 
 def score_trajectory(spec: Spec, poses: npt.NDArray[np.float64]) -> TimedValues:
     """phi of one motion, (T + 1, N, 3), at every moment, and what decides it; in numpy, float64."""
-    return score(_timed(spec), poses)
+    return score(_require_time(spec), poses)
 
 
-def _timed(spec: Spec) -> Timed:
+def _require_time(spec: Spec) -> Timed:
     if spec.over_time is None:
-        raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
+        raise RequestError(NOT_OVER_TIME(file=spec.definition.name))
     return spec.over_time

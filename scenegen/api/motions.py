@@ -22,7 +22,7 @@ from scenegen.errors.requests import NOT_OVER_TIME
 from scenegen.pose import X
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.scenes.blocks import Block
-from scenegen.scenes.formats.motions import FACTS, MotionArrays, motions_of, scenes_header, write_json
+from scenegen.scenes.formats.motions import MOTION_FACTS, MotionArrays, motions_of, scenes_header, write_json
 from scenegen.scenes.formats.registry import read_motions as read
 from scenegen.scenes.formats.registry import write_motions
 from scenegen.scenes.locations import as_location, is_set
@@ -168,9 +168,11 @@ def draw_motions(spec: Spec, request: SampleRequest, *, watch: Watch | None = No
     """The motions of a request; `watch` is shown what comes near it meanwhile. Raises what `sample_motions` raises."""
     check_spec(spec)
     if spec.over_time is None:
-        raise RequestError(NOT_OVER_TIME(file=spec.declared.name))
+        raise RequestError(NOT_OVER_TIME(file=spec.definition.name))
     plan, drawn, warnings = run_in_memory(spec, check_request(spec, request), watch=watch)
     stored = stored_form(plan.problem)
     assert stored is not None
-    found = motions_of(header_of(plan.problem, drawn.info), spec.labels, FACTS, Block(stored(drawn.rows), drawn.phi))
+    found = motions_of(
+        header_of(plan.problem, drawn.info), spec.labels, MOTION_FACTS, Block(stored(drawn.rows), drawn.phi)
+    )
     return MotionSet(found.poses, found.phi, found.facts, found.header, warnings)

@@ -95,13 +95,13 @@ class Outline:
             text = f"{words}: {node.text}" if node.text and node.text != REQUIRE else words
             return Line(depth, text, "", "", low, high, value)
         assert isinstance(node, Atom), "a formula is a junction or an atom"
-        chosen = self._chosen(node)
+        chosen = self._surface_text(node)
         if chosen:
             return Line(depth, chosen, "", "", low, high, value, index == decider)
         told = describe(core.nodes, core.objects, node.margin) if margin else ""
         return Line(depth, node.text, told, str(node.unit), low, high, value, index == decider)
 
-    def _chosen(self, atom: Atom) -> str:
+    def _surface_text(self, atom: Atom) -> str:
         """What an atom says that is about nothing but the surface that an object stands on: `mug stands on tray`; ""
         for others. Its margin is a number of the choice's switch, which means nothing to people."""
         match self._core.nodes[atom.margin]:
@@ -118,7 +118,6 @@ class Outline:
         return ""
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Formulas that repeat, folded: one line for `120 x gap(block[i], block[j]) >= 0`.
 #
 # Sub-formulas are alike where they came from one place of the spec and differ only in the names of objects and in
@@ -126,8 +125,8 @@ class Outline:
 # an index where it is elements of one array.
 
 
-LEAST = 3  # sub-formulas that make a fold; two are shown as they are
-MOST_FOLDED = 2000  # sub-formulas of a fold whose margins are looked at; the margin of more is left out
+MIN_FOLD = 3  # sub-formulas that make a fold; two are shown as they are
+MAX_FOLDED = 2000  # sub-formulas of a fold whose margins are looked at; the margin of more is left out
 INDICES, NAMES = "ijklmn", "pqrstuvw"  # of variables
 
 _TOKENS = re.compile(r"[A-Za-z_]\w*(?:\[\d+\])?|\d+(?:\.\d+)?(?:e[+-]?\d+)?|.", re.DOTALL)
@@ -168,7 +167,7 @@ class FormulaTree:
                 counts.setdefault(self._alike[arg], Counter())[number] += 1
         found = []
         for key, nodes in classes.items():
-            if len(parents) > 1 or len(nodes) >= LEAST:
+            if len(parents) > 1 or len(nodes) >= MIN_FOLD:
                 found.append((nodes[0], self._part(tuple(dict.fromkeys(nodes)), _times(counts[key], len(parents)))))
             else:
                 found += [(node, self._part((node,), "")) for node in nodes]
@@ -176,7 +175,7 @@ class FormulaTree:
         return [one for _, one in sorted(found, key=lambda pair: order[pair[0]])]
 
     def _part(self, indices: tuple[int, ...], count: str) -> OutlinePart:
-        lines = [self._outline.line(index, margin=len(indices) <= MOST_FOLDED) for index in indices]
+        lines = [self._outline.line(index, margin=len(indices) <= MAX_FOLDED) for index in indices]
         text, margin = lines[0].text, lines[0].margin
         if len(lines) > 1:
             text, margin = _common([(line.text, line.margin) for line in lines], self._objects)
@@ -227,7 +226,7 @@ def _common(texts: Sequence[tuple[str, str]], objects: set[str]) -> tuple[str, s
         if len(shapes) > 1:
             found.append("")
             continue
-        found.append("".join(names.of(tokens) for tokens in zip(*columns, strict=True)))
+        found.append("".join(names.text_of(tokens) for tokens in zip(*columns, strict=True)))
     return found[0], found[1]
 
 
@@ -242,7 +241,7 @@ class _Names:
         self._free_indices = _free(INDICES, taken)
         self._free_names = _free(NAMES, taken)
 
-    def of(self, tokens: tuple[str, ...]) -> str:
+    def text_of(self, tokens: tuple[str, ...]) -> str:
         first = tokens[0]
         if all(token == first for token in tokens):
             return first
@@ -275,10 +274,6 @@ def _free(letters: str, taken: set[str]) -> Iterator[str]:
     while True:
         number += 1
         yield f"{letters[0]}{number}"
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Which of a spec's labels something is about.
 
 
 def chosen_label(labels: Sequence[str], label: str | None) -> str:

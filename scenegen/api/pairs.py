@@ -57,7 +57,7 @@ def pairs(
     from scenegen.search.effort import Budget
 
     check_spec(spec)
-    drawn = spec.drawn
+    drawn = spec.require_scenes()
     refuse_choices(spec, "a pair")
     if moved is not None and as_int("moved", moved) < 1:
         raise RequestError(OUT_OF_RANGE(argument="moved", value=moved, wanted="at least 1"))
@@ -97,4 +97,4 @@ def _header(
     """The file without its pairs: one step of one second from start to goal."""
     phi = {f"{START}{name}": (one.low, one.high) for name, one in start.items()}
     phi |= {f"{GOAL}{name}": (one.low, one.high) for name, one in goal.items()}
-    return motion_header(spec.drawn, sampler, MotionRequestData(phi=phi, n=n), TimeData(steps=1))
+    return motion_header(spec.require_scenes(), sampler, MotionRequestData(phi=phi, n=n), TimeData(steps=1))

@@ -41,13 +41,13 @@ from scenegen.search.effort import Budget, Effort, StoppedError
 from scenegen.validation import as_int, as_seconds
 
 # values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between
-BELOW, ABOVE = (0.97, 0.8, 0.6, 0.4, 0.2, 0.05), (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
-ACROSS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
-CURVE = 64  # values of phi of a curve, evenly apart; the levels of the runs come on top
+SHARES_BELOW, SHARES_ABOVE = (0.97, 0.8, 0.6, 0.4, 0.2, 0.05), (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
+SHARES_ACROSS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+CURVE_POINTS = 64  # values of phi of a curve, evenly apart; the levels of the runs come on top
 HARD, MIDDLE, EASY = (0.001, 0.1), (0.4, 0.6), (0.1, 0.001)  # of the scenes: how many lie below (easy: above)
-SATISFIED = 0.9  # of the way from 0 to the top: the last part is the rarest, and no use as a goal
+SATISFIED_SHARE = 0.9  # of the way from 0 to the top: the last part is the rarest, and no use as a goal
 CROWDED = 0.5  # unless so much of what is satisfied lies there, as where a body rests on another: then all of it,
-BEYOND = 1.02  # and a little more, for rounding
+BEYOND_TOP = 1.02  # and a little more, for rounding
 MOST_SHARES = 8  # of the effort that numbers of things get: more of them take longer in all
 
 
@@ -127,7 +127,7 @@ def rarity(spec: Spec, label: str | None = None, *, seed: int = 0, timeout: floa
     if not 0 <= seed <= MAX_SEED:
         raise RequestError(OUT_OF_RANGE(argument="seed", value=seed, wanted=f"from 0 to {MAX_SEED}"))
     budget = Budget(math.inf if timeout is None else as_seconds("timeout", timeout))
-    lowest, highest = spec.declared.box()
+    lowest, highest = spec.definition.box()
     if not (lowest < highest).any():
         raise RequestError(ALL_HELD(consequence="phi has one value"))
     labels = spec.labels if label is None else (label,)
@@ -160,14 +160,14 @@ def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Dia
     """Over all numbers of things in equal shares; those with which nothing meets the requirement are left out. Raises
     RequestError where all are."""
     found: list[Rarity] = []
-    share = RARITY_VISITS // min(len(spec.declared.members), MOST_SHARES)
+    share = RARITY_VISITS // min(len(spec.definition.members), MOST_SHARES)
     for numbers, member in spec.members:
         try:
             found.append(_measure(member, labels, member.bounds(), seed, budget, share))
         except RequestError as error:
             first = error.diagnostics[0]
             left_out.append(NUMBER_LEFT_OUT(counted=written(numbers), why=first.title))
-            if len(left_out) == len(spec.declared.members):
+            if len(left_out) == len(spec.definition.members):
                 raise
     if any(len(one.reaches) < len(labels) for one in found):
         raise StoppedError  # a mixture needs all of them
@@ -180,9 +180,9 @@ def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) ->
 
     timed = spec.over_time
     assert timed is not None
-    lowest, highest = spec.declared.box()
+    lowest, highest = spec.definition.box()
     refuse_choices(spec, "a motion")
-    found = measure(spec.declared, labels, seed, stop=_Until(budget))
+    found = measure(spec.definition, labels, seed, stop=_Until(budget))
     if isinstance(found, RequirementUnmet):
         misses = -found.best if math.isfinite(found.best) else None
         raise RequestError(REQUIREMENT_NOT_FOUND(motion="motion", evaluations=found.evaluations, misses=misses))
@@ -268,7 +268,7 @@ def _report(label: str, bounds: Bounds, reach: PhiDistribution) -> LabelRarity:
 
 def _places(reach: PhiDistribution) -> list[float]:
     """Where a curve has points: evenly over what was reached, and where each run had its levels."""
-    even = np.linspace(reach.down.end, reach.up.end, CURVE)
+    even = np.linspace(reach.down.end, reach.up.end, CURVE_POINTS)
     places = np.unique(np.concatenate([even, reach.up.levels[1:], -reach.down.levels[1:]]))
     return [float(phi) for phi in places]
 
@@ -283,11 +283,15 @@ def spread(low: float, high: float) -> list[float]:
     if not low < high:
         return [low]
     if not low < 0.0 < high:
-        return rounded([low + (high - low) * share for share in ACROSS], high - low)
-    return [*rounded([low * share for share in BELOW], -low), 0.0, *rounded([high * share for share in ABOVE], high)]
+        return round_values([low + (high - low) * share for share in SHARES_ACROSS], high - low)
+    return [
+        *round_values([low * share for share in SHARES_BELOW], -low),
+        0.0,
+        *round_values([high * share for share in SHARES_ABOVE], high),
+    ]
 
 
-def rounded(values: Sequence[float], width: float) -> list[float]:
+def round_values(values: Sequence[float], width: float) -> list[float]:
     """Values to about two hundredths of a width, as decimals that people read; each once."""
     digits = max(0, math.ceil(-math.log10(width / 100.0)))
     return list(dict.fromkeys(round(value, digits) + 0.0 for value in values))
@@ -305,14 +309,14 @@ def _bands(reach: PhiDistribution) -> list[Band]:
         ("easy" if top[0] >= 0.0 else "easier", *top),
     ]
     if high > 0.0:
-        crowded = _share(reach.up(SATISFIED * high)) >= CROWDED * _share(reach.up(max(0.0, low)))
-        found.append(("satisfied", max(0.0, low), (BEYOND if crowded else SATISFIED) * high))
+        crowded = _share(reach.up(SATISFIED_SHARE * high)) >= CROWDED * _share(reach.up(max(0.0, low)))
+        found.append(("satisfied", max(0.0, low), (BEYOND_TOP if crowded else SATISFIED_SHARE) * high))
     bands = []
     for name, least, most in found:
         if not least < most:
             continue
-        ends = rounded([least, most], 5.0 * (most - least))
-        probability = _between(reach, *ends) if len(ends) == 2 else 0.0
+        ends = round_values([least, most], 5.0 * (most - least))
+        probability = _probability_between(reach, *ends) if len(ends) == 2 else 0.0
         if probability > 0.0:
             bands.append(Band(name, ends[0], ends[1], math.log10(probability)))
         elif len(ends) == 2 and name == "satisfied":  # scenes were met there, too few to count
@@ -320,7 +324,7 @@ def _bands(reach: PhiDistribution) -> list[Band]:
     return bands
 
 
-def _between(reach: PhiDistribution, low: float, high: float) -> float:
+def _probability_between(reach: PhiDistribution, low: float, high: float) -> float:
     """P(low <= phi <= high), from the tail that is the smaller one."""
 
     up = _share(reach.up(low)), _share(reach.up(high))

@@ -26,7 +26,6 @@ from scenegen.errors.files import (
 )
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.geometry.workspace import upright
-from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import NAMES, X, as_rows
 from scenegen.scenes.arrange import doubts_of
@@ -35,13 +34,13 @@ from scenegen.scenes.data import ObjectData, Pose, RequestData, SceneFile
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.header import not_scenes, parse
-from scenegen.scenes.formats.scenes_json import MOST_BYTES, REMEDY
+from scenegen.scenes.formats.scenes_json import MAX_JSON_BYTES, REMEDY
 from scenegen.scenes.formats.settled import is_settled, read_settled
 from scenegen.scenes.formats.tables import Table, is_plain, read_table
 from scenegen.scenes.locations import as_location, is_set
 from scenegen.validation import as_int, as_path
 
-ON = "on"
+ON_COLUMN = "on"
 WANTED = 'poses by name, {"mug": (x, y, theta), ...}, columns mug.x, mug.y, mug.theta, or an array (n, %d, 3)'
 
 
@@ -60,8 +59,7 @@ class _GivenScenes:
 class AnySpec(Protocol):
     """A Spec, as far as reading scenes needs it."""
 
-    @property
-    def drawn(self) -> CheckedSpec: ...
+    def require_scenes(self) -> CheckedSpec: ...
 
 
 def read_scenes(path: str | Path, *, start: int = 0, stop: int | None = None, spec: AnySpec | None = None) -> SceneSet:
@@ -99,7 +97,8 @@ def open_scenes(path: Path, spec: AnySpec | None = None) -> SceneFileReading | S
     if not is_plain(path):
         table.read_scenes(path)  # says what else is wrong with it
         raise _says_itself(path)
-    return read_own(spec.drawn, path)
+    checked = spec.require_scenes()
+    return _scenes(checked, _file(checked, path))
 
 
 def _says_itself(path: str | Path) -> RequestError:
@@ -118,34 +117,29 @@ def reading_of(path: Path, spec: AnySpec | None = None) -> SceneFileReading:
 
 def own_scenes(spec: CheckedSpec, poses: object, on: object = None) -> SceneSet:
     """See `Spec.scenes`."""
-    return _scenes(spec, _given(spec, poses, on))
-
-
-def read_own(spec: CheckedSpec, path: Path) -> SceneSet:
-    """The scenes of a file that holds poses alone. Raises DataError."""
-    return _scenes(spec, _file(spec, path))
+    return _scenes(spec, _read_argument(spec, poses, on))
 
 
 def _file(drawn: CheckedSpec, path: Path, *, partly: bool = False) -> _GivenScenes:
     """What a file of poses alone says; `partly`, of some of its objects, and perhaps of others. Raises DataError."""
     if path.suffix.lower() == ".json":
-        raw, _ = parse(read_bytes(path, "a scenes file", limit=MOST_BYTES, remedy=REMEDY), str(path))
+        raw, _ = parse(read_bytes(path, "a scenes file", limit=MAX_JSON_BYTES, remedy=REMEDY), str(path))
         if isinstance(raw, dict) and isinstance(raw.get("scenes"), list):
             raw = raw["scenes"]
-        return _listed(drawn, raw if isinstance(raw, list) else [raw], str(path), partly=partly)
+        return _read_list(drawn, raw if isinstance(raw, list) else [raw], str(path), partly=partly)
     table = read_table(path, "a scenes file", NOT_SCENES)
     if "poses" in table.names:
-        return _listed(drawn, list(table.cells("poses")), str(path), partly=partly)
+        return _read_list(drawn, list(table.cells("poses")), str(path), partly=partly)
     if any(name in table.names for name in drawn.objects):
         rows = [dict(zip(table.names, row, strict=True)) for row in zip(*map(table.cells, table.names), strict=True)]
-        return _listed(drawn, rows, str(path), partly=partly)
-    return _tabled(drawn, table)
+        return _read_list(drawn, rows, str(path), partly=partly)
+    return _read_columns(drawn, table)
 
 
 def settled_scenes(path: Path) -> SceneSet:
     """The scenes of a file of `scenegen settle`, as they came to rest. Raises DataError."""
     said, rest, on = read_settled(path)
-    spec = check_text(said.spec.source, f"the spec of {path}")
+    spec = said.spec.checked_spec
     if list(spec.objects) != said.objects:
         facts = {"wanted": tuple(spec.objects), "found": tuple(said.objects)}
         raise DataError(OTHER_SPEC(reason="the objects of the file are not those of its spec", **facts))
@@ -239,7 +233,7 @@ def _surfaces(header: SceneFile, given: _GivenScenes) -> Array | None:
         return None
     found = np.empty((given.count, len(header.choosers)))
     for column, one in enumerate(header.choosers):
-        said = given.on.get(f"{one.name}.{ON}")
+        said = given.on.get(f"{one.name}.{ON_COLUMN}")
         if said is None:
             raise DataError(NO_SURFACE_GIVEN(name=one.name))
         found[:, column] = [_surface(one, cell, number) for number, cell in enumerate(said, 1)]
@@ -264,44 +258,44 @@ def _surface(chooser: ObjectData, said: Any, number: int) -> float:
     return place
 
 
-def _given(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
+def _read_argument(spec: CheckedSpec, poses: Any, on: Any) -> _GivenScenes:
     """What an argument says. Raises RequestError for what says no poses."""
     if hasattr(poses, "columns") and not isinstance(poses, Mapping):  # a data frame, of pandas or polars
         try:
             poses = {str(name): poses[name] for name in poses.columns}
         except TypeError:  # of pyarrow, or lazy
-            raise _refused(spec, poses) from None
+            raise _poses_error(spec, poses) from None
     if isinstance(poses, Mapping):
         if any("." in str(name) for name in poses):
             columns = {str(name): _array(values) for name, values in poses.items() if _is_place(spec, str(name))}
             sizes = {len(one) for one in columns.values()}
             if len(sizes) != 1 or any(one.ndim != 1 for one in columns.values()):
-                raise _refused(spec, poses)
-            more = {str(name): list(values) for name, values in poses.items() if str(name).endswith(f".{ON}")}
+                raise _poses_error(spec, poses)
+            more = {str(name): list(values) for name, values in poses.items() if str(name).endswith(f".{ON_COLUMN}")}
             return _GivenScenes("`poses`", sizes.pop(), columns, more if on is None else _numbers(spec, on))
         _refuse_unknown(spec, poses)
         each = {name: _array(_tuple(value)) for name, value in poses.items()}
         each = {name: one[None] if one.ndim == 1 else one for name, one in each.items()}
         sizes = {len(one) for one in each.values() if one.ndim == 2 and one.shape[1] == len(NAMES)}
         if len(sizes) != 1 or any(one.ndim != 2 or one.shape[1] != len(NAMES) for one in each.values()):
-            raise _refused(spec, poses)
+            raise _poses_error(spec, poses)
         columns = {f"{name}.{axis}": one[:, k] for name, one in each.items() for k, axis in enumerate(NAMES)}
-        said = {f"{name}.{ON}": [value.on] for name, value in poses.items() if hasattr(value, ON)}
+        said = {f"{name}.{ON_COLUMN}": [value.on] for name, value in poses.items() if hasattr(value, ON_COLUMN)}
         return _GivenScenes("`poses`", sizes.pop(), columns, said if on is None else _numbers(spec, on))
     if isinstance(poses, Sequence) and not isinstance(poses, str) and poses and isinstance(poses[0], Mapping):
-        return _listed(spec, list(poses), "`poses`")
+        return _read_list(spec, list(poses), "`poses`")
     array = _array(poses)
     if array.ndim == 2:
         array = array[None]
     if array.shape[1:] != (len(spec.objects), len(NAMES)):
-        raise _refused(spec, poses)
+        raise _poses_error(spec, poses)
     columns = {
         f"{name}.{axis}": array[:, index, k] for index, name in enumerate(spec.objects) for k, axis in enumerate(NAMES)
     }
     return _GivenScenes("`poses`", len(array), columns, _numbers(spec, on))
 
 
-def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = False) -> _GivenScenes:
+def _read_list(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = False) -> _GivenScenes:
     """A list of scenes, each with poses by name: {"x": .., "y": .., "theta": ..} or [x, y, theta]. `partly`: objects of
     other specs may be among them."""
     columns = {f"{one}.{axis}": np.full(len(scenes), math.nan) for one in spec.objects for axis in NAMES}
@@ -317,8 +311,8 @@ def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = F
                 continue
             if isinstance(pose, Mapping):
                 values = [pose.get(axis) for axis in NAMES]
-                if ON in pose:
-                    on.setdefault(f"{thing}.{ON}", [None] * len(scenes))[number] = pose[ON]
+                if ON_COLUMN in pose:
+                    on.setdefault(f"{thing}.{ON_COLUMN}", [None] * len(scenes))[number] = pose[ON_COLUMN]
             else:
                 values = list(_tuple(pose)) if isinstance(pose, Sequence | Pose) and not isinstance(pose, str) else []
             for axis, value in zip(NAMES, values, strict=len(values) == len(NAMES)):
@@ -336,12 +330,12 @@ def _listed(spec: CheckedSpec, scenes: list[Any], name: str, *, partly: bool = F
     return _GivenScenes(name, len(scenes), known, on)
 
 
-def _tabled(spec: CheckedSpec, table: Table) -> _GivenScenes:
+def _read_columns(spec: CheckedSpec, table: Table) -> _GivenScenes:
     """A table with the columns mug.x, mug.y, mug.theta of each object."""
     places = [f"{name}.{axis}" for name in spec.objects for axis in NAMES]
     columns = {name: table.column(name, holes=True) for name in places if name in table.names}
     on = {name: list(table.cells(name)) for name in _choosers(spec) if name in table.names}
-    unused = [name for name in table.names if name and not _is_place(spec, name) and not name.endswith(f".{ON}")]
+    unused = [name for name in table.names if name and not _is_place(spec, name) and not name.endswith(f".{ON_COLUMN}")]
     return _GivenScenes(table.file, len(table), columns, on, tuple(unused))
 
 
@@ -352,7 +346,7 @@ def _is_place(spec: CheckedSpec, column: str) -> bool:
 
 def _choosers(spec: CheckedSpec) -> list[str]:
     """The columns that say on what things stand that may be on several surfaces."""
-    return [f"{spec.objects[index]}.{ON}" for index, choice in spec.choices.items() if len(choice.options) > 1]
+    return [f"{spec.objects[index]}.{ON_COLUMN}" for index, choice in spec.choices.items() if len(choice.options) > 1]
 
 
 def _numbers(spec: CheckedSpec, on: Any) -> dict[str, Sequence[Any]]:
@@ -380,7 +374,7 @@ def _array(values: Any) -> Array:
         return np.full((1,) * 4, math.nan)
 
 
-def _refused(spec: CheckedSpec, poses: Any) -> RequestError:
+def _poses_error(spec: CheckedSpec, poses: Any) -> RequestError:
     shape = tuple(getattr(poses, "shape", ()))
     kind = f", {poses.dtype}" if hasattr(poses, "dtype") else ""
     value = f"of the shape {shape}{kind}" if shape else repr(poses)[:80]

@@ -100,7 +100,7 @@ def draw_scenes(
     """The scenes of a request, in memory. Raises what `sample` raises."""
     from scenegen.search.effort import Budget
 
-    _ = spec_of(source).drawn
+    _ = spec_of(source).require_scenes()
     budget = Budget(request.timeout)
     source = any_model(source, budget) if request.method == "any" else source
     request = check_request(source, request)
@@ -127,7 +127,7 @@ def run_in_memory(
     from scenegen.search.effort import Budget
 
     budget = budget or Budget(request.timeout)
-    plan = plan_for(spec_of(source).declared, request, budget, model_of(source), on_note, watch=watch)
+    plan = plan_for(spec_of(source).definition, request, budget, model_of(source), on_note, watch=watch)
     drawn = in_memory(plan, budget, progress)
     if drawn.shortfall is None:
         return plan, drawn, drawn.warnings
@@ -138,7 +138,7 @@ def run_in_memory(
 
 def _check_size(source: Spec | LearnedModel, n: int) -> None:
     """Refuse more scenes than go into memory. Raises RequestError."""
-    spec = spec_of(source).drawn
+    spec = spec_of(source).require_scenes()
     most = IN_MEMORY // (row_count(len(spec.objects)) + len(spec.labels))
     if most < n <= MAX_SCENES:  # of even more it is said that nobody can sample them
         raise RequestError(TOO_MANY(n=n, objects=len(spec.objects), most=most))
@@ -147,10 +147,6 @@ def _check_size(source: Spec | LearnedModel, n: int) -> None:
 def partial(shortfall: Diagnostic) -> Diagnostic:
     """The warning that goes with fewer scenes than wanted."""
     return dataclasses.replace(shortfall.but(kept="these are kept"), severity="warning")
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What `sample_to` returns: where scenes are, how many, and what phi is in them.
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +172,7 @@ class Written:
         return self.count
 
 
-def met(phi: Mapping[str, Array]) -> dict[str, PhiSummary]:
+def summarize_phi(phi: Mapping[str, Array]) -> dict[str, PhiSummary]:
     """What phi, by label, is in a set of at least one scene, or motion."""
     return {label: PhiSummary(float(v.min()), float(v.mean()), float(v.max())) for label, v in phi.items()}
 
@@ -186,10 +182,6 @@ def refuse_set_options(request: SampleRequest) -> None:
     argument = request.misplaced_option("scenes", "motions", "files")
     if argument is not None:
         raise RequestError(ONLY_FOR_SETS(argument=argument))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A few scenes of a request, soon and without a plan: for programs in which somebody waits for something to look at.
 
 
 def glimpse(

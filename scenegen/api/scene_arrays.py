@@ -19,11 +19,11 @@ from scenegen.geometry.workspace import turned
 from scenegen.lang.spec import CheckedSpec, chosen
 from scenegen.needs import need
 from scenegen.pose import SIZE, THETA, X, Y, as_rows, row_count, row_of
-from scenegen.scenes.arrange import arranged, check_held, order_of, refuse_numbers, with_switches
+from scenegen.scenes.arrange import check_held, order_of, refuse_numbers, reorder, with_switches
 from scenegen.scenes.blocks import BLOCK, Block, member_of, numbers_in
 from scenegen.scenes.data import (
-    RAISED,
-    VERSION,
+    SCENES_VERSION,
+    VERSION_WITH_HEIGHTS,
     CountData,
     ObjectData,
     Pose,
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from scenegen.scenes.motions import MotionFile, MotionRequestData, TimeData
 
 
-NAMED = 10  # objects that a set names when it speaks of itself
+MAX_NAMED_OBJECTS = 10  # objects that a set names when it speaks of itself
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,8 +128,8 @@ class SceneArrays:
 
     def names(self) -> str:
         """The first objects in words."""
-        more = len(self.objects) - NAMED
-        return ", ".join(self.objects[:NAMED]) + (f" and {more} more" if more > 0 else "")
+        more = len(self.objects) - MAX_NAMED_OBJECTS
+        return ", ".join(self.objects[:MAX_NAMED_OBJECTS]) + (f" and {more} more" if more > 0 else "")
 
     def places(self, index: int) -> tuple[dict[str, Pose], dict[str, float]]:
         """The poses of one scene by object, and its phi by label. Raises IndexError."""
@@ -209,7 +209,7 @@ def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: Reque
     return SceneFile.model_construct(
         spec=SpecRef(source=spec.source, sha256=spec.sha256, title=spec.title),
         workspace=WorkspaceData(x=spec.workspace.x, y=spec.workspace.y),
-        version=RAISED if spec.declares_heights else VERSION,
+        version=VERSION_WITH_HEIGHTS if spec.declares_heights else SCENES_VERSION,
         objects=[
             ObjectData(name=name, shape=_shape_data(shape), support=_support_data(spec, which))
             for which, (name, shape) in enumerate(zip(spec.objects, spec.shapes, strict=True))
@@ -297,7 +297,7 @@ def rows_of(spec: CheckedSpec, scenes: SceneArrays) -> Array:
     """
     refuse_numbers(scenes.header, "this")
     stored = as_rows(scenes.poses)
-    rows = turned(arranged(stored, order_of(spec, scenes.objects)))
+    rows = turned(reorder(stored, order_of(spec, scenes.objects)))
     check_held(spec, rows)
     return with_switches(spec, scenes.header, rows, scenes.on)
 
@@ -312,10 +312,6 @@ def stored_rows(spec: CheckedSpec, rows: Array) -> Array:
         for one in spec.choices.values()
     ]
     return np.concatenate([rows[:count], on])
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What files hold of a problem's scenes, or motions.
 
 
 def header_of(problem: Problem, sampler: Mapping[str, object]) -> Any:
@@ -348,10 +344,6 @@ def _stored_motions(objects: int, steps: int, rows: Array) -> Array:
     places = rows[: len(rows) - steps]
     poses = places.reshape(objects, SIZE, steps + 1, rows.shape[1]).transpose(3, 2, 0, 1)
     return np.concatenate([places, *(one[None] for one in facts_of(np.ascontiguousarray(poses)).values())])
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Poses as simulators take them: a place and a quaternion.
 
 
 DTYPES = ("float32", "float64")

@@ -20,14 +20,13 @@ from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, NOT_INSTALLED, WRONG_VALUE
 from scenegen.geometry import NUMPY, Circle
 from scenegen.geometry.workspace import turned
-from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, Atom, gated
 from scenegen.lang.formula.interpret import deciding_atom
 from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import THETA, TWO_PI, X, as_poses, row_count
-from scenegen.scenes.blocks import COUNT, Block, columns, element
+from scenegen.scenes.blocks import COUNT_PREFIX, Block, columns, element
 from scenegen.scenes.data import Pose, SceneData, SceneFile
 from scenegen.scenes.formats.jsonl import block_of
 from scenegen.validation import as_path
@@ -37,10 +36,6 @@ if TYPE_CHECKING:
 
     from scenegen.pictures.render.scenes import Rendered
     from scenegen.sampling.problem import Problem
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# One scene of a set, with what it takes to draw it and to load it into a simulator.
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +84,8 @@ class Scene:
 
 Picked = slice | npt.NDArray[np.bool_] | npt.NDArray[np.integer] | list[int]
 
-TOLERANCE = 1e-9  # how far stored and computed phi may lie apart
-CACHED = 32_768  # scenes scored at a time, so that they stay in cache
+PHI_TOLERANCE = 1e-9  # how far stored and computed phi may lie apart
+CACHED_SCENES = 32_768  # scenes scored at a time, so that they stay in cache
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +123,7 @@ class SceneSet(SceneArrays):
         given: Any = index
         index = given.item() if getattr(given, "shape", None) == () else index  # a number of numpy or torch
         if isinstance(index, bool) or not isinstance(index, int):
-            index = _picked(index, len(self))
+            index = _as_index(index, len(self))
             phi = {name: values[index] for name, values in self.phi.items()}
             on = None if self.on is None else self.on[index]
             rest = None if self.rest is None else self.rest[index]
@@ -142,7 +137,7 @@ class SceneSet(SceneArrays):
         """Each scene as in a mirror: x counted from the other side of the workspace, headings turned with it, and phi
         as the spec gives it there. Raises DataError where the spec holds an object off the middle."""
         self.refuse_rest("mirrored")
-        spec, (left, right) = check_text(self.header.spec.source, "the spec of the scenes"), self.header.workspace.x
+        spec, (left, right) = self.header.spec.checked_spec, self.header.workspace.x
         poses = self.poses.copy()
         poses[..., X] = left + right - poses[..., X]
         poses[..., THETA] = np.remainder(math.pi - poses[..., THETA], TWO_PI)
@@ -171,7 +166,7 @@ class SceneSet(SceneArrays):
         counts = self.counts
         each = [number[:, None].astype(np.float64) for number in counts.values()]
         table = np.concatenate([poses.reshape(len(self), row_count(len(self.objects))), *on, *each, phi], axis=1)
-        return pandas.DataFrame(table, columns=names).astype({f"{COUNT}{name}": np.int64 for name in counts})
+        return pandas.DataFrame(table, columns=names).astype({f"{COUNT_PREFIX}{name}": np.int64 for name in counts})
 
     def _sheet(self) -> bytes | None:
         """The contact sheet of the first scenes, drawn when a notebook first shows it."""
@@ -292,7 +287,7 @@ def _check_phi(scenes: SceneSet) -> None:
     if np.shape(scenes.poses) != shape or any(np.shape(one) != shape[:1] for one in scenes.phi.values()):
         value, wanted = f"of the shape {np.shape(scenes.poses)}", f"{shape}, and phi ({shape[0]},) of each label"
         raise RequestError(WRONG_VALUE(argument="poses", value=value, wanted=wanted))
-    for wrong in compare(check_text(scenes.header.spec.source, "the spec of the scenes"), scenes, "the set"):
+    for wrong in compare(scenes.header.spec.checked_spec, scenes, "the set"):
         raise DataError(wrong)
 
 
@@ -305,14 +300,14 @@ def compare(spec: CheckedSpec, scenes: SceneSet, name: str | Path) -> Iterator[D
         if label not in scenes.phi:
             yield PHI_DIFFERS(file=name, label=label)
             continue
-        off = ~(np.abs(values - scenes.phi[label]) <= TOLERANCE)  # NaN is off, too
+        off = ~(np.abs(values - scenes.phi[label]) <= PHI_TOLERANCE)  # NaN is off, too
         if off.any():
             worst = int(np.nan_to_num(np.abs(values - scenes.phi[label]), nan=np.inf).argmax())
             facts = {"scene": worst + 1, "file": name, "label": label, "count": int(off.sum())}
             yield PHI_DIFFERS(**facts, stored=scenes.phi[label][worst], computed=values[worst])
 
 
-def _picked(index: object, count: int) -> Picked:
+def _as_index(index: object, count: int) -> Picked:
     """What picks some of `count` scenes, once it is a thing that does: numpy makes something else of None, of tuples
     and of lists of lists. Raises RequestError, also for a mask of another length."""
     holes: list[bool] = []
@@ -360,8 +355,8 @@ def evaluate(spec: CheckedSpec, scenes: SceneSet) -> dict[str, Array]:
     """phi of every label for given scenes, (n,) each, by the exact spec. Raises DataError for other objects."""
     phi = {name: np.empty(len(scenes)) for name in spec.labels}
     for part in parts_of(spec, scenes):
-        for start in range(0, len(part.which), CACHED):
-            some = slice(start, start + CACHED)
+        for start in range(0, len(part.which), CACHED_SCENES):
+            some = slice(start, start + CACHED_SCENES)
             rows = list(np.ascontiguousarray(part.rows[:, some]))
             for name, value in score(part.spec.core, rows, NUMPY).items():
                 phi[name][part.which[some]] = value

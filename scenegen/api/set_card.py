@@ -72,7 +72,7 @@ The spec:
 """
 
 
-SIZES = (
+SIZE_CATEGORIES = (
     (1_000, "n<1K"),
     (10_000, "1K<n<10K"),
     (100_000, "10K<n<100K"),
@@ -88,7 +88,7 @@ def front_matter(title: str, license: str, scenes: int, configs: Mapping[str, st
     """What data hubs read at the top of a card; `configs` are the files of each part by its name."""
     parts = "\n".join(f"- config_name: {name}\n  data_files: {files}" for name, files in configs.items())
     return f"""---
-pretty_name: {quoted(title)}
+pretty_name: {yaml_string(title)}
 license: {license}
 tags:
 - robotics
@@ -103,13 +103,13 @@ configs:
 
 def size_category(scenes: int) -> str:
     """The category of a number of scenes, as dataset hubs name it."""
-    return next(name for most, name in SIZES if scenes < most)
+    return next(name for most, name in SIZE_CATEGORIES if scenes < most)
 
 
 def _range(low: float | None, high: float | None) -> str:
     return f"{'' if low is None else format(low, 'g')}:{'' if high is None else format(high, 'g')}"
 
 
-def quoted(text: str) -> str:
+def yaml_string(text: str) -> str:
     """A text as YAML."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -17,11 +17,11 @@ from scenegen.sampling.request import Range
 from scenegen.sampling.streams import SET_SPLIT_STREAM
 from scenegen.scenes import sets
 from scenegen.scenes.blocks import BLOCK, Block
-from scenegen.scenes.lease import held
 from scenegen.scenes.locations import inside
+from scenegen.scenes.lock import acquire
 from scenegen.scenes.stores import Store, open_store
 
-MEMORY = 1 << 29  # bytes of the scenes that wait for the shards of all parts of a split
+SPLIT_BYTES = 1 << 29  # bytes of the scenes that wait for the shards of all parts of a split
 
 
 def merge_sets(stored: Sequence[StoredSet], out: str) -> sets.Manifest:
@@ -44,7 +44,7 @@ def merge_sets(stored: Sequence[StoredSet], out: str) -> sets.Manifest:
 def filter_set(stored: StoredSet, ranges: Mapping[str, Range], out: str) -> sets.Manifest:
     """The scenes whose phi is in the ranges, in their order. Raises DataError if there are none."""
 
-    def kept() -> Iterator[Block]:
+    def fitting() -> Iterator[Block]:
         for block in _blocks(stored):
             fits = np.ones(block.count, dtype=bool)
             for label, values in zip(stored.labels, block.phi, strict=True):
@@ -53,7 +53,7 @@ def filter_set(stored: StoredSet, ranges: Mapping[str, Range], out: str) -> sets
             yield _part(block, fits)
 
     wanted = {label: [one.low, one.high] for label, one in ranges.items()}
-    return write_blocks(out, stored, kept(), {"filtered": _source(stored), "phi": wanted})
+    return write_blocks(out, stored, fitting(), {"filtered": _source(stored), "phi": wanted})
 
 
 def split_set(stored: StoredSet, shares: Mapping[str, float], seed: int, out: str) -> dict[str, sets.Manifest]:
@@ -79,7 +79,7 @@ def split_set(stored: StoredSet, shares: Mapping[str, float], seed: int, out: st
 
 def _fitting(size: int, objects: int, labels: int, parts: int) -> int:
     """The shard size of `size` or below with which a shard of each part fits into memory."""
-    most = MEMORY // (8 * (row_count(objects) + labels) * parts) // BLOCK * BLOCK
+    most = SPLIT_BYTES // (8 * (row_count(objects) + labels) * parts) // BLOCK * BLOCK
     return max(BLOCK, min(size, most))
 
 
@@ -96,7 +96,7 @@ def write_blocks(out: str, like: StoredSet, blocks: Iterable[Block], provenance:
 def _new_set(out: str, like: StoredSet, provenance: Mapping[str, Any], size: int) -> Iterator[_NewSet]:
     """A new set, for this process alone until the end of the block. Where that fails, nothing is left of it."""
     store = open_store(out)
-    with held(store):
+    with acquire(store):
         made = _NewSet(store, like, provenance, size)
         try:
             yield made
@@ -152,7 +152,7 @@ class _NewSet:
     def drop(self) -> None:
         """Delete what has been written, as far as the store allows; the caller reports why it failed."""
         with suppress(ScenegenError):
-            self._store.delete(sets.MANIFEST, *(shard.file for shard in self._shards))
+            self._store.delete(sets.SET_MANIFEST, *(shard.file for shard in self._shards))
 
     def _write(self) -> None:
         like, waiting, rarity = self._like, self._waiting, self._manifest.rarity

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.api.scenes import evaluate, scene_set
+from scenegen.api.scenes import PHI_TOLERANCE, evaluate, scene_set
 from scenegen.api.stored import StoredSet
 from scenegen.arrays import Array
 from scenegen.errors import DataError, ScenegenError, SpecError
 from scenegen.errors.files import DAMAGED_SHARD
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import X, Y, as_rows, row_of
-from scenegen.scenes.blocks import joined, numbers_in
+from scenegen.scenes.blocks import join_blocks, numbers_in
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.sets import check_bytes, read_shard
 
@@ -26,11 +26,10 @@ if TYPE_CHECKING:
 
 Counts = npt.NDArray[np.int64]
 
-BINS = 32  # of the histograms of phi
-GRID = (24, 16)  # cells of the maps of places
-TOLERANCE = 1e-9  # how far stored and computed phi may lie apart
-COMPARED = 2000  # scenes for coverage
-HASHED = 100_000_000  # scenes among which duplicates are counted: 800 MB
+PHI_BINS = 32  # of the histograms of phi
+PLACE_GRID = (24, 16)  # cells of the maps of places
+COVERAGE_SCENES = 2000  # scenes for coverage
+MAX_HASHED_SCENES = 100_000_000  # scenes among which duplicates are counted: 800 MB
 
 MapJobs = Callable[[Callable[[Any], Any], Iterable[Any]], Generator[Any, None, None]]
 
@@ -108,12 +107,12 @@ class _ShardCheckJob:
         done = 0
         for block in read_shard(self.store, self.header, tuple(self.bounds), shard).blocks:
             for (label, ends), values in zip(self.bounds.items(), block.phi, strict=True):
-                counts = np.histogram(values, BINS, ends)[0]
+                counts = np.histogram(values, PHI_BINS, ends)[0]
                 found.phi[label] = found.phi.get(label, 0) + counts
             for index, name in enumerate(self.objects):
                 x, y = block.rows[row_of(index, X)], block.rows[row_of(index, Y)]
                 x, y = x[~np.isnan(x)], y[~np.isnan(x)]
-                counts = np.histogram2d(x, y, GRID, self.table)[0].astype(np.int64)
+                counts = np.histogram2d(x, y, PLACE_GRID, self.table)[0].astype(np.int64)
                 found.places[name] = found.places.get(name, 0) + counts
             if self.header.counts:
                 there = ~np.isnan(block.rows[[row_of(index, X) for index in range(len(self.objects))]]).T
@@ -127,7 +126,7 @@ class _ShardCheckJob:
                 again = evaluate(self.spec, scene_set(self.header, tuple(self.bounds), block))
                 for label, values in zip(self.bounds, block.phi, strict=True):
                     off = np.abs(again[label] - values)
-                    wrong = np.flatnonzero(~(off <= TOLERANCE))  # NaN is wrong, too
+                    wrong = np.flatnonzero(~(off <= PHI_TOLERANCE))  # NaN is wrong, too
                     if len(wrong):
                         first = f"the first is scene {done + int(wrong[0]) + 1}"
                         fault = f"phi of `{label}` is off by {off.max():.2g} in {len(wrong):,} scenes; {first}"
@@ -156,13 +155,13 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
         stored.store,
         stored.header,
         stored.objects,
-        {label: _widened(one.lowest, one.highest) for label, one in manifest.phi().items()} if stored.shards else {},
+        {label: _widen(one.lowest, one.highest) for label, one in manifest.phi().items()} if stored.shards else {},
         (table.x, table.y),
         sizes,
         spec,
     )
-    phi: dict[str, Counts] = {label: np.zeros(BINS, np.int64) for label in stored.labels}
-    places: dict[str, Counts] = {name: np.zeros(GRID, np.int64) for name in stored.objects}
+    phi: dict[str, Counts] = {label: np.zeros(PHI_BINS, np.int64) for label in stored.labels}
+    places: dict[str, Counts] = {name: np.zeros(PLACE_GRID, np.int64) for name in stored.objects}
     drawn = {one.name: np.zeros(one.most + 1, np.int64) for one in stored.header.counts}
     hashes, shards = [], []
     for found in map_jobs(look, stored.shards):
@@ -175,7 +174,7 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
             drawn[name] += counts
         hashes.append(found.hashes)
     total = sum(map(len, hashes))
-    repeated = None if total > HASHED else total - len(np.unique(np.concatenate(hashes))) if hashes else 0
+    repeated = None if total > MAX_HASHED_SCENES else total - len(np.unique(np.concatenate(hashes))) if hashes else 0
     # shards of a data set have requests of their own, of which none is that of the set
     comparable = not any(one.fault for one in shards) and all(shard.made is None for shard in stored.shards)
     comparable = comparable and not stored.header.counts  # distances are those of scenes of the same objects
@@ -194,11 +193,11 @@ def set_report(stored: StoredSet, *, map_jobs: MapJobs, verify: bool = False, ti
 
 def checked_spec(stored: StoredSet) -> CheckedSpec:
     """The spec that the set was made from, read from its header. Raises DataError if it is none."""
-    from scenegen.api.spec import parse
+    from scenegen.api.spec import Spec
     from scenegen.errors.files import NOT_A_SET
 
     try:
-        return parse(stored.header.spec.source).drawn
+        return Spec(stored.header.spec.checked_spec).require_scenes()
     except SpecError as error:
         reason = f"the spec in its header does not parse: {error.diagnostics[0].title}"
         remedy = "it was made by another version of scenegen"
@@ -207,15 +206,15 @@ def checked_spec(stored: StoredSet) -> CheckedSpec:
 
 def coverage_of(stored: StoredSet, timeout: float) -> tuple[float, float] | None:
     """Coverage of fresh exact scenes of the same request by scenes of the set, and by other fresh ones."""
-    from scenegen.api.spec import parse
+    from scenegen.api.spec import Spec
     from scenegen.scenes.coverage import coverage
 
     request = stored.header.request
-    few = min(COMPARED, len(stored))
+    few = min(COVERAGE_SCENES, len(stored))
     try:
         from scenegen.api.sample import sample
 
-        spec = parse(stored.header.spec.source)
+        spec = Spec(stored.header.spec.checked_spec)
         fresh = sample(
             spec, dict(request.phi), n=2 * few, seed=987_654_321,
             spread=request.spread, timeout=timeout, workers=1,
@@ -223,11 +222,11 @@ def coverage_of(stored: StoredSet, timeout: float) -> tuple[float, float] | None
     except ScenegenError:
         return None
     rows = np.asarray(as_rows(fresh.poses))
-    own = some(stored, few)[: len(rows)]
+    own = scattered_rows(stored, few)[: len(rows)]
     return coverage(rows[:, :few], own), coverage(rows[:, :few], rows[:, few:])
 
 
-def some(stored: StoredSet, count: int) -> Array:
+def scattered_rows(stored: StoredSet, count: int) -> Array:
     """Scenes from all over the set, (3N, count): as many from each of a few row groups."""
     groups = stored.groups()
     chosen = np.unique(np.linspace(0, len(groups) - 1, min(len(groups), 8)).astype(np.intp))
@@ -236,7 +235,7 @@ def some(stored: StoredSet, count: int) -> Array:
         block = stored.read_group(groups[index])
         share = count * (number + 1) // len(chosen) - count * number // len(chosen)
         blocks.append(block.part(0, share))
-    block = joined(blocks, len(blocks[0].rows), len(blocks[0].phi))
+    block = join_blocks(blocks, len(blocks[0].rows), len(blocks[0].phi))
     return block.rows
 
 
@@ -251,5 +250,5 @@ def _hashes(rows: Array) -> npt.NDArray[np.uint64]:
     return found
 
 
-def _widened(low: float, high: float) -> tuple[float, float]:
+def _widen(low: float, high: float) -> tuple[float, float]:
     return (low, high) if high > low else (low - 0.5, high + 0.5)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from scenegen.sampling.proposer import Proposer
     from scenegen.sampling.request import Range, SampleRequest
 
-MAX_BYTES = 64_000_000
+MAX_SPEC_BYTES = 64_000_000
 
 
 class Spec:
@@ -49,41 +49,41 @@ class Spec:
     (('mug', 'plate'), ('task',))
     """
 
-    def __init__(self, checked: CheckedSpec) -> None:
-        self._checked = checked
-        if checked.timed is None:
+    def __init__(self, definition: CheckedSpec) -> None:
+        self.definition = definition  # over time or not, with numbers of things or without: read no `core` from it
+        if definition.timed is None:
             self._refuse_overflow()
 
     def __repr__(self) -> str:
-        return f"<Spec {self._checked.name}: {len(self.objects)} objects, labels {', '.join(self.labels)}>"
+        return f"<Spec {self.definition.name}: {len(self.objects)} objects, labels {', '.join(self.labels)}>"
 
     @property
     def checked(self) -> CheckedSpec:
-        """What the spec means for single scenes. Raises RequestError for a spec over time: whatever asks for this
-        works on scenes."""
+        """What the spec means for single scenes, all of the same things. Raises RequestError for a spec over time, and
+        for one that draws how many things there are."""
         if self.counts:
-            first = self._checked.counts[0]
+            first = self.definition.counts[0]
             asset = first.assets[0] if first.assets else None
-            raise RequestError(NUMBERS_NOT_HERE(file=self._checked.name, name=first.name, most=first.most, asset=asset))
-        return self.drawn
+            facts = {"file": self.definition.name, "name": first.name, "most": first.most, "asset": asset}
+            raise RequestError(NUMBERS_NOT_HERE(**facts))
+        return self.require_scenes()
 
-    @property
-    def drawn(self) -> CheckedSpec:
-        """The same, of a spec that may draw how many things there are: read no `core` from it, but from its members.
-        Raises RequestError for a spec over time."""
-        if self._checked.timed is not None:
-            raise RequestError(TIME_NOT_HERE(file=self._checked.name))
-        return self._checked
+    def require_scenes(self) -> CheckedSpec:
+        """The definition of a spec that may draw how many things there are: read no `core` from it, but from its
+        members. Raises RequestError for a spec over time."""
+        if self.definition.timed is not None:
+            raise RequestError(TIME_NOT_HERE(file=self.definition.name))
+        return self.definition
 
     @property
     def counts(self) -> dict[str, tuple[int, int]]:
         """The arrays whose number of elements is drawn, and the least and the most there can be."""
-        return {one.name: (one.least, one.most) for one in self._checked.counts}
+        return {one.name: (one.least, one.most) for one in self.definition.counts}
 
     @property
     def assets(self) -> dict[str, tuple[str, ...]]:
         """The objects of categories, and the assets of which each scene draws one."""
-        return {one.name: one.assets for one in self._checked.counts if one.assets}
+        return {one.name: one.assets for one in self.definition.counts if one.assets}
 
     def with_counts(self, counts: Mapping[str, int | str]) -> Spec:
         """The spec with these numbers of things, by name; it draws the others. With all of them it is an ordinary spec.
@@ -111,8 +111,8 @@ class Spec:
             numbers[name] = number
         if not counts:
             return self
-        made = check_text(self.source, self._checked.name, numbers)
-        return Spec(dataclasses.replace(made, title=self._checked.title))
+        made = check_text(self.source, self.definition.name, numbers)
+        return Spec(dataclasses.replace(made, title=self.definition.title))
 
     @property
     def members(self) -> Iterator[tuple[dict[str, int], Spec]]:
@@ -120,32 +120,27 @@ class Spec:
         if not self.counts:
             yield {}, self
             return
-        for numbers, member in zip(combinations(self._checked.counts), self._checked.members, strict=True):
+        for numbers, member in zip(combinations(self.definition.counts), self.definition.members, strict=True):
             yield numbers, Spec(member)
-
-    @property
-    def declared(self) -> CheckedSpec:
-        """What the spec declares, over time or not: read no `core` from it."""
-        return self._checked
 
     @property
     def over_time(self) -> Timed | None:
         """What a spec over time means, in two layers; None for one of single scenes."""
-        return self._checked.timed
+        return self.definition.timed
 
     @property
     def horizon(self) -> Horizon | None:
         """How many steps a motion has, and how long one takes; None where the spec has no `time`."""
-        return None if self._checked.timed is None else self._checked.timed.horizon
+        return None if self.definition.timed is None else self.definition.timed.horizon
 
     @property
     def moves(self) -> Movers:
         """Whether one object moves in each step, or all."""
-        return "one" if self._checked.timed is None else self._checked.timed.moves
+        return "one" if self.definition.timed is None else self.definition.timed.moves
 
     def _repr_html_(self) -> str:
         """For notebooks: the formula of every label as a tree."""
-        if self._checked.timed is not None or self.counts:
+        if self.definition.timed is not None or self.counts:
             from html import escape
 
             return f"<pre>{escape(self.source)}</pre>"
@@ -157,31 +152,31 @@ class Spec:
         """phi must be a number everywhere in the workspace. Raises SpecError where its bounds are not."""
         for label, bounds in self.bounds().items():
             if not all(map(math.isfinite, bounds)):
-                raise SpecError(PHI_TOO_LARGE(file=self._checked.name, label=label))
+                raise SpecError(PHI_TOO_LARGE(file=self.definition.name, label=label))
 
     @property
     def objects(self) -> tuple[str, ...]:
         """The names of the N objects, in the order of every array of poses."""
-        return self._checked.objects
+        return self.definition.objects
 
     @property
     def labels(self) -> tuple[str, ...]:
         """The names of the L formulas, in the order of every array of phi."""
-        return self._checked.labels
+        return self.definition.labels
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
         """What the checker noticed and let pass: unused names, names that hide others."""
-        return self._checked.warnings
+        return self.definition.warnings
 
     @property
     def workspace(self) -> Workspace:
-        return self._checked.workspace
+        return self.definition.workspace
 
     @property
     def source(self) -> str:
         """The canonical text."""
-        return self._checked.source
+        return self.definition.source
 
     def scenes(self, poses: object, *, on: object = None) -> SceneSet:
         """Scenes from elsewhere, with phi: to be shown, rendered, settled, exported and saved as sampled ones are.
@@ -201,7 +196,7 @@ class Spec:
         """
         from scenegen.api.reading import own_scenes
 
-        return own_scenes(self.drawn, poses, on)
+        return own_scenes(self.require_scenes(), poses, on)
 
     def robustness(self) -> Robustness:
         """phi as a differentiable torch function: (B, N, 3) poses -> (B, L). Raises ValueError for NaN and infinity,
@@ -220,27 +215,27 @@ class Spec:
     def trace_robustness(self) -> TraceRobustness:
         """phi over motions as a differentiable torch function: (B, T + 1, N, 3) poses -> (B, L), for a spec with
         `time`. See TraceRobustness. Raises RequestError for a spec without, and where torch is not installed."""
-        if self._checked.timed is None:
-            raise RequestError(NOT_OVER_TIME(file=self._checked.name))
+        if self.definition.timed is None:
+            raise RequestError(NOT_OVER_TIME(file=self.definition.name))
         from scenegen.needs import need
 
         need("torch", "for `trace_robustness()`")
         from scenegen.learn.robustness.traces import TraceRobustness
 
-        return TraceRobustness(self._checked.timed, held=self._checked.fixed)
+        return TraceRobustness(self.definition.timed, held=self.definition.fixed)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """What phi of each label can be at least and at most, anywhere in the workspace (interval bounds: never too
         narrow)."""
         from scenegen.search import spec_bounds
 
-        if self._checked.timed is not None:
+        if self.definition.timed is not None:
             from scenegen.sampling.motions.bounds import phi_bounds
             from scenegen.search.effort import Effort
 
-            return phi_bounds(self._checked.timed, *self._checked.box(), Effort())
+            return phi_bounds(self.definition.timed, *self.definition.box(), Effort())
 
-        each = [spec_bounds(one) for one in self._checked.members or (self._checked,)]
+        each = [spec_bounds(one) for one in self.definition.members or (self.definition,)]
         return {
             label: (min(one[label][0] for one in each), max(one[label][1] for one in each)) for label in self.labels
         }
@@ -252,13 +247,13 @@ class Spec:
         """
         from scenegen.api.feasibility import infeasible
 
-        return infeasible(self.drawn)
+        return infeasible(self.require_scenes())
 
 
 def refuse_choices(spec: Spec, what: str) -> None:
     """Raises RequestError for a spec in which an object stands on one of several surfaces: `what` has no place for the
     surface chosen."""
-    for which in spec.declared.choices:
+    for which in spec.definition.choices:
         raise RequestError(CHOICES_NOT_HERE(what=what, name=spec.objects[which]))
 
 
@@ -313,8 +308,8 @@ def read_spec(path: str | Path) -> tuple[Path, bytes]:
     """What a spec's file is called in messages, and its bytes. Raises DataError."""
     path = as_path("path", path)
     if is_stream(path):
-        return Path("<stdin>"), read_stream(path, "a spec", limit=MAX_BYTES)
-    return path, read_bytes(path, "a spec", limit=MAX_BYTES)
+        return Path("<stdin>"), read_stream(path, "a spec", limit=MAX_SPEC_BYTES)
+    return path, read_bytes(path, "a spec", limit=MAX_SPEC_BYTES)
 
 
 class LearnedModel(ABC):

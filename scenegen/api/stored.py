@@ -15,7 +15,7 @@ from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.geometry.workspace import turned
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count
-from scenegen.scenes.blocks import Block, joined
+from scenegen.scenes.blocks import Block, join_blocks
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.locations import as_location, inside
 from scenegen.scenes.sets import Manifest, Shard
@@ -65,7 +65,7 @@ class StoredSet:
             if part.start < part.stop:
                 found.append(self.read_group(group).part(part.start, part.stop))
         coordinates = row_count(len(self.objects)) + len(self.header.choosers)
-        block = joined(found, coordinates, len(self.labels))
+        block = join_blocks(found, coordinates, len(self.labels))
         return scene_set(self.header, self.labels, block)
 
     def stream(
@@ -146,9 +146,9 @@ def _there(location: str | Path) -> Store:
 def sets_in(location: str | Path) -> list[str]:
     """Where the sets of a place are: the place itself if it is a set, else the sets in the folders below it, by name.
     Raises DataError for a place that cannot be read, and RequestError without pyarrow."""
-    from scenegen.scenes.sets import MANIFEST
+    from scenegen.scenes.sets import SET_MANIFEST
 
     place = as_location(location)
     files = _there(place).sizes()
-    below = sorted(name.removesuffix(f"/{MANIFEST}") for name in files if name.endswith(f"/{MANIFEST}"))
-    return [place] if MANIFEST in files or not below else [inside(place, name) for name in below]
+    below = sorted(name.removesuffix(f"/{SET_MANIFEST}") for name in files if name.endswith(f"/{SET_MANIFEST}"))
+    return [place] if SET_MANIFEST in files or not below else [inside(place, name) for name in below]

@@ -21,7 +21,7 @@ from scenegen.sampling.request import Ends, FixedPose, Progress, Range, SampleRe
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.registry import MOTIONS, SCENES, format_of, read_scenes
-from scenegen.scenes.formats.scenes_json import BYTES, MOST_BYTES
+from scenegen.scenes.formats.scenes_json import BYTES, MAX_JSON_BYTES
 from scenegen.scenes.locations import as_location, names_set
 from scenegen.validation import as_int, as_path
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from scenegen.scenes.stores import Store
 
 FILE_SHARD = 1 << 26  # bytes of a shard of a file in progress, at most
-MORE = 4  # columns of motions beside poses and phi: number, time and two facts
+MOTION_COLUMNS = 4  # columns of motions beside poses and phi: number, time and two facts
 MAX_JSON = 1_000_000  # scenes of a .json file, which is read as a whole: 6 kB of memory each
 
 
@@ -115,26 +115,21 @@ def _write_set(
     from scenegen.sampling.engine.engines import check_engine, open_engine
     from scenegen.sampling.engine.writer import write_set
     from scenegen.scenes import sets
-    from scenegen.scenes.lease import held, refuse_held
+    from scenegen.scenes.lock import acquire, refuse_in_use
 
     numbers = _numbers(spec)
     block = BLOCK if spec.horizon is None else sets.motion_block(numbers)
     size = sets.shard_size(request.shard_size, numbers, len(spec.objects), block)
     check_engine(request.engine, request.address)
-    refuse_held(store)
+    refuse_in_use(store)
     sets.refuse_taken(store, resume=request.resume)
-    with closing(plan_for(spec.declared, request, budget, model_of(source), on_note)) as plan:
-        with held(store) as hold, open_engine(request.engine, request.workers, plan, request.address) as engine:
-
-            def spent() -> bool:
-                hold.check()
-                return budget.spent
-
+    with closing(plan_for(spec.definition, request, budget, model_of(source), on_note)) as plan:
+        with acquire(store), open_engine(request.engine, request.workers, plan, request.address) as engine:
             manifest = _manifest(plan, size, method=request.method)
             tally, manifest = write_set(
                 store, plan, engine, manifest, _shard_writer(plan, sets.PARQUET, store),
                 lambda tally: _account(plan, tally), resume=request.resume, keep_partial=request.keep_partial,
-                spent=spent, progress=progress, block=block,
+                spent=lambda: budget.spent, progress=progress, block=block,
             )  # fmt: skip
             warnings: tuple[Diagnostic, ...] = ()
             if tally is not None:
@@ -169,7 +164,7 @@ def _write_file(
 
     size = max(1, FILE_SHARD // (8 * _numbers(spec) * BLOCK)) * BLOCK
     seen = _PhiStatistics()
-    with closing(plan_for(spec.declared, request, budget, model_of(source), on_note)) as plan:
+    with closing(plan_for(spec.definition, request, budget, model_of(source), on_note)) as plan:
         with open_engine("local", None, plan) as engine:
             tally = write_file(
                 path, plan, engine, _manifest(plan, size), partial(_shard_writer, plan, RAW),
@@ -246,7 +241,7 @@ def _warnings(
 def _numbers(spec: Spec) -> int:
     """How many numbers of a scene, or motion, files have."""
     rows = row_count(len(spec.objects)) + len(spec.labels)
-    return rows if spec.horizon is None else (rows + MORE) * spec.horizon.moments
+    return rows if spec.horizon is None else (rows + MOTION_COLUMNS) * spec.horizon.moments
 
 
 def _blocks_of(path: Path, over_time: bool) -> Iterable[Block]:
@@ -260,7 +255,7 @@ def _blocks_of(path: Path, over_time: bool) -> Iterable[Block]:
 def _check_json(n: int, spec: Spec) -> None:
     """Refuse more scenes than a .json file can hold. Raises RequestError."""
     check_spec(spec)
-    most = min(MAX_JSON, MOST_BYTES // (BYTES * (row_count(len(spec.objects)) + len(spec.labels))))
+    most = min(MAX_JSON, MAX_JSON_BYTES // (BYTES * (row_count(len(spec.objects)) + len(spec.labels))))
     if n > most:
         raise RequestError(TOO_MANY(n=n, most=most))
 

@@ -4,7 +4,7 @@ import gc
 import os
 import sys
 
-FEW = 1024  # processes and threads of a user
+FEW_PROCESSES = 1024  # processes and threads of a user
 
 
 def main() -> None:
@@ -36,4 +36,4 @@ def _may_start_many() -> bool:
     except ImportError:  # Windows
         return True
     most = resource.getrlimit(resource.RLIMIT_NPROC)[0]
-    return most == resource.RLIM_INFINITY or most >= FEW
+    return most == resource.RLIM_INFINITY or most >= FEW_PROCESSES

@@ -31,7 +31,7 @@ from scenegen.processes.process import cannot_start, exit_status, is_limit
 from scenegen.resources import inputs
 
 WRITTEN = ("out", "render", "png", "figure", "export", "log_dir")  # parameters that name places to write to
-SETS = ("sample", "data", "dataset")  # commands whose --out may be a set, which refuses what is there already
+SET_COMMANDS = ("sample", "data", "dataset")  # commands whose --out may be a set, which refuses what is there already
 
 # click's exceptions: newer versions of typer contain their own copy of click
 exceptions: Any = sys.modules[typer.BadParameter.__module__]
@@ -81,7 +81,14 @@ COMMANDS: dict[str, str] = {
     "view": "scenegen.cli.servers:view",
     "lsp": "scenegen.cli.servers:lsp",
 }
-ALONE = ("assets", "explain", "lsp", "relations", "specs", "view")  # no argument needed; others show their help
+WITHOUT_ARGUMENTS = (
+    "assets",
+    "explain",
+    "lsp",
+    "relations",
+    "specs",
+    "view",
+)  # others show their help
 
 
 COMPLETE = "_SCENEGEN_COMPLETE"  # set by the shell's function that typer installs
@@ -141,7 +148,7 @@ def refuse_overwriting(command: str, given: Mapping[str, Any]) -> None:
     read = [path for name, value in given.items() if name not in WRITTEN for path in _files(value)]
     inputs.set({os.path.realpath(path) for path in read})
     for place in (one for one in places if not is_url(str(one))):
-        a_set = command in SETS and isinstance(place, str) and names_set(place)
+        a_set = command in SET_COMMANDS and isinstance(place, str) and names_set(place)
         refuse_place(Path(place), read, a_set=a_set)
 
 
@@ -200,7 +207,7 @@ def run(words: list[str]) -> int:
     words = ["--debug", *(word for word in words if word != "--debug")] if debug else words
     words = _behind_command(words)
     try:
-        if not words or (len(words) == 1 and words[0] in COMMANDS and words[0] not in ALONE):
+        if not words or (len(words) == 1 and words[0] in COMMANDS and words[0] not in WITHOUT_ARGUMENTS):
             with contextlib.redirect_stdout(sys.stderr):  # help that was not requested is not data
                 build(words)([*words, "--help"], prog_name="scenegen", standalone_mode=False)
             return 2

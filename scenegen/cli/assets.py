@@ -31,7 +31,7 @@ def assets(
     The name of an object in a spec picks its asset: `object mug, fork[3], plate_2`. Lengths are metres, length is along
     the heading; masses are kilograms. With --out, every asset is drawn, and all on contact_sheet.png.
     """
-    found = _found(names or [])
+    found = _find_assets(names or [])
     if json_:
         print(json.dumps([_row(asset) for asset in found], indent=2))
     else:
@@ -41,7 +41,7 @@ def assets(
         print_error(f"drew {len(made)} pictures in {out}; contact sheet: {made[-1]}")
 
 
-def _found(names: list[str]) -> list[Asset]:
+def _find_assets(names: list[str]) -> list[Asset]:
     """The assets of these names. Raises RequestError for one that is not in the library."""
     from scenegen.errors.declarations import UNKNOWN_ASSET
     from scenegen.things import ASSETS, asset_of, has_picture

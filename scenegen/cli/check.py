@@ -16,7 +16,7 @@ import typer
 
 from scenegen.api.outline import FormulaTree, Line, Outline, OutlinePart
 from scenegen.api.spec import Spec
-from scenegen.cli.options import COUNT, ROOT, SPEC_FILES, named, option, parse_counts
+from scenegen.cli.options import COUNT, ROOT, SPEC_FILES, display_name, option, parse_counts
 from scenegen.cli.output import complain, detail, flag, print_json, tree
 from scenegen.errors import ScenegenError, Source, to_json
 from scenegen.errors.declarations import NOT_LOOKED_AT
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from scenegen.lang.formula.timed import Horizon
 
 
-OPEN = "rough: a quick look found no scene {}, nor a proof that there is none"
-LOOKED = 3.0  # CPU seconds after which `check` looks no further for what satisfies a spec's labels
+OPEN_QUESTION = "rough: a quick look found no scene {}, nor a proof that there is none"
+LOOK_SECONDS = 3.0  # CPU seconds after which `check` looks no further for what satisfies a spec's labels
 MEANT = "change one of the parts that clash; where it is meant so, add --allow-unsatisfiable"
 
 
@@ -77,16 +77,16 @@ def check(
             if not json:
                 complain(*error.diagnostics)
             reports.append(
-                {"file": named(path), "ok": False, "diagnostics": [_as_json(one) for one in error.diagnostics]}
+                {"file": display_name(path), "ok": False, "diagnostics": [_as_json(one) for one in error.diagnostics]}
             )
             continue
-        detail(f"parsed and checked {path}: {len(spec.declared.core.nodes):,} nodes")
-        looking = _Looking(started + LOOKED)
-        found = doubts(spec.declared, looking.effort)
+        detail(f"parsed and checked {path}: {len(spec.definition.core.nodes):,} nodes")
+        looking = _Looking(started + LOOK_SECONDS)
+        found = doubts(spec.definition, looking.effort)
         detail("looked for what satisfies the labels")
-        problems = [*spec.warnings, *_problems(found, allow_unsatisfiable), *idle(spec.declared, looking.effort)]
+        problems = [*spec.warnings, *_problems(found, allow_unsatisfiable), *idle(spec.definition, looking.effort)]
         if looking.ended:
-            problems.append(NOT_LOOKED_AT(file=named(path), seconds=LOOKED))
+            problems.append(NOT_LOOKED_AT(file=display_name(path), seconds=LOOK_SECONDS))
         ok = all(one.severity != "error" for one in problems)
         failed = failed or not ok
         if not json:
@@ -95,7 +95,9 @@ def check(
             _print(path, spec, found, ok, depth, full)
             complain(*problems)
         diagnostics = [_as_json(one) for one in problems]
-        reports.append({"file": named(path), "ok": ok, "diagnostics": diagnostics, **(_facts(spec) if json else {})})
+        reports.append(
+            {"file": display_name(path), "ok": ok, "diagnostics": diagnostics, **(_facts(spec) if json else {})}
+        )
     if json:
         print_json(reports)
     return int(failed)
@@ -107,9 +109,9 @@ class _Looking:
     def __init__(self, until: float) -> None:
         self.ended = False
         self.until = until
-        self.effort = Effort(self._over)
+        self.effort = Effort(self._is_over)
 
-    def _over(self) -> bool:
+    def _is_over(self) -> bool:
         self.ended = self.ended or time.process_time() > self.until
         return self.ended
 
@@ -127,15 +129,13 @@ def _print(path: Path, spec: Spec, found: list[UnsatisfiedLabel], ok: bool, dept
     import shutil
     import sys
 
-    from scenegen.lang.formula.core import REQUIRE
-
-    typer.echo(f"{named(path)}: {'ok' if ok else 'cannot be satisfied'}")
+    typer.echo(f"{display_name(path)}: {'ok' if ok else 'cannot be satisfied'}")
     rough = {
-        one.label: OPEN.format("that meets it" if one.label == REQUIRE else "with phi >= 0")
+        one.label: OPEN_QUESTION.format("that meets it" if one.label == REQUIRE else "with phi >= 0")
         for one in found
         if one.problem is None
     }
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else PAGE_WIDTH
     if spec.horizon is not None:
         for line in timed_page(spec, spec.horizon, full=full or depth is not None, width=width):
             typer.echo(line)
@@ -147,7 +147,7 @@ def _print(path: Path, spec: Spec, found: list[UnsatisfiedLabel], ok: bool, dept
 def _facts(spec: Spec) -> dict[str, Any]:
     return {
         "objects": list(spec.objects),
-        "shapes": {name: _shape(shape) for name, shape in zip(spec.objects, spec.declared.shapes, strict=True)},
+        "shapes": {name: _shape(shape) for name, shape in zip(spec.objects, spec.definition.shapes, strict=True)},
         "workspace": {"x": list(spec.workspace.x), "y": list(spec.workspace.y)},
         "labels": {name: list(bounds) for name, bounds in spec.bounds().items()},
         "source": spec.source,
@@ -176,12 +176,12 @@ def _as_json(problem: Diagnostic) -> dict[str, Any]:
     return {"title": found["message"], **found}
 
 
-LINES = 40  # of a page, at most
-WIDTH = 110  # columns of a page that goes to no terminal
-NAMES = 3  # lines of names
-SHAPES = 8  # lines of shapes and sizes
-HEAD = 3  # lines of a label: a blank one, its bounds, and its formula
-MOST = 100_000  # lines of `--full`: a formula whose definitions use each other twice can have 2^50
+PAGE_LINES = 40  # of a page, at most
+PAGE_WIDTH = 110  # columns of a page that goes to no terminal
+NAME_LINES = 3  # lines of names
+SHAPE_LINES = 8  # lines of shapes and sizes
+HEAD_LINES = 3  # lines of a label: a blank one, its bounds, and its formula
+MAX_FULL_LINES = 100_000  # lines of `--full`: a formula whose definitions use each other twice can have 2^50
 
 
 @dataclass(slots=True)
@@ -200,13 +200,13 @@ def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool,
     everything = full or depth is not None
     head = list(_head(spec, None if full else width))
     yield from head
-    outline = Outline(spec if not spec.counts else Spec(spec.declared.members[-1]))
+    outline = Outline(spec if not spec.counts else Spec(spec.definition.members[-1]))
     labels = outline.labels
     bounds = spec.bounds() if spec.counts else {}
     titles = {name: _title(outline, name, rough.get(name, ""), bounds.get(name)) for name in labels}
-    left = MOST if everything else LINES - len(head) - 2
-    if left < HEAD * len(labels):  # no space for formulas
-        left = max(left, HEAD)
+    left = MAX_FULL_LINES if everything else PAGE_LINES - len(head) - 2
+    if left < HEAD_LINES * len(labels):  # no space for formulas
+        left = max(left, HEAD_LINES)
         yield ""
         yield from (titles[name] for name in labels[: left - 1])
         if len(labels) > left - 1:
@@ -215,7 +215,7 @@ def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool,
         return
     folded = FormulaTree(outline, fold=not full)
     roots = [_ShownPart(folded.root(name), 0) for name in labels]
-    whole = _unfold(folded, roots, left - HEAD * len(roots), depth)
+    whole = _unfold(folded, roots, left - HEAD_LINES * len(roots), depth)
     for name, root in zip(labels, roots, strict=True):
         yield ""
         yield titles[name]
@@ -229,22 +229,22 @@ def timed_page(spec: Spec, horizon: Horizon, *, full: bool, width: int) -> Itera
     yield from _head(spec, None if full else width)
     step = f"{horizon.dt:g} s each, {horizon.seconds:g} s in all"
     yield f"  time       {horizon.steps:,} steps, {step}; moves {spec.moves}"
-    module = parse(Source(spec.declared.name, spec.source))
+    module = parse(Source(spec.definition.name, spec.source))
     shown = [one for one in module.statements if isinstance(one, ast.Require | ast.Label)]
     bounds = spec.bounds()
-    for statement in shown[: None if full else LINES]:
+    for statement in shown[: None if full else PAGE_LINES]:
         yield ""
         for line in print_statement(statement).splitlines():
             yield f"  {line}"
         if isinstance(statement, ast.Label):
             low, high = bounds[statement.name.id]
             yield f"    phi in [{low:.4g}, {high:.4g}]"
-    if not full and len(shown) > LINES:
-        yield f"\n  ... and {len(shown) - LINES:,} more: --full shows everything."
+    if not full and len(shown) > PAGE_LINES:
+        yield f"\n  ... and {len(shown) - PAGE_LINES:,} more: --full shows everything."
 
 
 def _head(spec: Spec, width: int | None) -> Iterator[str]:
-    checked, (x, y) = spec.declared, (spec.workspace.x, spec.workspace.y)
+    checked, (x, y) = spec.definition, (spec.workspace.x, spec.workspace.y)
     if checked.title:
         yield f"  {checked.title}"
     yield f"  workspace  [{x[0]:g}, {x[1]:g}] x [{y[0]:g}, {y[1]:g}] m"
@@ -262,17 +262,17 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
         if kinds:
             yield f"  assets     {kinds}: {len(checked.members)} specs; what follows is that of the last"
     regions = [one.name for one in checked.regions]
-    yield from _named("objects", free if width is None else arrays(free), width)
+    yield from _name_lines("objects", free if width is None else arrays(free), width)
     for number, line in enumerate(_sizes(spec, width)):
         yield f"  {'' if number else 'sizes':<9}  {line}"
     for kind, names in (("fixed", held), ("regions", regions)):
-        yield from _named(kind, names, width)
+        yield from _name_lines(kind, names, width)
 
 
-def _named(kind: str, names: Sequence[str], width: int | None) -> Iterator[str]:
+def _name_lines(kind: str, names: Sequence[str], width: int | None) -> Iterator[str]:
     """A kind of things and their names."""
     if names:
-        lines = [", ".join(names)] if width is None else _wrapped(names, max(20, width - 13))
+        lines = [", ".join(names)] if width is None else _wrap_names(names, max(20, width - 13))
         for number, line in enumerate(lines):
             yield f"  {'' if number else kind:<9}  {line}"
 
@@ -280,10 +280,10 @@ def _named(kind: str, names: Sequence[str], width: int | None) -> Iterator[str]:
 def _sizes(spec: Spec, width: int | None) -> Iterator[str]:
     """A line for each shape: the objects that have it, what it is, and its size in metres."""
     names: dict[Shape, list[str]] = {}
-    for name, shape in zip(spec.objects, spec.declared.shapes, strict=True):
+    for name, shape in zip(spec.objects, spec.definition.shapes, strict=True):
         names.setdefault(shape, []).append(name)
     for number, (shape, objects) in enumerate(names.items()):
-        if width is not None and number == SHAPES - 1 and len(names) > SHAPES:
+        if width is not None and number == SHAPE_LINES - 1 and len(names) > SHAPE_LINES:
             yield f"... and {len(names) - number:,} shapes more"
             return
         told = ": ".join((", ".join(objects if width is None else arrays(objects)), size_text(shape)))
@@ -303,12 +303,12 @@ def size_text(shape: Shape) -> str:
     return f"{shape.asset}{of_file}, {size}{color}"
 
 
-def _wrapped(names: Sequence[str], width: int) -> list[str]:
+def _wrap_names(names: Sequence[str], width: int) -> list[str]:
     """Names on at most NAMES lines; the last line says how many are left out."""
-    for count in range(min(len(names), NAMES * width), 0, -1):
+    for count in range(min(len(names), NAME_LINES * width), 0, -1):
         rest = [] if count == len(names) else [f"... and {len(names) - count:,} more"]
         lines = wrap(", ".join([*names[:count], *rest]), width, break_on_hyphens=False)
-        if len(lines) <= NAMES:
+        if len(lines) <= NAME_LINES:
             return lines
     return [f"{len(names):,} names"]
 

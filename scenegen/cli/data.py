@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +12,9 @@ from scenegen.cli.options import (
     JSON,
     ROOT,
     WORKERS,
-    all_found,
     argument,
     field_option,
+    find_specs,
     option,
     seconds,
     spec_names,
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from scenegen.sampling.engine.engines import JobResult
 
 
-OPTIONS: dict[str | None, tuple[str, ...]] = {  # of each action; None is the report
+DATA_OPTIONS: dict[str | None, tuple[str, ...]] = {  # of each action; None is the report
     None: ("--verify", "--json", "--engine", "--address", "--workers", "--timeout"),
     "merge": ("--out",),
     "split": ("--out", "--share", "--seed"),
@@ -42,7 +41,7 @@ OPTIONS: dict[str | None, tuple[str, ...]] = {  # of each action; None is the re
 }
 BARS = " ▁▂▃▄▅▆▇█"
 FRESH = 30.0  # seconds
-SHOWN = 5  # damaged shards that are named
+MAX_NAMED_SHARDS = 5  # damaged shards that are named
 
 
 def data(
@@ -86,7 +85,7 @@ def data(
     """
     from scenegen.api.stored import open_set
 
-    action = sets[0] if sets[0] in OPTIONS and not Path(sets[0]).is_dir() else None
+    action = sets[0] if sets[0] in DATA_OPTIONS and not Path(sets[0]).is_dir() else None
     places = sets if action is None else sets[1:]
     least = 2 if action == "merge" else 1
     if len(places) < least or (len(places) > 1 and action not in (None, "merge")):
@@ -99,9 +98,9 @@ def data(
     given = {"--out": out, "--phi": phi, "--share": share, "--seed": seed, "--shard": shard}
     given |= {"--verify": verify, "--json": json}
     given |= {"--engine": engine != "local", "--address": address, "--workers": workers, "--timeout": timeout != FRESH}
-    odd = next((option for option, value in given.items() if value and option not in OPTIONS[action]), None)
+    odd = next((option for option, value in given.items() if value and option not in DATA_OPTIONS[action]), None)
     if odd is not None:
-        of = [f"`{name or 'the report'}`" for name, options in OPTIONS.items() if odd in options]
+        of = [f"`{name or 'the report'}`" for name, options in DATA_OPTIONS.items() if odd in options]
         raise RequestError(OUT_OF_PLACE(option=odd, rule=f"is an option of {', '.join(of)}", remedy="leave it out"))
     if action == "remake":
         _remake(places[0], shard or [], None if timeout == FRESH else timeout)
@@ -110,30 +109,24 @@ def data(
         assert out is not None
         _edit(action, [open_set(place) for place in places], out, phi or [], share or [], seed)
         return 0
-    return _report(places, ReportOptions(verify, timeout, engine, address, workers), json=json)
+    from scenegen.sampling.engine.engines import map_each
+
+    how: dict[str, Any] = {"verify": verify, "timeout": timeout}
+    how["map_jobs"] = lambda job, items: map_each(engine, job, items, workers, address)
+    return _report(places, json=json, **how)
 
 
-@dataclass(frozen=True, slots=True)
-class ReportOptions:
-    """How sets are looked at."""
-
-    verify: bool
-    timeout: float
-    engine: str
-    address: str | None
-    workers: int | None
-
-
-def _report(places: list[str], how: ReportOptions, *, json: bool) -> int:
-    """Report every set of the places, and return the exit status."""
-    from scenegen.api.stored import sets_in
-    from scenegen.cli.many import exit_status
+def _report(places: list[str], *, json: bool, **how: Any) -> int:
+    """Report every set of the places, `how` as `set_report` takes it, and return the exit status."""
+    from scenegen.api.set_report import set_report
+    from scenegen.api.stored import open_set, sets_in
 
     found = [one for place in places for one in sets_in(place)]
     documents, failed, scenes, size = [], [], 0, 0
     for number, location in enumerate(found):
         try:
-            stored, report = _look(location, how)
+            stored = open_set(location)
+            report = set_report(stored, **how)
         except DataError as error:
             if len(found) == 1:
                 raise
@@ -160,21 +153,6 @@ def _report(places: list[str], how: ReportOptions, *, json: bool) -> int:
     return exit_status(failed, len(found)) if len(found) > 1 else int(bool(failed))
 
 
-def _look(location: str, how: ReportOptions) -> tuple[StoredSet, SetReport]:
-    from scenegen.api.set_report import set_report
-    from scenegen.api.stored import open_set
-    from scenegen.sampling.engine.engines import map_each
-
-    stored = open_set(location)
-    report = set_report(
-        stored,
-        map_jobs=lambda job, items: map_each(how.engine, job, items, how.workers, how.address),
-        verify=how.verify,
-        timeout=how.timeout,
-    )
-    return stored, report
-
-
 def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share: list[str], seed: int) -> None:
     from scenegen.api.set_edit import filter_set, merge_sets, split_set
     from scenegen.sampling.request import parse_phi
@@ -196,10 +174,10 @@ def _edit(action: str, opened: list[StoredSet], out: str, phi: list[str], share:
 
 
 def _remake(place: str, shards: list[int], timeout: float | None) -> None:
-    from scenegen.api.dataset import TIMEOUT, remake
+    from scenegen.api.dataset import SHARD_SECONDS, remake
 
     for number in shards:
-        shard, written = remake(place, number, timeout or TIMEOUT)
+        shard, written = remake(place, number, timeout or SHARD_SECONDS)
         made = shard.made
         assert made is not None
         state = "put back" if written else "the same bytes as there"
@@ -244,7 +222,7 @@ def _show(stored: StoredSet, report: SetReport) -> None:
     print("\nwhere objects are, left to right (x) and near to far (y):\n")
     for name, counts in report.places.items():
         print(f"  {name:<12} x {_bars(counts.sum(axis=1))}  y {_bars(counts.sum(axis=0))}")
-    for bad in report.faults[:SHOWN]:
+    for bad in report.faults[:MAX_NAMED_SHARDS]:
         print(f"\n  {bad.file}: {bad.fault}", end="")
     if report.faults:
         print()
@@ -292,7 +270,7 @@ def dataset(
         "Spec files, or names of shipped specs; all shipped specs where none is named.",
         "[SPEC]...",
         default=None,
-        callback=all_found,
+        callback=find_specs,
         autocompletion=spec_names,
     ),
     n: int = field_option(SampleRequest, "n", "How many scenes, in equal shares of all specs.", default=1_000_000),
@@ -334,7 +312,7 @@ def dataset(
     with progress_bar() as bar:
         task = bar.add_task("measuring", total=len(named))
 
-        def told(what: str, ended: JobResult, count: int, total: int) -> None:
+        def report_job(what: str, ended: JobResult, count: int, total: int) -> None:
             nonlocal jobs, done
             jobs += 1
             done += what == DRAWING and not ended.errors
@@ -346,7 +324,7 @@ def dataset(
         try:
             made = make_dataset(
                 folder, named, n, seed=seed, shard_size=shard_size, timeout=timeout, resume=resume, license=license,
-                engine=engine, workers=workers, address=address, root=root, told=told,
+                engine=engine, workers=workers, address=address, root=root, told=report_job,
             )  # fmt: skip
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted after {done} shards; --resume goes on in {folder}/") from error

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scenegen.lang.formula.timed import TimedValues
 
 
-EVERY = 10_000  # sub-formulas of a label that --json has at most
+MAX_JSON_LINES = 10_000  # sub-formulas of a label that --json has at most
 
 
 def evaluate(
@@ -95,12 +95,12 @@ def evaluate(
         _explain(checked, found, one)
         return _compare(checked, found, scenes)
     columns: dict[str, list[float] | list[str]] = {}
-    atoms = why(checked.drawn, found) if explain else {}
-    for label, values in score(checked.drawn, found).items():
+    atoms = why(checked.require_scenes(), found) if explain else {}
+    for label, values in score(checked.require_scenes(), found).items():
         columns[label] = values.tolist()
         if explain:
             columns[f"{label} is decided by"] = atoms[label]
-    required = requirement(checked.drawn, found)
+    required = requirement(checked.require_scenes(), found)
     if required is not None:
         columns[REQUIRE] = required.tolist()
     print_rows(("scene", *columns), zip(range(1, len(found) + 1), *columns.values(), strict=True))
@@ -125,9 +125,9 @@ def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | Non
     from scenegen.api.scenes import explain as why
     from scenegen.api.scenes import requirement
 
-    phi = score(spec.drawn, scenes)
-    required = requirement(spec.drawn, scenes)
-    atoms = why(spec.drawn, scenes) if explain else {}
+    phi = score(spec.require_scenes(), scenes)
+    required = requirement(spec.require_scenes(), scenes)
+    atoms = why(spec.require_scenes(), scenes) if explain else {}
     rows: list[dict[str, Any]] = []
     for number in range(1, len(scenes) + 1) if only is None else (only,):
         at = number - 1
@@ -148,7 +148,7 @@ def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | Non
 def _formulas(spec: Spec, scenes: SceneSet, number: int) -> dict[str, list[Line]]:
     """Every sub-formula of a scene, by label, each with its value."""
     outline, values = _values(spec, scenes, number)
-    return {label: outline.lines(label, most=EVERY, values=values)[0] for label in outline.labels}
+    return {label: outline.lines(label, most=MAX_JSON_LINES, values=values)[0] for label in outline.labels}
 
 
 def _values(spec: Spec, scenes: SceneSet, number: int) -> tuple[Outline, list[float]]:
@@ -158,7 +158,7 @@ def _values(spec: Spec, scenes: SceneSet, number: int) -> tuple[Outline, list[fl
     from scenegen.api.spec import Spec
     from scenegen.lang.formula.interpret import evaluate as interpret
 
-    (part,) = parts_of(spec.drawn, scenes[number - 1 : number])
+    (part,) = parts_of(spec.require_scenes(), scenes[number - 1 : number])
     outline = Outline(Spec(part.spec))
     return outline, list(interpret(outline.core, part.rows[:, 0].tolist()))
 
@@ -169,10 +169,10 @@ def _compare(spec: Spec, scenes: SceneSet, path: Path) -> int:
 
     if not scenes.phi:  # moments of motions
         return 0
-    if scenes.header.spec.sha256 != spec.drawn.sha256:
+    if scenes.header.spec.sha256 != spec.require_scenes().sha256:
         note(PHI_NOT_COMPARED(file=path))
         return 0
-    for wrong in compare(spec.drawn, scenes, path):
+    for wrong in compare(spec.require_scenes(), scenes, path):
         complain(wrong)
         return 1
     return 0

@@ -63,7 +63,7 @@ def explain(
         typer.echo("\n".join(lines(entries[code])))
     elif code in PAGES:
         typer.echo(shipped_pages()[code].read_text(encoding="utf-8"), nl=False)
-    elif relation := list(described(code)):
+    elif relation := list(describe_relation(code)):
         typer.echo("\n".join(relation))
     elif instead := {**KEYWORDS_IN_WORDS, **CLAUSE_TEXTS, **SIGNS}.get(code) or of_relation(code, ()):
         typer.echo(f"{code}: {instead}")
@@ -82,11 +82,7 @@ def lines(entry: CatalogEntry) -> list[str]:
     return out
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `scenegen relations`: the relations and functions of the language, in the terminal.
-
-
-WIDE = 100  # columns of a text
+TEXT_WIDTH = 100  # columns of a text
 
 
 def _names(incomplete: str) -> list[str]:
@@ -116,8 +112,8 @@ def relations(
 
     known = [one.name for group in groups() for one in group.entries]
     if name is None:
-        typer.echo("\n".join(listed()))
-    elif told := list(described(name)):
+        typer.echo("\n".join(list_relations()))
+    elif told := list(describe_relation(name)):
         typer.echo("\n".join(told))
     else:
         raise RequestError(
@@ -125,12 +121,12 @@ def relations(
         )
 
 
-def listed() -> Iterator[str]:
+def list_relations() -> Iterator[str]:
     """A line or two for each relation and function: how it is called, and what it means."""
     from scenegen.lang.check.scope import groups
 
     for group in groups():
-        yield from (*wrap(f"{group.title[0].upper()}{group.title[1:]}", WIDE), "")
+        yield from (*wrap(f"{group.title[0].upper()}{group.title[1:]}", TEXT_WIDTH), "")
         for one in group.entries:
             yield from _line(one.usage, one.meaning.split(". ")[0].rstrip(".:"))
         yield ""
@@ -140,10 +136,10 @@ def listed() -> Iterator[str]:
 
 
 def _line(usage: str, meaning: str) -> list[str]:
-    return [f"  {usage}", *wrap(meaning, WIDE, initial_indent=" " * 6, subsequent_indent=" " * 6)]
+    return [f"  {usage}", *wrap(meaning, TEXT_WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6)]
 
 
-def described(name: str) -> Iterator[str]:
+def describe_relation(name: str) -> Iterator[str]:
     """All about one relation or function; nothing for other names."""
     from scenegen.lang.check.scope import defaults, groups
     from scenegen.lang.syntax.printer import print_statement
@@ -152,9 +148,9 @@ def described(name: str) -> Iterator[str]:
     if entry is None:
         if name in _functions():
             usage, meaning = _functions()[name]
-            yield from (usage, "", *wrap(meaning, WIDE))
+            yield from (usage, "", *wrap(meaning, TEXT_WIDTH))
         return
-    yield from (entry.usage, "", *wrap(entry.meaning, WIDE), "", "Definition:", "")
+    yield from (entry.usage, "", *wrap(entry.meaning, TEXT_WIDTH), "", "Definition:", "")
     yield from (f"  {line}" for line in print_statement(entry.definition).splitlines())
     values = defaults(entry.definition)
     if values:

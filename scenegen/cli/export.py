@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from scenegen.cli.options import MESHES, POSES_OF, argument, option
-from scenegen.cli.output import complain, note, note_others, print_error
+from scenegen.cli.options import MESHES_FOLDER, POSES_OF, argument, option
+from scenegen.cli.output import complain, flag, note, note_others, print_error
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_PLACE
 
@@ -22,7 +21,7 @@ def export(
     to: str | None = option("mjcf, sdf, usd, pddl, json, jsonl or parquet; default: by the ending of --out."),
     spec: Path | None = POSES_OF,
     mirrored: bool = option("Write each scene as in a mirror, left and right exchanged."),
-    meshes: Path | None = MESHES,
+    meshes: Path | None = MESHES_FOLDER,
     looks: str | None = option(
         "mjcf, usd: random, or a TOML file, as of scenegen render: another look for each scene.", "LOOKS"
     ),
@@ -75,32 +74,27 @@ def export(
 
     if seed and looks is None:
         raise RequestError(OUT_OF_PLACE(option="--seed", rule="goes with --looks", remedy="leave it out"))
-    if export_format(to, out) == PLANNERS:
-        check_meshes(PLANNERS, meshes, "--meshes")
-        check_looks(out, PLANNERS, looks, "--looks")
-
-        read = _chosen(scenes, spec, mirrored)
-        export_problems(scenes, out, facts, goal, whole_goal, OriginalProblem(problem, domain, table), read)
+    kind = export_format(to, out)
+    check_meshes(kind, meshes, "--meshes")
+    check_looks(out, kind, looks, "--looks")
+    of_problems = {"goal": goal or None, "whole_goal": whole_goal, "table": table, "problem": problem, "domain": domain}
+    if kind == PLANNERS:
+        _export_problems(scenes, out, facts, _scenes_in_memory(scenes, spec, mirrored), **of_problems)
         return
-    given = {"--facts": facts, "--goal": goal, "--whole-goal": whole_goal, "--map": table, "--problem": problem}
-    given["--domain"] = domain
-    for name in (name for name, value in given.items() if value):
-        raise RequestError(OUT_OF_PLACE(option=name, rule="is for planning problems", remedy="add --to pddl"))
-    check_meshes(export_format(to, out), meshes, "--meshes")
-    check_looks(out, export_format(to, out), looks, "--looks")
-    found = _chosen(scenes, spec, mirrored, whole=looks is not None)
+    for name, value in {"facts": facts, **of_problems}.items():
+        if value:
+            option = "--map" if name == "table" else flag(name)
+            raise RequestError(OUT_OF_PLACE(option=option, rule="is for planning problems", remedy="add --to pddl"))
+    found = _scenes_in_memory(scenes, spec, mirrored, whole=looks is not None)
     if found is None:
         count, files = convert(scenes, out, to, meshes)
     else:
-        check_export(out, export_format(to, out))
+        check_export(out, kind)
         count, files = len(found), found.export(out, to, meshes=meshes, looks=looks, seed=seed)
-    where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
-    print_error(f"{count} scene{'s' * (count != 1)} in {where}")
-    if files != (out,):
-        note_others(out, count, files[0].suffix)
+    _say_where(out, "scene", files, count)
 
 
-def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) -> SceneSet | None:
+def _scenes_in_memory(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) -> SceneSet | None:
     """The scenes of a file in memory, where they are not as a file of scenes holds them, or `whole` says so."""
     from scenegen.api.reading import read_scenes
     from scenegen.api.spec import load
@@ -113,55 +107,25 @@ def _chosen(path: Path, spec: Path | None, mirrored: bool, whole: bool = False) 
     return found.mirrored() if mirrored else found
 
 
-@dataclass(frozen=True, slots=True)
-class OriginalProblem:
-    """The problem that a spec was imported from, its domain, and a map."""
-
-    problem: Path | None
-    domain: Path | None
-    table: Path | None
-
-
-def export_problems(
-    scenes: Path,
-    out: Path,
-    facts: str | None,
-    goal: Sequence[str] | None,
-    whole_goal: bool,
-    original: OriginalProblem,
-    read: SceneSet | None,
-) -> None:
+def _export_problems(scenes: Path, out: Path, facts: str | None, read: SceneSet | None, **given: Any) -> None:
     """Write the scenes or pairs of a file as planning problems, and say where they are; `read` are its scenes, if they
-    have been read."""
-    from scenegen.api.motions import MotionSet
+    have been read, `given` the other arguments of `export_problems`."""
     from scenegen.planning import conversion
     from scenegen.worlds.exporting import PLANNERS, check_export
 
     check_export(out, PLANNERS)
     names = None if facts is None else [one.strip() for one in facts.split(",") if one.strip()]
-    if original.domain is not None and original.problem is None:
+    if given["domain"] is not None and given["problem"] is None:
         raise RequestError(OUT_OF_PLACE(option="--domain", rule="is that of a problem", remedy="add --problem"))
-    if original.problem is not None and (goal or whole_goal):
-        option, rule = "--goal" if goal else "--whole-goal", "chooses a goal, and the problem has its own"
-        raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
     found = conversion.read_for_planning(scenes) if read is None else read
-    if whole_goal and not isinstance(found, MotionSet):
-        rule = "is for motions and pairs, and these are scenes"
-        raise RequestError(OUT_OF_PLACE(option="--whole-goal", rule=rule, remedy="leave it out"))
-    made = conversion.export_problems(
-        found,
-        out,
-        facts=names,
-        goal=goal or None,
-        whole_goal=whole_goal,
-        table=original.table,
-        problem=original.problem,
-        domain=original.domain,
-    )
+    made = conversion.export_problems(found, out, facts=names, **given)
     complain(*made.warnings)
-    count, files = len(made.problems), made.problems
-    where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
     domain = "" if made.domain is None else f", and {made.domain.name}"
-    print_error(f"{count} problem{'s' * (count != 1)} in {where}{domain}")
+    _say_where(out, "problem", made.problems, len(made.problems), domain)
+
+
+def _say_where(out: Path, what: str, files: Sequence[Path], count: int, more: str = "") -> None:
+    where = f"{out}" if files == (out,) else f"{out}: {files[0].name}" + (f" to {files[-1].name}" if count > 1 else "")
+    print_error(f"{count} {what}{'s' * (count != 1)} in {where}{more}")
     if files != (out,):
         note_others(out, count, files[0].suffix)

@@ -31,7 +31,7 @@ def fmt(
         name = "<stdin>" if path == STANDARD_INPUT else str(path)
         try:
             before = _read(path)
-            after = _formatted(name, before)
+            after = _format(name, before)
             if diff:
                 _print_diff(name, before, after)
             elif not check:
@@ -57,7 +57,7 @@ def _read(path: Path) -> bytes:
     return read(path, "a spec", limit=4 * MAX_CHARACTERS)  # no character of UTF-8 takes more than four bytes
 
 
-def _formatted(name: str, data: bytes) -> bytes:
+def _format(name: str, data: bytes) -> bytes:
     from scenegen.lang.syntax.parse import read_source
     from scenegen.lang.syntax.printer import format_source
 

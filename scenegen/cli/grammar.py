@@ -47,7 +47,7 @@ def grammar(
 
     if out is not None:
         check_writable(out)
-    data = grammar_of(_about(spec, objects, root), to, shape=shape, only=only).encode()
+    data = grammar_of(_spec_of(spec, objects, root), to, shape=shape, only=only).encode()
     if out is None:
         write_data(data)
         return
@@ -55,7 +55,7 @@ def grammar(
     print_error(f"wrote {out}")
 
 
-def _about(path: Path | None, objects: str | None, root: Path | None) -> Spec:
+def _spec_of(path: Path | None, objects: str | None, root: Path | None) -> Spec:
     """The spec that is meant. Raises RequestError where it is none or two."""
     from scenegen.api.spec import load
     from scenegen.editors.grammars.grammar import of_objects

@@ -32,7 +32,7 @@ def info(
     from scenegen.learn.model import ANY, load_model, model_file
 
     if str(model) == ANY:
-        _any(json)
+        _print_any(json)
         return
     found = load_model(model)
     each = [(model_file(model, numbers), one) for numbers, one in found.each]
@@ -54,7 +54,7 @@ def info(
     typer.echo("\n".join(f"  {line}".rstrip() for line in found.spec.source.splitlines()))
 
 
-def _any(json: bool) -> None:
+def _print_any(json: bool) -> None:
     """What the model of any spec is, of none in particular."""
     from scenegen.needs import need
 

@@ -65,7 +65,7 @@ def shared_work(
     with progress_bar() as bar:
         task = bar.add_task(unit, total=len(items))
 
-        def told(ended: JobResult) -> None:
+        def report_job(ended: JobResult) -> None:
             nonlocal done
             done += 1
             bar.update(task, completed=done, description=f"{unit}: {done} of {len(items)}")
@@ -76,16 +76,18 @@ def shared_work(
                     (note if diagnostic.severity == "note" else complain)(diagnostic)
 
         try:
-            return finished(run_each(job, items, engine, workers, address), len(items), told)
+            return finish_jobs(run_each(job, items, engine, workers, address), len(items), report_job)
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted: {done} of {len(items)} are done") from error
 
 
-def finished(results: Iterable[JobResult], count: int, told: Callable[[JobResult], None] = lambda ended: None) -> int:
+def finish_jobs(
+    results: Iterable[JobResult], count: int, on_job: Callable[[JobResult], None] = lambda ended: None
+) -> int:
     """Name each job that failed, as soon as it has, and return the exit status: 1 if one did."""
     failed = []
     for ended in results:
-        told(ended)
+        on_job(ended)
         if ended.errors:
             say_why(ended)
             failed.append(ended.name)

@@ -51,7 +51,7 @@ def asking(kind: type, **defaults: Any) -> Callable[[Command], Command]:
     own that may be left out. It gets what was typed by the fields' names, as its `**typed`; `defaults` are those that
     the fields do not have."""
 
-    def extended(command: Command) -> Command:
+    def extend(command: Command) -> Command:
         signature = inspect.signature(command, eval_str=True)
         own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
         first = [one for one in own if isinstance(one.default, typer.models.ArgumentInfo) or one.default.default is ...]
@@ -65,7 +65,7 @@ def asking(kind: type, **defaults: Any) -> Callable[[Command], Command]:
         command.__signature__ = signature.replace(parameters=[*first, *fields, *others])  # type: ignore[attr-defined]
         return command
 
-    return extended
+    return extend
 
 
 def field_option(kind: type, name: str, help: str | None = None, **changes: Any) -> Any:
@@ -176,7 +176,7 @@ def find_spec(path: Path, context: Any = None) -> Path:
     raise DataError(SPEC_NOT_FOUND(path=path, name=path.name, known=shipped, remedy=remedy))
 
 
-def named(path: Path) -> str:
+def display_name(path: Path) -> str:
     """A spec's file as people name it: a shipped one by its name alone."""
     from scenegen.resources import shipped_specs
     from scenegen.scenes.files import is_stream
@@ -186,24 +186,24 @@ def named(path: Path) -> str:
     return path.stem if path.is_absolute() and shipped_specs().get(path.stem) == path else str(path)
 
 
-def _found(context: typer.Context, path: Path) -> Path:
+def _find(context: typer.Context, path: Path) -> Path:
     return find_spec(path, context)
 
 
-def all_found(context: typer.Context, paths: list[Path] | None) -> list[Path]:
+def find_specs(context: typer.Context, paths: list[Path] | None) -> list[Path]:
     return [find_spec(path, context) for path in paths or ()]
 
 
 SPEC_FILE = argument(
     "A spec file, the name of a shipped spec, or - for standard input.",
     "SPEC",
-    callback=_found,
+    callback=_find,
     autocompletion=spec_names,
 )
 SPEC_FILES = argument(
     "Spec files, names of shipped specs, or - for standard input.",
     "SPEC",
-    callback=all_found,
+    callback=find_specs,
     autocompletion=spec_names,
 )
 ROOT = option("The folder that imports may read from; the spec's own if left out.", "DIR")
@@ -217,7 +217,7 @@ POSES_OF = option(
     callback=lambda path: None if path is None else find_spec(path),
     autocompletion=spec_names,
 )
-MESHES = option("The folder of the spec's meshes, assets and URDF files: objects as they are in these.", "DIR")
+MESHES_FOLDER = option("The folder of the spec's meshes, assets and URDF files: objects as they are in these.", "DIR")
 ENGINE = option(
     "What does many jobs: local processes, or a ray cluster. The bytes are the same.",
     default="local",

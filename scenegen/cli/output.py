@@ -98,7 +98,7 @@ def give_up(stream: TextIO) -> None:
 
 
 _FLAGS = {"n": "-n", "quiet": "-q", "verbose": "-v", "kinds": "--figure", "views": "--view"}
-NARROWEST = 72  # columns; a narrower table would be unreadable
+MIN_CONSOLE_WIDTH = 72  # columns; a narrower table would be unreadable
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,18 +110,18 @@ class Verbosity:
     started: float = field(default_factory=time.monotonic)
 
 
-USUAL = Verbosity()
-voice = ContextVar("voice", default=USUAL)  # set for as long as a command runs
+USUAL_VERBOSITY = Verbosity()
+voice = ContextVar("voice", default=USUAL_VERBOSITY)  # set for as long as a command runs
 
 
-def elapsed() -> float:
+def seconds_elapsed() -> float:
     """Seconds since the command began."""
     return time.monotonic() - voice.get().started
 
 
-def left(timeout: float) -> float:
+def time_left(timeout: float) -> float:
     """The rest of a time limit, which counts from the start of the command; no limit stays no limit."""
-    return max(timeout - elapsed(), min(timeout, 1e-3)) if 0.0 < timeout < float("inf") else timeout
+    return max(timeout - seconds_elapsed(), min(timeout, 1e-3)) if 0.0 < timeout < float("inf") else timeout
 
 
 def use_color() -> bool:
@@ -195,9 +195,9 @@ def print_message(text: str) -> None:
 
 def note_others(folder: Path, total: int, ending: str) -> None:
     """A note if the folder also has files of an earlier run with more than `total` scenes."""
-    from scenegen.scenes.files import others
+    from scenegen.scenes.files import count_leftovers
 
-    count = others(folder, total, ending)
+    count = count_leftovers(folder, total, ending)
     if count:
         files = "another file" if count == 1 else f"{count:,} other files"
         verb = "is" if count == 1 else "are"
@@ -228,7 +228,7 @@ def console() -> Console:
     from rich.console import Console
 
     screen = Console(stderr=True, highlight=False, soft_wrap=True, quiet=voice.get().quiet)
-    screen.width = max(screen.width, NARROWEST)
+    screen.width = max(screen.width, MIN_CONSOLE_WIDTH)
     return screen
 
 
@@ -240,8 +240,8 @@ def progress_bar() -> Progress:
     return Progress(console=screen, transient=True, disable=not screen.is_interactive)
 
 
-WIDEST = 60  # columns that a formula and its margin may each take before the next column moves
-LEAST = 12  # columns that are left of a margin where lines are cut to a width
+MAX_TREE_COLUMN = 60  # columns that a formula and its margin may each take before the next column moves
+MIN_MARGIN_WIDTH = 12  # columns that are left of a margin where lines are cut to a width
 
 
 def tree(lines: Sequence[Line], more: int = 0, width: int | None = None) -> Iterator[str]:
@@ -250,12 +250,12 @@ def tree(lines: Sequence[Line], more: int = 0, width: int | None = None) -> Iter
     With a `width`, texts and margins are shortened to it, and marked with three dots.
     """
     wide, wider = (
-        min(WIDEST, max(map(len, column), default=0))
+        min(MAX_TREE_COLUMN, max(map(len, column), default=0))
         for column in ([_text(line) for line in lines], [line.margin for line in lines])
     )
     if width is not None:
         ends = max((len(_end(line)) for line in lines), default=0)
-        wider = min(wider, max(LEAST, width - 4 - wide - 2 - 2 - ends))
+        wider = min(wider, max(MIN_MARGIN_WIDTH, width - 4 - wide - 2 - 2 - ends))
         lines = [_cut(line, wide, wider) for line in lines]
     for line in lines:
         yield f"    {_text(line):<{wide}}  {line.margin:<{wider}}  {_end(line)}".rstrip()
@@ -276,8 +276,8 @@ def _end(line: Line) -> str:
 
 
 def _cut(line: Line, wide: int, wider: int) -> Line:
-    return replace(line, text=_shortened(line.text, wide - 2 * line.depth), margin=_shortened(line.margin, wider))
+    return replace(line, text=_shorten(line.text, wide - 2 * line.depth), margin=_shorten(line.margin, wider))
 
 
-def _shortened(text: str, most: int) -> str:
+def _shorten(text: str, most: int) -> str:
     return text if len(text) <= most else text[: max(0, most - 3)] + "..."

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenegen.cli.options import COUNT, ROOT, SPEC_FILE, field_option, option, parse_counts
-from scenegen.cli.output import check_output, complain, detail, left, print_error, write_data
+from scenegen.cli.output import check_output, complain, detail, print_error, time_left, write_data
 from scenegen.sampling.request import DEFAULT_SCENES, SampleRequest, parse_phi
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def pairs(
         check_output()
     labels = checked.labels
     ends = [None if not given else parse_phi(given, labels, name) for given, name in ((goal, "goal"), (start, "start"))]
-    found = draw(checked, ends[0], ends[1], n, moved=moved, seed=seed, workers=workers, timeout=left(timeout))
+    found = draw(checked, ends[0], ends[1], n, moved=moved, seed=seed, workers=workers, timeout=time_left(timeout))
     complain(*checked.warnings, *found.warnings)
     if out is not None:
         found.save(out)

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from scenegen.cli.options import COUNT, JSON, ROOT, SPEC_FILE, named, option, parse_counts, seconds
-from scenegen.cli.output import complain, detail, left, print_error, print_json, use_color
+from scenegen.cli.options import COUNT, JSON, ROOT, SPEC_FILE, display_name, option, parse_counts, seconds
+from scenegen.cli.output import complain, detail, print_error, print_json, time_left, use_color
 
 if TYPE_CHECKING:
     from scenegen.api.rarity import Band, LabelRarity, RarityLevel, SpecRarity
     from scenegen.sampling.report import Estimate
 
 
-NEARLY = 0.005  # share of scenes that are not there, at most, for digits to say less than words
+NEARLY_ALL = 0.005  # share of scenes that are not there, at most, for digits to say less than words
 TOO_RARE = "too rare to tell"
-FLOOR = -1  # the axis of a plot extends at least down to this log10
+PLOT_FLOOR = -1  # the axis of a plot extends at least down to this log10
 
 
 def range_(
@@ -57,13 +57,13 @@ def range_(
     if png is not None:
         check_ending(png, ".png")
         check_writable(png)
-    found = rarity(checked, label, seed=seed, timeout=None if timeout is None else left(timeout))
+    found = rarity(checked, label, seed=seed, timeout=None if timeout is None else time_left(timeout))
     detail(f"measured {len(found.labels)} labels in {found.evaluations:,} evaluations")
     if json:
-        print_json(as_json(named(spec), found))
+        print_json(as_json(display_name(spec), found))
     else:
         what = "scene" if checked.over_time is None else "motion"
-        _print(spec, found, what, count or [], checked.declared.declares_heights)
+        _print(spec, found, what, count or [], checked.definition.declares_heights)
     complain(*found.warnings)
     if png is not None:
         from scenegen.pictures.figures.charts import RarityPanel, plot
@@ -77,7 +77,7 @@ def range_(
 
 
 def _print(spec: Path, found: SpecRarity, what: str, counts: list[str], stands: bool) -> None:
-    title = f"{named(spec)}: rarity of phi from {found.evaluations:,} evaluations, seed {found.seed}"
+    title = f"{display_name(spec)}: rarity of phi from {found.evaluations:,} evaluations, seed {found.seed}"
     typer.echo(title)
     if found.requirement is not None:
         many, exactly = one_in(found.requirement.log10, what), _estimate(found.requirement)
@@ -119,7 +119,7 @@ def _lines(spec: Path, one: LabelRarity, what: str, counts: list[str]) -> list[s
         lines += ["", "  ask for"]
         for band in one.bands:
             share = TOO_RARE if band.log10 is None else one_in(band.log10, what)
-            command = f"scenegen sample {shlex.quote(named(spec))} --phi {_option(one, band)}"
+            command = f"scenegen sample {shlex.quote(display_name(spec))} --phi {_option(one, band)}"
             command += "".join(f" --count {shlex.quote(text)}" for text in counts)
             lines.append(f"    {band.name:<10} {share:<22} {command}")
     return lines
@@ -132,7 +132,7 @@ def _plot(one: LabelRarity) -> list[str]:
 
     fancy = sys.stdout.isatty() and (sys.stdout.encoding or "").lower().startswith("utf")
     above, below = _points(one.curve, "above"), _points(one.curve, "below")
-    floor = float(min(FLOOR, *(math.floor(y) for _, y in above + below)))
+    floor = float(min(PLOT_FLOOR, *(math.floor(y) for _, y in above + below)))
     columns = shutil.get_terminal_size().columns - 3
     color = fancy and use_color()
     drawn = curves([below, above], "<>", ends=one.reached, floor=floor, columns=columns, fancy=fancy, color=color)
@@ -165,7 +165,7 @@ def _estimate(estimate: Estimate | None) -> str:
     if estimate is None:
         return TOO_RARE
     missing = 1.0 - 10.0 ** (estimate.log10 - estimate.error)  # at most, at 95 %
-    if missing < NEARLY:
+    if missing < NEARLY_ALL:
         if missing <= 0.0:
             return "all"
         size = 10.0 ** math.floor(-math.log10(missing))
@@ -210,10 +210,6 @@ def _level(level: RarityLevel) -> dict[str, Any]:
 
 def _pair(estimate: Estimate | None) -> dict[str, float] | None:
     return None if estimate is None else {"log10": estimate.log10, "error": estimate.error}
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Curves on the terminal: braille dots if the terminal shows them, plain characters in a pipe.
 
 
 Point = tuple[float, float]

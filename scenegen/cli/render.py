@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import JobMessages, names_of, refuse_engine, shared_work
-from scenegen.cli.options import ADDRESS, ENGINE, MESHES, PICTURES, POSES_OF, argument, option
+from scenegen.cli.options import ADDRESS, ENGINE, MESHES_FOLDER, PICTURES, POSES_OF, argument, option
 from scenegen.cli.output import note, note_others, print_error, progress_bar
 from scenegen.errors import RequestError, Source, Span
 from scenegen.errors.program import NOT_ITS_MODEL
@@ -48,7 +48,7 @@ def render(
     looks: str | None = option(
         "random, or a TOML file: draw table, ground, walls, light, camera and tints for each scene.", "LOOKS"
     ),
-    meshes: Path | None = MESHES,
+    meshes: Path | None = MESHES_FOLDER,
     spec: Path | None = POSES_OF,
     seed: int = option("With --looks: the same seed gives the same looks.", default=0),
     workers: int | None = option("Processes that draw; default: one per core."),
@@ -256,9 +256,9 @@ def _only(name: str, rule: str) -> Exception:
     return RequestError(OUT_OF_PLACE(option=name, rule=rule, remedy="see `scenegen render --help`"))
 
 
-ENDINGS = (".gif", ".mp4", ".avi", ".m4v", ".mkv", ".mov", ".webm", ".webp")  # the first two are written
-KINDS = ("gif", "mp4", "strip", "phi")  # figures of motions
-SHARED = ("gif", "mp4")  # of scenes, too: those of a sweep
+FILM_ENDINGS = (".gif", ".mp4", ".avi", ".m4v", ".mkv", ".mov", ".webm", ".webp")  # the first two are written
+MOTION_KINDS = ("gif", "mp4", "strip", "phi")  # figures of motions
+SHARED_KINDS = ("gif", "mp4")  # of scenes, too: those of a sweep
 
 
 SAMPLE = "`scenegen sample` draws motions of a spec with `time`"
@@ -266,7 +266,7 @@ SAMPLE = "`scenegen sample` draws motions of a spec with `time`"
 
 def names_film(out: Path) -> bool:
     """Whether this is the file of one motion, not a folder."""
-    return out.suffix.lower() in ENDINGS and not out.is_dir()
+    return out.suffix.lower() in FILM_ENDINGS and not out.is_dir()
 
 
 def draw_motion(source: Path, out: Path, motion: int | None, look: dict[str, Any]) -> str:
@@ -287,12 +287,12 @@ def figures_of_motions(
     from scenegen.api.motions import read_motions
 
     if not is_motions(source):
-        wrong = next((kind for kind in kinds if kind in KINDS and kind not in SHARED), None)
+        wrong = next((kind for kind in kinds if kind in MOTION_KINDS and kind not in SHARED_KINDS), None)
         if wrong is not None:
             rule = f"is of motions, and {source} holds scenes"
             raise RequestError(OUT_OF_PLACE(option=f"--figure {wrong}", rule=rule, remedy=SAMPLE))
         return None
-    others = [kind for kind in kinds if kind not in KINDS]
+    others = [kind for kind in kinds if kind not in MOTION_KINDS]
     if not others:
         return read_motions(source).figures(out, *kinds, **look)
     if len(others) < len(kinds):

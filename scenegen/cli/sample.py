@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from scenegen.cli.options import COUNT, PICTURES, ROOT, all_found, argument, asking, option, parse_counts, spec_names
+from scenegen.cli.options import COUNT, PICTURES, ROOT, argument, asking, find_specs, option, parse_counts, spec_names
 from scenegen.cli.output import (
     check_output,
     complain,
     detail,
-    elapsed,
-    left,
     print_columns,
     print_error,
     progress_bar,
+    seconds_elapsed,
+    time_left,
     write_data,
 )
 from scenegen.errors import RequestError
@@ -54,14 +54,14 @@ class SampleOptions:
     typed: Mapping[str, Any]
 
     @property
-    def stored(self) -> bool:
+    def writes_set(self) -> bool:
         """Whether the scenes go into a set."""
         return self.out is not None and names_set(self.out)
 
     @property
     def path(self) -> Path | None:
         """The one file of the scenes."""
-        return None if self.out is None or self.stored else Path(self.out)
+        return None if self.out is None or self.writes_set else Path(self.out)
 
 
 @asking(SampleRequest)
@@ -69,7 +69,7 @@ def sample(
     sources: list[Path] = argument(
         "A spec file, the name of a shipped spec, or a model file; several with a folder for --out.",
         "SPEC|MODEL",
-        callback=all_found,
+        callback=find_specs,
         autocompletion=spec_names,
     ),
     satisfied: bool = option("phi >= 0 for every label that --phi does not name."),
@@ -139,7 +139,7 @@ def sample(
 def _sample_many(sources: list[Path], options: SampleOptions) -> int:
     """A set for each source in the folder --out, and the exit status: 1 if one of them failed. Each uses the whole
     engine; the time limit is that of each. Raises RequestError if the sources cannot be told apart."""
-    from scenegen.cli.many import finished, folder_for, names_of
+    from scenegen.cli.many import finish_jobs, folder_for, names_of
     from scenegen.sampling.engine.engines import run_here
     from scenegen.scenes.files import ensure_folder
 
@@ -148,18 +148,18 @@ def _sample_many(sources: list[Path], options: SampleOptions) -> int:
     def sample(source: Path) -> None:
         print_error(f"{source}:")
         place = None if render is None else render / source.stem
-        limit = {**typed, "timeout": typed["timeout"] + elapsed()}
+        limit = {**typed, "timeout": typed["timeout"] + seconds_elapsed()}
         _sample_one(replace(options, source=source, out=inside(folder, source.stem), render=place, typed=limit))
 
     jobs = list(zip(names_of(sources), sources, strict=True))
     if render is not None:
         ensure_folder(render)
-    with _shared(typed["engine"], typed["workers"], typed["address"]):
-        return finished(run_here(sample, jobs), len(jobs))
+    with _shared_cluster(typed["engine"], typed["workers"], typed["address"]):
+        return finish_jobs(run_here(sample, jobs), len(jobs))
 
 
 @contextlib.contextmanager
-def _shared(engine: str, workers: int | None, address: str | None) -> Iterator[None]:
+def _shared_cluster(engine: str, workers: int | None, address: str | None) -> Iterator[None]:
     """One cluster for all runs."""
     if engine != "ray":
         yield
@@ -208,7 +208,7 @@ def _request(subject: Spec | Model, options: SampleOptions) -> SampleRequest:
     from scenegen.api.spec import spec_of
 
     labels = spec_of(subject).labels
-    typed = {**options.typed, "timeout": left(options.typed["timeout"])}
+    typed = {**options.typed, "timeout": time_left(options.typed["timeout"])}
     typed["fix"] = None if options.fix_from is not None else typed["fix"]
     request = SampleRequest.parse(typed, labels)
     if options.satisfied or options.violated:
@@ -223,13 +223,13 @@ def _sample_scenes(subject: Spec | Model, request: SampleRequest, options: Sampl
     from scenegen.api.sample import refuse_set_options
     from scenegen.scenes.blocks import BLOCK
 
-    if not options.stored:
+    if not options.writes_set:
         refuse_set_options(request)
     _check_places(options)
     if options.fix_from is not None:
         _complete(subject, request, options)
         return
-    if options.out is not None and (options.stored or request.resume or request.n > BLOCK):
+    if options.out is not None and (options.writes_set or request.resume or request.n > BLOCK):
         from scenegen.api.reading import read_scenes
         from scenegen.api.stream import write_scenes
 
@@ -274,7 +274,7 @@ def _complete(subject: Spec | Model, request: SampleRequest, options: SampleOpti
     from scenegen.api.spec import LearnedModel
 
     assert options.fix_from is not None
-    if options.stored or request.resume or isinstance(subject, LearnedModel):
+    if options.writes_set or request.resume or isinstance(subject, LearnedModel):
         rule = "completes scenes of a spec, in memory"
         raise RequestError(OUT_OF_PLACE(option="--fix-from", rule=rule, remedy="name a spec, and a single file"))
     names = options.typed["fix"] or []
@@ -290,7 +290,7 @@ def _complete(subject: Spec | Model, request: SampleRequest, options: SampleOpti
 
 def _hand_out(scenes: SceneSet, options: SampleOptions) -> None:
     """Write scenes to a file or the output, say what they are, and draw them."""
-    from scenegen.api.sample import met
+    from scenegen.api.sample import summarize_phi
 
     if options.path is not None:
         scenes.save(options.path)
@@ -300,7 +300,7 @@ def _hand_out(scenes: SceneSet, options: SampleOptions) -> None:
         write_data(dump(scenes.file()))
     if "reason" in scenes.header.sampler:
         print_error(f"{scenes.header.sampler['method']}: {scenes.header.sampler['reason']}")
-    summary(scenes.header, len(scenes), met(scenes.phi), options.path)
+    summary(scenes.header, len(scenes), summarize_phi(scenes.phi), options.path)
     if options.render is not None:
         _draw(scenes, options.render, options.pictures)
 
@@ -343,7 +343,7 @@ def _sample_motions(spec: Spec, request: SampleRequest, options: SampleOptions) 
     cannot be written to."""
     from scenegen.api.motions import draw_motions, read_motions
     from scenegen.api.request import check_request
-    from scenegen.api.sample import met, refuse_set_options
+    from scenegen.api.sample import refuse_set_options, summarize_phi
     from scenegen.api.stream import write_scenes
     from scenegen.scenes.blocks import BLOCK
 
@@ -351,10 +351,10 @@ def _sample_motions(spec: Spec, request: SampleRequest, options: SampleOptions) 
     for name in ("fix_from", "pictures"):
         if getattr(options, name) is not None:
             raise RequestError(NOT_FOR_MOTIONS(argument=name))
-    if not options.stored:
+    if not options.writes_set:
         refuse_set_options(request)
     _check_places(options, motions=True)
-    if options.out is not None and (options.stored or request.resume or request.n > BLOCK):
+    if options.out is not None and (options.writes_set or request.resume or request.n > BLOCK):
         with ProgressBar() as bar:
             written = write_scenes(options.out, spec, request, progress=bar, on_note=print_error)
         complain(*written.warnings)
@@ -371,7 +371,7 @@ def _sample_motions(spec: Spec, request: SampleRequest, options: SampleOptions) 
         write_data(found.dump())
     else:
         found.save(options.path)
-    print_error(motion_summary(found.header.sampler, len(found), met(found.phi), options.path))
+    print_error(motion_summary(found.header.sampler, len(found), summarize_phi(found.phi), options.path))
     if options.render is not None:
         made = found.figures(options.render, "gif", "strip")
         print_error(f"drew {len(made)} figures in {options.render}")

@@ -70,7 +70,7 @@ def view(
     if host not in LOOPBACK:
         complain(SERVED_IN_PUBLIC(host=host))
 
-    def told(link: str) -> None:
+    def announce(link: str) -> None:
         print_error(f"{opened.name}: {link}")
         print_error("Ctrl-C ends it")
         if browser:
@@ -78,7 +78,7 @@ def view(
 
             webbrowser.open(link)
 
-    return serve(opened, host, port, told)
+    return serve(opened, host, port, announce)
 
 
 def lsp(

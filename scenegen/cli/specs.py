@@ -40,7 +40,7 @@ def specs(
         typer.echo(f"{one:<{wide}}  {first.removeprefix('#').strip() if first.startswith('#') else ''}".rstrip())
 
 
-STARTER = """\
+SPEC_STARTER = """\
 # One line about the task: what should the table look like?
 workspace [0, 1] x [0, 1]  # metres: x to the right, y away from you
 
@@ -84,7 +84,7 @@ def new(
 
     path = out if out.suffix.lower() == ".spec" else out.with_name(f"{out.name}.spec")
     refuse_existing(path)
-    write_whole(path, STARTER.encode())
+    write_whole(path, SPEC_STARTER.encode())
     print_error(f"wrote {path}; try: scenegen check {shlex.quote(str(path))}")
 
 

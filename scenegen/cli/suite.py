@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import names_of
 from scenegen.cli.options import WORKERS, argument, choices, find_spec, option, seconds
-from scenegen.cli.output import left, print_error, print_message, progress_bar
+from scenegen.cli.output import print_error, print_message, progress_bar, time_left
 from scenegen.errors import RequestError
 from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scenegen.sampling.engine.engines import JobResult
     from scenegen.sampling.request import Range
 
-OPTIONS = {  # of each action: those that must be given, and the others
+SUITE_OPTIONS = {  # of each action: those that must be given, and the others
     "new": (("out",), ("bands", "log10p", "n", "seed", "success", "start", "timeout", "workers")),
     "check": ((), ()),
     "run": (
@@ -28,7 +28,7 @@ OPTIONS = {  # of each action: those that must be given, and the others
 
 
 def suite(
-    action: str = argument("new, check, run or report.", "ACTION", autocompletion=choices(*OPTIONS)),
+    action: str = argument("new, check, run or report.", "ACTION", autocompletion=choices(*SUITE_OPTIONS)),
     places: list[str] = argument(
         "For new: spec files. Else the suite's folder, or the name of a shipped suite; for report then files of"
         " outcomes.",
@@ -73,12 +73,12 @@ def suite(
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["places"]
-    if action not in OPTIONS:
-        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=OPTIONS))
-    needed, others = OPTIONS[action]
+    if action not in SUITE_OPTIONS:
+        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=SUITE_OPTIONS))
+    needed, others = SUITE_OPTIONS[action]
     for name in given:
         if name not in (*needed, *others):
-            of = ", ".join(f"`{one}`" for one, names in OPTIONS.items() if name in (*names[0], *names[1]))
+            of = ", ".join(f"`{one}`" for one, names in SUITE_OPTIONS.items() if name in (*names[0], *names[1]))
             raise RequestError(OUT_OF_PLACE(argument=name, rule=f"is an option of {of}", remedy="leave it out"))
     for name in needed:
         if name not in given:
@@ -93,16 +93,16 @@ def _new(specs: list[str], out: Path, bands: list[str] | None = None, **given: A
 
     paths = [find_spec(Path(one)) for one in specs]
     names = names_of([Path("stdin") if is_stream(path) else path for path in paths])
-    given |= {"timeout": left(given.get("timeout", 600.0))}
+    given |= {"timeout": time_left(given.get("timeout", 600.0))}
     with progress_bar() as bar:
         task = bar.add_task("tasks", total=None)
 
-        def told(ended: JobResult, done: int, count: int) -> None:
+        def report_task(ended: JobResult, done: int, count: int) -> None:
             bar.update(task, completed=done, total=count)
             if ended.errors:
                 print_message(f"{ended.name} failed:")
 
-        made = new_suite(list(zip(names, paths, strict=True)), out, bands=_bands(bands), told=told, **given)
+        made = new_suite(list(zip(names, paths, strict=True)), out, bands=_bands(bands), told=report_task, **given)
     starts = sum(made.n * len(one.bands) for one in made.tasks)
     print_error(f"{starts:,} starts of {len(made.tasks)} tasks in {out}, digest {made.digest}")
 
@@ -149,13 +149,13 @@ def _run(
     with progress_bar() as bar:
         task = bar.add_task("episodes", total=len(some))
 
-        def told(outcome: EpisodeOutcome, count: int, total: int) -> None:
+        def report_episode(outcome: EpisodeOutcome, count: int, total: int) -> None:
             nonlocal successes, done
             successes, done = successes + outcome.success, count
             bar.update(task, completed=count, total=total, description=f"episodes: {successes} of {count} succeed")
 
         try:
-            run_suite(loaded, out, episodes=some, told=told, **{"workers": 1, **given})
+            run_suite(loaded, out, episodes=some, told=report_episode, **{"workers": 1, **given})
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted after {done} episodes; --resume goes on in {out}") from error
     print_error(f"{successes:,} of {done:,} episodes succeed; outcomes in {out}")

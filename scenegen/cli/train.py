@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import JobMessages, folder_for, names_of, refuse_engine, shared_work
 from scenegen.cli.options import ADDRESS, COUNT, ENGINE, ROOT, SPEC_FILES, asking, option, parse_counts, seconds
-from scenegen.cli.output import complain, console, detail, flag, left, print_error
+from scenegen.cli.output import complain, console, detail, flag, print_error, time_left
 from scenegen.errors import DataError, RequestError, ScenegenError, render
 from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.learn.training.config import TrainConfig, make_config, parse_settings
@@ -22,6 +22,8 @@ from scenegen.validation import as_seconds
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
     from scenegen.errors import Diagnostic
+    from scenegen.learn.model import Model
+    from scenegen.sampling.request import Range
     from scenegen.search.effort import Budget
 
 
@@ -31,7 +33,7 @@ class Clock:
     def __init__(self) -> None:
         self._marks = [time.monotonic()]
 
-    def told(self, step: Callable[[int, int], None]) -> Callable[[int, int], None]:
+    def mark_first_step(self, step: Callable[[int, int], None]) -> Callable[[int, int], None]:
         """`step`, at whose first call the scenes are there."""
 
         def first(done: int, total: int) -> None:
@@ -41,7 +43,7 @@ class Clock:
 
         return first
 
-    def trained(self) -> None:
+    def mark_trained(self) -> None:
         """The model is done; the rest is its card."""
         self._marks.append(time.monotonic())
 
@@ -110,7 +112,8 @@ def train(
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
     config = make_config(model, recipe, **options)
     counts = parse_counts(count)
-    budget = Budget(math.inf if timeout is None else left(as_seconds("timeout", timeout)))
+    budget = Budget(math.inf if timeout is None else time_left(as_seconds("timeout", timeout)))
+    training = Training(model, recipe, options, card, resume, budget, log_dir, root, counts, tuple(phi or ()))
     if len(specs) > 1 or names_set(out):
         from scenegen.scenes.files import ensure_folder
 
@@ -119,8 +122,7 @@ def train(
         need("torch", "to train a model")
         ensure_folder(folder)
         jobs = [job for name, spec in named for job in trainings(name, spec, folder, root, counts)]
-        job = Training(model, recipe, options, card, resume, budget, log_dir, root, counts, tuple(phi or ()))
-        return shared_work(job, jobs, engine, workers, address, "training")
+        return shared_work(training, jobs, engine, workers, address, "training")
     refuse_engine(engine, address)
     from scenegen.errors.learning import FOLDER_OF_MODELS
     from scenegen.scenes.files import check_writable
@@ -128,42 +130,30 @@ def train(
     spec, path = specs[0], Path(out)
     check_writable(path)
     need("torch", "to train a model")
-    from scenegen.api.spec import load
-    from scenegen.learn.evaluation.card import check_card, write_card
-    from scenegen.learn.faults import faults
-    from scenegen.learn.train import train as run
     from scenegen.learn.training.progress import TrainingProgress
-    from scenegen.sampling.request import parse_phi
 
-    checked = load(spec, root).with_counts(counts)
-    if card:
-        check_card(path)
+    checked, wanted = training.prepare(spec, path)
     if checked.counts:
         raise RequestError(FOLDER_OF_MODELS(file=str(spec), path=path, folder=path.with_suffix("")))
-    wanted = parse_phi(phi or [], checked.labels)
     detail(f"parsed and checked {spec}; training {config}")
     clock = Clock()
     with TrainingProgress(config.epochs, model, console()) as progress:
-        train_on = partial(run, checked, model, recipe=recipe, out=path, resume=resume, log_dir=log_dir, phi=wanted)
-        tell: dict[str, Any] = {"on_step": clock.told(progress.step), "on_gather": progress.gather}
+        tell: dict[str, Any] = {"on_step": clock.mark_first_step(progress.step), "on_gather": progress.gather}
         tell["on_note"] = lambda note: progress.note(render(note, spell=flag))
-        done = train_on(on_epoch=progress, timeout=timeout and budget.seconds_left, **tell, **options)
+        done = training.fit(checked, path, wanted, resume, log_dir, on_epoch=progress, **tell)
     detail("trained")
-    clock.trained()
-    if card and not budget.spent:
-        try:
-            for written in write_card(done, path, budget.seconds_left):
-                print_error(f"wrote {written}")
-        except KeyboardInterrupt as error:
-            raise KeyboardInterrupt(f"interrupted: {out} is complete, its card is not made") from error
-    complain(*faults(done.trained.card.quality, done.trained.card.ranges or ()))
+    clock.mark_trained()
+    try:
+        written, faults = training.finish(done, path)
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt(f"interrupted: {out} is complete, its card is not made") from error
+    for file in written:
+        print_error(f"wrote {file}")
+    complain(*faults)
     print_error(
         f"{clock}; wrote {out} ({path.stat().st_size / 1e6:.2f} MB); try: scenegen sample {out} --phi ... -n 16"
     )
     return 0
-
-
-# `scenegen train` of several specs: each training is a job of its own.
 
 
 Task = tuple[Path, Path, dict[str, int]]
@@ -209,55 +199,70 @@ class Training:
     counts: dict[str, str]
     phi: tuple[str, ...] = ()
 
-    def __call__(self, task: Task) -> JobMessages:
-        if self.budget.spent:
-            raise RequestError(NO_TIME_TO_CHECK())
+    def prepare(
+        self, source: Path, out: Path, numbers: Mapping[str, int] = MappingProxyType({})
+    ) -> tuple[Spec, dict[str, Range]]:
+        """The spec, with these numbers of things, and the ranges of --phi; there is a place for the model and card."""
         from scenegen.api.spec import load
-        from scenegen.learn.evaluation.card import card_paths, check_card, write_card
-        from scenegen.learn.faults import faults
-        from scenegen.learn.train import train
-        from scenegen.learn.training.state import begun
+        from scenegen.learn.evaluation.card import check_card
         from scenegen.sampling.request import parse_phi
         from scenegen.scenes.files import check_writable
 
-        source, out, numbers = task
-        began = time.monotonic()
         spec = load(source, self.root).with_counts({**self.counts, **numbers})
         check_writable(out, source)
         if self.card:
             check_card(out, source)
+        return spec, parse_phi(self.phi, spec.labels)
+
+    def fit(
+        self, spec: Spec, out: Path, wanted: Mapping[str, Range], resume: bool, log_dir: Path | None, **watching: Any
+    ) -> Model:
+        """Train; `watching` are the callbacks of `api.train.train`."""
+        from scenegen.learn.train import train
+
+        left = self.budget.seconds_left
+        return train(
+            spec, self.model, recipe=self.recipe, out=out, resume=resume, log_dir=log_dir, phi=wanted,
+            timeout=None if math.isinf(left) else left, **watching, **self.options,
+        )  # fmt: skip
+
+    def finish(self, done: Model, out: Path) -> tuple[list[Path], list[Diagnostic]]:
+        """Write the card, where one is wanted and there is time: its files, and what is wrong with the model."""
+        from scenegen.learn.evaluation.card import write_card
+        from scenegen.learn.faults import faults
+
+        files = write_card(done, out, self.budget.seconds_left) if self.card and not self.budget.spent else []
+        return files, faults(done.trained.card.quality, done.trained.card.ranges or ())
+
+    def __call__(self, task: Task) -> JobMessages:
+        if self.budget.spent:
+            raise RequestError(NO_TIME_TO_CHECK())
+        from scenegen.learn.evaluation.card import card_paths
+        from scenegen.learn.training.state import begun
+
+        source, out, numbers = task
+        started = time.monotonic()
+        spec, wanted = self.prepare(source, out, numbers)
         going = self.resume and begun(out)
-        wanted = parse_phi(self.phi, spec.labels)
-        if going and self._complete(spec, out) and not (self.card and not card_paths(out)[0].exists()):
+        if going and self._complete(spec, out, wanted) and not (self.card and not card_paths(out)[0].exists()):
             return JobMessages((f"complete already: {out}",))
         notes: list[Diagnostic] = []
-        run = partial(
-            train, spec, self.model, recipe=self.recipe, out=out, resume=going, on_note=notes.append, phi=wanted
-        )
-        log_dir = (
-            None if self.log_dir is None else self.log_dir / (f"{source.stem}/{out.stem}" if numbers else out.stem)
-        )
-        left = self.budget.seconds_left
-        done = run(log_dir=log_dir, timeout=None if math.isinf(left) else left, **self.options)
-        if self.card and not self.budget.spent:
-            write_card(done, out, self.budget.seconds_left)
-        took = f"{time.monotonic() - began:.0f} s"
-        size = out.stat().st_size / 1e6
-        return JobMessages(
-            (f"wrote {out} ({size:.2f} MB) in {took}",),
-            (*notes, *faults(done.trained.card.quality, done.trained.card.ranges or ())),
-        )
+        place = f"{source.stem}/{out.stem}" if numbers else out.stem
+        log_dir = None if self.log_dir is None else self.log_dir / place
+        done = self.fit(spec, out, wanted, going, log_dir, on_note=notes.append)
+        _, faults = self.finish(done, out)
+        size, took = out.stat().st_size / 1e6, time.monotonic() - started
+        return JobMessages((f"wrote {out} ({size:.2f} MB) in {took:.0f} s",), (*notes, *faults))
 
-    def _complete(self, spec: Spec, out: Path) -> bool:
+    def _complete(self, spec: Spec, out: Path, wanted: Mapping[str, Range]) -> bool:
         """Whether a file is the model of this training after all its epochs."""
         from scenegen.learn.models.checkpoint import load_model
         from scenegen.learn.train import trained_on
         from scenegen.learn.training.state import load_state, state_path
-        from scenegen.sampling.request import parse_phi
 
         if not state_path(out).exists():
             return False
-        asked = trained_on(spec, parse_phi(self.phi, spec.labels))
+        asked = trained_on(spec, dict(wanted))
         config = make_config(self.model, self.recipe, phi=asked, **self.options)
         if load_state(state_path(out), spec.checked, config).epoch < config.epochs:
             return False

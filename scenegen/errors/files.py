@@ -304,16 +304,8 @@ UNKNOWN_STORE = Kind(
 SET_IN_USE = Kind(
     "set-in-use",
     "another run is writing {location}[[: process {pid} on {host}]]",
-    help=(
-        "wait for it; if it was killed, its hold ends in {seconds:.0f} s",
-        "wait for it, or name another place",
-    ),
+    help="wait for it, or name another place",
     formerly=("folder-locked",),
-)
-SET_LOST = Kind(
-    "set-lost",
-    "another run has taken {location} over: process {pid} on {host}",
-    help="this one had not reached the store for two minutes; let the other one end",
 )
 NOT_A_SET = Kind("not-a-set", "{location} is not a set of scenes: {reason}", help="{remedy}")
 DAMAGED_SHARD = Kind(

@@ -71,7 +71,7 @@ class AnyModel(Model):
         self._known: dict[tuple[object, ...], dict[str, tuple[Array, Array]]] = {}
 
     def __repr__(self) -> str:
-        return f"<AnyModel of {self.spec.declared.name}>"
+        return f"<AnyModel of {self.spec.definition.name}>"
 
     def proposer_of(self, checked: CheckedSpec, ranges: Mapping[str, Range]) -> TrainedModel:
         _, phi = self._exact(SampleRequest(dict(ranges), SCENES, SEED, spread="base", workers=1))

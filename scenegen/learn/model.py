@@ -119,7 +119,7 @@ class ModelFamily(Model):
         self.trained = list(self._members.values())[-1].trained
 
     def __repr__(self) -> str:
-        return f"<ModelFamily {self.name} of {self.spec.declared.name}, {len(self._members)} models>"
+        return f"<ModelFamily {self.name} of {self.spec.definition.name}, {len(self._members)} models>"
 
     @property
     def each(self) -> tuple[tuple[dict[str, int], Model], ...]:
@@ -184,8 +184,8 @@ def load_model(path: str | Path, spec: Spec | None = None) -> Model:
 def _load_family(path: Path, spec: Spec | None) -> ModelFamily:
     """Raises DataError, also where a model is missing."""
     found = load(path / SPEC)
-    if spec is not None and spec.declared.sha256 != found.declared.sha256:
-        raise DataError(MODEL_OF_ANOTHER_SPEC(folder=path, spec=spec.declared.name))
+    if spec is not None and spec.definition.sha256 != found.definition.sha256:
+        raise DataError(MODEL_OF_ANOTHER_SPEC(folder=path, spec=spec.definition.name))
     members: dict[str, Model] = {}
     for numbers, member in found.members:
         file = model_file(path, numbers)
@@ -236,7 +236,7 @@ def _scenes_of(model: Model, rows: Array) -> list[Array]:
     """The scenes (3N, n) by the model that made them: of each member's things alone, (3N', n')."""
     if not model.spec.counts:
         return [rows]
-    members = members_of(model.spec.declared)
+    members = members_of(model.spec.definition)
     found = dict(members.of(rows))
     none = np.empty(0, dtype=np.intp)
     return [rows[np.ix_(mine, found.get(number, none))] for number, mine in enumerate(members.rows)]

@@ -35,7 +35,7 @@ class SceneStream(IterableDataset[tuple[torch.Tensor, torch.Tensor]]):
     def __iter__(self) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         info = get_worker_info()
         worker, workers = (0, 1) if info is None else (info.id, info.num_workers)
-        own = self._batches.of(self._rank * workers + worker, self._ranks * workers, self._epoch)
+        own = self._batches.for_reader(self._rank * workers + worker, self._ranks * workers, self._epoch)
         self._epoch += 1
         for poses, phi in own:
             yield torch.from_numpy(poses).to(self._dtype), torch.from_numpy(phi).to(self._dtype)

@@ -109,7 +109,7 @@ def train(
     if not spec.counts:
         return fit(spec, path, resume, logs)
     if path.suffix.lower() == ".safetensors":
-        raise RequestError(FOLDER_OF_MODELS(file=spec.declared.name, path=path, folder=path.with_suffix("")))
+        raise RequestError(FOLDER_OF_MODELS(file=spec.definition.name, path=path, folder=path.with_suffix("")))
     from scenegen.learn.training.state import begun
 
     members: dict[str, Model] = {}

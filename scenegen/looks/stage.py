@@ -15,7 +15,7 @@ from scenegen.looks.camera import VIEW_ANGLES
 from scenegen.pose import FLAT, THETA, TWO_PI, flat
 from scenegen.scenes.blocks import objects_of
 from scenegen.scenes.data import (
-    RAISED,
+    VERSION_WITH_HEIGHTS,
     Pose,
     SceneFile,
     check_sizes,
@@ -189,7 +189,7 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     tops = tops[~np.isnan(poses[..., 0])]
     boards = [patch.height for patch in patches]
     tallest = max(float(tops.max(initial=0.0)), *boards, 0.0)
-    height = min(tallest, (TALLEST_DECLARED if file.version == RAISED or any(boards) else TALLEST) * side)
+    height = min(tallest, (TALLEST_DECLARED if file.version == VERSION_WITH_HEIGHTS or any(boards) else TALLEST) * side)
     return PictureSetup(workspace, (table[0], table[1], table[2], table[3]), height, things, patches, declared)
 
 
@@ -219,7 +219,8 @@ def overlaps_of(file: SceneFile) -> list[list[str]]:
     shapes = [thing.shape for thing in stage_of(file).things]
     names = [item.name for item in file.objects]
     poses = poses_of(file)
-    found = overlapping(shapes, flat(poses), _bases(shapes, poses, _heights(file)) if file.version == RAISED else None)
+    bases = _bases(shapes, poses, _heights(file)) if file.version == VERSION_WITH_HEIGHTS else None
+    found = overlapping(shapes, flat(poses), bases)
     return [[f"{names[a]} overlaps {names[b]}" for a, b in pairs] for pairs in found]
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from scenegen.api.motions import MotionSet, read_motions
 from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import SceneArrays, rows_of, stored_rows
-from scenegen.api.spec import MAX_BYTES, Spec, parse
+from scenegen.api.spec import MAX_SPEC_BYTES, Spec, parse
 from scenegen.errors import DataError, RequestError, SpecError
 from scenegen.errors.files import DAMAGED_MOTIONS, WRONG_ENDING
 from scenegen.errors.program import NOT_OPENED
@@ -214,12 +214,12 @@ def stored_scenes(file: Path, together: int = 1) -> tuple[list[Part], Spec, Scen
     elsewhere there is one part, with no numbers. So many scenes lie `together`: the start and the goal of a pair.
     Raises DataError, SpecError, and RequestError where there are no scenes."""
     found = read_scenes(file)
-    spec = parse(found.header.spec.source, file.name)
+    spec = Spec(replace(found.header.spec.checked_spec, name=file.name))
     if not len(found):
         raise RequestError(NO_SCENES(file=file.name))
     parts = list(found.parts())
     most = max(1, most_scenes(len(found.objects)) // len(parts) // together) * together
-    names = {tuple(numbers.values()): written(numbers) for numbers in combinations(spec.declared.counts)}
+    names = {tuple(numbers.values()): written(numbers) for numbers in combinations(spec.definition.counts)}
     scenes: list[Part] = []
     for numbers, which in parts:
         member, numbers = with_numbers(spec, tuple(sorted(numbers.items())))
@@ -316,7 +316,7 @@ def formats_data() -> list[dict[str, Any]]:
 def open_(what: Path | None) -> OpenProject:
     """Find out what a path or name is, and read it. Raises DataError, RequestError, SpecError."""
     if what is not None and is_stream(what):
-        text = read_source("<stdin>", read_stream(what, "a spec", limit=MAX_BYTES)).text
+        text = read_source("<stdin>", read_stream(what, "a spec", limit=MAX_SPEC_BYTES)).text
         return OpenProject(Folder(Path.cwd().resolve()), text, "stdin")
     if what is not None and is_family(what):
         return _model(what)

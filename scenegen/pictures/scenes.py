@@ -24,7 +24,6 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.geometry import NUMPY
-from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
 from scenegen.lang.formula.interpret import phi as score
@@ -130,7 +129,7 @@ class Job:
     @property
     def spec(self) -> CheckedSpec:
         """The spec of the scenes. Raises SpecError."""
-        return check_text(self.scenes.header.spec.source, "the spec of these scenes")
+        return self.scenes.header.spec.checked_spec
 
     @cached_property
     def moving(self) -> SweepFrames:
@@ -288,7 +287,7 @@ def motion_figures(
     folder = as_path("out", out)
     check_kinds(kinds, MOTION_FIGURES)
     look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
-    spec = check_text(motions.header.spec.source, "the spec of these motions")
+    spec = motions.header.spec.checked_spec
     chosen = chosen_label(spec.labels, label)
     made: dict[str, bytes] = {}
     for number in range(len(motions.poses)):
@@ -324,7 +323,7 @@ def animate(
     kinds = (ending[1:],)
     look = picture_style(scenes_header(motions.header), len(motions.poses), kinds, view, size, distinct, workers)
     check_writable(path)
-    spec = check_text(motions.header.spec.source, "the spec of these motions")
+    spec = motions.header.spec.checked_spec
     write_whole(path, _motion_files(motions, number - 1, spec, chosen_label(spec.labels, label), kinds, look)[ending])
     return path
 

@@ -13,7 +13,6 @@ from scenegen.api.scenes import SceneSet, check_count
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE
 from scenegen.errors.worlds import ONE_PROBLEM_A_FILE
-from scenegen.lang.checker import check_text
 from scenegen.planning.export import (
     Originals,
     Problems,
@@ -65,7 +64,7 @@ def of_scenes(
     DataError, OutputError."""
     if not len(scenes):
         raise RequestError(NO_SCENES())
-    source = scenes.header.spec.source
+    source = scenes.header.spec.checked_spec.source
     named: dict[tuple[str, int], str] = {}
     parts = [
         (ground(source, SPEC_NAME, facts, own, counts=numbers, parts=named), numbers, which)
@@ -157,10 +156,10 @@ def export_problems(
     check_out(out, "pddl")
     own = None if table is None else dict(read_map(Path(table)).predicates) or None
     if problem is not None:
-        for option, value in (("goal", goal is not None), ("whole_goal", whole_goal)):
+        for argument, value in (("goal", goal is not None), ("whole_goal", whole_goal)):
             if value:
                 rule = "chooses a goal, and the problem has its own"
-                raise RequestError(OUT_OF_PLACE(option=option, rule=rule, remedy="leave it out"))
+                raise RequestError(OUT_OF_PLACE(argument=argument, rule=rule, remedy="leave it out"))
         starts = scenes.scenes(0) if isinstance(scenes, MotionSet) else scenes
         return _in_its_words(starts, out, import_problem(problem, domain, table).reading, str(problem), facts)
     if isinstance(scenes, MotionSet):
@@ -168,7 +167,7 @@ def export_problems(
         return of_scenes(starts, out, facts, own, goal, ends=ends, whole_goal=whole_goal)
     if whole_goal:
         rule = "is for motions and pairs, and these are scenes"
-        raise RequestError(OUT_OF_PLACE(option="whole_goal", rule=rule, remedy="leave it out"))
+        raise RequestError(OUT_OF_PLACE(argument="whole_goal", rule=rule, remedy="leave it out"))
     return of_scenes(scenes, out, facts, own, goal)
 
 
@@ -176,11 +175,10 @@ def _in_its_words(
     scenes: SceneSet, out: Path, reading: CompiledProblem, file: str, facts: Sequence[str] | None
 ) -> Exported:
     check_count(scenes)
-    source = scenes.header.spec.source
-    checked = check_text(source, SPEC_NAME)
+    checked = scenes.header.spec.checked_spec
     refuse_other(reading, checked.objects, [one.name for one in checked.regions], file)
     rows = rows_of(checked, scenes)
-    originals = Originals(ground(source, SPEC_NAME, explicit=candidates(reading, facts)), reading)
+    originals = Originals(ground(checked.source, SPEC_NAME, explicit=candidates(reading, facts)), reading)
     texts = originals.texts(rows, [f"Scene {number}" for number in range(1, len(scenes) + 1)])
     made = _write(out, enumerate(texts, start=1), originals.domain, len(scenes))
     return replace(made, warnings=undecided_notes(originals, file))

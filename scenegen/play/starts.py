@@ -27,7 +27,7 @@ from scenegen.play.tasks import PhiBox, Strategy
 from scenegen.pose import as_poses, as_rows, row_count
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.streams import STARTS_STREAM
-from scenegen.scenes.arrange import held, held_elsewhere, with_switches
+from scenegen.scenes.arrange import fixed_pose_facts, held_elsewhere, with_switches
 from scenegen.scenes.data import RequestData
 
 if TYPE_CHECKING:
@@ -243,7 +243,7 @@ def phi_at(spec: Spec, start: Start, poses: Array) -> dict[str, float]:
     rows = turned(as_rows(poses[None]))
     moved = held_elsewhere(checked, rows, *HELD)
     if moved is not None:
-        raise RequestError(HELD_ELSEWHERE(**held(checked, moved[0]), place="in the simulation"))
+        raise RequestError(HELD_ELSEWHERE(**fixed_pose_facts(checked, moved[0]), place="in the simulation"))
     if checked.choices:
         header = make_header(checked, {}, RequestData(phi={}, n=1, spread="flat"))
         rows = with_switches(checked, header, rows, None if start.on is None else start.on[None])

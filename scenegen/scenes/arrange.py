@@ -19,7 +19,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, along, row_count, row_of, rows_of, span_of
 from scenegen.scenes.data import SceneFile
 
-HELD = 1e-9  # metres and radians by which an object that is held in place may be off in a file
+HELD_TOLERANCE = 1e-9  # metres and radians by which an object that is held in place may be off in a file
 OUTSIDE = 1e-6  # metres by which a centre may lie outside of the workspace: files of other programs round
 UNMET = 1e-6  # by which a requirement may be missed, for the same reason
 
@@ -45,7 +45,7 @@ def refuse_numbers(header: SceneFile, what: str) -> None:
         )
 
 
-def arranged(rows: Array, order: Sequence[int]) -> Array:
+def reorder(rows: Array, order: Sequence[int]) -> Array:
     """(3N, m) storage with its objects in another order."""
     if list(order) == sorted(order):
         return rows
@@ -56,7 +56,7 @@ def as_core(spec: CheckedSpec, header: SceneFile, rows: Array, order: Sequence[i
     """The rows of a block of a file as the core has them: objects in another order, then switches. Raises DataError."""
     refuse_numbers(header, "training")
     count = row_count(len(header.objects))
-    return with_switches(spec, header, arranged(rows[:count], order), rows[count:].T)
+    return with_switches(spec, header, reorder(rows[:count], order), rows[count:].T)
 
 
 def with_switches(spec: CheckedSpec, header: SceneFile, rows: Array, on: Array | None) -> Array:
@@ -89,11 +89,11 @@ def check_held(spec: CheckedSpec, rows: Array, before: int = 0) -> None:
     found = held_elsewhere(spec, rows)
     if found is not None:
         which, scene = found
-        raise DataError(HELD_ELSEWHERE(**held(spec, which), scene=before + scene + 1))
+        raise DataError(HELD_ELSEWHERE(**fixed_pose_facts(spec, which), scene=before + scene + 1))
 
 
 def held_elsewhere(
-    spec: CheckedSpec, rows: Array, metres: float = HELD, radians: float = HELD
+    spec: CheckedSpec, rows: Array, metres: float = HELD_TOLERANCE, radians: float = HELD_TOLERANCE
 ) -> tuple[int, int] | None:
     """The first object that the spec holds in place and that stands elsewhere in `rows` (3N, m), and in which column;
     None if all are in their places. Headings are compared on the circle."""
@@ -106,7 +106,7 @@ def held_elsewhere(
     return None
 
 
-def held(spec: CheckedSpec, which: int) -> dict[str, str]:
+def fixed_pose_facts(spec: CheckedSpec, which: int) -> dict[str, str]:
     """The facts of an object that the spec holds, for HELD_ELSEWHERE."""
     return {"name": spec.objects[which], "pose": ", ".join(f"{number:g}" for number in spec.fixed[which])}
 

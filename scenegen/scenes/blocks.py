@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # with it comes pydantic, 0.1 s of every worker's start; work
 
 
 BLOCK = 65_536  # scenes of a block, and of a row group of a Parquet file
-MOST = 1 << 26  # coordinates and values of phi that are read into memory at once: 537 MB
+MAX_NUMBERS = 1 << 26  # coordinates and values of phi that are read into memory at once: 537 MB
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +40,7 @@ class Block:
 
     def take(self, which: npt.NDArray[np.intp]) -> Block:
         """The scenes of these numbers, each row in one piece of memory, which `rows[:, which]` does not give."""
-        return Block(taken([self.rows], which), taken([self.phi], which))
+        return Block(take_columns([self.rows], which), take_columns([self.phi], which))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +58,7 @@ class SceneFileReading:
         """All scenes at once, or those from `start` up to, not including, `stop`. Raises DataError if they are too many
         for memory; before they are read, if the file has their number."""
         coordinates = self.header.coordinates
-        most = MOST // (coordinates + len(self.labels))
+        most = MAX_NUMBERS // (coordinates + len(self.labels))
         known = self.count if stop is None else stop if self.count is None else min(stop, self.count)
         if known is not None and known - start > most:
             raise self._too_many(f"{known - start:,}", most)
@@ -73,14 +73,14 @@ class SceneFileReading:
             found.append(part)
             if stop is not None and done >= stop:
                 break
-        return joined(found, coordinates, len(self.labels))
+        return join_blocks(found, coordinates, len(self.labels))
 
     def _too_many(self, count: str, most: int) -> DataError:
         objects = len(self.header.objects)
         return DataError(TOO_MANY_TO_READ(file=self.name, count=count, objects=objects, most=most))
 
 
-def taken(arrays: Sequence[Array], which: npt.NDArray[np.intp]) -> Array:
+def take_columns(arrays: Sequence[Array], which: npt.NDArray[np.intp]) -> Array:
     """Columns of arrays that stand side by side. Row by row, which is three times as fast as all rows at once: a row
     stays in the cache. The numbers must be valid."""
     found = np.empty((len(arrays[0]), len(which)))
@@ -90,14 +90,14 @@ def taken(arrays: Sequence[Array], which: npt.NDArray[np.intp]) -> Array:
     return found
 
 
-def joined(blocks: Sequence[Block], coordinates: int, labels: int) -> Block:
+def join_blocks(blocks: Sequence[Block], coordinates: int, labels: int) -> Block:
     """Several blocks as one; (coordinates, 0) and (labels, 0) if there are none."""
     rows = np.concatenate([np.empty((coordinates, 0)), *(block.rows for block in blocks)], axis=1)
     phi = np.concatenate([np.empty((labels, 0)), *(block.phi for block in blocks)], axis=1)
     return Block(rows, phi)
 
 
-def regrouped(blocks: Iterable[Block], size: int = BLOCK) -> Iterator[Block]:
+def regroup(blocks: Iterable[Block], size: int = BLOCK) -> Iterator[Block]:
     """The same scenes in blocks of exactly `size`, except the last one; at most `size` scenes are held in memory."""
     waiting: list[Block] = []
     count = 0
@@ -106,17 +106,17 @@ def regrouped(blocks: Iterable[Block], size: int = BLOCK) -> Iterator[Block]:
         while count + block.count - start >= size:
             stop = start + size - count
             waiting.append(block.part(start, stop))
-            yield _one(waiting)
+            yield _merge(waiting)
             waiting, count, start = [], 0, stop
         if start < block.count:
             waiting.append(block.part(start, block.count))
             count += block.count - start
     if waiting:
-        yield _one(waiting)
+        yield _merge(waiting)
 
 
-def _one(blocks: list[Block]) -> Block:
-    return blocks[0] if len(blocks) == 1 else joined(blocks, len(blocks[0].rows), len(blocks[0].phi))
+def _merge(blocks: list[Block]) -> Block:
+    return blocks[0] if len(blocks) == 1 else join_blocks(blocks, len(blocks[0].rows), len(blocks[0].phi))
 
 
 def check_finite(header: SceneFile, block: Block) -> None:
@@ -142,12 +142,8 @@ def counts_in(header: SceneFile, rows: Array) -> npt.NDArray[np.intp]:
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Scenes as a table, one a row: the names of the columns, in Parquet files and data frames alike.
-
-
 PHI = "phi."
-COUNT = "count."
+COUNT_PREFIX = "count."
 RARITY = "log10p."  # after phi, in data sets: how rare each scene's phi is
 
 
@@ -159,7 +155,7 @@ def columns(header: SceneFile, labels: Sequence[str]) -> list[str]:
     Raises OutputError if an object `phi` and a label `x` would share one.
     """
     places = [f"{one.name}.{axis}" for one in header.objects for axis in NAMES]
-    more = [*(f"{one.name}.on" for one in header.choosers), *(f"{COUNT}{one.name}" for one in header.counts)]
+    more = [*(f"{one.name}.on" for one in header.choosers), *(f"{COUNT_PREFIX}{one.name}" for one in header.counts)]
     names = [*places, *more, *(f"{PHI}{label}" for label in labels)]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
@@ -167,7 +163,6 @@ def columns(header: SceneFile, labels: Sequence[str]) -> list[str]:
     return names
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # How many things there are in a scene, where that is drawn: absent objects have no pose, and NaN in arrays of poses.
 #
 # Of an array with counts the first elements are there, `block[1]` to `block[5]`: numbers and poses say the same.

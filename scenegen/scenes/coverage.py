@@ -17,11 +17,8 @@ from scenegen.errors import DataError
 from scenegen.errors.learning import ARRAY_NOT_FINITE, DIFFERENT_OBJECTS, TOO_FEW_SCENES, WRONG_SHAPE
 from scenegen.pose import SIZE, THETA, TWO_PI, X, Y, along, axis_of, object_count
 
-# --------------------------------------------------------------------------------------------------------------------
-# Scenes as points: the Euclidean space in which the metrics measure the distance of scenes.
 
-
-def checked(rows: npt.ArrayLike) -> Array:
+def check_rows(rows: npt.ArrayLike) -> Array:
     """Poses (3N, B) in metres and radians, as float64. Raises DataError for another shape or values not finite."""
     poses = np.asarray(rows, dtype=np.float64)
     if poses.ndim != 2 or poses.shape[0] % SIZE or not poses.shape[0]:
@@ -36,7 +33,7 @@ def checked_pair(reference: npt.ArrayLike, generated: npt.ArrayLike, least: tupl
 
     Raises DataError if a set is malformed or too small, or if the numbers of objects differ.
     """
-    truth, made = checked(reference), checked(generated)
+    truth, made = check_rows(reference), check_rows(generated)
     if len(truth) != len(made):
         objects, others = object_count(len(truth)), object_count(len(made))
         raise DataError(DIFFERENT_OBJECTS(reference=objects, generated=others))
@@ -54,7 +51,7 @@ def features(rows: npt.ArrayLike, depends: Sequence[int] | None = None) -> Array
     The angle enters as a circle with a circumference of 1, so that a full turn has the same weight as the unit square's
     edge. Raises DataError for another shape or coordinates that are not finite.
     """
-    poses = checked(rows)
+    poses = check_rows(rows)
     if depends is None:
         x, y, theta = poses[along(X)], poses[along(Y)], poses[along(THETA)]
     else:
@@ -62,7 +59,6 @@ def features(rows: npt.ArrayLike, depends: Sequence[int] | None = None) -> Array
     return np.concatenate([x, y, np.cos(theta) / TWO_PI, np.sin(theta) / TWO_PI]).T
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Nearest neighbours by brute force: every distance is computed, few are in memory at a time.
 #
 # |a - b|^2 = |a|^2 - 2 a.b + |b|^2 is written as one matrix product of the extended points (a, |a|^2, 1) and (-2 b, 1,
@@ -84,7 +80,7 @@ _SLACK = 64 * np.finfo(np.float64).eps  # rounding of a squared distance, as a s
 _FAR = 1e300  # the squared distance of a padding point; finite, because infinity times zero is NaN
 
 
-def centred(first: Array, second: Array) -> tuple[Array, Array]:
+def center(first: Array, second: Array) -> tuple[Array, Array]:
     """Both sets relative to the mean of the first: distances do not depend on the origin, but their rounding does."""
     origin = first.mean(axis=0)
     return first - origin, second - origin
@@ -185,6 +181,6 @@ def coverage(reference: npt.ArrayLike, generated: npt.ArrayLike, *, neighbours: 
 
 def covered_share(reference: Array, generated: Array, neighbours: int = NEIGHBOURS) -> float:
     """The same of points (R, D) and (G, D)."""
-    truth, made = centred(reference, generated)
+    truth, made = center(reference, generated)
     radius = kth_squared(truth, neighbours)
     return float((least_squared(truth, made) <= radius + rounding(truth, made)).mean())

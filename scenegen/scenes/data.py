@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Sequence
-from functools import partial
+from functools import cached_property, partial
 from operator import is_, not_
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
@@ -33,11 +33,11 @@ from scenegen.geometry.footprint import is_convex, signed_area
 from scenegen.geometry.workspace import FARTHEST, SMALLEST, WIDEST
 from scenegen.pose import row_count
 
+if TYPE_CHECKING:
+    from scenegen.lang.spec import CheckedSpec
+
 EndsData = tuple[FiniteFloat | None, FiniteFloat | None]
 """A range of phi in files: lowest and highest, null for an open end."""
-
-# --------------------------------------------------------------------------------------------------------------------
-# How many things there can be in the scenes of a file, where that is drawn.
 
 
 class CountData(BaseModel):
@@ -69,9 +69,9 @@ def check_counts(counts: Sequence[CountData], objects: Collection[str]) -> None:
         raise ValueError("two of the counts are of the same array")
 
 
-FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
-VERSION: Literal[1] = 1
-RAISED: Literal[2] = 2  # the version of files whose objects say what they stand on
+SCENES_FORMAT: Literal["scenegen/scenes"] = "scenegen/scenes"
+SCENES_VERSION: Literal[1] = 1
+VERSION_WITH_HEIGHTS: Literal[2] = 2  # the version of files whose objects say what they stand on
 
 Bounds = tuple[FiniteFloat, FiniteFloat]
 
@@ -275,6 +275,19 @@ class SpecRef(_StrictSceneModel):
             raise ValueError("the spec's text does not have the checksum beside it")
         return self
 
+    @cached_property
+    def checked_spec(self) -> CheckedSpec:
+        """The spec, parsed and checked when it is first asked for. Raises SpecError."""
+        from scenegen.lang.checker import check_text
+
+        return check_text(self.source, "the spec of the scenes")
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Other processes check it themselves, if they need it at all."""
+        state = super().__getstate__()
+        fields = {name: value for name, value in state["__dict__"].items() if name != "checked_spec"}
+        return {**state, "__dict__": fields}
+
 
 class WorkspaceData(_StrictSceneModel):
     x: Bounds
@@ -296,8 +309,8 @@ class SceneFile(_StrictSceneModel):
     file with `counts` scenes differ in how many things there are.
     """
 
-    format: Literal["scenegen/scenes"] = FORMAT
-    version: Literal[1, 2] = VERSION
+    format: Literal["scenegen/scenes"] = SCENES_FORMAT
+    version: Literal[1, 2] = SCENES_VERSION
     spec: SpecRef
     workspace: WorkspaceData
     objects: list[ObjectData]
@@ -310,7 +323,7 @@ class SceneFile(_StrictSceneModel):
 
     @model_validator(mode="after")
     def _supports_by_version(self) -> Self:
-        if any((one.support is None) != (self.version == VERSION) for one in self.objects):
+        if any((one.support is None) != (self.version == SCENES_VERSION) for one in self.objects):
             raise ValueError("in version 2 every object has a `support`, in version 1 none")
         carried_first(self.objects)
         return self
@@ -341,10 +354,6 @@ class SceneFile(_StrictSceneModel):
         return self.model_copy(update={"scenes": [], "labels": list(labels) or None})
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The header of a file of settled scenes, as a pydantic model. Format `scenegen/settled`, version 1.
-
-
 SETTLED_FORMAT: Literal["scenegen/settled"] = "scenegen/settled"
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
@@ -364,7 +373,7 @@ class SettledHeader(_StrictSceneModel):
     stands on one of several, in the order of their numbers; scenes say on which it was planned."""
 
     format: Literal["scenegen/settled"] = SETTLED_FORMAT
-    version: Literal[1] = VERSION
+    version: Literal[1] = SCENES_VERSION
     spec: SpecRef
     objects: list[str]
     labels: list[str]
@@ -372,10 +381,6 @@ class SettledHeader(_StrictSceneModel):
     max_shift_mm: Positive
     max_turn_deg: Positive
     surfaces: dict[str, list[str]] = Field(default_factory=dict, exclude_if=not_)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Scene files held against the limits that the language keeps to.
 
 
 def check_sizes(header: SceneFile, largest: float = WIDEST) -> None:
@@ -405,10 +410,6 @@ def check_sizes(header: SceneFile, largest: float = WIDEST) -> None:
             raise DataError(SIZE_IN_FILE(what=f"the region `{region.name}`", **facts))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How high the objects of scene files stand, where files say so.
-
-
 def varying(header: SceneFile) -> bool:
     """Whether some object stands higher in one scene than in another."""
     return any(one.support is not None and one.support.z is None for one in header.objects)
@@ -418,7 +419,7 @@ def heights_of(header: SceneFile, on: Array) -> Array | None:
     """How high above the table each object's lowest point is, in metres: (N,), or (n, N) where that is not the same in
     every scene; None where heights follow from the poses. `on` (n, M) says for each of the file's choosers on which of
     its surfaces it stands, counted from 1, and NaN of one that is not there."""
-    if header.version != RAISED:
+    if header.version != VERSION_WITH_HEIGHTS:
         return None
     supports = [one.support for one in header.objects]
     known = np.array([0.0 if one is None or one.z is None else one.z for one in supports])

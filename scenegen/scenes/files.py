@@ -24,7 +24,7 @@ from scenegen.errors import DataError, OutputError, ScenegenError
 from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, TOO_LARGE_TO_READ
 from scenegen.resources import is_input
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _WRITE_HELP = {
     errno.ENOENT: "the folder does not exist; create it first, or name one that is there",
     errno.ENOTDIR: "a part of the path is a file, not a folder",
@@ -43,20 +43,20 @@ ACCESS_LIST = "system.posix_acl_access"  # the attribute that Linux keeps it in
 UNFINISHED = ".part"  # how the names of temporary files end, which begin with a dot
 FROZEN = {"suite.json": b'"scenegen/suite"', "manifest.json": b'"scenegen/set"'}  # what a suite and a set begin with
 STDIN = ("-", "/dev/stdin", "/dev/fd/0", "/proc/self/fd/0")
-HEAD = 1 << 12  # bytes within which these say so
-STEP = 1 << 24  # bytes of a large file after which the disk begins to work
+FROZEN_HEAD_BYTES = 1 << 12  # bytes within which these say so
+FLUSH_BYTES = 1 << 24  # bytes of a large file after which the disk begins to work
 _WRITE = 2  # SYNC_FILE_RANGE_WRITE
 
 _ONE_AT_A_TIME = threading.Lock()
 
 TABS = ".tsv"  # is read, and not written
-SAME = {".ndjson": ".jsonl", TABS: ".csv"}  # other endings of the same formats
+OTHER_ENDINGS = {".ndjson": ".jsonl", TABS: ".csv"}  # other endings of the same formats
 
 
 def ending_of(path: Path) -> str:
     """The ending of a file, by which its format is known."""
     ending = path.suffix.lower()
-    return SAME.get(ending, ending)
+    return OTHER_ENDINGS.get(ending, ending)
 
 
 def output_error(path: Path, error: OSError) -> OutputError:
@@ -69,7 +69,7 @@ def output_error(path: Path, error: OSError) -> OutputError:
 def check_writable(path: Path, *inputs: Path) -> None:
     """Refuse, before any work is done, an output file whose folder is missing or read-only, one that is not a regular
     file, and one that is also an input. Raises OutputError."""
-    with reported(path):
+    with report_write_errors(path):
         _refuse_special(path)
         if any(_same(path, given) for given in inputs):
             raise _overwrites(path)
@@ -85,7 +85,7 @@ def refuse_place(path: Path, inputs: Iterable[Path], *, a_set: bool = False) -> 
     if str(path) == "-":
         remedy = "name a file; data goes to standard output where no file is named"
         raise OutputError(CANNOT_WRITE(path=path, reason="it stands for standard input", remedy=remedy))
-    with reported(path):
+    with report_write_errors(path):
         if any(_same(path, given) for given in inputs):
             raise _overwrites(path)
         if not a_set and (found := frozen_folder(path)) is not None:
@@ -112,7 +112,7 @@ def frozen_folder(path: Path) -> Path | None:
     for folder in (place, *place.parents):
         for name, mark in FROZEN.items():
             with contextlib.suppress(OSError):  # nobody may look there
-                if (folder / name).is_file() and mark in (folder / name).read_bytes()[:HEAD]:
+                if (folder / name).is_file() and mark in (folder / name).read_bytes()[:FROZEN_HEAD_BYTES]:
                     return folder
     return None
 
@@ -161,20 +161,20 @@ def check_folder(path: Path, file: Path | None = None) -> None:
     if file is not None and path.absolute() == file.absolute():
         reason = "it cannot be a file and a folder at once"
         raise OutputError(CANNOT_WRITE(path=path, reason=reason, remedy="name another folder"))
-    with reported(path), tempfile.TemporaryFile(dir=path if _exists(path) else path.parent):
+    with report_write_errors(path), tempfile.TemporaryFile(dir=path if _exists(path) else path.parent):
         pass
 
 
 def ensure_folder(path: Path) -> None:
     """Make an output folder (its parent must exist) and check that it can be written to. Raises OutputError."""
-    with reported(path):
+    with report_write_errors(path):
         path.mkdir(exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             pass
 
 
 @contextlib.contextmanager
-def reported(path: Path) -> Iterator[None]:
+def report_write_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except ScenegenError:
@@ -190,7 +190,7 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
     Data goes to a temporary file in the same folder, which is renamed at the end. On failure raises OutputError and
     leaves nothing behind; OSErrors of the block count as failures to write.
     """
-    with reported(path):
+    with report_write_errors(path):
         _refuse_special(path)
         path = target(path)  # a link stays, its target is written
         # the name may have the maximum length, so the temporary name uses only its beginning
@@ -261,7 +261,7 @@ class FlushingWriter:
     def write(self, part: bytes | memoryview) -> None:
         self._file.write(part)
         self._ahead += len(part)
-        if self._ahead > STEP:
+        if self._ahead > FLUSH_BYTES:
             begin_writing(self._file)
             self._ahead = 0
 
@@ -305,7 +305,7 @@ def _umask() -> int:
 def read_bytes(path: Path, what: str, *, limit: int | None = None, remedy: str = "") -> bytes:
     """The bytes of a file that the user named; `what` is its role ("a spec", "a scenes file"), `remedy` what to do
     about one that is longer than the limit. Raises DataError."""
-    with opened(path, what) as file:
+    with open_input(path, what) as file:
         size = os.fstat(file.fileno()).st_size
         if limit is not None and size > limit:
             raise DataError(TOO_LARGE_TO_READ(path=path, size=size, limit=limit, remedy=remedy))
@@ -336,7 +336,7 @@ def read_stream(path: Path, what: str, *, limit: int) -> bytes:
 
 
 @contextlib.contextmanager
-def opened(path: Path, what: str) -> Iterator[IO[bytes]]:
+def open_input(path: Path, what: str) -> Iterator[IO[bytes]]:
     """A file that the user named, open for reading; `what` is its role. Raises DataError, also for OSErrors of the
     block."""
     try:
@@ -362,7 +362,7 @@ def missing_help(path: Path, what: str) -> str:
     return f"check the path; {what} was expected there"
 
 
-MANY = 100  # for more files, flushing all buffers of the machine is faster than flushing them one by one
+MANY_FILES = 100  # for more files, flushing all buffers of the machine is faster than flushing them one by one
 
 
 @contextlib.contextmanager
@@ -372,16 +372,16 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
 
     Raises OutputError and leaves nothing behind.
     """
-    with reported(folder):
+    with report_write_errors(folder):
         made = not folder.exists()
     ensure_folder(folder)
     names: list[str] = []
     below: set[Path] = set()  # folders that this call made
-    with reported(folder):
+    with report_write_errors(folder):
         waiting = Path(tempfile.mkdtemp(dir=folder, prefix=".export.", suffix=".part"))
 
     def put(name: str, data: bytes) -> None:
-        with reported(folder / name):
+        with report_write_errors(folder / name):
             (waiting / name).parent.mkdir(exist_ok=True)
             _write(waiting / name, data)
         names.append(name)
@@ -390,13 +390,13 @@ def whole_files(folder: Path) -> Iterator[Callable[[str, bytes], None]]:
         yield put
         _flush([waiting / name for name in names])
         for name in names:
-            with reported(folder / name):
+            with report_write_errors(folder / name):
                 if not (folder / name).parent.exists():
                     (folder / name).parent.mkdir()
                     below.add((folder / name).parent)
                 _refuse_special(folder / name)
         for name in names:
-            with reported(folder / name):
+            with report_write_errors(folder / name):
                 _move(waiting / name, folder / name)
     except BaseException:
         shutil.rmtree(waiting, ignore_errors=True)
@@ -414,11 +414,11 @@ def _write(path: Path, data: bytes) -> None:
 
 def _flush(paths: list[Path]) -> None:
     """Wait until files are on disk: one by one, or if there are many, all buffers of the machine at once."""
-    if len(paths) > MANY and hasattr(os, "sync"):
+    if len(paths) > MANY_FILES and hasattr(os, "sync"):
         os.sync()
         return
     for path in paths:
-        with reported(path), path.open("rb") as file:
+        with report_write_errors(path), path.open("rb") as file:
             os.fsync(file.fileno())
 
 
@@ -435,7 +435,7 @@ def scene_name(number: int, total: int) -> str:
     return f"scene_{number:0{max(4, len(str(total)))}d}"
 
 
-def others(folder: Path, total: int, ending: str) -> int:
+def count_leftovers(folder: Path, total: int, ending: str) -> int:
     """How many scenes' files with that ending a folder has in addition to those of `total` scenes, from an earlier
     run."""
     found = (re.match(r"(scene_(\d{4,}))[_.]", path.name) for path in folder.glob(f"scene_*{ending}"))

@@ -30,7 +30,7 @@ from scenegen.scenes.data import (
 )
 
 MOTIONS_FORMAT: Literal["scenegen/motions"] = "scenegen/motions"
-VERSION: Literal[1] = 1
+MOTIONS_VERSION: Literal[1] = 1
 
 Point = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 """x and y in metres, theta in radians."""
@@ -69,7 +69,7 @@ class MotionFile(_StrictMotionModel):
     """Motions with everything needed to score and draw them again."""
 
     format: Literal["scenegen/motions"] = MOTIONS_FORMAT
-    version: Literal[1] = VERSION
+    version: Literal[1] = MOTIONS_VERSION
     spec: SpecRef
     workspace: WorkspaceData
     objects: list[ObjectData]

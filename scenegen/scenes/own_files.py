@@ -22,8 +22,8 @@ from scenegen.things.outline import Floats, MeshError
 from scenegen.things.urdf import footprint_and_height, mesh_shadow, robot_shadow
 
 T = TypeVar("T")
-MOST_BYTES = 64_000_000  # of a file, as specs read it
-SAME = 1e-6  # metres by which an outline may differ from the one that the scenes were made with
+MAX_OWN_FILE_BYTES = 64_000_000  # of a file, as specs read it
+OUTLINE_TOLERANCE = 1e-6  # metres by which an outline may differ from the one that the scenes were made with
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,23 +81,23 @@ def own_file(folder: Path, shape: ShapeData) -> OwnFile:
     path = folder / name
     data = _read(folder, path)
 
-    def beside(other: str) -> bytes:
+    def read_beside(other: str) -> bytes:
         return _read(folder, path.parent / local_name(other, path.resolve().parent, folder.resolve()))
 
     is_robot, matrix = shape.asset == "urdf", np.eye(3)
     if entry is not None:
-        fit = fit_asset(entry, data, beside)
+        fit = fit_asset(entry, data, read_beside)
         is_robot = entry.is_robot
         footprint, height, matrix, offset = fit.footprint, fit.height, entry.matrix, fit.offset
     else:
-        shadow = robot_shadow(data, beside) if is_robot else mesh_shadow(name, data, beside)
+        shadow = robot_shadow(data, read_beside) if is_robot else mesh_shadow(name, data, read_beside)
         footprint, height = footprint_and_height(shadow)
         offset = np.array([0.0, 0.0, -shadow.bottom])
-    if not _same(footprint, footprint_of(shape.footprint)) or abs(height - shape.height) > SAME:
+    if not _same(footprint, footprint_of(shape.footprint)) or abs(height - shape.height) > OUTLINE_TOLERANCE:
         raise MeshError("its outline is not that of the scenes: the file has changed, or it is another one")
     if entry is None:
-        return OwnFile(name, is_robot, data, beside, matrix, offset)
-    return OwnFile(name, is_robot, data, beside, matrix, offset, entry.mass, entry.friction)
+        return OwnFile(name, is_robot, data, read_beside, matrix, offset)
+    return OwnFile(name, is_robot, data, read_beside, matrix, offset, entry.mass, entry.friction)
 
 
 def _entry(folder: Path, path: str) -> tuple[str, AssetEntry]:
@@ -117,10 +117,10 @@ def _entry(folder: Path, path: str) -> tuple[str, AssetEntry]:
 def _same(first: Footprint, second: Footprint) -> bool:
     match first, second:
         case (Circle(), Circle()) | (Box(), Box()):
-            return max(abs(a - b) for a, b in zip(first.extent, second.extent, strict=True)) <= SAME
+            return max(abs(a - b) for a, b in zip(first.extent, second.extent, strict=True)) <= OUTLINE_TOLERANCE
         case Polygon(), Polygon():
             pairs = zip(first.vertices, second.vertices, strict=False)
-            alike = all(abs(a - c) <= SAME and abs(b - d) <= SAME for (a, b), (c, d) in pairs)
+            alike = all(abs(a - c) <= OUTLINE_TOLERANCE and abs(b - d) <= OUTLINE_TOLERANCE for (a, b), (c, d) in pairs)
             return len(first.vertices) == len(second.vertices) and alike
     return False
 
@@ -135,10 +135,10 @@ def _read(folder: Path, path: Path) -> bytes:
             raise MeshError(f"{path.name} is not a file")
         note_input(wanted)
         with wanted.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
+            data = file.read(MAX_OWN_FILE_BYTES + 1)
     except (OSError, RuntimeError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it cannot be read"
         raise MeshError(f"{path.name}: {reason.lower()}") from None
-    if len(data) > MOST_BYTES:
-        raise MeshError(f"{path.name} is larger than {MOST_BYTES:,} bytes")
+    if len(data) > MAX_OWN_FILE_BYTES:
+        raise MeshError(f"{path.name} is larger than {MAX_OWN_FILE_BYTES:,} bytes")
     return data

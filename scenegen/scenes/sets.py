@@ -37,7 +37,7 @@ from scenegen.errors.files import (
     TOO_MANY_TO_READ,
     UNFINISHED_RUN,
 )
-from scenegen.scenes.blocks import BLOCK, MOST, Block, SceneFileReading, joined
+from scenegen.scenes.blocks import BLOCK, MAX_NUMBERS, Block, SceneFileReading, join_blocks
 from scenegen.scenes.data import EndsData, SceneFile
 from scenegen.scenes.files import UNFINISHED, HashingWriter, Sink, inside, refuse_place
 from scenegen.scenes.formats.header import load_header
@@ -110,16 +110,16 @@ class ShardRequest(BaseModel):
     seed: Seed
 
 
-MANIFEST = "manifest.json"
-LOCK = ".lock"  # says who writes: see `lease`
+SET_MANIFEST = "manifest.json"
+LOCK = ".lock"  # says who writes: see `lock`
 CARD = "README.md"
-SHARDS = "part-"  # how the names of shards begin
+SHARD_PREFIX = "part-"  # how the names of shards begin
 PARQUET, RAW = ".parquet", ".npy"  # endings of shards: of a set, of a file in progress
-JOINED = "joined"  # a file in progress, once its shards are joined
+JOINED = "join_blocks"  # a file in progress, once its shards are join_blocks
 RUN = "_run"  # the folder of what only an unfinished run needs
 SHARD_BYTES = 1 << 28  # of a shard's numbers, as long as --shard-size does not say otherwise
 SHARD_SCENES = 1 << 20
-PART = 1 << 22  # bytes of a shard that are read at a time to be hashed
+HASHED_BYTES = 1 << 22  # bytes of a shard that are read at a time to be hashed
 
 
 class _StrictSetModel(BaseModel):
@@ -164,7 +164,7 @@ class Checkpoint(_StrictSetModel):
     waiting: Name | None = None
     crc32: int = 0
 
-    def checked(self, waiting: bytes | memoryview) -> Checkpoint:
+    def with_checksum(self, waiting: bytes | memoryview) -> Checkpoint:
         """The same with its checksum, `waiting` being the bytes of that file."""
         rest = self.model_copy(update={"crc32": 0})
         said = zlib.crc32(rest.model_dump_json(exclude_none=True).encode())
@@ -210,7 +210,7 @@ class Manifest(_StrictSetModel):
         return self
 
     @property
-    def begun(self) -> bool:
+    def has_begun(self) -> bool:
         """Whether there is something to go on with."""
         return bool(self.shards) or self.checkpoint is not None
 
@@ -221,10 +221,10 @@ class Manifest(_StrictSetModel):
 
     def phi(self) -> dict[str, PhiOf]:
         """phi over all shards."""
-        return {label: _over([(shard.scenes, shard.phi[label]) for shard in self.shards]) for label in self.labels}
+        return {label: _merge_phi([(shard.scenes, shard.phi[label]) for shard in self.shards]) for label in self.labels}
 
 
-def _over(parts: Sequence[tuple[int, PhiOf]]) -> PhiOf:
+def _merge_phi(parts: Sequence[tuple[int, PhiOf]]) -> PhiOf:
     return PhiOf(
         lowest=min(phi.lowest for _, phi in parts),
         mean=sum(count * phi.mean for count, phi in parts) / sum(count for count, _ in parts),
@@ -234,13 +234,13 @@ def _over(parts: Sequence[tuple[int, PhiOf]]) -> PhiOf:
 
 def motion_block(numbers: int) -> int:
     """How many motions of so many numbers a block of a set has: shards of large ones have fewer than BLOCK."""
-    return max(1, min(BLOCK, 1 << (MOST // numbers).bit_length() - 1))
+    return max(1, min(BLOCK, 1 << (MAX_NUMBERS // numbers).bit_length() - 1))
 
 
 def shard_size(size: int | None, numbers: int, objects: int = 1, block: int = BLOCK) -> int:
     """How many scenes of so many numbers each a shard has. Raises RequestError for a size that is no multiple of a
     block, or too large."""
-    most = MOST // numbers // block * block
+    most = MAX_NUMBERS // numbers // block * block
     if size is None:
         return max(block, min(SHARD_SCENES, SHARD_BYTES // (8 * numbers) // block * block, most))
     if size < block or size % block or size > most:
@@ -265,7 +265,7 @@ def pack_shard(
     says of each scene how rare its phi is. Raises what the sink raises."""
     parts: list[Array] = []  # phi of the blocks
 
-    def seen() -> Iterator[Block]:
+    def counted_blocks() -> Iterator[Block]:
         for block in blocks:
             parts.append(block.phi)
             yield block
@@ -276,11 +276,11 @@ def pack_shard(
 
     with HashingWriter(sink) as packed:
         if ending == RAW:
-            for block in seen():
+            for block in counted_blocks():
                 np.lib.format.write_array(packed, np.concatenate([block.rows, block.phi]), allow_pickle=False)
         else:
             more = () if rarity is None else (rare,)
-            format_of(Path(shard_name(number)), header.format).write(packed, header, labels, seen(), *more)
+            format_of(Path(shard_name(number)), header.format).write(packed, header, labels, counted_blocks(), *more)
         size, digest = packed.size, packed.sha256
     rows = (np.concatenate([part[index] for part in parts]) for index in range(len(labels)))
     phi = {
@@ -293,7 +293,7 @@ def pack_shard(
 
 def shard_name(number: int, ending: str = PARQUET) -> str:
     """The file of a shard, counted from 0."""
-    return f"{SHARDS}{number:06d}{ending}"
+    return f"{SHARD_PREFIX}{number:06d}{ending}"
 
 
 def raw_blocks(store: Store, manifest: Manifest) -> Iterator[Block]:
@@ -313,41 +313,44 @@ def save_checkpoint(store: Store, shards: int, state: Mapping[str, Any], waiting
     """Where a run stands after so many shards; scenes that wait for the next go to a file, which is never one that an
     earlier checkpoint names. Raises OutputError."""
     if waiting is None:
-        return Checkpoint(state=dict(state)).checked(b"")
+        return Checkpoint(state=dict(state)).with_checksum(b"")
     sink = io.BytesIO()
     np.save(sink, waiting, allow_pickle=False)
     name = f"{RUN}/waiting-{shards:06d}-{state['pieces']:06d}.npy"
     store.write(name, sink.getbuffer())
-    return Checkpoint(state=dict(state), waiting=name).checked(sink.getbuffer())
+    return Checkpoint(state=dict(state), waiting=name).with_checksum(sink.getbuffer())
 
 
 def read_waiting(store: Store, checkpoint: Checkpoint) -> Array:
     """The scenes that wait; (0, 0) if there are none. Raises DataError where file or state are not what was written."""
     data = b"" if checkpoint.waiting is None else store.read(checkpoint.waiting)
-    if checkpoint.checked(data).crc32 != checkpoint.crc32:
-        file, reason = checkpoint.waiting or MANIFEST, "what an unfinished run has to go on from has another checksum"
+    if checkpoint.with_checksum(data).crc32 != checkpoint.crc32:
+        file, reason = (
+            checkpoint.waiting or SET_MANIFEST,
+            "what an unfinished run has to go on from has another checksum",
+        )
         raise DataError(DAMAGED_SHARD(file=file, location=store.location, reason=reason))
     return np.load(io.BytesIO(data), allow_pickle=False) if data else np.empty((0, 0))
 
 
 def write_manifest(store: Store, manifest: Manifest) -> None:
     """Replace the manifest. Raises OutputError."""
-    store.write(MANIFEST, manifest.model_dump_json(indent=1, exclude_none=True).encode() + b"\n")
+    store.write(SET_MANIFEST, manifest.model_dump_json(indent=1, exclude_none=True).encode() + b"\n")
 
 
 def read_manifest(store: Store) -> Manifest:
     """The manifest of a set, complete or not. Raises DataError, also for one that contradicts itself."""
-    if MANIFEST not in store.sizes():
+    if SET_MANIFEST not in store.sizes():
         remedy = "name a folder that `scenegen sample` has written"
-        raise DataError(NOT_A_SET(location=store.location, reason=f"it has no {MANIFEST}", remedy=remedy))
+        raise DataError(NOT_A_SET(location=store.location, reason=f"it has no {SET_MANIFEST}", remedy=remedy))
     try:
-        manifest = Manifest.model_validate_json(store.read(MANIFEST))
+        manifest = Manifest.model_validate_json(store.read(SET_MANIFEST))
     except ValidationError as error:
-        raise _edited(store, error, "") from None
+        raise _edit_error(store, error, "") from None
     try:
         asked = StoredRequest.model_validate_json(json.dumps(manifest.request))
     except ValidationError as error:
-        raise _edited(store, error, "request.") from None
+        raise _edit_error(store, error, "request.") from None
     header = any_header(store, manifest)
     facts = (
         ("spec", asked.spec, header.spec.sha256),
@@ -358,9 +361,7 @@ def read_manifest(store: Store) -> Manifest:
     )
     for name, mine, theirs in facts:
         if mine != theirs:
-            raise _contradicts(
-                store, f"`request.{name}` is {shortened(mine)}, and in `header` it is {shortened(theirs)}"
-            )
+            raise _contradicts(store, f"`request.{name}` is {shorten(mine)}, and in `header` it is {shorten(theirs)}")
     if asked.n < manifest.scenes:
         raise _contradicts(store, f"`request.n` is {asked.n}, and its shards have {manifest.scenes} scenes")
     odd = next((label for label in asked.phi if label not in manifest.labels), None)
@@ -369,23 +370,23 @@ def read_manifest(store: Store) -> Manifest:
     return manifest
 
 
-def shortened(value: object) -> str:
+def shorten(value: object) -> str:
     """A value in JSON, for a message."""
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _edited(store: Store, error: ValidationError, field: str) -> DataError:
+def _edit_error(store: Store, error: ValidationError, field: str) -> DataError:
     problem = error.errors(include_url=False)[0]
     where = field + ".".join(map(str, problem["loc"]))
     said = problem["msg"].lower().removeprefix("value error, ")
-    reason = f"`{where}` in {MANIFEST}: {said}" if where else f"{MANIFEST}: {said}"
-    reason = f"{MANIFEST} is no JSON" if problem["type"] == "json_invalid" else reason
+    reason = f"`{where}` in {SET_MANIFEST}: {said}" if where else f"{SET_MANIFEST}: {said}"
+    reason = f"{SET_MANIFEST} is no JSON" if problem["type"] == "json_invalid" else reason
     return DataError(NOT_A_SET(location=store.location, reason=reason, remedy="was it edited?"))
 
 
 def _contradicts(store: Store, reason: str) -> DataError:
-    return DataError(NOT_A_SET(location=store.location, reason=f"{MANIFEST}: {reason}", remedy="was it edited?"))
+    return DataError(NOT_A_SET(location=store.location, reason=f"{SET_MANIFEST}: {reason}", remedy="was it edited?"))
 
 
 def refuse_taken(store: Store, *, resume: bool) -> Manifest | None:
@@ -394,7 +395,7 @@ def refuse_taken(store: Store, *, resume: bool) -> Manifest | None:
     if store.local:
         refuse_place(Path(store.root).parent, ())
     there = store.sizes()
-    if MANIFEST not in there:
+    if SET_MANIFEST not in there:
         odd = sorted(name for name in there if not name.startswith("."))
         if odd:
             raise OutputError(FOLDER_NOT_EMPTY(location=store.location, odd=odd[0]))
@@ -402,7 +403,7 @@ def refuse_taken(store: Store, *, resume: bool) -> Manifest | None:
     found = read_manifest(store)
     if found.complete and not resume:
         raise RequestError(FINISHED_SET(location=store.location))
-    if found.begun and not resume:
+    if found.has_begun and not resume:
         raise RequestError(UNFINISHED_RUN(folder=store.location, scenes=found.scenes))
     return found
 
@@ -415,7 +416,7 @@ def begin(store: Store, manifest: Manifest, *, resume: bool) -> Manifest:
     or are other files, OutputError for a folder that cannot be written to.
     """
     found = refuse_taken(store, resume=resume)
-    if found is None or not (found.begun or found.complete):
+    if found is None or not (found.has_begun or found.complete):
         store.make()
         _remove_others(store, manifest)
         write_manifest(store, manifest)
@@ -439,7 +440,7 @@ def same_request(store: Store, found: Manifest, wanted: Manifest) -> None:
     # any other difference also changes the plan, so other differences are named first
     for key in sorted({*before, *now}, key=lambda key: (key == "plan", key)):
         if before.get(key) != now.get(key):
-            said = {"before": shortened(before.get(key)), "now": shortened(now.get(key))}
+            said = {"before": shorten(before.get(key)), "now": shorten(now.get(key))}
             raise RequestError(OTHER_REQUEST(folder=store.location, key=key, **said))
 
 
@@ -451,29 +452,31 @@ def finish(store: Store, manifest: Manifest) -> None:
 
 def _remove_others(store: Store, manifest: Manifest) -> None:
     known = {shard.file for shard in manifest.shards}
-    ours = (name for name in store.sizes() if name.startswith((RUN, SHARDS)) or _is_unfinished(name))
+    ours = (name for name in store.sizes() if name.startswith((RUN, SHARD_PREFIX)) or _is_unfinished(name))
     store.delete(*(name for name in ours if name not in known))
     store.delete_folder(RUN)
 
 
 def _is_unfinished(name: str) -> bool:
     """Whether a file is a temporary one of this set, left by a run that was killed."""
-    return name.endswith(UNFINISHED) and name.startswith(tuple(f".{one}" for one in (SHARDS, MANIFEST, CARD, JOINED)))
+    return name.endswith(UNFINISHED) and name.startswith(
+        tuple(f".{one}" for one in (SHARD_PREFIX, SET_MANIFEST, CARD, JOINED))
+    )
 
 
 def is_ours(name: str) -> bool:
     """Whether a file in the folder of a file in progress is of its run; its manifest left out."""
-    return name.startswith((SHARDS, f"{RUN}/", JOINED, "."))
+    return name.startswith((SHARD_PREFIX, f"{RUN}/", JOINED, "."))
 
 
 def discard(store: Store, *, complete: bool = False) -> None:
     """Remove what there is of a file in progress: the manifest first, because it must not name missing files, but last
     if it says that the run is complete. Raises OutputError."""
     if not complete:
-        store.delete(MANIFEST)
+        store.delete(SET_MANIFEST)
     store.delete(*(name for name in store.sizes() if is_ours(name) and name != LOCK))
     store.delete_folder(RUN)
-    store.delete(MANIFEST)
+    store.delete(SET_MANIFEST)
 
 
 def read_set(store: Store) -> SceneFileReading:
@@ -503,13 +506,13 @@ def read_motion_set(store: Store) -> MotionArrays:
     header = any_header(store, manifest)
     if not isinstance(header, MotionFile):
         raise DataError(NOT_MOTIONS(file=store.location, reason="it is a set of scenes"))
-    most = MOST // header.coordinates
+    most = MAX_NUMBERS // header.coordinates
     if manifest.scenes > most:
         counts = {"count": f"{manifest.scenes:,}", "objects": len(header.objects), "most": most}
         raise DataError(TOO_MANY_TO_READ(file=store.location, **counts))
     parts = [_motions(store, header, manifest.labels, shard) for shard in manifest.shards]
     blocks = [part.block() for part in parts]
-    block = joined(blocks, len(blocks[0].rows), len(manifest.labels))
+    block = join_blocks(blocks, len(blocks[0].rows), len(manifest.labels))
     whole = header.model_copy(update={"sampler": manifest.sampler or header.sampler})
     return motions_of(whole, manifest.labels, tuple(parts[0].facts), block)
 
@@ -518,7 +521,7 @@ def _motions(store: Store, header: MotionFile, labels: Sequence[str], shard: Sha
     """The motions of a shard. Raises DataError for a file that is not the one of the manifest."""
     from scenegen.scenes.formats import motions_parquet
 
-    found = motions_parquet.read(Path(store.path(shard.file)), _opened(store, shard))
+    found = motions_parquet.read(Path(store.path(shard.file)), _open(store, shard))
     phi = {label: (float(values.min()), float(values.max())) for label, values in found.phi.items()}
     facts = (
         ("its number of motions is not that", len(found), shard.scenes),
@@ -527,7 +530,7 @@ def _motions(store: Store, header: MotionFile, labels: Sequence[str], shard: Sha
     )
     for what, has, wanted in facts:
         if has != wanted:
-            raise _damaged(store, shard, f"{what} of the manifest")
+            raise _damage_error(store, shard, f"{what} of the manifest")
     return found
 
 
@@ -564,7 +567,7 @@ def read_shard(store: Store, header: SceneFile, labels: Sequence[str], shard: Sh
     from scenegen.scenes.formats import parquet
 
     path = Path(store.path(shard.file))
-    return parquet.read(path, _opened(store, shard), functools.partial(_check, store, header, labels, shard))
+    return parquet.read(path, _open(store, shard), functools.partial(_check, store, header, labels, shard))
 
 
 def read_shard_group(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard, index: int) -> Block:
@@ -573,24 +576,24 @@ def read_shard_group(store: Store, header: SceneFile, labels: Sequence[str], sha
 
     path = Path(store.path(shard.file))
     check = functools.partial(_check, store, header, labels, shard)
-    return next(parquet.read_groups(path, [index], _opened(store, shard), check))
+    return next(parquet.read_groups(path, [index], _open(store, shard), check))
 
 
 def check_bytes(store: Store, shard: Shard) -> None:
     """Raises DataError for a shard whose bytes, which are all read, are not those of the manifest."""
     digest = hashlib.sha256()
     with store.open(shard.file) as file:
-        while part := file.read(PART):
+        while part := file.read(HASHED_BYTES):
             digest.update(part)
     if digest.hexdigest() != shard.sha256:
         raise _other_checksum(store, shard)
 
 
 def _other_checksum(store: Store, shard: Shard) -> DataError:
-    return _damaged(store, shard, "its checksum is not that of the manifest")
+    return _damage_error(store, shard, "its checksum is not that of the manifest")
 
 
-def _opened(store: Store, shard: Shard) -> Any:
+def _open(store: Store, shard: Shard) -> Any:
     return None if store.local else store.open(shard.file)
 
 
@@ -613,10 +616,10 @@ def _check(store: Store, header: SceneFile, labels: Sequence[str], shard: Shard,
     )
     for what, has, wanted in facts:
         if has != wanted:
-            raise _damaged(store, shard, f"{what} of the manifest")
+            raise _damage_error(store, shard, f"{what} of the manifest")
 
 
-def _damaged(store: Store, shard: Shard, reason: str) -> DataError:
+def _damage_error(store: Store, shard: Shard, reason: str) -> DataError:
     return DataError(DAMAGED_SHARD(file=shard.file, location=store.location, reason=reason))
 
 

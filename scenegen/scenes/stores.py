@@ -22,12 +22,12 @@ from typing import Any, TypeVar
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import CANNOT_READ, CANNOT_WRITE, UNKNOWN_STORE
 from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.scenes.files import FULL, FlushingWriter, Parts, Sink, below, inside, sync_folder, whole_file
+from scenegen.scenes.files import DISK_FULL, FlushingWriter, Parts, Sink, below, inside, sync_folder, whole_file
 from scenegen.scenes.locations import is_url
 
 T = TypeVar("T")
 
-PATIENCE = 60.0  # seconds for which a store that fails is asked again
+RETRY_SECONDS = 60.0  # seconds for which a store that fails is asked again
 FIRST_WAIT, LONGEST_WAIT = 0.25, 8.0  # seconds between tries, doubled each time
 # Of the answers of object stores, those that another try cannot change. pyarrow has no types for them.
 _FINAL = re.compile(r"ACCESS_DENIED|NO_SUCH_BUCKET|INVALID_ACCESS_KEY|SIGNATURE_DOES_NOT|NoSuchBucket|AccessDenied")
@@ -113,13 +113,12 @@ class Store:
     system: Any  # a pyarrow.fs.FileSystem; None for a disk
     root: str  # the folder in the file system, without a slash at its end
     local: bool
-    patience: float = PATIENCE  # seconds for which an object store that fails is asked again
+    patience: float = RETRY_SECONDS  # seconds for which an object store that fails is asked again
     tell: Tell | None = field(default=None, compare=False)  # called with failures that are tried again
 
-    def told_to(self, tell: Tell | None, *, patience: float | None = None) -> Store:
-        """The same store with another listener, and another patience if one is given. One that is sent to other
-        processes has none."""
-        return replace(self, tell=tell, patience=self.patience if patience is None else patience)
+    def with_progress(self, tell: Tell | None) -> Store:
+        """The same store with another listener. One that is sent to other processes has none."""
+        return replace(self, tell=tell)
 
     def read(self, name: str) -> bytes:
         """The bytes of a file. Raises DataError."""
@@ -196,19 +195,6 @@ class Store:
         start = len(self.root) + 1
         return {one.path[start:]: one.size for one in found if one.type == fs.FileType.File}
 
-    def changed(self, name: str) -> float:
-        """When a file was last written, in seconds since 1970 by the store's clock; 0 if it is not there. Raises
-        DataError."""
-
-        def work() -> float:
-            if self.local:
-                path = Path(self.path(name))
-                return path.stat().st_mtime if path.exists() else 0.0
-            found = self.system.get_file_info(self.path(name))
-            return 0.0 if found.mtime_ns is None else found.mtime_ns / 1e9
-
-        return self._reading(name, work)
-
     def delete(self, *names: str) -> None:
         """Remove files; those that are not there are left alone. Raises OutputError."""
         for name in names:
@@ -277,7 +263,7 @@ class Store:
             raise self._not_written(name, error, **facts) from error
 
     def _not_written(self, name: str, error: Exception, **facts: float) -> OutputError:
-        full = isinstance(error, OSError) and error.errno in FULL
+        full = isinstance(error, OSError) and error.errno in DISK_FULL
         known = ((full, "make room"), (not self.local and not final(error), "see whether the store is up"))
         remedy = next((words for holds, words in known if holds), "see whether you may write there")
         return OutputError(
@@ -362,11 +348,11 @@ def store_at(location: str, tell: Tell | None = None) -> Store:
     try:
         system, root = fs.FileSystem.from_uri(location)
     except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise DataError(UNKNOWN_STORE(location=shown(location), reason=reason_of(error))) from error
+        raise DataError(UNKNOWN_STORE(location=without_secrets(location), reason=reason_of(error))) from error
     local = isinstance(system, fs.LocalFileSystem)
-    return Store(shown(location), system, root.rstrip("/"), local, tell=tell)
+    return Store(without_secrets(location), system, root.rstrip("/"), local, tell=tell)
 
 
-def shown(location: str) -> str:
+def without_secrets(location: str) -> str:
     """A URL without user names, passwords and keys, for messages and files."""
     return re.sub(r"\?.*$", "", re.sub(r"//[^/@]*@", "//", location))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from scenegen.arrays import Array
-from scenegen.scenes.blocks import joined
+from scenegen.scenes.blocks import join_blocks
 from scenegen.worlds.export.world import World, with_record, worlds_of
 from scenegen.worlds.exporting import CONTRACT, MESHES_FOLDER
 
@@ -96,7 +96,7 @@ def _worlds() -> Iterator[World]:
 
     for text in SPECS:
         scenes = sample(parse(text), n=SCENES_EACH, seed=0, workers=1)
-        whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
+        whole = join_blocks(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
         for bare in worlds_of(scenes.header, whole):
             yield replace(with_record(bare, scenes.header, whole, tuple(scenes.phi)))
 

@@ -28,11 +28,11 @@ from scenegen.errors.files import NO_FORMAT, WRONG_ENDING
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.looks.look import LOOKS_FILE
 from scenegen.needs import load_plugin, need, plugins
-from scenegen.scenes.blocks import Block, joined
+from scenegen.scenes.blocks import Block, join_blocks
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import check_writable, ending_of, scene_name, whole_files
 from scenegen.scenes.formats import registry as table
-from scenegen.scenes.formats.registry import ENDINGS, FORMATS, check_out, is_one_file
+from scenegen.scenes.formats.registry import FORMAT_OF_ENDING, FORMATS, check_out, is_one_file
 from scenegen.things.outline import Floats
 from scenegen.worlds.export.world import TEXTURES, Own, with_record, worlds_of
 
@@ -70,7 +70,7 @@ def exporter(to: str) -> Any:
 
 def own_ending(to: str) -> str | None:
     """The ending of one file with all scenes in a format of another package; None for formats of our own, which
-    `ENDINGS` has."""
+    `FORMAT_OF_ENDING` has."""
     if not is_world(to) or to in EXPORTS:
         return None
     ending: str = exporter(to).ENDING
@@ -145,8 +145,8 @@ def export_format(to: str | None, out: Path) -> str:
     """The format that is asked for, by its name or else by the ending of `out`. Raises RequestError."""
     if to is None:
         ending = ending_of(out)
-        if ending in ENDINGS:
-            return ENDINGS[ending]
+        if ending in FORMAT_OF_ENDING:
+            return FORMAT_OF_ENDING[ending]
         if ending in FORMATS:
             return ending.removeprefix(".")
         known = (*KNOWN, *plugins(EXPORTERS, WHAT, KNOWN))
@@ -209,7 +209,7 @@ def export(
         from scenegen.worlds.export.looks import dressing_of
 
         given = None if looks is None else dressing_of(scenes.file(), looks, seed)
-        whole = joined(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
+        whole = join_blocks(list(scenes.blocks()), scenes.header.coordinates, len(scenes.phi))
         return write_worlds(out, to, scenes.header, whole, tuple(scenes.phi), meshes, given, scenes.rest)
     scenes.refuse_rest(to)
     if to == PLANNERS:

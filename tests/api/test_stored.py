@@ -81,16 +81,16 @@ def test_readers_share_the_scenes(even, stored, whole):
     """Each scene goes to one reader; another epoch is another order, the same epoch the same."""
     readers = 5
     batches = stored.batches(4096, seed=3, even=even)
-    found = [[phi[:, 0] for _, phi in batches.of(reader, readers, 1)] for reader in range(readers)]
-    assert [len(parts) for parts in found] == [len(batches.of(reader, readers, 1)) for reader in range(readers)]
+    found = [[phi[:, 0] for _, phi in batches.for_reader(reader, readers, 1)] for reader in range(readers)]
+    assert [len(parts) for parts in found] == [len(batches.for_reader(reader, readers, 1)) for reader in range(readers)]
     counts = [sum(map(len, parts)) for parts in found]
     assert max(counts) - min(counts) <= (0 if even else 1)
     seen = np.concatenate([part for parts in found for part in parts])
     assert len(seen) == COUNT - (COUNT % readers if even else 0)
     assert np.isin(seen, whole.phi["task"]).all() and len(np.unique(seen)) == len(seen)
-    again = np.concatenate([phi[:, 0] for _, phi in batches.of(0, readers, 1)])
+    again = np.concatenate([phi[:, 0] for _, phi in batches.for_reader(0, readers, 1)])
     np.testing.assert_array_equal(again, np.concatenate(found[0]))
-    other = np.concatenate([phi[:, 0] for _, phi in batches.of(0, readers, 2)])
+    other = np.concatenate([phi[:, 0] for _, phi in batches.for_reader(0, readers, 2)])
     assert not np.array_equal(other, again)
     # neighbours in the file are not neighbours in the stream: ranks of consecutive scenes are far apart
     order = {value: place for place, value in enumerate(whole.phi["task"].tolist())}

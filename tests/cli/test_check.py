@@ -117,7 +117,7 @@ def test_a_requirement_that_no_scene_meets_is_told_once(scenegen, here):
 def test_it_says_where_the_search_ended(scenegen, here, monkeypatch):
     (here / "hopeless.spec").write_text("task: closeTo(mug, plate, 5 cm) & x(mug) >= x(plate) + 0.1\n")
     assert scenegen("check", "hopeless.spec").status == 1
-    monkeypatch.setattr("scenegen.cli.check.LOOKED", -1e9)
+    monkeypatch.setattr("scenegen.cli.check.LOOK_SECONDS", -1e9)
     outcome = scenegen("check", "hopeless.spec")
     assert outcome.status == 0 and outcome.err.startswith("note[not-looked-at]: ")
     assert "rough: a quick look found no scene with phi >= 0" in outcome.out

@@ -12,7 +12,7 @@ import sys
 
 import pytest
 
-from scenegen.cli.app import ALONE, COMMANDS, run
+from scenegen.cli.app import COMMANDS, WITHOUT_ARGUMENTS, run
 from scenegen.pictures.scenes import FIGURES
 
 
@@ -39,7 +39,7 @@ def test_examples_fit_a_narrow_terminal(command, scenegen, monkeypatch):
     assert examples and set(examples) <= {line.rstrip() for line in narrow.splitlines()}
 
 
-@pytest.mark.parametrize("command", ["", *(one for one in COMMANDS if one not in ALONE)])
+@pytest.mark.parametrize("command", ["", *(one for one in COMMANDS if one not in WITHOUT_ARGUMENTS)])
 def test_a_bare_command_shows_its_help_to_people_not_to_pipes(command, scenegen):
     outcome = scenegen(*command.split())
     assert (outcome.status, outcome.out) == (2, "")

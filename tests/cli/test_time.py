@@ -69,7 +69,7 @@ def test_motions_that_begin_settled(scenegen, here):
     assert (here / "x.jsonl").read_bytes() == (here / "y.jsonl").read_bytes()
     assert found.poses.tobytes() == package.read_motions(f"{here}/z/").poses.tobytes()
     assert found.header.sampler["settled"]
-    spec = package.load(here / "pass.spec").declared
+    spec = package.load(here / "pass.spec").definition
     assert settle_scenes(spec.shapes, found.poses[:, 0], fixed=tuple(spec.fixed), workers=1).stays.all()
 
 

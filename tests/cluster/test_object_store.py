@@ -112,9 +112,6 @@ def test_killed_and_gone_on_with(s3, plain):
     url = f"{s3}/killed/"
     run = subprocess.Popen([sys.executable, "-m", "scenegen", *map(str, sample(url, "-q"))])
     until(lambda: shards(url) >= 1)
-    run.send_signal(signal.SIGSTOP)  # else it may be done before the second one has looked
-    second = scenegen_(*sample(url, "--resume"), check=False)
-    assert second.returncode == 1 and f"another run is writing s3://sets/killed/: process {run.pid}" in second.stderr
     run.send_signal(signal.SIGKILL)
     run.wait()
     assert 1 <= shards(url) < 4

@@ -43,8 +43,8 @@ def codes_of_spec(text):
         spec = scenegen.load(path)
     except ScenegenError as error:
         return [one.code for one in error.diagnostics]
-    found = [one.problem for one in doubts(spec.declared) if one.problem is not None] if spec.horizon is None else []
-    return [one.code for one in (*spec.warnings, *found, *idle(spec.declared))]
+    found = [one.problem for one in doubts(spec.definition) if one.problem is not None] if spec.horizon is None else []
+    return [one.code for one in (*spec.warnings, *found, *idle(spec.definition))]
 
 
 def codes_of_shell(lines, run, capfd):

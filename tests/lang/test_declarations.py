@@ -234,19 +234,19 @@ def parsed(kind=TWO, more="", task=TASK):
 
 def test_each_member_has_one_asset_and_the_spec_has_all():
     spec = parsed(THREE_CATEGORIES)
-    checked = spec.declared
+    checked = spec.definition
     assert spec.objects == ("mug:red", "plate", "mug:blue", "mug:green")
     assert spec.assets == {"mug": ("red", "blue", "green")} and spec.counts == {"mug": (1, 3)}
     assert [one.objects for one in checked.members] == [(f"mug:{name}", "plate") for name in ("red", "blue", "green")]
     assert [one.shapes[0].height for one in checked.members] == [0.2, 0.1, 0.1]
     assert list(map(written, combinations(checked.counts))) == ["mug:red", "mug:blue", "mug:green"]
     again = scenegen.parse(spec.source)
-    assert again.source == spec.source and again.declared.shapes == checked.shapes
+    assert again.source == spec.source and again.definition.shapes == checked.shapes
 
 
 def test_elements_of_an_array_are_drawn_by_themselves_and_beside_numbers():
     text = f"object cup[2] of {TWO}, block[1..3], plate\ntask: forall c in cup: leftOf(c, block[1])"
-    checked = scenegen.parse(text).declared
+    checked = scenegen.parse(text).definition
     assert len(checked.members) == 12 and checked.members[0].objects[:2] == ("cup[1]:red", "cup[2]:red")
     some = members_of(checked)
     for number, (member, rows) in enumerate(zip(some.specs, some.rows, strict=True)):
@@ -448,7 +448,7 @@ def test_a_number_is_fixed_and_the_others_are_drawn():
     spec = scenegen.parse("# Blocks\n" + FAMILY)
     some = spec.with_counts({"block": 3})
     assert some.counts == {"cup": (1, 2)} and "block[3], cup[1..2]" in some.source
-    assert some.declared.title == "Blocks"
+    assert some.definition.title == "Blocks"
     assert not some.with_counts({"cup": 1}).counts and spec.with_counts({}) is spec
     for counts, code in (
         ({"blok": 3}, "wrong-count"), ({"block": 5}, "wrong-count"), ({"mug": 1}, "wrong-count"),

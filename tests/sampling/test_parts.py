@@ -427,7 +427,7 @@ def test_absent_objects_have_no_pose_and_phi_is_that_of_the_rest(spec, drawn_num
     assert (
         drawn_numbered.present.sum(axis=1) == drawn_numbered.counts["block"] + drawn_numbered.counts["cup"] + 1
     ).all()
-    assert (evaluate(spec.drawn, drawn_numbered)["task"] == drawn_numbered.phi["task"]).all()
+    assert (evaluate(spec.require_scenes(), drawn_numbered)["task"] == drawn_numbered.phi["task"]).all()
     assert ((drawn_numbered.phi["task"] >= 0.0) & (drawn_numbered.phi["task"] <= 0.2)).all()
     scene = drawn_numbered[0]
     assert set(scene.poses) == {
@@ -545,7 +545,8 @@ def test_surfaces_are_chosen_of_those_that_are_there(tmp_path):
         assert np.array_equal(again.on, found.on, equal_nan=True)
         assert np.array_equal(again.poses, found.poses, equal_nan=True)
     assert (
-        evaluate(scenegen.parse(text + "task: leftOf(mug, can[1])").drawn, again)["task"] == found.phi["task"]
+        evaluate(scenegen.parse(text + "task: leftOf(mug, can[1])").require_scenes(), again)["task"]
+        == found.phi["task"]
     ).all()
 
 
@@ -559,6 +560,6 @@ def test_the_mixture_of_tails_is_the_mean():
 
 
 def test_a_run_that_is_cut_short_does_not_speak_of_equal_shares(spec):
-    plan = plan_for(spec.declared, SampleRequest(n=10), Budget(30.0))
+    plan = plan_for(spec.definition, SampleRequest(n=10), Budget(30.0))
     assert all(one["share"] == 1 / 6 for one in plan.account(Tally(10, 10, 6, 60)).info["numbers"])
     assert not any("share" in one for one in plan.account(Tally(0, 7, 4, 7)).info["numbers"])

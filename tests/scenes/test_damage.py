@@ -120,7 +120,7 @@ def bomb(scenes, tmp_path):
 
     def make(rows, **options):
         names = [f"{one}.{axis}" for one in scenes.objects for axis in ("x", "y", "theta")] + ["phi.task"]
-        metadata = {parquet.KEY: dump_header(scenes.header).encode()}
+        metadata = {parquet.METADATA_KEY: dump_header(scenes.header).encode()}
         schema = pa.schema([pa.field(name, pa.float64(), nullable=False) for name in names], metadata=metadata)
         column = pa.array(np.full(rows, 0.5))
         path = tmp_path / f"bomb{rows}.parquet"
@@ -134,7 +134,7 @@ def bomb(scenes, tmp_path):
 def test_more_scenes_than_go_into_memory(bomb, scenes, tmp_path, monkeypatch):
     path = bomb(20_000)
     assert path.stat().st_size < 10_000
-    monkeypatch.setattr(blocks, "MOST", 7 * 12_000)
+    monkeypatch.setattr(blocks, "MAX_NUMBERS", 7 * 12_000)
     said = r"holds 20,000 scenes of 2 objects: too many for memory(.|\n)*at most 12,000 of them"
     with pytest.raises(DataError, match=said):
         read_scenes(path)
@@ -161,12 +161,12 @@ def test_parts_are_those_of_the_whole(ending, scenes, tmp_path):
 
 def test_row_groups_that_are_too_large(bomb, monkeypatch):
     path = bomb(20_000, use_dictionary=False, compression="zstd")
-    monkeypatch.setattr(parquet, "MOST", 7 * 12_000)
+    monkeypatch.setattr(parquet, "MAX_NUMBERS", 7 * 12_000)
     with pytest.raises(
         DataError, match=r"row group of .* holds 20,000 scenes; the limit is 12,000(.|\n)*scenegen export"
     ):
         parquet.group_sizes(path)
-    monkeypatch.setattr(parquet, "LARGEST", 1_000_000)
+    monkeypatch.setattr(parquet, "MAX_GROUP_BYTES", 1_000_000)
     with pytest.raises(DataError, match=r"bytes; the limit is 1,000,000(.|\n)*row groups of 65,536 scenes"):
         opened(path)
 
@@ -188,10 +188,10 @@ def test_a_bomb_is_read_in_little_memory(bomb, tmp_path):
 
 def test_a_json_file_that_is_too_long(scenes, tmp_path, monkeypatch):
     path = scenes.save(tmp_path / "x.json")
-    monkeypatch.setattr(scenes_json, "MOST_BYTES", path.stat().st_size - 1)
+    monkeypatch.setattr(scenes_json, "MAX_JSON_BYTES", path.stat().st_size - 1)
     with pytest.raises(DataError, match=r"bytes are too many(.|\n)*read part by part"):
         read_scenes(path)
-    monkeypatch.setattr(scenes_json, "MOST_BYTES", path.stat().st_size - 200)
+    monkeypatch.setattr(scenes_json, "MAX_JSON_BYTES", path.stat().st_size - 200)
     with pytest.raises(OutputError, match=r"do not fit into a .json file"):
         scenes.save(tmp_path / "y.json")
     assert [one.name for one in tmp_path.iterdir()] == ["x.json"]
@@ -206,7 +206,7 @@ def test_what_sample_writes_can_be_read(tmp_path):
 def test_a_line_without_end(scenes, tmp_path, monkeypatch):
     path = scenes.save(tmp_path / "x.jsonl")
     longest = max(map(len, path.read_bytes().splitlines()))
-    monkeypatch.setattr(jsonl, "LONGEST", longest + 1)
+    monkeypatch.setattr(jsonl, "MAX_LINE_BYTES", longest + 1)
     assert len(read_scenes(path)) == len(scenes)
     path.write_bytes(path.read_bytes() + b" " * (longest + 2))
     with pytest.raises(DataError, match=f"line {len(scenes) + 2} of .* is longer than {longest + 1:,} bytes"):
@@ -273,12 +273,12 @@ def test_motions_that_fill_the_memory_are_refused(motions, monkeypatch):
     columns = {name: pa.array(np.full(2_000_000, 1.0)) for name in table.column_names}
     pq.write_table(pa.table(columns).replace_schema_metadata(table.schema.metadata), motions)
     assert motions.stat().st_size < 100_000
-    monkeypatch.setattr(parquet, "MOST", 1_000_000)
+    monkeypatch.setattr(parquet, "MAX_NUMBERS", 1_000_000)
     with pytest.raises(DataError, match=r"cannot read .*: [\d,]+ bytes are too many"):
         read_motions(motions)
     with pytest.raises(DataError, match=r"cannot read .*: 16,000,000 bytes are too many"):
         read_table(motions, "a trajectory", NOT_A_TRAJECTORY)
-    monkeypatch.setattr(parquet, "LARGEST", 1_000)
+    monkeypatch.setattr(parquet, "MAX_GROUP_BYTES", 1_000)
     with pytest.raises(DataError, match=r"a row group of .* holds"):
         read_motions(motions)
 

@@ -173,7 +173,7 @@ def test_reading_what_cannot_be_read(tmp_path):
 
 
 def test_a_file_of_several_parts(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "STEP", 5)
+    monkeypatch.setattr(files, "FLUSH_BYTES", 5)
     begun = []
     monkeypatch.setattr(files, "begin_writing", lambda file: begun.append(file.tell()))
     write_whole(tmp_path / "x", b"1234", memoryview(b"567"), b"", b"89")

@@ -26,7 +26,7 @@ from scenegen.api.sample import sample
 from scenegen.api.scenes import evaluate, from_file
 from scenegen.api.spec import parse
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
-from scenegen.scenes.blocks import BLOCK, Block, joined, regrouped
+from scenegen.scenes.blocks import BLOCK, Block, join_blocks, regroup
 from scenegen.scenes.data import Pose, SceneData
 from scenegen.scenes.formats import parquet
 from scenegen.scenes.formats.registry import FORMATS, format_of, write_scenes
@@ -84,16 +84,16 @@ def test_many_blocks_are_one_file(ending, scenes, tmp_path):
     assert (tmp_path / f"one{ending}").read_bytes() == (tmp_path / f"many{ending}").read_bytes()
     blocks = list(read_blocks(tmp_path / f"many{ending}").blocks)
     assert [block.count for block in blocks] == ([BLOCK, 100] if ending != ".json" else [count])
-    assert np.array_equal(joined(blocks, 6, 1).rows, whole.rows)
+    assert np.array_equal(join_blocks(blocks, 6, 1).rows, whole.rows)
 
 
 @given(st.lists(st.integers(0, 30), max_size=12), st.integers(1, 20))
 def test_regrouping(counts, size):
     numbers = iter(range(10**6))
     blocks = [Block(np.array([[float(next(numbers)) for _ in range(n)]]), np.zeros((0, n))) for n in counts]
-    out = list(regrouped(blocks, size))
+    out = list(regroup(blocks, size))
     assert all(block.count == size for block in out[:-1]) and all(0 < block.count <= size for block in out)
-    assert np.array_equal(joined(out, 1, 0).rows, joined(blocks, 1, 0).rows)
+    assert np.array_equal(join_blocks(out, 1, 0).rows, join_blocks(blocks, 1, 0).rows)
 
 
 @pytest.mark.parametrize("ending", FORMATS)

@@ -71,10 +71,10 @@ def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "
         raise RequestError(OUT_OF_RANGE(argument="objects", value=len(spec.objects), wanted=wanted))
     text = spec.source
     _, least = next(iter(spec.members))  # names what is there whatever the number of things
-    scenes = valid_scenes(least.declared)
+    scenes = valid_scenes(least.definition)
     if scenes is None:
-        raise RequestError(REQUIREMENT_NOT_FOUND(file=spec.declared.name))
-    found = findings(Source(spec.declared.name, least.source), scenes)
+        raise RequestError(REQUIREMENT_NOT_FOUND(file=spec.definition.name))
+    found = findings(Source(spec.definition.name, least.source), scenes)
     declared = declarations(text, spec.objects)
     chosen: Any = shape
     return grammar(found, declared if only == "spec" else "", label_names(text, MAX_LABELS_WRITTEN), chosen)

@@ -33,7 +33,7 @@ from scenegen.learn.training.state import Stream, stream
 from scenegen.pose import row_count, rows_of
 from scenegen.sampling.request import Range, parse_phi
 from scenegen.scenes.arrange import as_core, check_scenes, order_of, refuse_numbers
-from scenegen.scenes.blocks import Block, SceneFileReading, counts_in, element, member_of, numbers_in, regrouped
+from scenegen.scenes.blocks import Block, SceneFileReading, counts_in, element, member_of, numbers_in, regroup
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.formats.registry import format_of, read_scenes
 
@@ -171,7 +171,7 @@ class Streamed:
             raise DataError(DATA_CHANGED(path=self.path))
         places = torch.randperm(len(self._starts) - 1, generator=generator).tolist()
         blocks = (self._training(block, at) for block, at in zip(_read(self.path, places), places, strict=True))
-        for window in regrouped(blocks, size):
+        for window in regroup(blocks, size):
             yield torch.from_numpy(window.rows).to(torch.float32)
 
     def _training(self, block: Block, group: int) -> Block:

@@ -34,7 +34,7 @@ from scenegen.learn.training.state import (
 from scenegen.processes.pool import one_thread
 from scenegen.processes.process import stop_signals
 from scenegen.resources import __version__
-from scenegen.scenes.files import check_folder, check_writable, reported
+from scenegen.scenes.files import check_folder, check_writable, report_write_errors
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
@@ -66,7 +66,7 @@ def event_log(folder: Path) -> Iterator[Callable[[EpochReport], None]]:
     if importlib.util.find_spec("tensorboard") is None:  # told before the work starts
         command = 'pip install "scenegen[tensorboard]"'
         raise RequestError(NOT_INSTALLED(package="tensorboard", purpose="for event files", command=command))
-    with reported(folder):
+    with report_write_errors(folder):
         made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(folder)
@@ -74,7 +74,7 @@ def event_log(folder: Path) -> Iterator[Callable[[EpochReport], None]]:
 
     def write(report: EpochReport) -> None:
         nonlocal writer
-        with reported(folder):
+        with report_write_errors(folder):
             if writer is None:
                 from torch.utils.tensorboard import SummaryWriter
 

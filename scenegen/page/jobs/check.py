@@ -91,7 +91,7 @@ def _unbounded_problems(page: Page, spec: Spec) -> list[dict[str, Any]]:
 
     assert spec.over_time is not None
     found = []
-    for name in unbounded(spec.over_time, *spec.declared.box()):
+    for name in unbounded(spec.over_time, *spec.definition.box()):
         told = NO_BOUND_ON_STEPS(name=name)
         places = [one for one in page.document.index.declarations if one.name == name.partition("[")[0]]
         start, end = (places[0].start, places[0].end) if places else (0, 0)

@@ -22,7 +22,7 @@ from scenegen.looks.stage import TALLEST, TALLEST_DECLARED, WOOD, PictureObject,
 from scenegen.page.jobs import evaluate, motions
 from scenegen.page.jobs.source import header_of, stage_of_spec
 from scenegen.page.limits import most_scenes
-from scenegen.scenes.data import RAISED, ObjectData, SceneFile, carried_first
+from scenegen.scenes.data import VERSION_WITH_HEIGHTS, ObjectData, SceneFile, carried_first
 from scenegen.things import Shape
 from scenegen.things.bodies import parts_of
 from scenegen.things.mesh import shade_mesh
@@ -31,7 +31,7 @@ from scenegen.things.palette import mix
 
 def describe(spec: Spec) -> dict[str, Any]:
     """Objects, regions and labels of a spec, and its formulas as trees."""
-    checked = spec.declared
+    checked = spec.definition
     header = header_of(spec)
     stage = stage_of_spec(spec)
     bounds = spec.bounds()
@@ -119,7 +119,7 @@ def _tall(header: SceneFile, stage: PictureSetup) -> float:
         known[which] = max(one.rise + (known[place[one.carrier]] if one.carrier else 0.0) for one in support.any)
     tops = [base + thing.shape.height for base, thing in zip(known.tolist(), stage.things, strict=True)]
     boards = [patch.height for patch in stage.patches]
-    raised = header.version == RAISED or any(boards)
+    raised = header.version == VERSION_WITH_HEIGHTS or any(boards)
     return min(max([*tops, *boards], default=0.0), (TALLEST_DECLARED if raised else TALLEST) * stage.side)
 
 

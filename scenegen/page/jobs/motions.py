@@ -117,7 +117,7 @@ def motion_set(spec: Spec, motions: Array, sampler: Mapping[str, Any], request: 
     horizon = timed_of(spec).horizon
     ranges = {name: (one.low, one.high) for name, one in request.phi.items()}
     asked = MotionRequestData(phi=ranges, n=request.n)
-    header = motion_header(spec.declared, sampler, asked, TimeData(steps=horizon.steps, dt=horizon.dt))
+    header = motion_header(spec.definition, sampler, asked, TimeData(steps=horizon.steps, dt=horizon.dt))
     phi = {name: np.array(values) for name, values in phi_json(spec, motions)["phi"].items()}
     return MotionSet(motions, phi, facts_of(motions), header)
 
@@ -311,4 +311,4 @@ def check_size(spec: Spec, count: int) -> None:
 @lru_cache(maxsize=2)
 def trees_of(spec: Spec) -> TimedTrees:
     """The formulas of a spec over time."""
-    return TimedTrees(timed_of(spec), *spec.declared.box())
+    return TimedTrees(timed_of(spec), *spec.definition.box())

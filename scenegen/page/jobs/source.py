@@ -116,7 +116,7 @@ def refusal(error: ScenegenError, root: str | None = None) -> dict[str, Any]:
 @lru_cache(maxsize=2)
 def header_of(spec: Spec) -> SceneFile:
     """A scene file of a spec without any scene."""
-    return make_header(spec.declared, {}, RequestData(phi={}, n=1, spread="flat"))
+    return make_header(spec.definition, {}, RequestData(phi={}, n=1, spread="flat"))
 
 
 @lru_cache(maxsize=2)

@@ -47,7 +47,7 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     """
     if not len(scenes):
         raise RequestError(NO_SCENES())
-    spec = check_text(scenes.header.spec.source, "the spec of these scenes")
+    spec = scenes.header.spec.checked_spec
     chosen = chosen_label(spec.labels, label)
     if scenes.header.counts:
         spec, scenes = _hardest_numbers(spec, scenes, chosen)

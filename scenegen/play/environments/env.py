@@ -310,7 +310,7 @@ def _pictures(
         return None
     if not begun:
         raise refused(NO_EPISODE(state="there is nothing to draw yet", remedy="call reset()"), error.ResetNeeded)
-    return tuple(easel.draw(episodes.starts.spec.declared, row) for row in episodes.rows.T)
+    return tuple(easel.draw(episodes.starts.spec.definition, row) for row in episodes.rows.T)
 
 
 # --------------------------------------------------------------------------------------------------------------------

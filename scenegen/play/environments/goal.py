@@ -136,8 +136,8 @@ def make_goal(spec: Spec, goal: str | Sequence[str] | None) -> Goal:
     wanted = wanted_labels(spec, goal)
     if len(wanted) == 1:
         return Goal(spec, spec.labels, spec.labels.index(wanted[0]), len(spec.labels), wanted)
-    aimed = _aimed(spec.drawn, wanted)
-    members = tuple(_aimed(one, wanted) for one in spec.drawn.members)
+    aimed = _aimed(spec.require_scenes(), wanted)
+    members = tuple(_aimed(one, wanted) for one in spec.require_scenes().members)
     labels = aimed.labels
     return Goal(Spec(dataclasses.replace(aimed, members=members)), labels, len(labels) - 1, len(spec.labels), wanted)
 
@@ -157,7 +157,7 @@ class Scorer:
     """
 
     def __init__(self, target: Goal) -> None:
-        self._members = members_of(target.spec.drawn)
+        self._members = members_of(target.spec.require_scenes())
         self._cores: tuple[Core, ...] = tuple(gated(one.core) for one in self._members.specs)
         self.requires = any(one.core.requirement is not None for one in self._members.specs)
 

@@ -89,7 +89,7 @@ class Sampler:
                 raise
             slow = DRAW_TOO_SLOW(first.span, problem=first.title, note=first.note, seconds=patience)
             raise RequestError(slow) from problem
-        spec = (self._from.spec if isinstance(self._from, Model) else self._from).drawn
+        spec = (self._from.spec if isinstance(self._from, Model) else self._from).require_scenes()
         rows = _stored(spec, found)[0] if spec.choices else found.poses.reshape(len(found), -1).T
         return Scenes(rows.T, np.stack(list(found.phi.values()), axis=1))
 
@@ -98,7 +98,7 @@ def stock(target: Goal, scenes: SceneSet) -> Scenes:
     """The scenes of a file, scored by the spec. Raises DataError for scenes that are not of it."""
     if not len(scenes):
         raise DataError(NO_SCENES())
-    rows, parts = _stored(target.spec.drawn, scenes)
+    rows, parts = _stored(target.spec.require_scenes(), scenes)
     for part in parts:
         check_scenes(part.spec, part.rows)
     return Scenes(np.ascontiguousarray(rows.T), Scorer(target)(rows)[: len(target.names)].T.copy())
@@ -134,7 +134,7 @@ def open_source(target: Goal, spec: Spec, source: Any) -> Sampler | Scenes:
     if isinstance(source, SceneSet):
         return stock(target, source)
     if isinstance(source, Model):
-        if source.spec.drawn.sha256 != spec.drawn.sha256:
+        if source.spec.require_scenes().sha256 != spec.require_scenes().sha256:
             raise refused(MODEL_OF_ANOTHER_SPEC(model=source.name))
         return Sampler(target, source)
     raise AssertionError(source)  # see check_source
@@ -319,7 +319,7 @@ def make_library(target: Goal, source: Sampler | Scenes) -> Library:
     if least >= 0.0:
         raise refused(NO_UNMET_GOAL(**reach, always=True))
     name = target.names[goal]
-    if any(one.proved and one.label == name for one in doubts(target.spec.drawn)):
+    if any(one.proved and one.label == name for one in doubts(target.spec.require_scenes())):
         raise refused(NO_UNMET_GOAL(label=name))
     # which phi is hard depends on the spec, not on the source of the scenes
     pilot = Sampler(target).draw({name: Range(None, BELOW)}, PILOT, 0, "base")
@@ -340,7 +340,7 @@ def open_library(target: Goal, spec: Spec, source: Any) -> Library:
         source = Path(os.path.realpath(as_path("source", source)))
         with contextlib.suppress(OSError):
             stamp = source.stat().st_mtime_ns
-    checked = spec.drawn
+    checked = spec.require_scenes()
     key = (checked.sha256, checked.shapes, target.wanted, source, stamp)
     if key in _KEPT:
         _KEPT.move_to_end(key)

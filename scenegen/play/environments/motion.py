@@ -160,7 +160,7 @@ class MotionStarts:
         ranges."""
         self.spec, self.given, self._problem = spec, _given(source), problem
         what = repr(spec.over_time).encode()  # its meaning: texts that import others may be alike
-        box = b"".join(end.tobytes() for end in spec.declared.box())
+        box = b"".join(end.tobytes() for end in spec.definition.box())
         self._key = hashlib.blake2b(what + box).digest()
         self.phi = np.empty((0, len(spec.labels))) if self.given is None else self._scored(self.given)
         self._goal = [spec.labels.index(name) for name in goal]
@@ -271,7 +271,7 @@ class MotionStarts:
                 reason = f"`{self._problem.names[thing]}` is outside of its limits"
                 raise refused(NOT_A_FIRST_SCENE(reason=reason))
         assert self.spec.over_time is not None
-        watch = BatchMonitor(self.spec.over_time, *self.spec.declared.box(), True, 1)
+        watch = BatchMonitor(self.spec.over_time, *self.spec.definition.box(), True, 1)
         watch.add(poses.reshape(-1, 1))
         if not watch.possible[0]:
             raise refused(NOT_A_FIRST_SCENE(reason="it violates what the spec requires"))
@@ -353,9 +353,9 @@ def make_motion_rules(scenes: Spec, goal: tuple[str, ...], moves: str, share: fl
     assert timed is not None
     with as_gymnasium():
         refuse_choices(scenes, "a motion")
-        problem = make_motion_problem(scenes.declared, SampleRequest({}, 1))
+        problem = make_motion_problem(scenes.definition, SampleRequest({}, 1))
     made = MotionMoves(problem, moves, share)
-    views = make_views(scenes.declared)
+    views = make_views(scenes.definition)
     over_time = [k for k, node in enumerate(timed.nodes) if not isinstance(node, Signal)]
     nodes = tuple(sorted({*over_time, *timed.labels.values()}))
     named = {node: name for name, node in timed.labels.items()}
@@ -374,7 +374,7 @@ class MotionEpisodes(Episodes[MotionRules, MotionStarts]):
     def __init__(self, rules: MotionRules, starts: MotionStarts, tables: int = 1) -> None:
         self.names = self.labels = starts.spec.labels
         super().__init__(rules, starts, tables)
-        timed, (low, high) = rules.timed, starts.spec.declared.box()
+        timed, (low, high) = rules.timed, starts.spec.definition.box()
         self._watches = BatchMonitor(timed, low, high, True, tables)
         self._poses = np.zeros((timed.horizon.moments, len(low), tables))  # from the last moment seen on the same
         self._paid = np.zeros(tables)
@@ -509,7 +509,7 @@ class MotionTable(TableEnv):
         one_of("reward", reward, REWARDS)
         scenes = load_spec(spec)
         if scenes.over_time is None:
-            raise refused(NOT_OVER_TIME(file=scenes.declared.name), more=f"for scenes make {ID}")
+            raise refused(NOT_OVER_TIME(file=scenes.definition.name), more=f"for scenes make {ID}")
         self.goal = wanted_labels(scenes, goal)
         self.rules = rules = make_motion_rules(scenes, self.goal, moves, share, reward)
         self.names = rules.names

@@ -172,7 +172,7 @@ def read_scene(spec: Spec, scene: object) -> Array:
             name for name, pose in zip(spec.objects, array, strict=True) if not (spec.counts and np.isnan(pose).all())
         ]
         poses = {name: array[spec.objects.index(name)] for name in here}
-    checked = _member(spec.drawn, poses)
+    checked = _member(spec.require_scenes(), poses)
     missing = [name for name in checked.objects if name not in poses]
     extra = [str(name) for name in poses if name not in checked.objects]
     if missing or extra:
@@ -188,8 +188,8 @@ def read_scene(spec: Spec, scene: object) -> Array:
     rows = np.concatenate([rows, *(_switch(checked, which, poses) for which in checked.choices)])
     with as_gymnasium():
         check_scenes(checked, rows[:, None])
-    whole = np.full(row_count(len(spec.drawn.core.objects)), np.nan)
-    whole[rows_among(spec.drawn, checked)] = rows
+    whole = np.full(row_count(len(spec.require_scenes().core.objects)), np.nan)
+    whole[rows_among(spec.require_scenes(), checked)] = rows
     return whole
 
 

@@ -130,20 +130,20 @@ def make_rules(
 ) -> Rules:
     """See TableTop for the arguments. Raises gymnasium.error.Error for invalid ones."""
     if spec.over_time is not None:
-        raise refused(TIME_NOT_HERE(file=spec.declared.name), more=f"to learn motions make {MOTION_ID}")
+        raise refused(TIME_NOT_HERE(file=spec.definition.name), more=f"to learn motions make {MOTION_ID}")
     target = make_goal(spec, goal)
-    if spec.drawn.choices:
+    if spec.require_scenes().choices:
         _refuse_surfaces(target)
-    made, length = make_moves(spec.drawn, moves, move, step, turn)
+    made, length = make_moves(spec.require_scenes(), moves, move, step, turn)
     changed = np.unique(made.rows)
     if move is not None:
         _refuse_idle(target, move, changed)
     angles = np.array([is_angle(row) for row in changed], dtype=bool)
     flat, turning = changed[~angles], changed[angles]
-    low, high = (ends[flat][:, None] for ends in spec.drawn.box())
+    low, high = (ends[flat][:, None] for ends in spec.require_scenes().box())
     one_of("reward", reward, get_args(RewardKind))
     gain = 1.0 / length if reward == "dense" else 0.0
-    return Rules(target, Scorer(target), made, gain, make_views(spec.drawn), flat, low, high, turning)
+    return Rules(target, Scorer(target), made, gain, make_views(spec.require_scenes()), flat, low, high, turning)
 
 
 LOOK = 512  # scenes that satisfy a goal, and starts, of which surfaces are compared
@@ -157,7 +157,7 @@ def _refuse_surfaces(target: Goal) -> None:
         met, starts = (source.draw({label: ends}, LOOK, 0, "base").poses for ends in (Range(0.0), Range(None, 0.0)))
     except RequestError:
         return  # there is no goal, or no start: the first reset says why
-    spec = target.spec.drawn
+    spec = target.spec.require_scenes()
     good, begun = (np.stack([chosen(one, each.T) for one in spec.choices.values()], axis=1) for each in (met, starts))
     together = set(map(tuple, good.tolist()))
     lost = float(np.mean([tuple(one) not in together for one in begun.tolist()]))
@@ -180,7 +180,7 @@ def _refuse_surfaces(target: Goal) -> None:
 def _refuse_idle(target: Goal, move: object, rows: npt.NDArray[np.intp]) -> None:
     """Raises gymnasium.error.Error where no object that moves has a part in phi of the goal: it would stay what it is
     at the start. Others may move beside those that do: they can be in the way."""
-    spec, label = target.spec.drawn, target.names[target.goal]
+    spec, label = target.spec.require_scenes(), target.names[target.goal]
     cores = [one.core for one in spec.members or (spec,)]
     read = {
         core.objects[node.object] for core in cores for node in part_of(core, (label,)).nodes if isinstance(node, Coord)
@@ -290,7 +290,7 @@ class SceneEpisodes(Episodes[Rules, SceneStarts]):
         target = rules.target
         self.names, self.labels = target.names, target.names[: target.labels]
         super().__init__(rules, starts, tables)
-        shape = row_count(len(starts.spec.drawn.core.objects)), len(self.names)
+        shape = row_count(len(starts.spec.require_scenes().core.objects)), len(self.names)
         self._now = Tables(np.zeros((shape[0], tables)), np.zeros((shape[1], tables)), np.zeros(tables))
 
     def observation_space(self) -> Space[Any]:

@@ -17,7 +17,6 @@ from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC
 from scenegen.errors.requests import OUT_OF_PLACE, WRONG_VALUE
-from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.play.fit import logistic
 from scenegen.play.fit.features import fingerprint, measured
@@ -111,7 +110,7 @@ class Fit(SuiteModel):
 
     def predict(self, scenes: SceneSet) -> Array:
         """The success rate that is predicted at each of n scenes, (n,). Raises RequestError for scenes of others."""
-        spec = check_text(scenes.header.spec.source, "the spec of the scenes")
+        spec = scenes.header.spec.checked_spec
         return self.task_of(spec).predicted(spec, rows_of(spec, scenes))
 
 

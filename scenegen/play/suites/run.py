@@ -43,8 +43,8 @@ from scenegen.play.suites.suite import GradedStart, Suite, SuiteTask
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
 from scenegen.resources import __version__
-from scenegen.scenes.files import check_writable, reported, target, write_whole
-from scenegen.scenes.lease import locked
+from scenegen.scenes.files import check_writable, report_write_errors, target, write_whole
+from scenegen.scenes.lock import lock_file
 from scenegen.validation import as_int, as_path, as_seconds, as_success
 
 SAID = 200  # characters of an error that outcomes keep
@@ -92,7 +92,7 @@ def run_suite(
     )  # fmt: skip
     check_writable(out)
     whole = target(out)
-    with locked(whole.with_name(f".{whole.name[:200]}.lock"), str(out)):
+    with lock_file(whole.with_name(f".{whole.name[:200]}.lock"), str(out)):
         found: list[EpisodeOutcome] = []
         if out.exists() and (before := read_outcomes(out, suite)).episodes:
             if not resume:
@@ -104,7 +104,7 @@ def run_suite(
         todo = deque(start.number for start in sorted(wanted, key=lambda start: suite.tasks.index(start.task)))
         write_whole(out, dump_outcomes(header, found))
         job = Player(suite.folder, suite.reverse, world, policy, instruction == "empty", steps, timeout / 2.0)
-        with reported(out), out.open("ab") as file:
+        with report_write_errors(out), out.open("ab") as file:
             for done, outcome in enumerate(_played(job, suite, todo, check_workers(workers), timeout), 1):
                 file.write(line_of(outcome))
                 file.flush()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from operator import itemgetter, not_
 from pathlib import Path
@@ -20,7 +20,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, 
 from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import rows_of
 from scenegen.api.scenes import SceneSet, compare
-from scenegen.api.spec import Spec, parse
+from scenegen.api.spec import Spec
 from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
@@ -260,7 +260,7 @@ def _task(folder: Path, data: TaskData, n: int) -> SuiteTask:
     if data.success not in scenes.phi or len(scenes) != n * len(data.bands):
         reason = f"it has not {n * len(data.bands)} scenes with the label `{data.success}`"
         raise DataError(NOT_A_SUITE(file=folder / data.scenes, what="that of the suite", reason=reason))
-    spec = parse(scenes.header.spec.source, data.name)
+    spec = Spec(replace(scenes.header.spec.checked_spec, name=data.name))
     return SuiteTask(data.name, spec, data.instruction, data.success, tuple(data.bands), scenes, scenes.poses7())
 
 

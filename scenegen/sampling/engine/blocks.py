@@ -34,7 +34,7 @@ from scenegen.processes.pool import run_pieces
 from scenegen.sampling.plan import Piece, Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.sampling.streams import BLOCK_ORDER_STREAM
-from scenegen.scenes.blocks import BLOCK, Block, joined
+from scenegen.scenes.blocks import BLOCK, Block, join_blocks
 from scenegen.search.effort import StoppedError
 
 Cells = npt.NDArray[np.integer[Any]]
@@ -214,7 +214,7 @@ class BlockAssembler:
         if len(blocks) == 1:
             return blocks[0], indices[0]
         first: Block = blocks[0]
-        return joined(blocks, len(first.rows), len(first.phi)), np.concatenate(indices)
+        return join_blocks(blocks, len(first.rows), len(first.phi)), np.concatenate(indices)
 
 
 def _order(cells: Cell, shift: float) -> Cell:

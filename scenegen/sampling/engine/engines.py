@@ -31,7 +31,7 @@ from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import Cells, Drawing
 from scenegen.sampling.engine.run import jobs
 from scenegen.sampling.plan import Plan
-from scenegen.scenes.blocks import Block, taken
+from scenegen.scenes.blocks import Block, take_columns
 from scenegen.scenes.motions import AnyFile
 from scenegen.scenes.sets import PARQUET, Shard, pack_shard, shard_name
 from scenegen.scenes.stores import Store, Tell
@@ -86,7 +86,9 @@ def choose_scenes(which: Array, parts: Mapping[int, Block]) -> Block:
     start = np.zeros(int(numbers.max(initial=0)) + 1, dtype=np.intp)
     start[numbers] = np.cumsum([0, *(block.count for block in blocks[:-1])])
     place += start[part - first]
-    return Block(taken([block.rows for block in blocks], place), taken([block.phi for block in blocks], place))
+    return Block(
+        take_columns([block.rows for block in blocks], place), take_columns([block.phi for block in blocks], place)
+    )
 
 
 def part_numbers(which: Array) -> tuple[int, Index]:
@@ -280,7 +282,7 @@ class Local(Engine):
 def _write_shard(writing: ShardWriter, number: int, blocks: Iterator[Block]) -> Written:
     """Runs in a thread."""
     said: list[str] = []
-    return replace(writing, store=writing.store.told_to(said.append)).write(number, 0, blocks), said
+    return replace(writing, store=writing.store.with_progress(said.append)).write(number, 0, blocks), said
 
 
 def map_each(

@@ -145,7 +145,7 @@ class Cluster(Engine):
 
     def _send(self, job: object) -> Any:
         if id(job) not in self._jobs:
-            sent = replace(job, store=job.store.told_to(None)) if isinstance(job, ShardWriter) else job
+            sent = replace(job, store=job.store.with_progress(None)) if isinstance(job, ShardWriter) else job
             self._jobs[id(job)] = job, self._ray.put(pack_job(sent))
         return self._jobs[id(job)][1]
 
@@ -310,4 +310,4 @@ def write(
     parts, whole = dict(zip(numbers, scenes, strict=False)), iter(scenes[len(numbers) :])
     blocks = [next(whole) if which is None else choose_scenes(which, parts) for which in picks]
     writing: ShardWriter = _job(sent)
-    return replace(writing, store=writing.store.told_to(said.append))(number, pieces, blocks), said
+    return replace(writing, store=writing.store.with_progress(said.append))(number, pieces, blocks), said

@@ -38,13 +38,13 @@ from scenegen.sampling.engine.engines import BlockPacker, DrawnPiece, Engine, Sc
 from scenegen.sampling.plan import Piece, Plan, Tally
 from scenegen.sampling.request import Progress
 from scenegen.scenes.blocks import BLOCK, Block
-from scenegen.scenes.files import FULL, begin_writing, output_error, put_in_place, sync_folder, target, whole_file
+from scenegen.scenes.files import DISK_FULL, begin_writing, output_error, put_in_place, sync_folder, target, whole_file
 from scenegen.scenes.formats.registry import format_of
-from scenegen.scenes.lease import held
+from scenegen.scenes.lock import acquire
 from scenegen.scenes.motions import AnyFile
 from scenegen.scenes.sets import (
     JOINED,
-    MANIFEST,
+    SET_MANIFEST,
     Manifest,
     begin,
     discard,
@@ -148,7 +148,7 @@ def write_file(
     kind.write(io.BytesIO(), trial, manifest.labels, [])
     with ExitStack() as ending:
         kept = ending.enter_context(_FileInProgress.open(path))
-        ending.enter_context(held(kept.store))
+        ending.enter_context(acquire(kept.store))
         ending.callback(kept.leave)
         ending.callback(engine.close)  # before that: it may be writing
         found = kept.begin(manifest, resume)
@@ -240,19 +240,19 @@ class _FileInProgress:
     @property
     def has_checkpoint(self) -> bool:
         """Whether there is a checkpoint."""
-        return self.run is not None and self.run.manifest.begun
+        return self.run is not None and self.run.manifest.has_begun
 
     def begin(self, manifest: Manifest, resume: bool) -> Manifest:
         """The manifest to go on from, as of `sets.begin`. Raises RequestError, OutputError, and DataError for damage,
         of which all is found now, not when all else is drawn."""
         with _damage_refused(self.store):
             there = self.store.sizes()
-            if MANIFEST in there:
+            if SET_MANIFEST in there:
                 _refuse_older(self.store)
-            odd = sorted(name for name in there if not (is_ours(name) or name == MANIFEST))
+            odd = sorted(name for name in there if not (is_ours(name) or name == SET_MANIFEST))
             if odd:
                 raise OutputError(FOLDER_NOT_EMPTY(folder=self.store.location, odd=odd[0]))
-            if MANIFEST not in there:
+            if SET_MANIFEST not in there:
                 discard(self.store)  # of a run that had just begun, or was about to end
             found = refuse_taken(self.store, resume=True)
         if found is not None and found.complete:
@@ -283,7 +283,7 @@ class _FileInProgress:
             found = output_error(self.path, cause).diagnostics[0]
             if self.has_checkpoint:
                 assert self.run is not None
-                full = cause.errno in FULL or None
+                full = cause.errno in DISK_FULL or None
                 found = found.but(folder=self.store.location, scenes=self.run.manifest.scenes, full=full)
             return OutputError(found)
         assert isinstance(error, OutputError)
@@ -303,7 +303,7 @@ def _refuse_older(store: Store) -> None:
     """Raises RequestError for a folder that an earlier version of scenegen has left."""
     known: Any = None
     with suppress(DataError, ValueError):
-        known = json.loads(store.read(MANIFEST))
+        known = json.loads(store.read(SET_MANIFEST))
     if isinstance(known, dict) and known.get("format") == OLDER_FORMAT:
         scenes = sum(one["scenes"] for one in known.get("shards", ()))
         raise RequestError(UNFINISHED_RUN(folder=store.location, scenes=scenes, older=True))

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from scenegen.errors import DataError, Diagnostic, Source, Span
 from scenegen.errors.files import DAMAGED_SCENES, NOT_JSON, NOT_SCENES, OTHER_OBJECTS
 from scenegen.scenes.blocks import Block, check_counts, objects_of
-from scenegen.scenes.data import FORMAT, RAISED, VERSION, SceneData, SceneFile
+from scenegen.scenes.data import SCENES_FORMAT, SCENES_VERSION, VERSION_WITH_HEIGHTS, SceneData, SceneFile
 
 TAGS = ("pose", "resting")  # pydantic's names of the two kinds of poses, in the place of an error
 HEADING = ("format", "version")  # is checked first
@@ -54,11 +54,11 @@ def parse(data: bytes, name: str) -> tuple[Any, str]:
 
 def scene_file(raw: Any, text: str, name: str) -> SceneFile:
     """The scene file from a JSON value and its text; its scenes are not checked. Raises DataError."""
-    if not isinstance(raw, dict) or raw.get("format") != FORMAT:
+    if not isinstance(raw, dict) or raw.get("format") != SCENES_FORMAT:
         poses = True if not isinstance(raw, dict) or raw.get("format") is None else None
-        raise DataError(NOT_SCENES(file=name, reason=f'its "format" is not "{FORMAT}"', poses=poses))
-    if raw.get("version") not in (VERSION, RAISED):
-        wanted = f"{VERSION} or {RAISED}"
+        raise DataError(NOT_SCENES(file=name, reason=f'its "format" is not "{SCENES_FORMAT}"', poses=poses))
+    if raw.get("version") not in (SCENES_VERSION, VERSION_WITH_HEIGHTS):
+        wanted = f"{SCENES_VERSION} or {VERSION_WITH_HEIGHTS}"
         reason = f"it has version {raw.get('version')!r} of the format"
         raise DataError(NOT_SCENES(file=name, reason=reason, version=wanted))
     try:
@@ -71,7 +71,7 @@ def scene_file(raw: Any, text: str, name: str) -> SceneFile:
     return file
 
 
-def labelled(header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> tuple[SceneFile, Iterator[Block]]:
+def with_labels(header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> tuple[SceneFile, Iterator[Block]]:
     """The header to write before these scenes, and the scenes. Labels are read from the scenes; if there are none, the
     header names them."""
     found = (block for block in blocks if block.count)

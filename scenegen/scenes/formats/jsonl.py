@@ -21,22 +21,22 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.files import BAD_LINE, OTHER_LABELS
 from scenegen.pose import NAMES, row_count, rows_of
-from scenegen.scenes.blocks import BLOCK, Block, SceneFileReading, check_finite, counts_in, member_of, regrouped
+from scenegen.scenes.blocks import BLOCK, Block, SceneFileReading, check_finite, counts_in, member_of, regroup
 from scenegen.scenes.data import SceneData, SceneFile, chosen_surface
-from scenegen.scenes.files import opened
+from scenegen.scenes.files import open_input
 from scenegen.scenes.formats.header import (
     check_objects,
     dump_header,
     first_problem,
-    labelled,
     load_header,
     not_scenes,
     parse,
+    with_labels,
 )
 
 # Numbers that are finite for any digits; others are left to the strict reader.
-_NUMBER = r"(-?(?:0|[1-9][0-9]{0,16})(?:\.[0-9]+)?(?:[eE][+-]?[0-9]{1,2})?)"
-_COORDINATES = attrgetter(*NAMES)
+_NUMBER_PATTERN = r"(-?(?:0|[1-9][0-9]{0,16})(?:\.[0-9]+)?(?:[eE][+-]?[0-9]{1,2})?)"
+_pose_numbers = attrgetter(*NAMES)
 _HOLE = "\0"  # cannot occur in JSON text
 
 
@@ -71,10 +71,10 @@ class SceneLines:
         kinds = [chosen.get(row) for row in order]
         self._order, self._kinds = (order, kinds) if self._names else ([], [])
         self._template = "%r".join(part.replace("%", "%%") for part in parts)
-        self._pattern = re.compile(_NUMBER.join(map(re.escape, parts)))
+        self._pattern = re.compile(_NUMBER_PATTERN.join(map(re.escape, parts)))
         if self._names:
             holes = ["%r" if kind is None else "%s" for kind in kinds]
-            wanted = [_NUMBER if kind is None else f"({'|'.join(map(re.escape, kind))})" for kind in kinds]
+            wanted = [_NUMBER_PATTERN if kind is None else f"({'|'.join(map(re.escape, kind))})" for kind in kinds]
             self._template = "".join(
                 part.replace("%", "%%") + hole for part, hole in zip(parts, [*holes, ""], strict=True)
             )
@@ -82,7 +82,7 @@ class SceneLines:
                 "".join(re.escape(part) + hole for part, hole in zip(parts, [*wanted, ""], strict=True))
             )
 
-    def of(self, block: Block) -> list[str]:
+    def lines_of(self, block: Block) -> list[str]:
         """A line for each scene of a block; floats are written so that they read back bit for bit."""
         check_finite(self._header, block)
         numbers: list[list[float]] = np.concatenate([block.rows, block.phi]).T.tolist()
@@ -119,7 +119,7 @@ def numbers_of(scene: SceneData, header: SceneFile, labels: Sequence[str], name:
     errors. Raises DataError for an object on a surface that the header does not have."""
     absent = (math.nan,) * len(NAMES)
     poses = (scene.poses.get(one.name) for one in header.objects)
-    places = [value for pose in poses for value in (absent if pose is None else _COORDINATES(pose))]
+    places = [value for pose in poses for value in (absent if pose is None else _pose_numbers(pose))]
     on = (
         chosen_surface(name, one, scene.poses[one.name]) if one.name in scene.poses else math.nan
         for one in header.choosers
@@ -140,11 +140,7 @@ def block_of(scenes: Sequence[SceneData], header: SceneFile, labels: Sequence[st
     return block_from(numbers, header.coordinates, len(labels))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Lines of scenes that differ in how many things there are: each as of a file with its objects alone, and `counts`.
-
-
-SOME = 8192  # scenes whose text is in memory at a time
+SCENES_AT_A_TIME = 8192  # scenes whose text is in memory at a time
 
 Index = tuple[int, ...]
 
@@ -159,8 +155,8 @@ def texts(
 ) -> Iterator[bytes]:
     """The lines of some scenes at a time, with something before each, and something between two."""
     lines = lines_of(header, labels)
-    for block in regrouped(blocks, SOME):
-        yield between.join(f"{before}{line}" for line in lines.of(block)).encode()
+    for block in regroup(blocks, SCENES_AT_A_TIME):
+        yield between.join(f"{before}{line}" for line in lines.lines_of(block)).encode()
 
 
 class NumberedLines:
@@ -175,7 +171,7 @@ class NumberedLines:
         )
         self._pattern = re.compile(rf'\{{"counts": \{{{numbers}\}}')
 
-    def of(self, block: Block) -> list[str]:
+    def lines_of(self, block: Block) -> list[str]:
         """A line for each scene of a block; floats are written so that they read back bit for bit."""
         found = counts_in(self._header, block.rows)
         lines = [""] * block.count
@@ -183,7 +179,7 @@ class NumberedLines:
             mine = np.flatnonzero((found == numbers[:, None]).all(axis=0))
             text, rows = self._member(tuple(numbers.tolist()))
             some = Block(block.rows[np.array(rows)[:, None], mine], block.phi[:, mine])
-            for place, line in zip(mine, text.of(some), strict=True):
+            for place, line in zip(mine, text.lines_of(some), strict=True):
                 lines[place] = line
         return lines
 
@@ -226,18 +222,14 @@ class NumberedLines:
         return self._members[counts]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# JSON Lines, written and read block by block.
-
-
-LONGEST = 1 << 26  # bytes of a line: tens of thousands of objects
+MAX_LINE_BYTES = 1 << 26  # bytes of a line: tens of thousands of objects
 
 Lines = Iterator[tuple[int, bytes]]
 
 
 def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
     """The header, then the scenes block by block; floats are written so that they read back bit for bit."""
-    header, blocks = labelled(header, labels, blocks)
+    header, blocks = with_labels(header, labels, blocks)
     sink.write(dump_header(header).encode() + b"\n")
     for text in texts(header, labels, blocks, "", "\n"):
         sink.write(text)
@@ -264,12 +256,12 @@ def read(path: Path) -> SceneFileReading:
 
 
 def _lines(path: Path) -> Generator[tuple[int, bytes], None, None]:
-    with opened(path, "a scenes file") as file:
+    with open_input(path, "a scenes file") as file:
         number = 0
-        while line := file.readline(LONGEST + 1):
+        while line := file.readline(MAX_LINE_BYTES + 1):
             number += 1
-            if len(line) > LONGEST:
-                raise DataError(BAD_LINE(line=f"line {number} of {path}", limit=LONGEST))
+            if len(line) > MAX_LINE_BYTES:
+                raise DataError(BAD_LINE(line=f"line {number} of {path}", limit=MAX_LINE_BYTES))
             yield number, line
 
 

@@ -21,15 +21,15 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import DataError
 from scenegen.errors.files import DAMAGED_MOTIONS, NO_HEADER_IN_CSV, NOT_MOTIONS
 from scenegen.pose import NAMES, X, as_rows
-from scenegen.scenes.blocks import COUNT, Block, member_of, numbers_in
-from scenegen.scenes.data import RAISED, VERSION, RequestData, SceneFile
+from scenegen.scenes.blocks import COUNT_PREFIX, Block, member_of, numbers_in
+from scenegen.scenes.data import SCENES_VERSION, VERSION_WITH_HEIGHTS, RequestData, SceneFile
 from scenegen.scenes.files import ending_of, read_bytes
 from scenegen.scenes.formats.header import parse
 from scenegen.scenes.motions import MOTIONS_FORMAT, MotionData, MotionFile
 
-FACTS = ("moved", "way")  # of sampled motions: how many objects ever move, and the metres that all go together
-KINDS = ("phi", "facts")
-MOST_BYTES = 1 << 28  # of a text file, which is read as a whole
+MOTION_FACTS = ("moved", "way")  # of sampled motions: how many objects ever move, and the metres that all go together
+VALUE_KINDS = ("phi", "facts")
+MAX_MOTIONS_BYTES = 1 << 28  # of a text file, which is read as a whole
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +106,7 @@ def facts_of(poses: Array) -> dict[str, Array]:
     """FACTS of motions (n, T + 1, N, 3), (n,) each."""
     far = np.hypot(*np.moveaxis(np.diff(poses[..., :2], axis=1), -1, 0))
     moved = (far > 0.0).any(axis=1).sum(axis=1).astype(np.float64)
-    return dict(zip(FACTS, (moved, far.sum(axis=(1, 2))), strict=True))
+    return dict(zip(MOTION_FACTS, (moved, far.sum(axis=(1, 2))), strict=True))
 
 
 def arrays_of(file: MotionFile) -> MotionArrays:
@@ -117,7 +117,7 @@ def arrays_of(file: MotionFile) -> MotionArrays:
     places = [[one.poses.get(name, absent) for name in objects] for one in file.motions]
     poses = np.array(places, dtype=np.float64).reshape(shape)
     header = file.model_copy(update={"motions": []})
-    phi, facts = (_columns(file.motions, kind) for kind in KINDS)
+    phi, facts = (_columns(file.motions, kind) for kind in VALUE_KINDS)
     return MotionArrays(poses.transpose(0, 2, 1, 3), phi, facts, header)
 
 
@@ -139,15 +139,11 @@ def columns(motions: MotionArrays, first: int = 1) -> list[tuple[str, Array]]:
         found += [(f"{name}.{axis}", np.ascontiguousarray(flat[:, thing, k])) for k, axis in enumerate(NAMES)]
     numbers = motions.numbers if motions.header.counts else ()
     found += [
-        (f"{COUNT}{one.name}", np.repeat(each.astype(np.float64), moments))
+        (f"{COUNT_PREFIX}{one.name}", np.repeat(each.astype(np.float64), moments))
         for one, each in zip(motions.header.counts, numbers, strict=True)
     ]
     found += [(f"phi.{name}", np.repeat(values, moments)) for name, values in motions.phi.items()]
     return found + [(name, np.repeat(values, moments)) for name, values in motions.facts.items()]
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Text files. Floats are written so that they read back bit for bit.
 
 
 Blocks = Iterable[Block]
@@ -164,7 +160,7 @@ def _line(value: Any) -> str:
 
 
 def write_json(
-    sink: IO[bytes], header: MotionFile, labels: Sequence[str], blocks: Blocks, facts: Sequence[str] = FACTS
+    sink: IO[bytes], header: MotionFile, labels: Sequence[str], blocks: Blocks, facts: Sequence[str] = MOTION_FACTS
 ) -> None:
     data = header.model_dump(mode="json", exclude={"motions"})
     head = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False).removesuffix("}").rstrip()
@@ -175,7 +171,7 @@ def write_json(
 
 
 def write_json_lines(
-    sink: IO[bytes], header: MotionFile, labels: Sequence[str], blocks: Blocks, facts: Sequence[str] = FACTS
+    sink: IO[bytes], header: MotionFile, labels: Sequence[str], blocks: Blocks, facts: Sequence[str] = MOTION_FACTS
 ) -> None:
     sink.write(f"{_line(header.model_dump(mode='json', exclude={'motions'}))}\n".encode())
     for line in _lines(header, labels, blocks, facts):
@@ -183,7 +179,7 @@ def write_json_lines(
 
 
 def write_csv(
-    sink: IO[bytes], header: MotionFile, labels: Sequence[str], blocks: Blocks, facts: Sequence[str] = FACTS
+    sink: IO[bytes], header: MotionFile, labels: Sequence[str], blocks: Blocks, facts: Sequence[str] = MOTION_FACTS
 ) -> None:
     """Numbers alone, a row for each moment, without spec and shapes: other tools read it, and scenegen reads its
     columns `t`, `mug.x`, ... as a trajectory. Cells of objects that are not there are empty."""
@@ -193,7 +189,7 @@ def write_csv(
         if not done:
             sink.write(",".join(name for name, _ in found).encode() + b"\n")
         done += block.count
-        whole = [name == "motion" or name.startswith(COUNT) for name, _ in found]
+        whole = [name == "motion" or name.startswith(COUNT_PREFIX) for name, _ in found]
         for row in np.array([values for _, values in found]).T.tolist():
             cells = (_cell(x, is_whole) for x, is_whole in zip(row, whole, strict=True))
             sink.write((",".join(cells) + "\n").encode())
@@ -205,7 +201,7 @@ def _cell(value: float, whole: bool) -> str:
 
 def read_text(path: Path) -> MotionArrays:
     """The motions of a .json or .jsonl file. Raises DataError."""
-    data = read_bytes(path, "a motions file", limit=MOST_BYTES, remedy="write the motions to several files")
+    data = read_bytes(path, "a motions file", limit=MAX_MOTIONS_BYTES, remedy="write the motions to several files")
     if ending_of(path) == ".jsonl":
         first, *lines = data.split(b"\n")
         raw, _ = parse(first, f"line 1 of {path}")
@@ -240,14 +236,14 @@ class TextFormat(NamedTuple):
     read: Any
 
 
-JSON = TextFormat(write_json, read_text)
+JSON_FORMAT = TextFormat(write_json, read_text)
 JSON_LINES = TextFormat(write_json_lines, read_text)
 CSV = TextFormat(write_csv, read_csv)
 
 
 def scenes_header(file: MotionFile) -> SceneFile:
     """The header of a scene file for moments of motions."""
-    version = RAISED if any(one.support is not None for one in file.objects) else VERSION
+    version = VERSION_WITH_HEIGHTS if any(one.support is not None for one in file.objects) else SCENES_VERSION
     return SceneFile(
         version=version, spec=file.spec, workspace=file.workspace, objects=file.objects, counts=file.counts,
         regions=file.regions, sampler=dict(file.sampler), request=RequestData(phi={}, n=file.request.n), scenes=[],

@@ -18,14 +18,21 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.files import DAMAGED_MOTIONS, NOT_MOTIONS
 from scenegen.pose import NAMES
-from scenegen.scenes.blocks import COUNT, PHI, Block, element, joined
-from scenegen.scenes.files import opened
+from scenegen.scenes.blocks import COUNT_PREFIX, PHI, Block, element, join_blocks
+from scenegen.scenes.files import open_input
 from scenegen.scenes.formats.header import parse
-from scenegen.scenes.formats.motions import FACTS, KINDS, MotionArrays, columns, motion_file, motions_of
-from scenegen.scenes.formats.parquet import KEY, arrow_sink, check_rows, is_number, open_parquet, refused
+from scenegen.scenes.formats.motions import MOTION_FACTS, VALUE_KINDS, MotionArrays, columns, motion_file, motions_of
+from scenegen.scenes.formats.parquet import (
+    METADATA_KEY,
+    arrow_sink,
+    check_rows,
+    is_number,
+    open_parquet,
+    report_pyarrow_errors,
+)
 from scenegen.scenes.motions import MotionFile
 
-GROUP = 1 << 20  # moments of a row group
+GROUP_MOMENTS = 1 << 20  # moments of a row group
 
 
 def write(
@@ -33,14 +40,14 @@ def write(
     header: MotionFile,
     labels: Sequence[str],
     blocks: Iterable[Block],
-    facts: Sequence[str] = FACTS,
+    facts: Sequence[str] = MOTION_FACTS,
 ) -> None:
     """Columns of doubles, and of integers for numbers of things; zstd. What is not there is null."""
     rows = header.coordinates + len(facts)
     if header.counts:  # all motions say which columns have nulls
-        blocks = [joined(list(blocks), rows, len(labels))]
+        blocks = [join_blocks(list(blocks), rows, len(labels))]
     data = {**header.model_dump(mode="json", exclude={"motions"}), "columns": {"phi": [*labels], "facts": [*facts]}}
-    metadata = {KEY: json.dumps(data, ensure_ascii=False).encode()}
+    metadata = {METADATA_KEY: json.dumps(data, ensure_ascii=False).encode()}
 
     def tables() -> Iterator[pa.Table]:
         done = 0
@@ -56,11 +63,11 @@ def write(
     options = {"compression": "zstd", "compression_level": 1, "write_page_checksum": True}
     with arrow_sink(sink) as out, pq.ParquetWriter(out, first.schema, **options) as writer:
         for group in _groups(itertools.chain([first], each)):
-            writer.write_table(group, row_group_size=GROUP)
+            writer.write_table(group, row_group_size=GROUP_MOMENTS)
 
 
 def _table(header: MotionFile, metadata: dict[bytes, bytes], found: list[tuple[str, Array]]) -> pa.Table:
-    counts = {f"{COUNT}{one.name}" for one in header.counts}
+    counts = {f"{COUNT_PREFIX}{one.name}" for one in header.counts}
     fields = [
         pa.field(name, pa.int64() if name in counts else pa.float64(), nullable=bool(np.isnan(values).any()))
         for name, values in found
@@ -77,9 +84,9 @@ def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
     waiting: pa.Table | None = None
     for table in tables:
         waiting = table if waiting is None else pa.concat_tables([waiting, table])
-        while waiting.num_rows > GROUP:
-            yield waiting.slice(0, GROUP).combine_chunks()
-            waiting = waiting.slice(GROUP)
+        while waiting.num_rows > GROUP_MOMENTS:
+            yield waiting.slice(0, GROUP_MOMENTS).combine_chunks()
+            waiting = waiting.slice(GROUP_MOMENTS)
     if waiting is not None:
         yield waiting.combine_chunks()
 
@@ -87,7 +94,7 @@ def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
 def header_bytes(path: Path) -> bytes:
     """The header in the metadata of a file; nothing where it cannot be read."""
     try:
-        found: bytes = (pq.read_metadata(path).metadata or {}).get(KEY, b"")
+        found: bytes = (pq.read_metadata(path).metadata or {}).get(METADATA_KEY, b"")
         return found
     except (pa.ArrowException, OSError, ValueError):
         return b""
@@ -96,15 +103,15 @@ def header_bytes(path: Path) -> bytes:
 def read(path: Path, source: Any = None) -> MotionArrays:
     """The motions of a file; `source` is the open file, if it is not on a disk. Raises DataError."""
     with (
-        opened(path, "a motions file") if source is None else source as file,
-        refused(lambda said: NOT_MOTIONS(file=path, reason=said)),
+        open_input(path, "a motions file") if source is None else source as file,
+        report_pyarrow_errors(lambda said: NOT_MOTIONS(file=path, reason=said)),
     ):
         parquet = open_parquet(path, file)
         metadata = parquet.metadata.metadata or {}
-        if KEY not in metadata:
-            raise DataError(NOT_MOTIONS(file=path, reason=f"no header under `{KEY.decode()}` in its metadata"))
-        header, names = _header(metadata[KEY], path)
-        kept = [name for name in _wanted(header, names) if name in parquet.schema_arrow.names]
+        if METADATA_KEY not in metadata:
+            raise DataError(NOT_MOTIONS(file=path, reason=f"no header under `{METADATA_KEY.decode()}` in its metadata"))
+        header, names = _header(metadata[METADATA_KEY], path)
+        kept = [name for name in _column_names(header, names) if name in parquet.schema_arrow.names]
         for name in kept:
             if not is_number(parquet.schema_arrow.field(name).type):
                 raise DataError(DAMAGED_MOTIONS(file=path, place=name, reason="its values are no numbers"))
@@ -128,7 +135,7 @@ def read(path: Path, source: Any = None) -> MotionArrays:
     poses = np.array(places).reshape(len(header.objects), len(NAMES), -1, moments).transpose(2, 3, 0, 1)
     found = MotionArrays(np.ascontiguousarray(poses), {}, {}, header)
     if header.counts:
-        numbers = np.array([column(f"{COUNT}{one.name}").reshape(-1, moments) for one in header.counts])
+        numbers = np.array([column(f"{COUNT_PREFIX}{one.name}").reshape(-1, moments) for one in header.counts])
         try:
             agree = bool((numbers == found.numbers[:, :, None]).all())
         except ValueError:
@@ -147,7 +154,7 @@ def _header(data: bytes, path: Path) -> tuple[MotionFile, dict[str, list[str]]]:
     names = raw.pop("columns", {}) if isinstance(raw, dict) else {}
     header = motion_file({**raw, "motions": []} if isinstance(raw, dict) else raw, str(path))
     found: dict[str, list[str]] = {}
-    for kind in KINDS:
+    for kind in VALUE_KINDS:
         given = names.get(kind, []) if isinstance(names, dict) else None
         if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
             raise DataError(DAMAGED_MOTIONS(file=path, place=f"columns.{kind}", reason="it is no list of names"))
@@ -155,8 +162,8 @@ def _header(data: bytes, path: Path) -> tuple[MotionFile, dict[str, list[str]]]:
     return header, found
 
 
-def _wanted(header: MotionFile, names: dict[str, list[str]]) -> list[str]:
+def _column_names(header: MotionFile, names: dict[str, list[str]]) -> list[str]:
     """The columns that are read, each once."""
     places = [f"{one.name}.{axis}" for one in header.objects for axis in NAMES]
-    counts = [f"{COUNT}{one.name}" for one in header.counts]
+    counts = [f"{COUNT_PREFIX}{one.name}" for one in header.counts]
     return list(dict.fromkeys([*places, *counts, *(f"{PHI}{name}" for name in names["phi"]), *names["facts"]]))

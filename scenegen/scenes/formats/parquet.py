@@ -26,8 +26,8 @@ from scenegen.errors.files import COLUMN_NOT_A_NUMBER, DAMAGED_PARQUET, NOT_SCEN
 from scenegen.processes.process import cannot_start
 from scenegen.scenes.blocks import (
     BLOCK,
-    COUNT,
-    MOST,
+    COUNT_PREFIX,
+    MAX_NUMBERS,
     PHI,
     RARITY,
     Block,
@@ -35,18 +35,18 @@ from scenegen.scenes.blocks import (
     check_finite,
     columns,
     counts_in,
-    regrouped,
+    regroup,
 )
 from scenegen.scenes.data import SceneFile
-from scenegen.scenes.files import opened
+from scenegen.scenes.files import open_input
 from scenegen.scenes.formats.header import dump_header, load_header
 
 Check = Callable[["Footer"], None]
 
 HEADER_LAST = True  # see `registry`
-KEY = b"scenegen"  # of the header in the file's metadata
+METADATA_KEY = b"scenegen"  # of the header in the file's metadata
 BUFFER = 1 << 22  # bytes written at a time: Arrow writes a page in small parts, and would wait for Python with each
-LARGEST = 1 << 30  # bytes of a row group, unpacked
+MAX_GROUP_BYTES = 1 << 30  # bytes of a row group, unpacked
 
 
 class Footer(NamedTuple):
@@ -83,7 +83,7 @@ def write(
     names = columns(header, labels)
     if rarity is not None:
         names += [f"{RARITY}{label}" for label in labels]
-    spare, counts = _spare(header), {f"{COUNT}{one.name}" for one in header.counts}
+    spare, counts = _spare(header), {f"{COUNT_PREFIX}{one.name}" for one in header.counts}
     fields = [
         pa.field(name, pa.int64() if name in counts else pa.float64(), nullable=name.rpartition(".")[0] in spare)
         for name in names
@@ -94,7 +94,7 @@ def write(
         arrow_sink(sink) as buffered,
         pq.ParquetWriter(buffered, schema, use_byte_stream_split=True, write_page_checksum=True, **options) as writer,
     ):
-        for block in regrouped(blocks):
+        for block in regroup(blocks):
             check_finite(header, block)
             more = () if rarity is None else rarity(block.phi)
             numbers = counts_in(header, block.rows) if counts else ()
@@ -102,7 +102,7 @@ def write(
             arrays = [_column(row, field) for row, field in zip(rows, fields, strict=True)]
             writer.write_batch(pa.record_batch(arrays, schema=schema), row_group_size=BLOCK)
         last = header if final is None else final()
-        writer.add_key_value_metadata({KEY: dump_header(last.without_scenes()).encode()})
+        writer.add_key_value_metadata({METADATA_KEY: dump_header(last.without_scenes()).encode()})
 
 
 def arrow_sink(sink: IO[bytes] | RawIOBase) -> pa.BufferedOutputStream:
@@ -158,7 +158,7 @@ def group_sizes(path: Path) -> tuple[int, ...]:
         parquet, header, labels = _open(path, opening)
         with _damage(path):
             sizes = tuple(parquet.metadata.row_group(index).num_rows for index in range(parquet.num_row_groups))
-        most = MOST // (header.coordinates + len(labels))
+        most = MAX_NUMBERS // (header.coordinates + len(labels))
         if max(sizes, default=0) > most:
             facts = {"size": max(sizes), "unit": "scenes", "limit": most, "remedy": _SMALLER}
             raise DataError(TOO_LARGE_TO_READ(path=path, **facts))
@@ -183,14 +183,14 @@ def _open(
     path: Path, opening: contextlib.ExitStack, source: Any = None, check: Check | None = None
 ) -> tuple[pq.ParquetFile, SceneFile, tuple[str, ...]]:
     """The file, open for as long as `opening` is, its header and its labels. Raises DataError."""
-    file = opening.enter_context(opened(path, "a scenes file") if source is None else source)
+    file = opening.enter_context(open_input(path, "a scenes file") if source is None else source)
     with _damage(path):
         parquet = open_parquet(path, file)
         schema, metadata = parquet.schema_arrow, parquet.metadata.metadata or {}
-    if KEY not in metadata:
-        reason = f"no header under `{KEY.decode()}` in its metadata"
+    if METADATA_KEY not in metadata:
+        reason = f"no header under `{METADATA_KEY.decode()}` in its metadata"
         raise DataError(NOT_SCENES(file=path, reason=reason, poses=True))
-    header = load_header(metadata[KEY], f"the header of {path}").without_scenes()
+    header = load_header(metadata[METADATA_KEY], f"the header of {path}").without_scenes()
     labels = _labels(path, schema, header)
     if check is not None:
         check(_footer(path, file, parquet, header, labels))
@@ -202,9 +202,9 @@ def open_parquet(path: Path, file: Any) -> pq.ParquetFile:
     memory."""
     parquet = pq.ParquetFile(file, page_checksum_verification=True)
     groups = [parquet.metadata.row_group(index).total_byte_size for index in range(parquet.num_row_groups)]
-    if max(groups, default=0) > LARGEST:  # a page, which is unpacked as a whole, can be as large as its group
+    if max(groups, default=0) > MAX_GROUP_BYTES:  # a page, which is unpacked as a whole, can be as large as its group
         remedy = f"write the file with row groups of {BLOCK:,} scenes, as scenegen does"
-        facts = {"size": max(groups), "unit": "bytes", "limit": LARGEST, "remedy": remedy}
+        facts = {"size": max(groups), "unit": "bytes", "limit": MAX_GROUP_BYTES, "remedy": remedy}
         raise DataError(TOO_LARGE_TO_READ(path=path, **facts))
     return parquet
 
@@ -213,8 +213,10 @@ def check_rows(path: Path, parquet: pq.ParquetFile, columns: int) -> None:
     """Before so many columns of numbers are read as a whole: a few bytes can stand for any number of equal values.
     Raises DataError where they are too many for memory."""
     numbers = parquet.metadata.num_rows * columns
-    if numbers > MOST:
-        raise DataError(TOO_LARGE_TO_READ(path=path, size=8 * numbers, limit=8 * MOST, remedy="write several files"))
+    if numbers > MAX_NUMBERS:
+        raise DataError(
+            TOO_LARGE_TO_READ(path=path, size=8 * numbers, limit=8 * MAX_NUMBERS, remedy="write several files")
+        )
 
 
 def _footer(path: Path, file: Any, parquet: pq.ParquetFile, header: SceneFile, labels: tuple[str, ...]) -> Footer:
@@ -242,7 +244,7 @@ def _labels(path: Path, schema: pa.Schema, header: SceneFile) -> tuple[str, ...]
     for name in (*wanted, *labels):
         if names.count(name) != 1:
             raise DataError(WRONG_COLUMNS(path=path, name=name, twice=(name in names) or None, wanted=tuple(wanted)))
-    counts = {f"{COUNT}{one.name}" for one in header.counts}
+    counts = {f"{COUNT_PREFIX}{one.name}" for one in header.counts}
     for name in (*wanted, *labels):
         found = schema.field(name).type
         if found != (pa.int64() if name in counts else pa.float64()):
@@ -273,7 +275,7 @@ def _block(path: Path, batch: pa.RecordBatch | pa.Table, header: SceneFile, done
         arrays = [column.to_numpy(zero_copy_only=False) for column in batch.columns]
     table = np.array(arrays, dtype=np.float64).reshape(batch.num_columns, batch.num_rows)
     if header.counts:
-        return _numbered(path, table, header, done)
+        return _numbered_block(path, table, header, done)
     bad = np.flatnonzero(~np.isfinite(table).all(axis=0))
     if len(bad):
         column = batch.schema.names[int(np.flatnonzero(~np.isfinite(table[:, bad[0]]))[0])]
@@ -286,7 +288,7 @@ def _spare(header: SceneFile) -> set[str]:
     return {f"{one.name}[{k}]" for one in header.counts for k in range(one.least + 1, one.most + 1)}
 
 
-def _numbered(path: Path, table: Array, header: SceneFile, done: int) -> Block:
+def _numbered_block(path: Path, table: Array, header: SceneFile, done: int) -> Block:
     """A part of a file whose scenes differ in how many things there are. Raises DataError where numbers of things and
     poses do not agree."""
     rows, numbers, phi = np.split(table, [header.coordinates, header.coordinates + len(header.counts)])
@@ -303,11 +305,11 @@ def _numbered(path: Path, table: Array, header: SceneFile, done: int) -> Block:
 
 
 def _damage(path: Path) -> contextlib.AbstractContextManager[None]:
-    return refused(lambda said: DAMAGED_PARQUET(path=path, reason=said))
+    return report_pyarrow_errors(lambda said: DAMAGED_PARQUET(path=path, reason=said))
 
 
 @contextlib.contextmanager
-def refused(wrong: Callable[[str], Diagnostic]) -> Iterator[None]:
+def report_pyarrow_errors(wrong: Callable[[str], Diagnostic]) -> Iterator[None]:
     """pyarrow's error for a file, as a diagnostic. Its text is for programmers, so only the first line is shown."""
     try:
         yield

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.errors.files import CANNOT_WRITE, ENDING_OF_ANOTHER, NOT_SCENES, UNKNOWN_ENDING, WRONG_ENDING
 from scenegen.errors.requests import NOT_INSTALLED
-from scenegen.scenes.files import TABS, check_folder, check_writable, ending_of, reported, whole_file
+from scenegen.scenes.files import TABS, check_folder, check_writable, ending_of, report_write_errors, whole_file
 
 if TYPE_CHECKING:
     from scenegen.scenes.blocks import Block, SceneFileReading
@@ -31,7 +31,7 @@ FORMATS: dict[str, str] = {
 }
 
 MOTION_FORMATS: dict[str, str] = {
-    ".json": "scenegen.scenes.formats.motions:JSON",
+    ".json": "scenegen.scenes.formats.motions:JSON_FORMAT",
     ".jsonl": "scenegen.scenes.formats.motions:JSON_LINES",
     ".parquet": "scenegen.scenes.formats.motions_parquet",
     ".csv": "scenegen.scenes.formats.motions:CSV",
@@ -40,7 +40,7 @@ MOTION_FORMATS: dict[str, str] = {
 SCENES, MOTIONS = "scenegen/scenes", "scenegen/motions"  # what the headers of files call their formats
 
 # Endings of simulators' and planners' files (see `export`): for these, the error of `sample` suggests `export`.
-ENDINGS: dict[str, str] = {
+FORMAT_OF_ENDING: dict[str, str] = {
     ".xml": "mjcf",
     ".sdf": "sdf",
     ".world": "sdf",
@@ -72,7 +72,7 @@ def format_of(path: Path, kind: str = SCENES) -> Any:
     if ending not in known or path.suffix.lower() == TABS:
         if kind == MOTIONS:
             raise RequestError(UNKNOWN_ENDING(path=path, name=path.suffix, what="motion", known=known))
-        export = path.with_suffix(".json") if ending in ENDINGS else None
+        export = path.with_suffix(".json") if ending in FORMAT_OF_ENDING else None
         facts = {
             "what": "scene",
             "name": path.suffix,
@@ -95,21 +95,21 @@ def format_of(path: Path, kind: str = SCENES) -> Any:
 
 def is_one_file(out: Path, to: str, own: str | None = None) -> bool:
     """Whether `out` is one file with all scenes in a format of simulators or planners, by its ending; else it is a
-    folder with a file each. `own` is the ending of a format that is not in `ENDINGS`.
+    folder with a file each. `own` is the ending of a format that is not in `FORMAT_OF_ENDING`.
 
     Raises RequestError for the ending of another format.
     """
     ending = ending_of(out)
     if ending == own:
         return True
-    if ending in FORMATS or ENDINGS.get(ending, to) != to:
-        other = ENDINGS.get(ending, "scene files")
+    if ending in FORMATS or FORMAT_OF_ENDING.get(ending, to) != to:
+        other = FORMAT_OF_ENDING.get(ending, "scene files")
         raise RequestError(ENDING_OF_ANOTHER(path=out, other=other, format=to, places=_places(to, own)))
-    return ending in ENDINGS
+    return ending in FORMAT_OF_ENDING
 
 
 def _places(to: str, own: str | None) -> str:
-    endings = [ending for ending, name in ENDINGS.items() if name == to] if own is None else [own]
+    endings = [ending for ending, name in FORMAT_OF_ENDING.items() if name == to] if own is None else [own]
     return "name a folder, or a file that ends in " + " or ".join(f"`{ending}`" for ending in endings)
 
 
@@ -119,7 +119,7 @@ def check_out(out: Path, to: str, *inputs: Path, own: str | None = None) -> None
     if is_one_file(out, to, own):
         check_writable(out, *inputs)
         return
-    with reported(out):
+    with report_write_errors(out):
         if out.is_file():
             reason = f"it is a file, and a folder is made for {to}"
             raise OutputError(CANNOT_WRITE(path=out, reason=reason, remedy=_places(to, own)))
@@ -176,7 +176,7 @@ def read_motions(path: Path) -> MotionArrays:
     return found
 
 
-PEEK = 256  # bytes at the start of a file within which it names its format
+FORMAT_NAME_BYTES = 256  # bytes at the start of a file within which it names its format
 
 
 def is_motions(path: Path) -> bool:
@@ -185,9 +185,9 @@ def is_motions(path: Path) -> bool:
     try:
         if ending in (".json", ".jsonl") and path.is_file():
             with path.open("rb") as file:
-                return named in file.read(PEEK)
+                return named in file.read(FORMAT_NAME_BYTES)
         if ending == ".parquet" and path.is_file():
-            return named in format_of(path, MOTIONS).header_bytes(path)[:PEEK]
+            return named in format_of(path, MOTIONS).header_bytes(path)[:FORMAT_NAME_BYTES]
     except (OSError, RequestError):
         pass
     return False

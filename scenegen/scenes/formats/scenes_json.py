@@ -13,10 +13,10 @@ from scenegen.errors.files import OTHER_LABELS, TOO_LARGE_TO_WRITE
 from scenegen.scenes.blocks import Block, SceneFileReading
 from scenegen.scenes.data import SceneFile
 from scenegen.scenes.files import read_bytes
-from scenegen.scenes.formats.header import HEADING, check_objects, labelled, parse, scene_file
+from scenegen.scenes.formats.header import HEADING, check_objects, parse, scene_file, with_labels
 from scenegen.scenes.formats.jsonl import block_of, texts
 
-MOST_BYTES = 1 << 28  # of a file: reading it as a whole takes about thirty times as much memory
+MAX_JSON_BYTES = 1 << 28  # of a file: reading it as a whole takes about thirty times as much memory
 BYTES = 32  # of a number with its name, approximately
 REMEDY = ".jsonl and .parquet files are read part by part, and may be of any size"
 
@@ -24,7 +24,7 @@ REMEDY = ".jsonl and .parquet files are read part by part, and may be of any siz
 def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Iterable[Block]) -> None:
     """Scenes block by block; floats are written so that they read back bit for bit. Raises OutputError for more than
     `read` accepts."""
-    header, blocks = labelled(header, labels, blocks)
+    header, blocks = with_labels(header, labels, blocks)
     data = header.model_dump(mode="json", exclude={"scenes"})
     text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
     head = f'{text.removesuffix("}").rstrip()},\n "scenes": ['.encode()
@@ -33,8 +33,8 @@ def write(sink: IO[bytes], header: SceneFile, labels: Sequence[str], blocks: Ite
     between = b"\n"
     for lines in texts(header, labels, blocks, "  ", ",\n"):
         size += len(between) + len(lines)
-        if size > MOST_BYTES:
-            raise OutputError(TOO_LARGE_TO_WRITE(limit=MOST_BYTES))
+        if size > MAX_JSON_BYTES:
+            raise OutputError(TOO_LARGE_TO_WRITE(limit=MAX_JSON_BYTES))
         sink.write(between)
         sink.write(lines)
         between = b",\n"
@@ -51,8 +51,8 @@ def dump(file: SceneFile) -> bytes:
 
 def read(path: Path) -> SceneFileReading:
     """A scenes file, read as a whole, with about 6 kB of memory per scene. Raises DataError, also for more than
-    MOST_BYTES."""
-    file = load(read_bytes(path, "a scenes file", limit=MOST_BYTES, remedy=REMEDY), str(path))
+    MAX_JSON_BYTES."""
+    file = load(read_bytes(path, "a scenes file", limit=MAX_JSON_BYTES, remedy=REMEDY), str(path))
     labels = file.label_names
     block = block_of(file.scenes, file, labels)
     return SceneFileReading(file.without_scenes(), labels, iter([block]), block.count, str(path))

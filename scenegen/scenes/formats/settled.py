@@ -26,12 +26,12 @@ from scenegen.errors import DataError, OutputError
 from scenegen.errors.files import COLUMN_TWICE, DAMAGED_PARQUET, DAMAGED_SCENES, WRONG_COLUMNS
 from scenegen.scenes.blocks import PHI
 from scenegen.scenes.data import SETTLED_FORMAT, SettledHeader
-from scenegen.scenes.files import ending_of, opened, read_bytes, whole_file
+from scenegen.scenes.files import ending_of, open_input, read_bytes, whole_file
 from scenegen.scenes.formats.header import first_problem, parse
-from scenegen.scenes.formats.registry import PEEK, format_of
-from scenegen.scenes.formats.scenes_json import MOST_BYTES
+from scenegen.scenes.formats.registry import FORMAT_NAME_BYTES, format_of
+from scenegen.scenes.formats.scenes_json import MAX_JSON_BYTES
 
-KEY = b"scenegen"  # of the header in the metadata of a Parquet file
+METADATA_KEY = b"scenegen"  # of the header in the metadata of a Parquet file
 
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -115,7 +115,7 @@ def is_settled(path: Path) -> bool:
         match ending_of(path):
             case ".json" | ".jsonl" if path.is_file():
                 with path.open("rb") as file:
-                    return wanted in file.read(PEEK)
+                    return wanted in file.read(FORMAT_NAME_BYTES)
             case ".parquet" if path.is_file():
                 return names_settled(path, wanted)
     return False
@@ -127,7 +127,7 @@ def read_settled(path: Path) -> tuple[SettledHeader, Array, Array]:
     if ending_of(path) == ".parquet":
         header, poses, on = read_poses(path)
     else:
-        data = read_bytes(path, "a file of settled scenes", limit=MOST_BYTES, remedy="write .parquet")
+        data = read_bytes(path, "a file of settled scenes", limit=MAX_JSON_BYTES, remedy="write .parquet")
         first, *lines = data.split(b"\n") if ending_of(path) == ".jsonl" else [data]
         raw, _ = parse(first, str(path))
         scenes = [parse(line, f"line {k} of {path}")[0] for k, line in enumerate(lines, 2) if line.strip()] or (
@@ -194,11 +194,7 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Parquet.
-
-
-GROUP = 4096  # scenes of a row group: they come in small blocks
+GROUP_SCENES = 4096  # scenes of a row group: they come in small blocks
 
 
 def write_parquet(sink: IO[bytes], header: SettledHeader, blocks: Iterable[SettledBlock]) -> None:
@@ -213,7 +209,7 @@ def write_parquet(sink: IO[bytes], header: SettledHeader, blocks: Iterable[Settl
     fields += [pa.field(f"{name}.on", pa.float64()) for name in header.surfaces]
     fields += [pa.field(f"{PHI}{label}", pa.float64()) for label in header.labels]
     fields += [pa.field("moved", pa.list_(pa.string())), pa.field("contacts", pa.list_(_contact()))]
-    schema = pa.schema(fields, metadata={KEY: header.model_dump_json().encode()})
+    schema = pa.schema(fields, metadata={METADATA_KEY: header.model_dump_json().encode()})
     if len(set(schema.names)) < len(schema.names):
         raise OutputError(COLUMN_TWICE(name=next(name for name in schema.names if schema.names.count(name) > 1)))
     waiting: list[Any] = []
@@ -222,11 +218,11 @@ def write_parquet(sink: IO[bytes], header: SettledHeader, blocks: Iterable[Settl
         for block in blocks:
             waiting.append(_batch(schema, header, block, done))
             done += block.count
-            if sum(one.num_rows for one in waiting) >= GROUP:
-                writer.write_table(pa.Table.from_batches(waiting), row_group_size=GROUP)
+            if sum(one.num_rows for one in waiting) >= GROUP_SCENES:
+                writer.write_table(pa.Table.from_batches(waiting), row_group_size=GROUP_SCENES)
                 waiting = []
         if waiting:
-            writer.write_table(pa.Table.from_batches(waiting), row_group_size=GROUP)
+            writer.write_table(pa.Table.from_batches(waiting), row_group_size=GROUP_SCENES)
 
 
 def names_settled(path: Path, wanted: bytes) -> bool:
@@ -238,19 +234,19 @@ def names_settled(path: Path, wanted: bytes) -> bool:
         metadata = pq.read_metadata(path).metadata or {}
     except (pa.ArrowException, OSError, ValueError):
         return False
-    return wanted in metadata.get(KEY, b"")
+    return wanted in metadata.get(METADATA_KEY, b"")
 
 
 def read_poses(path: Path) -> tuple[SettledHeader, Array, Array]:
     """The header, the poses (n, N, 7) and the surfaces (n, M), NaN where null stands. Raises DataError."""
-    from scenegen.scenes.formats.parquet import check_rows, is_number, open_parquet, refused
+    from scenegen.scenes.formats.parquet import check_rows, is_number, open_parquet, report_pyarrow_errors
 
     with (
-        opened(path, "a file of settled scenes") as file,
-        refused(lambda said: DAMAGED_PARQUET(path=path, reason=said)),
+        open_input(path, "a file of settled scenes") as file,
+        report_pyarrow_errors(lambda said: DAMAGED_PARQUET(path=path, reason=said)),
     ):
         parquet = open_parquet(path, file)
-        header = settled_header((parquet.metadata.metadata or {}).get(KEY, b""), path)
+        header = settled_header((parquet.metadata.metadata or {}).get(METADATA_KEY, b""), path)
         names = [f"{name}.{column}" for name in header.objects for column in POSE]
         names += [f"{name}.on" for name in header.surfaces]
         for name in names:

@@ -32,11 +32,11 @@ from scenegen.scenes.arrange import doubts
 from scenegen.scenes.files import ending_of, read_bytes
 from scenegen.scenes.formats.registry import is_motions, read_motions
 
-ENDINGS = (".csv", ".jsonl", ".parquet")
+TABLE_ENDINGS = (".csv", ".jsonl", ".parquet")
 SEPARATORS = ",;\t"  # of the columns of a .csv file
-MAX_BYTES = 1 << 30
-PEEK = 1 << 16  # bytes within which a file of scenegen says that it is one
-OURS = re.compile(rb'"format"\s*:\s*"scenegen/')
+MAX_TABLE_BYTES = 1 << 30
+MARK_BYTES = 1 << 16  # bytes within which a file of scenegen says that it is one
+OWN_FORMAT = re.compile(rb'"format"\s*:\s*"scenegen/')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +84,7 @@ def read_table(path: Path, what: str, wrong: Kind) -> Table:
     """The table in a file with one of `ENDINGS`; `what` is the file's role. Raises DataError, and RequestError where a
     library is missing."""
     ending = ending_of(path)
-    data = read_bytes(path, what, limit=MAX_BYTES)
+    data = read_bytes(path, what, limit=MAX_TABLE_BYTES)
     if ending == ".parquet":
         return _parquet(path, data, wrong)
     try:
@@ -98,7 +98,7 @@ def read_table(path: Path, what: str, wrong: Kind) -> Table:
 
 
 def _csv(path: Path, text: str, wrong: Kind) -> tuple[tuple[str, ...], Callable[[str], Any], int]:
-    csv.field_size_limit(MAX_BYTES)  # what is not needed may be a picture
+    csv.field_size_limit(MAX_TABLE_BYTES)  # what is not needed may be a picture
     whole = io.StringIO(text, newline=None)
     headings = (line for line in whole if line.strip() and not (line[0] == "#" and not _places(line)[0]))
     heading = next(headings, "")
@@ -167,7 +167,7 @@ def is_plain(path: Path) -> bool:
                 return False
         if ending in (".json", ".jsonl"):
             with path.open("rb") as file:
-                return OURS.search(file.read(PEEK)) is None
+                return OWN_FORMAT.search(file.read(MARK_BYTES)) is None
     except (OSError, ModuleNotFoundError):
         return False
     return ending == ".csv"
@@ -186,12 +186,12 @@ def _parquet(path: Path, data: bytes, wrong: Kind) -> Table:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from scenegen.scenes.formats.parquet import check_rows, is_number, open_parquet, refused
+    from scenegen.scenes.formats.parquet import check_rows, is_number, open_parquet, report_pyarrow_errors
 
-    def damaged(said: str) -> Diagnostic:
+    def damage(said: str) -> Diagnostic:
         return wrong(file=path, reason=said)
 
-    with refused(damaged):
+    with report_pyarrow_errors(damage):
         parquet = open_parquet(path, io.BytesIO(data))
         check_rows(path, parquet, 1)
         schema = parquet.schema_arrow
@@ -209,7 +209,7 @@ def _parquet(path: Path, data: bytes, wrong: Kind) -> Table:
             raise DataError(TABLE_CELL(file=path, row=1, name=name, value=str(kind)))
         read.append(name)
         check_rows(path, parquet, len(read))
-        with refused(damaged):
+        with report_pyarrow_errors(damage):
             if not text:
                 column = parquet.read(columns=[name], use_threads=False).column(0)
                 return column.to_pylist() if other else column.to_numpy()
@@ -227,20 +227,16 @@ def _texts(chunk: Any) -> Iterator[str | None]:
     return (None if number is None else known[number] for number in chunk.indices.to_pylist())
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Trajectories: poses over time, from simulators and trackers.
-
-
 MOTION, TIME = "motion", "t"
-NEARLY = 1e-6  # of a step: how far a row's time may be from its moment's
+TIME_TOLERANCE = 1e-6  # of a step: how far a row's time may be from its moment's
 
 
 def read_tables(path: Path) -> list[Table]:
     """The motions of a file, each with its columns. Raises DataError, and RequestError where a library is missing."""
     if is_motions(path):
         return _of_motions(path)
-    if ending_of(path) not in ENDINGS:
-        raise DataError(NOT_A_TRAJECTORY(file=path, reason=f"its ending is not one of {', '.join(ENDINGS)}"))
+    if ending_of(path) not in TABLE_ENDINGS:
+        raise DataError(NOT_A_TRAJECTORY(file=path, reason=f"its ending is not one of {', '.join(TABLE_ENDINGS)}"))
     table = read_table(path, "a trajectory", NOT_A_TRAJECTORY)
     if MOTION not in table.names:
         return [table]
@@ -291,10 +287,10 @@ def motion(
         where = table.start + row + 1
         raise DataError(TRAJECTORY_TIMES(file=table.file, row=where, time=at[row], before=at[row - 1]))
     rounding = 2.0 * float(np.spacing(np.abs(at).max()))
-    start = float(at[0]) if at[0] > NEARLY * times[min(1, len(times) - 1)] else 0.0
+    start = float(at[0]) if at[0] > TIME_TOLERANCE * times[min(1, len(times) - 1)] else 0.0
     at = at - start
     if resample:
-        if at[-1] < times[-1] - NEARLY * max(1.0, times[-1]) - rounding:
+        if at[-1] < times[-1] - TIME_TOLERANCE * max(1.0, times[-1]) - rounding:
             raise DataError(TRAJECTORY_TIMES(file=table.file, first=at[0], last=at[-1], end=times[-1]))
     else:
         _check_times(table, at, times, rounding)
@@ -320,7 +316,7 @@ def _check_times(table: Table, at: Array, times: Array, rounding: float) -> None
     file = table.file
     step = times[1] - times[0]
     common = min(len(at), len(times))
-    wrong = np.flatnonzero(np.abs(at[:common] - times[:common]) > NEARLY * step + rounding)
+    wrong = np.flatnonzero(np.abs(at[:common] - times[:common]) > TIME_TOLERANCE * step + rounding)
     if len(wrong):
         row = int(wrong[0])
         raise DataError(TRAJECTORY_TIMES(file=file, row=table.start + row + 1, found=at[row], wanted=times[row]))

@@ -20,7 +20,6 @@ from scenegen.errors.files import NO_WORLD
 from scenegen.geometry import Footprint
 from scenegen.geometry.footprint import Rectangle, clipped, signed_area
 from scenegen.geometry.workspace import BOARD, LARGEST
-from scenegen.lang.checker import check_text
 from scenegen.lang.spec import Region
 from scenegen.pose import as_poses, flat, row_count
 from scenegen.scenes.blocks import Block, counts_in, member_of
@@ -353,7 +352,7 @@ def with_record(world: World, header: SceneFile, scenes: Block, labels: Sequence
 
 
 def _bodies(header: SceneFile, own: Own) -> tuple[Body, ...]:
-    spec = check_text(header.spec.source, "the spec of the scenes")
+    spec = header.spec.checked_spec
     fixed = {spec.objects[index] for index in spec.fixed}
     return bodies_of([one.name for one in header.objects], [_shape(one.shape) for one in header.objects], fixed, own)
 

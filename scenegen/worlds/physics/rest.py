@@ -22,11 +22,10 @@ from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NEEDED_HERE, NO_SCENES, WRONG_VALUE
 from scenegen.geometry.workspace import upright
-from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count, rows_of
-from scenegen.scenes.blocks import Block, counts_in, joined, member_of
+from scenegen.scenes.blocks import Block, counts_in, join_blocks, member_of
 from scenegen.scenes.data import SceneFile, SettledHeader, SimulatorData
 from scenegen.scenes.files import check_writable
 from scenegen.scenes.formats.jsonl import block_of
@@ -240,7 +239,7 @@ def _own_bodies(scenes: SceneFile, meshes: str | Path | None) -> Own:
 
 def _header(scenes: SceneFile, simulator: str, seconds: float, max_shift: float, max_turn: float) -> SettledHeader:
     check_simulator(simulator)
-    spec = check_text(scenes.spec.source, "the spec of the scenes")
+    spec = scenes.spec.checked_spec
     return SettledHeader(
         spec=scenes.spec,
         objects=[one.name for one in scenes.objects],
@@ -264,7 +263,7 @@ def _blocks(
     scenes: SceneFile, header: SettledHeader, blocks: Iterable[Block], own: Own, workers: int | None
 ) -> Iterator[SettledBlock]:
     """What becomes of the scenes of some blocks, some at a time, in their order."""
-    spec = check_text(scenes.spec.source, "the spec of the scenes")
+    spec = scenes.spec.checked_spec
     if not scenes.counts:
         yield from _same_objects(spec, scenes, header, blocks, own, workers)
         return
@@ -278,7 +277,7 @@ def _same_objects(
 ) -> Iterator[SettledBlock]:
     """The same of scenes of the same objects, a few at a time."""
     placed = row_count(len(header.objects))
-    bare = world_of(scenes, joined([], placed + len(scenes.choosers), 0), own)
+    bare = world_of(scenes, join_blocks([], placed + len(scenes.choosers), 0), own)
     # of rounds that are being simulated: poses (m, N, 3), and on which of its surfaces each chooser stands, (m, M)
     waiting: deque[tuple[Array, Array]] = deque()
 

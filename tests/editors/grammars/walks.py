@@ -99,4 +99,4 @@ def refused(text):
         spec = scenegen.parse(text)
     except SpecError as error:
         return str(error)
-    return next((str(one.problem) for one in doubts(spec.declared) if one.proved), "")
+    return next((str(one.problem) for one in doubts(spec.definition) if one.proved), "")

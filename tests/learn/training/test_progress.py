@@ -186,10 +186,10 @@ def test_the_time_of_the_whole_is_told(monkeypatch):
     monkeypatch.setattr(command.time, "monotonic", lambda: next(now))
     steps = []
     clock = command.Clock()
-    step = clock.told(lambda *both: steps.append(both))
+    step = clock.mark_first_step(lambda *both: steps.append(both))
     step(1, 9)
     step(2, 9)
-    clock.trained()
+    clock.mark_trained()
     assert str(clock) == "142 s in all (gathering 31 s, training 100 s, card 11 s)" and steps == [(1, 9), (2, 9)]
 
 

@@ -39,7 +39,7 @@ def start(env: MotionTable, rng: np.random.Generator, fixed: tuple[int, ...] = (
     while True:
         poses = rng.random((len(env.scenes.objects), 3)) * [1.0, 1.0, 2.0 * math.pi]
         for index in fixed:
-            poses[index] = env.scenes.declared.fixed[index]
+            poses[index] = env.scenes.definition.fixed[index]
         try:
             env.reset(options={"scene": poses})
         except error.Error:

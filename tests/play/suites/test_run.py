@@ -21,7 +21,7 @@ from scenegen.play.suites import run as running
 from scenegen.play.suites.outcomes import read_outcomes
 from scenegen.play.suites.run import Player, RemotePolicy, run_suite
 from scenegen.play.suites.suite import Suite
-from scenegen.scenes.lease import locked
+from scenegen.scenes.lock import lock_file
 
 from . import toy
 
@@ -196,7 +196,7 @@ def test_a_second_run_in_the_same_file_is_refused(small, tmp_path):
     """Whatever link it is named by; what is there stays as it is."""
     out, link = tmp_path / "o.jsonl", tmp_path / "link.jsonl"
     link.symlink_to(out)
-    with locked(tmp_path / ".o.jsonl.lock", "o.jsonl"):
+    with lock_file(tmp_path / ".o.jsonl.lock", "o.jsonl"):
         for path in (out, link):
             with pytest.raises(OutputError) as caught:
                 run_suite(Suite.load(small), path, world=WORLD, policy=WORLD, resume=True)

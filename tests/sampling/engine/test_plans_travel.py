@@ -72,7 +72,7 @@ def _plan(kind, model):
     request = SampleRequest(FLAT, 20, **KINDS[kind], workers=1)
     if kind == "paired":
         return _paired()
-    return plan_for(spec_of(source).declared, check_request(source, request), Budget(600.0), model_of(source))
+    return plan_for(spec_of(source).definition, check_request(source, request), Budget(600.0), model_of(source))
 
 
 def _paired():

@@ -145,7 +145,7 @@ def test_a_writer_takes_blocks_that_were_chosen_and_parts_to_choose_from():
     got = {}
 
     class Writing:
-        store = SimpleNamespace(told_to=lambda tell: tell("a line"))
+        store = SimpleNamespace(with_progress=lambda tell: tell("a line"))
 
         def __call__(self, number, pieces, blocks):
             got["blocks"] = blocks

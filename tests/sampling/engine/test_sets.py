@@ -16,7 +16,7 @@ from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.sampling.engine.engines import BlockPacker, Local, choose_scenes, open_engine
 from scenegen.scenes.blocks import Block
 from scenegen.scenes.formats.registry import read_scenes, write_scenes
-from scenegen.scenes.sets import MANIFEST, read_manifest, read_set
+from scenegen.scenes.sets import SET_MANIFEST, read_manifest, read_set
 from scenegen.scenes.stores import store_at
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -204,7 +204,7 @@ def test_damage_is_found(plain, tmp_path):
     shard.unlink()
     with pytest.raises(DataError, match="it is missing"):
         run(tmp_path, resume=True)
-    (tmp_path / MANIFEST).write_text("{}")
+    (tmp_path / SET_MANIFEST).write_text("{}")
     with pytest.raises(DataError, match="is not a set of scenes"):
         run(tmp_path, resume=True)
 
@@ -236,10 +236,10 @@ def test_a_bit_of_an_unfinished_run_is_never_believed(what, tmp_path):
         path.write_bytes(data)
     else:
         idle = manifest.checkpoint.state["pieces"]
-        text = (tmp_path / MANIFEST).read_text()
+        text = (tmp_path / SET_MANIFEST).read_text()
         changed = text.replace(f'"pieces": {idle},\n   "idle"', f'"pieces": {idle + 1},\n   "idle"')
         assert changed != text
-        (tmp_path / MANIFEST).write_text(changed)
+        (tmp_path / SET_MANIFEST).write_text(changed)
     with pytest.raises(DataError, match="what an unfinished run has to go on from has another checksum"):
         run(tmp_path, resume=True)
 
@@ -253,9 +253,9 @@ def test_a_run_does_not_go_on_from_a_shard_that_is_another(tmp_path):
     other = Block(scenes.rows, scenes.phi[:, ::-1] * 0.5)
     header = read_scenes(tmp_path / manifest.shards[0].file).header
     write_scenes(tmp_path / "part-000000.parquet", header, manifest.labels, [other])
-    said = json.loads((tmp_path / MANIFEST).read_text())
+    said = json.loads((tmp_path / SET_MANIFEST).read_text())
     said["shards"][0]["bytes"] = (tmp_path / "part-000000.parquet").stat().st_size
-    (tmp_path / MANIFEST).write_text(json.dumps(said))
+    (tmp_path / SET_MANIFEST).write_text(json.dumps(said))
     with pytest.raises(DataError, match=r"part-000000\.parquet in .* is damaged: its checksum"):
         run(tmp_path, resume=True)
 

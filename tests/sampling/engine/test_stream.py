@@ -18,7 +18,7 @@ import pytest
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.sampling.engine.writer import folder_of
 from scenegen.scenes import sets
-from scenegen.scenes.blocks import joined
+from scenegen.scenes.blocks import join_blocks
 from scenegen.scenes.formats.registry import FORMATS, read_scenes
 
 HERE = Path(__file__).parent
@@ -344,7 +344,7 @@ def test_blocks_in_memory_are_the_blocks_of_the_file(tmp_path, unbroken):
     for workers in (1, 2):
         blocks = list(run_blocks(Made(2000), 1, size=300, workers=workers))
         assert [block.count for block in blocks] == [300] * 6 + [200]
-        together = joined(blocks, 6, 1)
+        together = join_blocks(blocks, 6, 1)
         assert np.array_equal(together.rows, written.rows) and np.array_equal(together.phi, written.phi)
 
 

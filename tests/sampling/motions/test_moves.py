@@ -139,7 +139,7 @@ SPECS = {
 
 def scored(text, count=400):
     spec = scenegen.parse(text)
-    problem = make_motion_problem(spec.declared, SampleRequest({spec.labels[0]: Range(-9.0, None)}, n=10))
+    problem = make_motion_problem(spec.definition, SampleRequest({spec.labels[0]: Range(-9.0, None)}, n=10))
     poses = poses_of(problem, draw(problem, count, np.random.default_rng(0)))
     with np.errstate(all="ignore"):
         return problem, poses, problem.scores(poses)

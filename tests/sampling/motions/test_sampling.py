@@ -160,7 +160,7 @@ far: always farFrom(plate, bowl, 30 cm)
 @pytest.fixture(scope="module")
 def plain():
     """phi of both labels of motions that meet what is required, and the share of those: (2, P) and a number."""
-    problem = make_motion_problem(SPEC.declared, SampleRequest({}, n=1))
+    problem = make_motion_problem(SPEC.definition, SampleRequest({}, n=1))
     scores = problem.scores(poses_of(problem, draw(problem, 60_000, np.random.default_rng(3))))
     good = (scores[2:] >= 0.0).all(axis=0)
     return scores[:2, good], good.mean()
@@ -170,7 +170,7 @@ def plain():
 def found():
     work, rarity.WORK = rarity.WORK, 300_000_000
     try:
-        return rarity.measure(SPEC.declared, SPEC.labels, seed=5)
+        return rarity.measure(SPEC.definition, SPEC.labels, seed=5)
     finally:
         rarity.WORK = work
 
@@ -196,7 +196,7 @@ def test_it_agrees_with_plain_draws(plain, found):
 def test_what_is_reached_and_the_same_again(plain, found):
     for phi, reach in zip(plain[0], found.reaches.values(), strict=True):
         assert reach.down.end <= phi.min() + 0.02 and reach.up.end >= phi.max() - 0.02
-    small = [rarity.measure(SPEC.declared, ("task",), seed=seed).reaches["task"].up(0.0) for seed in (1, 1, 2)]
+    small = [rarity.measure(SPEC.definition, ("task",), seed=seed).reaches["task"].up(0.0) for seed in (1, 1, 2)]
     assert small[0] == small[1] != small[2]
 
 
@@ -233,7 +233,7 @@ def on_tray():
 @pytest.mark.long
 def test_what_stands_counts_over_the_workspace(on_tray, monkeypatch):
     monkeypatch.setattr(rarity, "WORK", 300_000_000)
-    found = rarity.measure(scenegen.parse(ON_TRAY).declared, ("task",), seed=1)
+    found = rarity.measure(scenegen.parse(ON_TRAY).definition, ("task",), seed=1)
     met, both = on_tray
     assert abs(found.requirement.log10 - met) < 1.5 * found.requirement.error < 0.15
     given = found.reaches["task"].up(0.0)
@@ -267,7 +267,7 @@ def test_the_interval_follows_the_scatter_of_logarithms():
     spec = scenegen.parse(
         "object a, b\ntime 1 steps\nrequire speed(a) <= 1 mm/s & speed(b) <= 1 mm/s\ntask: leftOf(a, b)"
     )
-    problem = make_motion_problem(spec.declared, SampleRequest({}, n=8))
+    problem = make_motion_problem(spec.definition, SampleRequest({}, n=8))
     motions = MotionSplitting(problem, (0,), Schedule((), 1, (0,), 64, 0.0, 1000))
     shares, logs = np.array([1e-6, 2e-6, 1e-6, 9e-6]), np.log([1e-6, 2e-6, 1e-6, 9e-6])
     alive = [shares.sum(), (shares**2).sum(), 4.0, logs.sum(), (logs**2).sum(), 100.0, 1.0]

@@ -33,7 +33,7 @@ SPECS = {
 def base(spec, count, rng):
     """Plain draws of the distribution that docs/motions.md describes, those in the workspace."""
     far, turn = step_bounds(spec.over_time)
-    low, high = (ends.reshape(-1, 3) for ends in spec.declared.box())
+    low, high = (ends.reshape(-1, 3) for ends in spec.definition.box())
     free = [k for k in range(len(spec.objects)) if (low[k, :2] < high[k, :2]).any()]
     poses = [low + (high - low) * rng.random((count, *low.shape))]
     for _ in range(spec.horizon.steps):
@@ -182,7 +182,7 @@ SPEC = scenegen.parse(HEAD_MONITOR + "".join(f"{name}: {text}\n" for name, text 
 
 def motions(count, seed):
     """(B, T + 1, N, 3) from the base distribution, and the box they come from."""
-    problem = make_motion_problem(SPEC.declared, SampleRequest({}, n=1, seed=seed))
+    problem = make_motion_problem(SPEC.definition, SampleRequest({}, n=1, seed=seed))
     poses = within_a_turn(poses_of(problem, draw(problem, 40 * count, np.random.default_rng(seed))))
     inside = problem.room(poses) >= 0.0
     return np.ascontiguousarray(poses[..., inside][..., :count].transpose(3, 2, 0, 1))

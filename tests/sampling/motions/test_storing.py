@@ -33,7 +33,7 @@ PHI, N, SEED, BLOCK = (-0.3, 0.1), 300, 4, 64
 def plan():
     """One whose pieces are small."""
     request = check_request(SPEC, SampleRequest({"task": Range(*PHI)}, N, seed=SEED, workers=1))
-    made = plan_for(SPEC.declared, request, Budget(1e6))
+    made = plan_for(SPEC.definition, request, Budget(1e6))
     small = dataclasses.replace(made.problem, cost=1 << 21)
     return dataclasses.replace(made, problem=small)
 
@@ -41,7 +41,7 @@ def plan():
 def begun(plan):
     """The header before the run, and the manifest."""
     header = header_of(plan.problem, {"method": plan.method})
-    facts = {"spec": SPEC.checked.sha256 if SPEC.over_time is None else SPEC.declared.sha256, "phi": {"task": PHI}}
+    facts = {"spec": SPEC.checked.sha256 if SPEC.over_time is None else SPEC.definition.sha256, "phi": {"task": PHI}}
     facts |= {"n": N, "seed": SEED, "spread": "flat", "scenegen": "0", "numpy": np.__version__}
     return header, sets.Manifest(request=facts, labels=["task"], shard_size=2 * BLOCK, header=sets.header_data(header))
 

@@ -277,8 +277,8 @@ def test_in_simulators(scenes_colors, tmp_path, to, ending):
 
 def test_the_text_keeps_them(scenes_colors):
     spec = scenegen.parse(TEXT)
-    assert scenegen.parse(spec.source).declared.shapes == spec.declared.shapes
-    assert spec.declared.shapes[0].color == "#ffdd33" and spec.declared.shapes[-1].color == ""
+    assert scenegen.parse(spec.source).definition.shapes == spec.definition.shapes
+    assert spec.definition.shapes[0].color == "#ffdd33" and spec.definition.shapes[-1].color == ""
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from scenegen.errors import DataError, OutputError, RequestError, SpecError
 from scenegen.scenes import files as folders
 from scenegen.scenes.data import CircleFootprint, PolygonFootprint
-from scenegen.scenes.formats.registry import ENDINGS, FORMATS
+from scenegen.scenes.formats.registry import FORMAT_OF_ENDING, FORMATS
 from scenegen.worlds.export.world import world_of
 from scenegen.worlds.exporting import EXPORTS
 from tests.worlds.export.checkers import CHECKERS
@@ -30,13 +30,13 @@ def renamed(scenes, name, title="A title."):
 
 
 def test_every_format_has_an_ending():
-    assert set(ENDINGS.values()) == {*EXPORTS, "pddl"} and not set(ENDINGS) & set(FORMATS)
+    assert set(FORMAT_OF_ENDING.values()) == {*EXPORTS, "pddl"} and not set(FORMAT_OF_ENDING) & set(FORMATS)
 
 
 def test_every_format_has_a_checker():
     """And its files have the ending that they say."""
     assert set(CHECKERS) == set(EXPORTS)
-    assert {to: ENDINGS[Path(one.file).suffix] for to, one in CHECKERS.items()} == {to: to for to in EXPORTS}
+    assert {to: FORMAT_OF_ENDING[Path(one.file).suffix] for to, one in CHECKERS.items()} == {to: to for to in EXPORTS}
 
 
 @pytest.mark.parametrize("to", EXPORTS)

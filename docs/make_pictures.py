@@ -76,7 +76,7 @@ def growth(folder: Path) -> None:
     from scenegen.sampling.growth.insert import place
     from scenegen.sampling.growth.particles import Particles, resample
 
-    from scenegen.sampling.growth.machine import make_machine
+    from scenegen.sampling.growth.model import make_machine
     from scenegen.sampling.problem import make_problem
     from scenegen.sampling.request import Range, SampleRequest
 

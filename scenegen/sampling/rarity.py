@@ -28,10 +28,10 @@ from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.problem import Cells
 from scenegen.sampling.report import Estimate, ratio
-from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_frame
+from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_chain_state
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.levels import ChainPopulation, Region
-from scenegen.sampling.splitting.tuning import Tuner, longest
+from scenegen.sampling.splitting.tuning import Tuner, max_moves
 from scenegen.search.effort import NEVER, Stop, StoppedError
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -244,19 +244,19 @@ def _measure(
     reaches: dict[str, PhiDistribution] = {}
     for index, label in enumerate(labels):
         alone = part_of(core, (label,))
-        if not make_frame(alone, lowest, highest).dimension:
+        if not make_chain_state(alone, lowest, highest).dimension:
             reaches[label] = constant(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
         one = part_of(core, (label, *gate))
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
         try:
-            start, weights = _begin(make_frame(one, lowest, highest), base, count, rng, stop)
+            start, weights = _begin(make_chain_state(one, lowest, highest), base, count, rng, stop)
         except StoppedError:
             if not reaches:
                 raise
             break
         work = effort // (2 * len(labels) * cost(one))
-        up, down = (_climb(start.some(start.count), weights, sign, work, stop) for sign in (1, -1))
+        up, down = (_climb(start.pick_chains(start.count), weights, sign, work, stop) for sign in (1, -1))
         reaches[label] = PhiDistribution(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
@@ -271,8 +271,8 @@ def needs_growth(spec: CheckedSpec, labels: Sequence[str]) -> bool:
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
     for label in labels:
         one = part_of(core, (label, *gate))
-        dimension = make_frame(one, lowest, highest).dimension
-        moves = ROUNDS * longest(max(1, dimension)) * DEPTH
+        dimension = make_chain_state(one, lowest, highest).dimension
+        moves = ROUNDS * max_moves(max(1, dimension)) * DEPTH
         if dimension > MANY or AFFORDED * 2 * len(labels) * cost(one) * moves > COUNTED * WORK:
             return True
     return False
@@ -289,7 +289,7 @@ def _chains(cores: Sequence[Core], lowest: Array, highest: Array, effort: int) -
     """How many chains the effort allows for these cores, a multiple of the islands."""
     fewest = MOST
     for core in cores:
-        moves = ROUNDS * longest(max(1, make_frame(core, lowest, highest).dimension)) * DEPTH
+        moves = ROUNDS * max_moves(max(1, make_chain_state(core, lowest, highest).dimension)) * DEPTH
         fewest = min(fewest, int(COUNTED * effort) // (2 * len(cores) * cost(core) * moves))
     return max(fewest, FEWEST) // ISLANDS * ISLANDS
 
@@ -313,7 +313,7 @@ def _require(
     stop: Stop,
 ) -> tuple[_Base, float]:
     """Chains at the base distribution conditioned on the requirement; weights 0 if it could not be satisfied."""
-    chain_state = make_frame(core, lowest, highest)
+    chain_state = make_chain_state(core, lowest, highest)
     if not chain_state.dimension:
         least = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
         return _Base({}, np.full(ISLANDS, float(least >= 0.0)), 1), least

@@ -16,14 +16,14 @@ from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.report import probability
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
-from scenegen.sampling.splitting.chains import Chains, Statistics, _systematic, correlation, design_effect
+from scenegen.sampling.splitting.chain_state import ChainTape, chain_state_of
+from scenegen.sampling.splitting.chains import Chains, Statistics, correlation, design_effect, systematic
 from scenegen.sampling.splitting.levels import Region
 from scenegen.sampling.splitting.moves import (
-    COMPOSED,
-    MIRRORS,
-    MOVES,
-    STEPS,
+    COMPOSED_MIRRORS,
+    MIRROR_PROPOSALS,
+    MOVE_PROPOSALS,
+    STEP_PROPOSALS,
     Deck,
     MoveInputs,
     Tuning,
@@ -310,7 +310,7 @@ def problem():
 
 def chains_at_truth(problem, seed, low=0.05):
     """Chains that are exactly where they should be, by plain rejection."""
-    chain_state, rng = frame_of(problem), np.random.Generator(np.random.SFC64(seed))
+    chain_state, rng = chain_state_of(problem), np.random.Generator(np.random.SFC64(seed))
     tape = ChainTape(chain_state)
     rows = chain_state.draw(120_000, rng)
     good = tape(rows)[0] >= low
@@ -326,8 +326,8 @@ def tuning(chain_state, length=0.3):
     width = chain_state.high - chain_state.low
     # part of the box alone, so that redraws have to tell who may take part
     return Tuning(
-        dict.fromkeys(MOVES, 1.0),
-        dict.fromkeys(MOVES, 1.0),
+        dict.fromkeys(MOVE_PROPOSALS, 1.0),
+        dict.fromkeys(MOVE_PROPOSALS, 1.0),
         length * width,
         chain_state.low,
         chain_state.low + 0.8 * width,
@@ -347,7 +347,7 @@ def statistics(chains):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", MOVES)
+@pytest.mark.parametrize("kind", MOVE_PROPOSALS)
 def test_a_kind_keeps_the_distribution(problem, kind, same_distribution):
     chains, fresh = chains_at_truth(problem, 1), chains_at_truth(problem, 2)
     start = [row.copy() for row in chains.rows]
@@ -358,7 +358,7 @@ def test_a_kind_keeps_the_distribution(problem, kind, same_distribution):
         assert row.min() >= low and row.max() <= high
     moved = np.mean([(a != b) for a, b in zip(start, chains.rows, strict=True)])
     assert (max(shares) > 0) == (moved > 0)
-    assert moved > 0 or kind in MIRRORS
+    assert moved > 0 or kind in MIRROR_PROPOSALS
     np.testing.assert_array_equal(chains.phi[0], chains.tape(chains.rows)[0])
 
 
@@ -371,17 +371,17 @@ def test_a_move_that_leans_is_found_out(problem, same_distribution, monkeypatch)
     assert distances(chains, statistics(fresh), same_distribution)
 
 
-@pytest.mark.parametrize("kind", MIRRORS)
+@pytest.mark.parametrize("kind", MIRROR_PROPOSALS)
 @pytest.mark.parametrize("text", [SPEC, TRAYS], ids=["table", "trays"])
 def test_a_mirror_undoes_itself(text, kind, monkeypatch):
     monkeypatch.setattr(MoveInputs, "coin", lambda self: np.ones(self.count, dtype=bool))
-    chain_state = frame_of(make_problem(check_text(text), SampleRequest(n=16)))
+    chain_state = chain_state_of(make_problem(check_text(text), SampleRequest(n=16)))
     rows = chain_state.draw(100, np.random.default_rng(0))
 
     def apply(rows, seed):
         rng = np.random.Generator(np.random.SFC64(seed))
         decks = Deck(chain_state.dimension, rng), Deck(len(chain_state.parts), rng)
-        proposal = MOVES[kind](MoveInputs(chain_state, *decks, rows, rows, tuning(chain_state), 1.0, rng))
+        proposal = MOVE_PROPOSALS[kind](MoveInputs(chain_state, *decks, rows, rows, tuning(chain_state), 1.0, rng))
         values, _ = bring_home(chain_state, proposal)
         out = list(rows)
         for row, value in zip(proposal.rows, values, strict=True):
@@ -402,16 +402,16 @@ def test_a_mirror_undoes_itself(text, kind, monkeypatch):
 
 
 def test_the_table_of_compositions_names_mirrors():
-    assert set(COMPOSED) <= set(MIRRORS)
-    assert all(part in MIRRORS for ways in COMPOSED.values() for way in ways for part in way)
-    assert not set(STEPS) & set(MIRRORS)
+    assert set(COMPOSED_MIRRORS) <= set(MIRROR_PROPOSALS)
+    assert all(part in MIRROR_PROPOSALS for ways in COMPOSED_MIRRORS.values() for way in ways for part in way)
+    assert not set(STEP_PROPOSALS) & set(MIRROR_PROPOSALS)
 
 
 def test_one_object_has_no_moves_of_two():
-    chain_state = frame_of(make_problem(check_text("closeTo(mug, (0.5, 0.5), 0.1)"), SampleRequest(n=1)))
+    chain_state = chain_state_of(make_problem(check_text("closeTo(mug, (0.5, 0.5), 0.1)"), SampleRequest(n=1)))
     assert chain_state.dimension == 2 and len(chain_state.parts) == 1
     assert not {"pair", "shift run", "turn", "flip", "swap", "reverse", "swap, mirror x"} & set(moves_for(chain_state))
-    line = frame_of(make_problem(check_text("x(mug) >= 0.5"), SampleRequest(n=1)))
+    line = chain_state_of(make_problem(check_text("x(mug) >= 0.5"), SampleRequest(n=1)))
     assert not {"two rows", "redraw two rows"} & set(moves_for(line))
 
 
@@ -428,7 +428,7 @@ def test_systematic_resampling_rounds_each_share():
     rng = np.random.default_rng(1)
     share = rng.random(200)
     share /= share.sum()
-    counts = np.bincount(_systematic(share, rng, 5000), minlength=200)
+    counts = np.bincount(systematic(share, rng, 5000), minlength=200)
     assert counts.sum() == 5000 and (np.abs(counts - 5000 * share) < 1).all()
 
 

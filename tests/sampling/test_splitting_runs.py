@@ -24,7 +24,7 @@ RARE = {"task": Range(0.05, 0.06)}
 def few_chains():
     """An eighth of the usual chains; tests/slow and tests/sampling/test_verify.py take all of them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 1024)
+        patch.setattr("scenegen.sampling.splitting.sampler.MAX_CHAINS", 1024)
         yield
 
 

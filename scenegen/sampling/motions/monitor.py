@@ -75,7 +75,7 @@ class MotionLimits:
 
 
 LOW, HIGH = 0, 1
-EVERY = slice(None)
+ALL_MOTIONS = slice(None)
 
 Places = npt.NDArray[np.intp]
 
@@ -134,12 +134,12 @@ class BatchMonitor:
         self.seen[who] = 0
         self._signals[:, :, who] = self._far
 
-    def back(self, before: Array, who: Places | slice = EVERY) -> None:
+    def back(self, before: Array, who: Places | slice = ALL_MOTIONS) -> None:
         """Forget the last moment of motions, before which they were at `before`, (3N, K); another one follows."""
         self.seen[who] -= 1
         self._before[:, who] = before
 
-    def add(self, rows: Array, who: Places | slice = EVERY) -> None:
+    def add(self, rows: Array, who: Places | slice = ALL_MOTIONS) -> None:
         """The next moment of K motions, (3N, K)."""
         who = np.arange(self.count)[who]
         seen = self.seen[who]

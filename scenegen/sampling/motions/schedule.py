@@ -24,10 +24,10 @@ from scenegen.search.effort import NEVER, Stop
 # (Silvey, Titterington and Torsney 1978). It is fixed before any motion is kept.
 
 
-KEEP = 0.7  # of what was measured, when the region narrows
-SHARED = 0.5  # of the evaluations, which all changes share equally: none is left out
-OWN_COST = 0.4  # of a change, in evaluations: what it takes to make it
-STEPS = 200  # of the algorithm
+METER_MEMORY = 0.7  # of what was measured, when the region narrows
+EQUAL_SHARE = 0.5  # of the evaluations, which all changes share equally: none is left out
+CHANGE_COST = 0.4  # of a change, in evaluations: what it takes to make it
+DESIGN_STEPS = 200  # of the algorithm
 
 
 def statistics(problem: MotionProblem, variables: Variables, poses: Array, scores: Array) -> Array:
@@ -81,13 +81,13 @@ class Meter:
             self.jumps = np.zeros((self.count, len(now)))
         self.now = now.copy()
         for one in (self.jumps, self.cost, self.tried):
-            one *= KEEP
+            one *= METER_MEMORY
 
     def add(self, kind: int, tried: int, scored: int, chains: Index, statistics: Array) -> None:
         """A change was tried by so many chains, scored by some, and taken by `chains` (indices), whose statistics are
         now (S, len(chains))."""
         self.tried[kind] += tried
-        self.cost[kind] += OWN_COST * tried + scored
+        self.cost[kind] += CHANGE_COST * tried + scored
         self.jumps[kind] += ((statistics - self.now[:, chains]) ** 2).sum(axis=1)
         self.now[:, chains] = statistics
 
@@ -96,15 +96,15 @@ class Meter:
         variance = self.now.var(axis=1)
         moved = (variance > 1e-12) & (self.jumps > 0.0).any(axis=0)
         tried = np.where(self.tried > 0.0, self.tried, 1.0)
-        cost = np.where(self.tried > 0.0, self.cost / tried, 1.0 + OWN_COST)
+        cost = np.where(self.tried > 0.0, self.cost / tried, 1.0 + CHANGE_COST)
         rate = self.jumps[:, moved] / variance[moved] / (tried * cost)[:, None]
         share = np.full(self.count, 1.0 / self.count)
-        for _ in range(STEPS if moved.any() else 0):
+        for _ in range(DESIGN_STEPS if moved.any() else 0):
             gain = (rate / (share @ rate) ** 2).sum(axis=1)
             share *= np.sqrt(gain)
             share /= share.sum()
             share = np.maximum(share, 1e-12)
-        often = ((1.0 - SHARED) * share + SHARED / self.count) / cost
+        often = ((1.0 - EQUAL_SHARE) * share + EQUAL_SHARE / self.count) / cost
         found: Array = often / often.sum()
         return found
 
@@ -230,19 +230,19 @@ class MotionChains:
 # The descent of a request for motions.
 
 
-STREAM = 11  # random numbers of motions, separate from those of scenes
-KEPT = 0.4  # share of the chains that makes a level
-FEWEST, PIECES = 64, 4  # chains of a piece, and pieces of a request, at least
-AT_LEAST = 16  # chains, of motions so large that more would not fit
-LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
-LONGEST = 32  # rounds of moves until then, at most
-LUCK = 2.5  # standard deviations of the largest of some hundred sample correlations whose true value is 0
-ROUNDS = 24  # of weights that even out the cells
+MOTION_STREAM = 11  # random numbers of motions, separate from those of scenes
+MOTION_LEVEL_SHARE = 0.4  # share of the chains that makes a level
+MIN_MOTION_CHAINS, MOTION_PIECES = 64, 4  # chains of a piece, and pieces of a request, at least
+MIN_LARGE_CHAINS = 16  # chains, of motions so large that more would not fit
+INDEPENDENT_CORRELATION = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
+MAX_SETTLE_ROUNDS = 32  # rounds of moves until then, at most
+CORRELATION_DEVIATIONS = 2.5  # of the largest of some hundred sample correlations whose true value is 0
+EVEN_OUT_ROUNDS = 24  # of weights that even out the cells
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k; the plan's are those of piece -1, and the pilot has its own."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, piece + 2])))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, MOTION_STREAM, piece + 2])))
 
 
 Watch = Callable[[Array, int], None]
@@ -259,13 +259,13 @@ def make_schedule(problem: MotionProblem, budget: Budget, watch: Watch | None = 
 class _MotionDescent(Descent[MotionChains]):
     """The descent of a request for motions."""
 
-    kept = KEPT
+    kept = MOTION_LEVEL_SHARE
 
     def __init__(self, problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> None:
-        wanted = max(FEWEST, 4 * problem.cells.count, -(-problem.request.n // PIECES))
-        self._piece = problem.at_once(min(wanted, 4096), AT_LEAST)
+        wanted = max(MIN_MOTION_CHAINS, 4 * problem.cells.count, -(-problem.request.n // MOTION_PIECES))
+        self._piece = problem.batch_size(min(wanted, 4096), MIN_LARGE_CHAINS)
         self._moves = 10 + problem.steps + len(problem.names)
-        many = problem.at_once(max(512, self._piece), AT_LEAST)
+        many = problem.batch_size(max(512, self._piece), MIN_LARGE_CHAINS)
         super().__init__(MotionChains.start(problem, many, generator(problem.request.seed, -1), budget))
         kinds = len(changes(problem))
         self._meter, self._mixture = Meter(kinds), np.full(kinds, 1.0 / max(1, kinds))
@@ -306,7 +306,7 @@ class _MotionDescent(Descent[MotionChains]):
         that were visited; the others are closed."""
         chains, cells, base = self.chains, self.chains.problem.cells, self.chains.region
         log_weight, visited = np.zeros(cells.count), np.zeros(cells.count, dtype=bool)
-        for done in range(ROUNDS):
+        for done in range(EVEN_OUT_ROUNDS):
             counts = np.zeros(cells.count)
             for _ in range(4):
                 chains.run(self._moves // 2, self._mixture)
@@ -329,10 +329,12 @@ class _MotionDescent(Descent[MotionChains]):
         they can follow at once. Returns the largest correlation then."""
         chains = self.chains
         before, left = chains.statistics(), 1.0
-        noise = LUCK / np.sqrt(chains.count)  # the largest of some hundred correlations of independent motions
+        noise = CORRELATION_DEVIATIONS / np.sqrt(
+            chains.count
+        )  # the largest of some hundred correlations of independent motions
         spread = before.std(axis=1) > 1e-12
         rounds = 0
-        while left > LEFT and rounds < LONGEST:
+        while left > INDEPENDENT_CORRELATION and rounds < MAX_SETTLE_ROUNDS:
             rounds += 1
             self.move()
             self.stages.append(Stage(None, self._mixture, 2 * self._moves))

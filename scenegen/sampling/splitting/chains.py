@@ -9,12 +9,12 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import PLACE
 from scenegen.sampling.problem import Cells
-from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, choices, watched
+from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, choice_cores, watched_core
 from scenegen.sampling.splitting.levels import Region
-from scenegen.sampling.splitting.moves import MOVES, Deck, MoveInputs, MoveProposal, Tuning, bring_home
+from scenegen.sampling.splitting.moves import MOVE_PROPOSALS, Deck, MoveInputs, MoveProposal, Tuning, bring_home
 from scenegen.search.effort import NEVER, Stop
 
-_GENERATIONS = 12  # remembered generations of ancestors: the first chains, and later copies at growing intervals
+MAX_GENERATIONS = 12  # remembered generations of ancestors: the first chains, and later copies at growing intervals
 
 
 @dataclass(slots=True)
@@ -63,7 +63,7 @@ class Chains:
     def count(self) -> int:
         return len(self.rows[0])
 
-    def some(self, count: int) -> Chains:
+    def pick_chains(self, count: int) -> Chains:
         """Independent copies of at most `count` of the chains, spread over all of them."""
         index = np.arange(0, self.count, max(1, self.count // count))[:count]
         weight = None if self.weight is None else self.weight[index]
@@ -103,7 +103,7 @@ class Chains:
         for start in range(0, self.count, size):
             own = gain[start : start + size].sum()
             mine, offset = (gain[start : start + size] / own, start) if own > 0.0 else (gain / total, 0)
-            blocks.append(_systematic(mine, self.rng, size) + offset)
+            blocks.append(systematic(mine, self.rng, size) + offset)
         self._copy(blocks[0] if islands == 1 else np.concatenate(blocks))
         self.region = region
         self.weight = None if region.weights is None else region.weigh(self.phi, self.cells)
@@ -111,7 +111,7 @@ class Chains:
 
     def _copy(self, index: Index) -> None:
         self.families.append(np.arange(self.count))
-        if len(self.families) > _GENERATIONS:
+        if len(self.families) > MAX_GENERATIONS:
             self.families = self.families[::2]
         self.rows = [row[index] for row in self.rows]
         self.phi = [value[index] for value in self.phi]
@@ -125,7 +125,7 @@ class Chains:
     def move(self, kind: str, tuning: Tuning) -> tuple[float, MoveProposal]:
         """One move of all chains. Returns the share of chains that took it, and what was proposed."""
         draw = MoveInputs(self.chain_state, *self.decks, self.rows, self.pool, tuning, tuning.scale[kind], self.rng)
-        proposal = MOVES[kind](draw)
+        proposal = MOVE_PROPOSALS[kind](draw)
         if not proposal.rows:
             return 0.0, proposal
         values, taken = bring_home(self.chain_state, proposal)
@@ -152,7 +152,7 @@ class Chains:
         kinds = list(tuning.weight)
         weights = np.fromiter(tuning.weight.values(), dtype=np.float64)
         # Systematic resampling: in any run each kind gets its rounded share, and is never left out by chance.
-        chosen = self.rng.permutation(_systematic(weights / weights.sum(), self.rng, moves))
+        chosen = self.rng.permutation(systematic(weights / weights.sum(), self.rng, moves))
         return float(np.mean([self.move(kinds[kind], tuning)[0] for kind in chosen])) if moves else 0.0
 
     def reflect(self, tuning: Tuning) -> None:
@@ -167,7 +167,7 @@ class Chains:
         return index
 
 
-def _systematic(share: Array, rng: np.random.Generator, count: int) -> Index:
+def systematic(share: Array, rng: np.random.Generator, count: int) -> Index:
     """`count` indices drawn with the given probabilities, by systematic resampling (Kitagawa 1996), in order."""
     place = np.cumsum(share)
     place *= count / place[-1]
@@ -188,11 +188,11 @@ def _decks(chain_state: ChainState, rng: np.random.Generator) -> tuple[Deck, Dec
 
 
 NEGLIGIBLE = 0.05  # correlation of the slowest statistic between one scene and the next of a chain
-_LATE = 0.3  # the largest correlation when it shows which statistics are slow
-_SLOW = 6  # how many of them count
-_TRIES = 6  # moves of a kind for judging it
-_WITHIN = 6  # differences tracked within each way of satisfying the formula
-_PAIRS = 16  # pairs of objects whose difference is tracked
+LATE_CORRELATION = 0.3  # the largest correlation when it shows which statistics are slow
+SLOW_STATISTICS = 6  # how many of them count
+KIND_TRIES = 6  # moves of a kind for judging it
+MAX_DIFFERENCES_IN_WAY = 6  # differences tracked within each way of satisfying the formula
+MAX_DIFFERENCE_PAIRS = 16  # pairs of objects whose difference is tracked
 
 
 class Statistics:
@@ -202,11 +202,13 @@ class Statistics:
     in others."""
 
     def __init__(self, chain_state: ChainState, stop: Stop = NEVER) -> None:
-        self._frame = chain_state
-        self._atoms = ChainTape(chain_state, watched(chain_state.core), stop)
-        self._choices = [(node.kind, ChainTape(chain_state, core, stop)) for node, core in choices(chain_state.core)]
+        self._chain_state = chain_state
+        self._atoms = ChainTape(chain_state, watched_core(chain_state.core), stop)
+        self._choices = [
+            (node.kind, ChainTape(chain_state, core, stop)) for node, core in choice_cores(chain_state.core)
+        ]
         pairs = [(a, b) for a in range(len(chain_state.parts)) for b in range(a)]
-        step = max(1, -(-len(pairs) // _PAIRS))
+        step = max(1, -(-len(pairs) // MAX_DIFFERENCE_PAIRS))
         self._pairs = [
             (first, second)
             for a, b in pairs[::step]
@@ -219,13 +221,13 @@ class Statistics:
         """(S, P), standardised over the chains; statistics that are the same in all chains are left at 0."""
         rows = chains.rows
         values: list[Array] = []
-        for row, circular in zip(rows, self._frame.circular, strict=True):
+        for row, circular in zip(rows, self._chain_state.circular, strict=True):
             values += [np.cos(row), np.sin(row)] if circular else [row]
         apart = [rows[first] - rows[second] for first, second in self._pairs]
         values += apart
         values += [np.abs(distance) for distance in apart]
         values += self._atoms(rows)
-        few = [np.abs(distance) for distance in apart[:: max(1, len(apart) // _WITHIN)]]
+        few = [np.abs(distance) for distance in apart[:: max(1, len(apart) // MAX_DIFFERENCES_IN_WAY)]]
         for kind, tape in self._choices:
             ways = np.array(tape(rows))
             choice = ways.argmin(axis=0) if kind == "min" else ways.argmax(axis=0)
@@ -280,8 +282,8 @@ def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int
         done += block
         now = correlation(start, statistics(chains))
         left = float(np.abs(now).max(initial=0.0))
-        if late is None and (left < _LATE or done >= most):
-            late = chains.some(chains.count), now
+        if late is None and (left < LATE_CORRELATION or done >= most):
+            late = chains.pick_chains(chains.count), now
         if left < NEGLIGIBLE + noise:
             break
     assert late is not None
@@ -291,12 +293,12 @@ def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int
 
 def helps(memory: CorrelationTime, statistics: Statistics, tuning: Tuning, kind: str) -> tuple[float, int]:
     """By how much a move of a kind lowers the slowest correlations, and the number of evaluations of this trial."""
-    chains = memory.late.some(memory.late.count)
-    for _ in range(_TRIES):
+    chains = memory.late.pick_chains(memory.late.count)
+    for _ in range(KIND_TRIES):
         chains.move(kind, tuning)
-    slow = np.argsort(-np.abs(memory.faded))[:_SLOW]
+    slow = np.argsort(-np.abs(memory.faded))[:SLOW_STATISTICS]
     before, after = memory.faded[slow], correlation(memory.start[slow], statistics(chains)[slow])
-    return float((np.abs(before) * (np.abs(before) - np.abs(after))).sum()) / _TRIES, chains.evaluations
+    return float((np.abs(before) * (np.abs(before) - np.abs(after))).sum()) / KIND_TRIES, chains.evaluations
 
 
 def design_effect(chains: Chains, values: Array) -> Array:

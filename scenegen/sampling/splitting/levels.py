@@ -22,9 +22,9 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.sampling.problem import Cells
 
-LEVELS = 1000  # of a descent at most
-LEAST = 16  # chains beyond a value that most of them share, for a level to leave it behind
-STALL = 20  # if so many levels shrink the distance by less than 1 %, the range counts as unreachable
+MAX_LEVELS = 1000  # of a descent at most
+MIN_BEYOND = 16  # chains beyond a value that most of them share, for a level to leave it behind
+STALLED_LEVELS = 20  # if so many levels shrink the distance by less than 1 %, the range counts as unreachable
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,16 +129,16 @@ def follow(chains: ChainPopulation, stages: Sequence[Stage]) -> tuple[float, flo
     return probability, taken
 
 
-P = TypeVar("P", bound=ChainPopulation)
+ChainsType = TypeVar("ChainsType", bound=ChainPopulation)
 
 
-class Descent(ABC, Generic[P]):
+class Descent(ABC, Generic[ChainsType]):
     """One descent of one ensemble of chains, which records its stages. `kept` is the share of the chains that makes a
     level."""
 
     kept: float
 
-    def __init__(self, chains: P) -> None:
+    def __init__(self, chains: ChainsType) -> None:
         self.chains = chains
         self.stages: list[Stage] = []
 
@@ -146,7 +146,7 @@ class Descent(ABC, Generic[P]):
     def move(self) -> tuple[Any, int]:
         """Move the chains until copies differ. Returns the tuning that does the same in a piece, and how many moves."""
 
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         """Whether to end early."""
         return False
 
@@ -170,7 +170,7 @@ class Descent(ABC, Generic[P]):
         """Restrict the chains to scores from `low` to `high`, level by level; `held` are lower ends that always
         hold."""
         scale, history = _scales(self.chains.phi, low, high), list[float]()
-        while not self.over():
+        while not self.is_over():
             distance = _distance(self.chains.phi, low, high, scale)
             self.look(distance, last)
             level = float(np.quantile(distance, self.kept, method="lower"))
@@ -178,10 +178,10 @@ class Descent(ABC, Generic[P]):
                 level = float(distance[np.isfinite(distance)].max(initial=-1.0))
             elif history and level >= history[-1]:  # most share one value, say of an alternative that is a constant
                 beyond = distance[distance < level]
-                level = float(beyond.max()) if len(beyond) >= LEAST else level
+                level = float(beyond.max()) if len(beyond) >= MIN_BEYOND else level
             history.append(level)
-            stuck = len(history) > STALL and level > 0.99 * history[-1 - STALL]
-            if level < 0.0 or (level > 0.0 and (stuck or len(history) > LEVELS)):
+            stuck = len(history) > STALLED_LEVELS and level > 0.99 * history[-1 - STALLED_LEVELS]
+            if level < 0.0 or (level > 0.0 and (stuck or len(history) > MAX_LEVELS)):
                 return False
             slack = level * (1.0 + 1e-9) * scale  # rounding must not exclude chains exactly on the level
             region = Region(np.maximum(low - slack, held) if level else low.copy(), high + slack)

@@ -23,37 +23,37 @@ from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, NoPlan, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import SHOWN, probability, shortfall, too_early
-from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
+from scenegen.sampling.splitting.chain_state import ChainTape, chain_state_of
 from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, design_effect, forgetting
 from scenegen.sampling.splitting.levels import Descent, Schedule, Stage, follow
 from scenegen.sampling.splitting.moves import Tuning
-from scenegen.sampling.splitting.tuning import LONGEST, Tuner, even_out
+from scenegen.sampling.splitting.tuning import MAX_THINNING, Tuner, even_out
 from scenegen.search.effort import NEVER, Stop, StoppedError, moving
 
-FACTS = 9  # of a piece, and two for each statistic
-_SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
-FEWEST = 4  # minimum number of pieces: the error bar of the probability is their spread
+SPLITTING_FACTS = 9  # of a piece, and two for each statistic
+SETTLE_FACTOR = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
+MIN_PIECES = 4  # minimum number of pieces: the error bar of the probability is their spread
 BARREN = 8  # a run ends after so many pieces in a row without a new scene
 
 
-SPLIT = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
+SPLITTING_STREAM = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
 KEPT = 0.5  # share of the chains that makes a level
-PIECES = 8  # pieces of a request that is large enough
-CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
-ENSEMBLE = CHAINS // 2  # chains of the plan: one process makes it, so more would only keep others waiting
-LEAST_CHAINS = 1024  # of a piece: with fewer ancestors the shares of modes would be noisy
-TAKES = 16  # maximum number of scenes from one chain
-NUMBERS = 1 << 21  # maximum number of coordinates of a piece's chains
+TARGET_PIECES = 8  # pieces of a request that is large enough
+MAX_CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
+PLAN_CHAINS = MAX_CHAINS // 2  # chains of the plan: one process makes it, so more would only keep others waiting
+MIN_CHAINS = 1024  # of a piece: with fewer ancestors the shares of modes would be noisy
+MAX_TAKES = 16  # maximum number of scenes from one chain
+MAX_CHAIN_COORDINATES = 1 << 21  # maximum number of coordinates of a piece's chains
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k; the plan's are those of piece -1."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLIT, piece + 1])))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLITTING_STREAM, piece + 1])))
 
 
-def _aside(seed: int, piece: int) -> np.random.Generator:
+def _side_generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
-    return np.random.default_rng(np.random.SeedSequence([seed, SPLIT, piece + 1, 1]))
+    return np.random.default_rng(np.random.SeedSequence([seed, SPLITTING_STREAM, piece + 1, 1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +77,10 @@ class SplittingStalled(NoPlan):
         if not self.phi:
             return RequestError(too_early(problem, tried, len(problem.possible)))
         shown = min(len(self.phi[0]), SHOWN)
-        rng = _aside(problem.request.seed, -1)
-        rows = frame_of(problem).complete([row[:shown] for row in self.rows], problem.lowest, problem.highest, rng)
+        rng = _side_generator(problem.request.seed, -1)
+        rows = chain_state_of(problem).complete(
+            [row[:shown] for row in self.rows], problem.lowest, problem.highest, rng
+        )
         return RequestError(shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in self.phi])))
 
 
@@ -99,14 +101,14 @@ class _SceneDescent(Descent[Chains]):
 
     def __init__(self, problem: Problem, budget: Budget, most: float = np.inf) -> None:
         self._problem, self._budget, self._most = problem, budget, most
-        chain_state, cells = frame_of(problem), problem.cells
-        most = max(256, NUMBERS // chain_state.dimension)
-        least, n = max(LEAST_CHAINS, 8 * cells.count), problem.request.n * 51 // 50  # rounding takes a few out of range
-        self._size = min(most, CHAINS, max(least, -(-n // PIECES)))
-        self._takes = min(TAKES, -(-n // (PIECES * self._size)))
+        chain_state, cells = chain_state_of(problem), problem.cells
+        most = max(256, MAX_CHAIN_COORDINATES // chain_state.dimension)
+        least, n = max(MIN_CHAINS, 8 * cells.count), problem.request.n * 51 // 50  # rounding takes a few out of range
+        self._size = min(most, MAX_CHAINS, max(least, -(-n // TARGET_PIECES)))
+        self._takes = min(MAX_TAKES, -(-n // (TARGET_PIECES * self._size)))
         if self._takes > 1:  # as many pieces as planned, none for a few last scenes
-            self._size = min(self._size, max(least, -(-n // (PIECES * self._takes))))
-        ensemble = min(most, max(ENSEMBLE, least))
+            self._size = min(self._size, max(least, -(-n // (TARGET_PIECES * self._takes))))
+        ensemble = min(most, max(PLAN_CHAINS, least))
         tape = ChainTape(chain_state, stop=budget)
         super().__init__(Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1)))
         self._tuner = Tuner(self.chains)
@@ -115,23 +117,23 @@ class _SceneDescent(Descent[Chains]):
         try:
             return self._plan()
         except StoppedError:
-            return self._stalled("time")
+            return self._stall("time")
 
     def _plan(self) -> Schedule | SplittingStalled:
         cells, labels, chains = self._problem.cells, tuple(self._problem.core.labels), self.chains
         if not self.reach(cells, [len(labels) - 1] if labels[-1] == REQUIRE else []):
-            return self._stalled("time" if self._budget.spent else "range")
+            return self._stall("time" if self._budget.spent else "range")
         levels, reached = len(self.stages), frozenset({0})
         if cells.count > 1:
             for region, moves in even_out(chains, self._tuner):
                 self.stages.append(Stage(region, self._tuner.tuning(), moves))
                 if self._budget.spent:
-                    return self._stalled("time")
+                    return self._stall("time")
             assert chains.region.weights is not None
             reached = frozenset(map(int, np.flatnonzero(chains.region.weights)))
         statistics = Statistics(chains.chain_state, self._budget)
         tuning = self._tuner.tune(statistics)
-        memory = forgetting(chains, statistics, tuning, LONGEST)
+        memory = forgetting(chains, statistics, tuning, MAX_THINNING)
         self.stages[-1] = replace(self.stages[-1], tuning=tuning)
         evaluations = chains.evaluations + self._tuner.evaluations
         stages = tuple(self.stages)
@@ -141,10 +143,10 @@ class _SceneDescent(Descent[Chains]):
         moves = self._tuner.adapt()
         return self._tuner.tuning(), moves
 
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         return self._budget.spent or self.chains.evaluations > self._most
 
-    def _stalled(self, why: Literal["time", "range"]) -> SplittingStalled:
+    def _stall(self, why: Literal["time", "range"]) -> SplittingStalled:
         evaluations = self.chains.evaluations + self._tuner.evaluations
         return SplittingStalled(why, tuple(self.chains.rows), tuple(self.chains.phi), evaluations, len(self.stages))
 
@@ -178,7 +180,7 @@ class Splitting(Plan):
     stop: Stop = NEVER
 
     method: ClassVar[str] = "splitting"
-    fewest: ClassVar[int] = FEWEST
+    fewest: ClassVar[int] = MIN_PIECES
     patience: ClassVar[int] = BARREN
 
     @property
@@ -193,10 +195,10 @@ class Splitting(Plan):
 
     @property
     def fact_count(self) -> int:
-        frame = frame_of(self.problem)
+        frame = chain_state_of(self.problem)
         chains = Chains.start(frame, ChainTape(frame), self.cells, 2, np.random.default_rng(0))
         with np.errstate(all="ignore"):
-            return FACTS + 2 * len(Statistics(frame)(chains))
+            return SPLITTING_FACTS + 2 * len(Statistics(frame)(chains))
 
     @property
     def scenes_per_piece(self) -> float:
@@ -210,8 +212,8 @@ class Splitting(Plan):
     def _moves(self) -> int:
         """How often all chains of a piece move, in all pieces; to begin counts as a move."""
         plan = self.schedule
-        moves = sum(stage.moves for stage in plan.stages) + (_SETTLING + plan.takes - 1) * plan.thinning
-        return max(FEWEST, -(-self.wanted // (plan.chains * plan.takes))) * (1 + moves)
+        moves = sum(stage.moves for stage in plan.stages) + (SETTLE_FACTOR + plan.takes - 1) * plan.thinning
+        return max(MIN_PIECES, -(-self.wanted // (plan.chains * plan.takes))) * (1 + moves)
 
     @property
     def seconds(self) -> float:
@@ -220,7 +222,9 @@ class Splitting(Plan):
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError if time is up meanwhile."""
         made = run_piece(self.problem, self.schedule, k, self.stop)
-        order = _aside(self.seed, k).permutation(made.rows.shape[1])  # survivors of one ancestor are next to each other
+        order = _side_generator(self.seed, k).permutation(
+            made.rows.shape[1]
+        )  # survivors of one ancestor are next to each other
         rows, phi = made.rows.take(order, axis=1), made.phi.take(order, axis=1)
         log = math.log(made.probability) if made.probability else 0.0
         facts = [
@@ -241,8 +245,10 @@ class Splitting(Plan):
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and the warnings for the user."""
         plan = self.schedule
-        alive, total, square, log, log_square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * FACTS
-        effect = _worst(alive, np.array(effects).reshape(2, -1))
+        alive, total, square, log, log_square, accepted, stuck, scenes, made, *effects = (
+            tally.facts or (0.0,) * SPLITTING_FACTS
+        )
+        effect = _worst_effect(alive, np.array(effects).reshape(2, -1))
         within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
         evaluations = plan.evaluations + int(made)
         info: dict[str, object] = {
@@ -270,9 +276,9 @@ class Splitting(Plan):
 
 def plan_splitting(problem: Problem, budget: Budget, *, longest: float = math.inf) -> Splitting | SplittingStalled:
     """The plan of a problem; SplittingStalled if its range is not reached. There must be something to move: see
-    `moves`. The descent may take `longest` seconds, by the constants of search.effort."""
+    `moves`. The descent may take `max_moves` seconds, by the constants of search.effort."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
-        most = longest / moving(problem.core.nodes, ENSEMBLE, 1.0) * ENSEMBLE
+        most = longest / moving(problem.core.nodes, PLAN_CHAINS, 1.0) * PLAN_CHAINS
         plan = make_schedule(problem, budget, most)
     return plan if isinstance(plan, SplittingStalled) else Splitting(problem, plan, budget)
 
@@ -292,15 +298,15 @@ def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER)
 
 
 def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> PopulationScenes:
-    chain_state, rng = frame_of(problem), generator(problem.request.seed, number)
+    chain_state, rng = chain_state_of(problem), generator(problem.request.seed, number)
     chains = Chains.start(chain_state, ChainTape(chain_state, stop=stop), problem.cells, plan.chains, rng)
     estimate, _ = follow(chains, plan.stages)
     if not estimate:
-        return _nothing(problem, chains.evaluations)
+        return _empty_piece(problem, chains.evaluations)
     statistics = Statistics(chain_state, stop)
     tuning = plan.stages[-1].tuning
     chains.pool = list(chains.rows)
-    for _ in range(_SETTLING):
+    for _ in range(SETTLE_FACTOR):
         chains.reflect(tuning)
         accepted = chains.run(plan.thinning, tuning)
     effect = design_effect(chains, statistics(chains))
@@ -322,14 +328,14 @@ def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> Pop
     return PopulationScenes(rows, phi, estimate, accepted, share, effect, chains.evaluations)
 
 
-def _nothing(problem: Problem, evaluations: int) -> PopulationScenes:
+def _empty_piece(problem: Problem, evaluations: int) -> PopulationScenes:
     """A piece whose population died out on a level: its estimate of the probability is 0, which keeps the mean
     unbiased."""
     rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
     return PopulationScenes(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
 
 
-def _worst(count: float, effects: Array) -> float:
+def _worst_effect(count: float, effects: Array) -> float:
     """The largest design effect of any statistic. Among a few hundred estimates some are large by chance, so two
     standard errors over the pieces are subtracted from each. `effects` (2, S) are sums and sums of squares over `count`
     pieces."""

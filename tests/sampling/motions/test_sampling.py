@@ -232,7 +232,7 @@ def on_tray():
 
 @pytest.mark.long
 def test_what_stands_counts_over_the_workspace(on_tray, monkeypatch):
-    monkeypatch.setattr(rarity, "WORK", 300_000_000)
+    monkeypatch.setattr(rarity, "MOTION_WORK", 300_000_000)
     found = rarity.measure(scenegen.parse(ON_TRAY).declared, ("task",), seed=1)
     met, both = on_tray
     assert abs(found.requirement.log10 - met) < 1.5 * found.requirement.error < 0.15

@@ -118,7 +118,7 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("--effort", type=float, default=1e8)
     options = parser.parse_args()
-    rarity.EFFORT = options.effort
+    rarity.TAIL_EFFORT = options.effort
     print(
         "| problem | log10 P | held | +- | low | high | off by | sd | bar / 2 |\n|---|---|---|---|---|---|---|---|---|"
     )

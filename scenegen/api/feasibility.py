@@ -210,8 +210,8 @@ def _too_full(spec: CheckedSpec, label: str, effort: Effort) -> UnsatisfiedLabel
     it would take long to find. Raises what `effort` raises."""
     if len(spec.core.nodes) > SMALL:
         return None
-    from scenegen.sampling.growth.failure import packing_proof
     from scenegen.sampling.growth.graph import make_graph
+    from scenegen.sampling.growth.packing import packing_proof
     from scenegen.sampling.problem import make_problem
     from scenegen.sampling.request import Range, SampleRequest
 

@@ -166,7 +166,7 @@ def climb(
 
 def margins(state: ChainPopulation, sign: int, row: int = 0) -> Array:
     """sign * phi of a row, (P,); NaN counts as the lowest."""
-    phi = sign * state.phi[row]
+    phi = sign * state.scores[row]
     return np.where(np.isnan(phi), -np.inf, phi)
 
 
@@ -188,7 +188,7 @@ def restrict(state: ChainPopulation, level: float, sign: int, row: int = 0) -> A
     low, high = state.region.low.copy(), state.region.high.copy()
     (low if sign > 0 else high)[row] = sign * level
     region = Region(low, high)
-    alive: Array = region.holds(state.phi).reshape(ISLANDS, -1).mean(axis=1)
+    alive: Array = region.holds(state.scores).reshape(ISLANDS, -1).mean(axis=1)
     state.narrow(region, ISLANDS)
     return alive
 
@@ -347,7 +347,7 @@ def _begin(
         return state, np.ones(ISLANDS)
     state.rows = [base.rows.get(row, fresh) for row, fresh in zip(chain_state.rows, state.rows, strict=True)]
     state.pool = list(state.rows)
-    state.phi = state.tape(state.rows)
+    state.scores = state.tape(state.rows)
     state.region = Region(np.array([-np.inf, 0.0]), np.full(2, np.inf))
     return state, base.weights
 

@@ -21,8 +21,8 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec, combinations
-from scenegen.sampling.growth.failure import packing_proof
 from scenegen.sampling.growth.graph import make_graph
+from scenegen.sampling.growth.packing import packing_proof
 from scenegen.sampling.parts import independent_parts
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.rejection.sampler import make_plan

@@ -16,8 +16,9 @@ from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.report import probability
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.resampling import resample
 from scenegen.sampling.splitting.chain_state import ChainTape, chain_state_of
-from scenegen.sampling.splitting.chains import Chains, Statistics, correlation, design_effect, systematic
+from scenegen.sampling.splitting.chains import Chains, Statistics, correlation, design_effect
 from scenegen.sampling.splitting.levels import Region
 from scenegen.sampling.splitting.moves import (
     COMPOSED_MIRRORS,
@@ -316,7 +317,7 @@ def chains_at_truth(problem, seed, low=0.05):
     good = tape(rows)[0] >= low
     rows = [row[good] for row in rows]
     chains = Chains.start(chain_state, tape, problem.cells, len(rows[0]), rng)
-    chains.rows, chains.phi = rows, tape(rows)
+    chains.rows, chains.scores = rows, tape(rows)
     chains.pool = [row[:500] for row in rows]
     chains.region = Region(np.array([low]), np.array([np.inf]))
     return chains
@@ -337,13 +338,13 @@ def tuning(chain_state, length=0.3):
 def distances(chains, before, same_distribution):
     """Statistics, by number, whose distribution is no longer what it was."""
     chain_state = chains.chain_state
-    now = [*chains.rows, chains.phi[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
+    now = [*chains.rows, chains.scores[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
     assert chain_state.dimension == 6
     return [index for index, (one, two) in enumerate(zip(before, now, strict=True)) if not same_distribution(one, two)]
 
 
 def statistics(chains):
-    return [*chains.rows, chains.phi[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
+    return [*chains.rows, chains.scores[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
 
 
 @pytest.mark.long
@@ -353,13 +354,13 @@ def test_a_kind_keeps_the_distribution(problem, kind, same_distribution):
     start = [row.copy() for row in chains.rows]
     shares = [chains.move(kind, tuning(chains.chain_state))[0] for _ in range(12)]
     assert distances(chains, statistics(fresh), same_distribution) == []
-    assert chains.region.holds(chains.phi).all()
+    assert chains.region.holds(chains.scores).all()
     for row, low, high in zip(chains.rows, chains.chain_state.low, chains.chain_state.high, strict=True):
         assert row.min() >= low and row.max() <= high
     moved = np.mean([(a != b) for a, b in zip(start, chains.rows, strict=True)])
     assert (max(shares) > 0) == (moved > 0)
     assert moved > 0 or kind in MIRROR_PROPOSALS
-    np.testing.assert_array_equal(chains.phi[0], chains.tape(chains.rows)[0])
+    np.testing.assert_array_equal(chains.scores[0], chains.tape(chains.rows)[0])
 
 
 def test_a_move_that_leans_is_found_out(problem, same_distribution, monkeypatch):
@@ -428,7 +429,7 @@ def test_systematic_resampling_rounds_each_share():
     rng = np.random.default_rng(1)
     share = rng.random(200)
     share /= share.sum()
-    counts = np.bincount(systematic(share, rng, 5000), minlength=200)
+    counts = np.bincount(resample(share, 5000, rng), minlength=200)
     assert counts.sum() == 5000 and (np.abs(counts - 5000 * share) < 1).all()
 
 

@@ -23,22 +23,19 @@ from scenegen.pose import FLAT, along
 from scenegen.sampling.growth.graph import Clause, Graph, Pair
 from scenegen.search.effort import Effort
 
-# --------------------------------------------------------------------------------------------------------------------
-# Whether two footprints are a distance apart: cheaper than how far, and the same answer.
-#
-# Growth and its moves hold poses against their neighbours; few need to know how far away these are. By the
-# separating-axis theorem two convex polygons overlap unless one lies beyond the line through an edge of the other,
-# and how far it lies beyond is never more than the distance. So the distance itself is computed only where that
-# leaves the matter open.
-
-
 Pose = tuple[Array, ...]
 
 GAP_TOLERANCE = 1e-12  # metres: nearer than that to what is asked, the distance itself is computed
 
 
 def keeps_distance(a: Footprint, b: Footprint, at: Pose, other: Pose, least: Array | float) -> Bool:
-    """Whether the clearance of a at a pose, x, y and heading (B,) each, and b at another is at least `least`, (B,)."""
+    """Whether the clearance of a at a pose, x, y and heading (B,) each, and b at another is at least `least`, (B,):
+    cheaper than how far, and the same answer.
+
+    By the separating-axis theorem two convex polygons overlap unless one lies beyond the line through an edge of the
+    other, and how far it lies beyond is never more than the distance. So the distance itself is computed only where
+    that leaves the matter open.
+    """
     if isinstance(a, Circle) or isinstance(b, Circle):
         gap: Array = PRIMITIVES["gap"].evaluate(NUMPY, a, b, *at, *other)
         return np.asarray(gap >= least)
@@ -103,14 +100,11 @@ def _lowest(values: list[Array]) -> Array:
     return lowest
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The values of some formula nodes over many columns of poses, computed from what these nodes need alone.
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Values:
-    """`steps` are the nodes in order, with arguments that count within the steps; `wanted` are the steps of the nodes
-    asked for, `rows` the rows of (3N, B) storage that are read."""
+    """The values of some formula nodes over many columns of poses. `steps` are the nodes that these need, with
+    arguments that count within the steps; `wanted` are the steps of the nodes asked for, `rows` the rows of (3N, B)
+    storage that are read."""
 
     steps: tuple[Node, ...]
     wanted: tuple[int, ...]

@@ -6,8 +6,7 @@ and a move scores the clauses of what it moves. There are three kinds:
 
 * a `Pair` keeps two footprints (or two points) at a distance. Only neighbours matter, and there may be thousands;
 * a `Disjunction` is a disjunction over several objects: one of its `Way`s must hold, and what is placed first says
-which
-  ways are still open;
+  which ways are still open;
 * every other clause is evaluated as it is.
 
 The ends of a clause depend on the cell of the range that a scene is for.
@@ -43,9 +42,6 @@ from scenegen.search.contract import EVERYTHING, ROUNDS, Ends, both, contract, p
 from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, stands_of
 from scenegen.search.tape import make_tape
-
-# --------------------------------------------------------------------------------------------------------------------
-# What nodes of the core formula read: coordinates, parts of junctions, a clearance and a constant.
 
 
 def nodes_read(node: Node) -> list[int]:
@@ -447,22 +443,13 @@ def demands_of(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What follows from a formula and touches fewer objects than it does.
-#
-# `evenlySpaced` holds every gap of a row against the mean of all gaps: none of it can be scored before the last
-# object of the row is placed, and by then it is too late. But two gaps that are each within e of the mean are within
-# 2 e of each other, and that touches three or four objects. The margin e - |a - b| / 2 is at least the mean of the
-# two, so never below the smaller one: to add it to their conjunction changes no value of phi.
-
-
 Even = tuple[int, int, float]
 """One number, the mean of several of which it is one (nodes), and how near they must be."""
 
 
 def add_implied_clauses(problem: Problem, effort: Effort) -> Problem:
-    """The problem with what its formulas imply, for growth; phi of every scene is the same but for rounding. Raises
-    what `effort` raises."""
+    """The problem with what its formulas imply and touches fewer objects than they do; phi of every scene is the same
+    but for rounding. Raises what `effort` raises."""
     core = add_implied_atoms(problem.core)
     if core is problem.core:
         return problem
@@ -471,7 +458,13 @@ def add_implied_clauses(problem: Problem, effort: Effort) -> Problem:
 
 def add_implied_atoms(core: Core) -> Core:
     """The core with an atom more for every two numbers that a conjunction holds against their mean; the core itself
-    where there are none."""
+    where there are none.
+
+    `evenlySpaced` holds every gap of a row against the mean of all gaps: none of it can be scored before the last
+    object of the row is placed, and by then it is too late. But two gaps that are each within e of the mean are within
+    2 e of each other, and that touches three or four objects. The margin e - |a - b| / 2 is at least the mean of the
+    two, so never below the smaller one: to add it to their conjunction changes no value of phi.
+    """
     nodes: list[Node] = []
     place: dict[int, int] = {}
     for old, node in enumerate(core.nodes):

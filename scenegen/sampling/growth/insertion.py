@@ -15,9 +15,6 @@ from scenegen.sampling.growth.graph import Clause
 from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles, chance
 from scenegen.sampling.growth.room import Boxes, SurfacePlaces, make_room
 
-# --------------------------------------------------------------------------------------------------------------------
-# Which ways of a choice hold, as far as their objects are placed.
-
 
 def placed_clauses(model: GrowthModel, choice: int, number: int, stage: int) -> tuple[Clause, ...]:
     """What a way asks of the objects placed by a stage: the whole of it once all of its objects are there."""
@@ -28,18 +25,10 @@ def placed_clauses(model: GrowthModel, choice: int, number: int, stage: int) -> 
 
 
 def open_ways(
-    model: GrowthModel, choice: int, numbers: Sequence[int], rows: Sequence[Any], cell: Index, stage: int
-) -> Bool:
-    """Which of some ways of a choice nothing placed by a stage rules out, (len(numbers), B). `rows` are 3N arrays or
-    numbers that broadcast to (B,), `cell` (B,)."""
-    asked = [placed_clauses(model, choice, number, stage) for number in numbers]
-    return satisfied_clauses(model, ("ways", choice, stage, *numbers), asked, rows, cell)
-
-
-def open_ways_of_choices(
     model: GrowthModel, touched: Mapping[int, Sequence[int]], rows: Sequence[Any], cell: Index, stage: int
 ) -> list[Bool]:
-    """The same of some ways of several choices, (len(numbers), B) for each: what they share is computed once."""
+    """Which of some ways of several choices nothing placed by a stage rules out, (len(numbers), B) for each choice:
+    what they share is computed once. `rows` are 3N arrays or numbers that broadcast to (B,), `cell` (B,)."""
     asked = {
         index: [placed_clauses(model, index, number, stage) for number in numbers] for index, numbers in touched.items()
     }
@@ -49,22 +38,13 @@ def open_ways_of_choices(
     held = []
     for index, each in asked.items():
         alone = ("ways", index, stage, *touched[index])  # work is counted as if each choice were looked at by itself
-        model.count(model.steps(alone, [one.node for clauses in each for one in clauses]), len(cell))
+        model.count(len(model.values(alone, [one.node for clauses in each for one in clauses]).steps), len(cell))
         held.append(_satisfied_clauses(each, found, cell))
     return held
 
 
-def satisfied_clauses(
-    model: GrowthModel, key: object, asked: Sequence[Sequence[Clause]], rows: Sequence[Any], cell: Index
-) -> Bool:
-    """Which columns meet all clauses of each entry, (len(asked), B). `key` stands for these clauses."""
-    values = model.values(key, [one.node for clauses in asked for one in clauses])
-    found = iter(values(rows))
-    model.count(len(values.steps), len(cell))
-    return _satisfied_clauses(asked, found, cell)
-
-
 def _satisfied_clauses(asked: Sequence[Sequence[Clause]], found: Iterator[Array], cell: Index) -> Bool:
+    """Which columns meet all clauses of each entry, (len(asked), B); `found` are the values of all of them in turn."""
     held = np.ones((len(asked), len(cell)), dtype=bool)
     for row, clauses in zip(held, asked, strict=True):
         for one in clauses:
@@ -74,13 +54,24 @@ def _satisfied_clauses(asked: Sequence[Sequence[Clause]], found: Iterator[Array]
     return held
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Placing an object with an eye to the choices: some of its poses are drawn where they help a way to hold.
-#
-# Poses come from a mixture: the object's room under the clauses that every scene meets, and a box for each way that
-# newly asks for something of the object, as contraction leaves it. How much a box gets depends on the scene: a way
-# that is ruled out gets nothing, a choice that is met already needs nothing, and the last object that can meet a
-# choice must. What the mixture is like decides how even the weights are; the weights undo it.
+def choices_after(
+    particles: Particles, things: Sequence[int], rows: Sequence[Any], column: Index | None = None
+) -> dict[int, tuple[Bool, Array]]:
+    """For every choice of which some way touches `things`: which of its ways hold, (W, B), and its chance, (B,), where
+    `rows` are the rows of the scenes `column` (B,), of all where None."""
+    touched = particles.touching(things)
+    if not touched:
+        return {}
+    model, stage = particles.model, particles.stage
+    cell = particles.cell if column is None else particles.cell[column]
+    found: dict[int, tuple[Bool, Array]] = {}
+    for index, held in zip(touched, open_ways(model, touched, rows, cell, stage), strict=True):
+        known = particles.held[index]
+        assert known is not None
+        table = known.copy() if column is None else known[:, column]
+        table[list(touched[index])] = held
+        found[index] = table, chance(table, model.outlooks[index][:, stage], cell)
+    return found
 
 
 EVEN_BOXES_SHARE = 0.3  # share of the poses that is spread evenly over all boxes that may help, the whole room too
@@ -122,7 +113,13 @@ def new_clauses(model: GrowthModel, stage: int) -> tuple[NewClauses, ...]:
 
 
 def aim_boxes(particles: Particles, boxes: Boxes, new: Sequence[NewClauses], stage: int) -> Boxes:
-    """The mixture for an object whose room under the clauses alone is `boxes`."""
+    """The mixture from which an object is drawn whose room under the clauses alone is `boxes`: that, and a box for each
+    way that newly asks for something of the object, as contraction leaves it.
+
+    How much a box gets depends on the scene: a way that is ruled out gets nothing, a choice that is met already needs
+    nothing, and the last object that can meet a choice must. What the mixture is like decides how even the weights are;
+    the weights undo it.
+    """
     if not new:
         return boxes
     model, thing = particles.model, particles.model.order[stage]
@@ -197,7 +194,8 @@ def chances_of(
         known = particles.held[one.choice]
         table = model.outlooks[one.choice][:, stage]
         held = np.ones((len(table), len(column)), dtype=bool) if known is None else known[:, column]
-        held[list(one.numbers)] &= satisfied_clauses(model, key, one.clauses, rows, cell)
+        held[list(one.numbers)] &= _satisfied_clauses(one.clauses, iter(values(rows)), cell)
+        model.count(len(values.steps), len(cell))
         out *= chance(held, table, cell)
     return out
 
@@ -214,11 +212,11 @@ def update_choices(particles: Particles, new: Sequence[NewClauses]) -> Array:
         known = particles.held[index]
         if known is None:
             numbers = range(len(model.graph.choices[index].ways))
-            known = open_ways(model, index, numbers, list(particles.scenes), particles.cell, stage)
+            (known,) = open_ways(model, {index: numbers}, list(particles.scenes), particles.cell, stage)
         elif index in asking:
             which = asking[index].numbers
             rows, known = list(particles.scenes), known.copy()
-            known[list(which)] = open_ways(model, index, which, rows, particles.cell, stage)
+            (known[list(which)],) = open_ways(model, {index: which}, rows, particles.cell, stage)
         new_chance = chance(known, model.outlooks[index][:, stage], particles.cell)
         factor /= np.maximum(particles.chances[index], 1e-300)
         if index not in asking:
@@ -346,10 +344,6 @@ def _drop_crowded(particles: Particles, poses: Array, good: Bool, thing: int, st
         good[number[~clear], column[~clear]] = False
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Trying new poses: which scenes may take them, scored by what touches the objects that move.
-
-
 def attempt(
     particles: Particles,
     things: Sequence[int],
@@ -385,10 +379,12 @@ def attempt(
     for row, value in brought.items():
         rows[row] = value
     _drop_violations(particles, things, rows, trial, good)
-    held = _choices_after(particles, things, rows, good)
+    after = choices_after(particles, things, rows)
+    for index, (_, chances) in after.items():
+        good &= particles.rng.random(len(good)) * particles.chances[index] < chances
     for row, value in brought.items():
         np.copyto(particles.scenes[row], value, where=good)
-    for index, (table, chances) in held.items():
+    for index, (table, chances) in after.items():
         known = particles.held[index]
         assert known is not None
         np.copyto(known, table, where=good)
@@ -421,22 +417,3 @@ def _drop_violations(
                 clear = np.ones(len(some), dtype=bool)
                 constraints.drop_near((x[some], y[some], theta[some]), trial, cell[some], stage, clear, some)
                 good[some] = clear
-
-
-def _choices_after(
-    particles: Particles, things: Sequence[int], rows: Sequence[Array], good: Bool
-) -> dict[int, tuple[Bool, Array]]:
-    """For every choice of which some way touches `things`: which ways hold now (W, P), and the chance of the choice
-    (P,). Takes scenes out of `good` as often as their chances have become worse."""
-    model, cell, stage = particles.model, particles.cell, particles.stage
-    found: dict[int, tuple[Bool, Array]] = {}
-    touched = particles.touching(things)
-    for index, held in zip(touched, open_ways_of_choices(model, touched, rows, cell, stage), strict=True):
-        known = particles.held[index]
-        assert known is not None
-        table = known.copy()
-        table[list(touched[index])] = held
-        chances = chance(table, model.outlooks[index][:, stage], cell)
-        good &= particles.rng.random(len(good)) * particles.chances[index] < chances
-        found[index] = table, chances
-    return found

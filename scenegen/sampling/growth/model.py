@@ -20,14 +20,6 @@ from scenegen.sampling.problem import Problem
 from scenegen.search.contract import ROUNDS
 from scenegen.search.effort import DRAWN, GROWN, STEPPED, Effort, StoppedError, TooMuchError, per_scene, until
 
-# --------------------------------------------------------------------------------------------------------------------
-# The order in which objects are placed: what hangs together follows one another, the large and the tightly held
-# first.
-#
-# How tightly an object is held shows in the box that contraction leaves of it, and in how many random scenes meet the
-# clauses and choices that touch it: what asks for much is placed while moves are cheap and nothing stands in the way.
-
-
 ORDER_SCENES = 1024  # random scenes that tell how often clauses are met
 LEAST_ORDER_SHARE = 0.25 / ORDER_SCENES  # share taken for clauses that none of them meets
 MAX_CLOSE_OBJECTS = 3  # objects of a clause or a choice up to which it says something of any two of them
@@ -38,6 +30,10 @@ def insertion_order(
 ) -> tuple[tuple[int, ...], dict[int, int]]:
     """The objects that phi depends on in the order of their placing, those in `last` after all others, and for each the
     object that it hangs from, if any.
+
+    What hangs together follows one another, the large and the tightly held first, while moves are cheap and nothing
+    stands in the way. How tightly an object is held shows in the box that contraction leaves of it, and in how many
+    random scenes meet the clauses and choices that touch it.
 
     An object hangs from the first placed one with which it shares a clause that attracts: it is placed near that one,
     and moves together with it. Deterministic: ties go by size, then by place in the spec. Raises what `effort` raises.
@@ -129,23 +125,6 @@ def _log_room(graph: Graph) -> dict[int, float]:
     return out
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What a choice is worth while its objects are being placed: the chance that one of its ways will hold in the end.
-#
-# A way of a choice asks for clauses, some of which touch objects that come later. The populations on the way to the
-# end must not be indifferent to that: growth would be full of scenes that have more to meet than they can, and lose
-# them with the last object. So a scene counts by the chance that at least one of its ways comes to hold: those that
-# nothing placed so far has ruled out, each with the share of random poses that meet the rest of it (a twisted target,
-# as in look-ahead particle filters: Guarniero et al. 2017). Ways that hold once all their objects are there count 1,
-# and a scene in which several hold counts no more than one in which one does. In the end the factor is 1 where the
-# choice is met and 0 elsewhere, so what the chances are worth decides how even the weights are, never what the scenes
-# are like.
-#
-# The upper end of a range is a choice, too: some atom of a conjunction must be no better than that. Where atoms are
-# many, most scenes that meet the lower end meet it anyway. Such a choice is left out: scenes out of the range are
-# dropped in the end, which costs less than to steer every move by it.
-
-
 OUTLOOK_SCENES = 2048  # random scenes that tell how often a clause is met
 OUTLOOK_POWER = 0.75  # power of the estimate: one neighbour may meet the clauses of several objects
 LEAST_WAY_SHARE = 0.25 / OUTLOOK_SCENES  # share taken for clauses that none of them meets
@@ -155,8 +134,18 @@ LOG_CERTAIN = -40.0  # logarithm of 1 - p for ways that hold: 1 - exp of it is 1
 
 
 def outlooks(problem: Problem, graph: Graph, at: Mapping[int, int], effort: Effort) -> tuple[Array, ...]:
-    """For each choice, (W, stages, C or 1): log(1 - p), p the chance that a way will hold which no object placed by
-    that stage rules out; SURE once all its objects are placed. Raises what `effort` raises."""
+    """What choices are worth while their objects are being placed. For each, (W, stages, C or 1): log(1 - p), p the
+    chance that a way will hold which no object placed by that stage rules out; LOG_CERTAIN once all its objects are
+    placed. Raises what `effort` raises.
+
+    A way of a choice asks for clauses, some of which touch objects that come later. Populations that are indifferent to
+    that would be full of scenes that have more to meet than they can, and lose them with the last object. So a scene
+    counts by the chance that at least one of its ways comes to hold: those that nothing placed so far has ruled out,
+    each with the share of random poses that meet the rest of it (a twisted target, as in look-ahead particle filters:
+    Guarniero et al. 2017). Ways that hold once all their objects are there count 1, and a scene in which several hold
+    counts no more than one in which one does. In the end the factor is 1 where the choice is met and 0 elsewhere, so
+    what the chances are worth decides how even the weights are, never what the scenes are like.
+    """
     if not graph.choices:
         return ()
     scenes = _random_scenes(problem, graph)
@@ -166,6 +155,10 @@ def outlooks(problem: Problem, graph: Graph, at: Mapping[int, int], effort: Effo
 def drop_easy_ends(problem: Problem, graph: Graph) -> tuple[Graph, Array | None]:
     """The graph without the choices that are upper ends which most scenes of every cell meet by themselves; and how
     many scenes each cell should begin with, (C,) in proportion, None where nothing is left out.
+
+    The upper end of a range is a choice, too: some atom of a conjunction must be no better than that. Where atoms are
+    many, most scenes that meet the lower end meet it anyway. Scenes out of the range are dropped in the end, which
+    costs less than to steer every move by it.
 
     A scene that is better than its cell falls into one above, so all but the lowest cells lose as many as they get.
     """
@@ -350,13 +343,6 @@ class GrowthModel:
         lowest, highest = self.problem.lowest[row], self.problem.highest[row]
         return is_angle(row) and abs(highest - lowest - TWO_PI) < 1e-12
 
-    def steps(self, key: object, nodes: Sequence[int]) -> int:
-        """How many nodes the evaluator of some nodes takes."""
-        if ("steps", key) not in self.notes:
-            self.notes["steps", key] = len(self.values(key, nodes).steps)
-        known: int = self.notes["steps", key]
-        return known
-
     def values(self, key: object, nodes: Sequence[int]) -> Values:
         """The evaluator of some nodes, kept under a key."""
         if key not in self.evaluators:
@@ -453,10 +439,6 @@ def _kind(constraints: ObjectConstraints) -> tuple[object, ...]:
     return constraints.shapes, tuple(axis_of(row) for row in constraints.rows), len(constraints.clauses)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The scenes that grow: poses, cells, choices, and where each came from.
-
-
 @dataclass(slots=True)
 class Particles:
     """P scenes, `scenes` (3N, P), each for one `cell` (P,), in islands, (P,), that know nothing of each other.
@@ -531,29 +513,6 @@ class Particles:
         self.held = [None if held is None else held[:, index] for held in self.held]
         self.chances = self.chances[:, index]
         self.families = [family[index] for family in self.families]
-
-
-def resample_groups(weights: Array, group: Index, rng: np.random.Generator) -> tuple[Index, Array]:
-    """Systematic resampling within each group (Carpenter et al. 1999): whom to go on with, and the mean weight of each
-    scene's group, (P,) each. Groups in which all weights are 0 are left out: they have died."""
-    keep: list[Index] = []
-    mean = np.zeros(len(weights))
-    for which in np.unique(group):
-        mine = np.flatnonzero(group == which)
-        total = np.cumsum(weights[mine])
-        mean[mine] = total[-1] / len(mine)
-        if total[-1] <= 0.0:
-            continue
-        if (weights[mine] == weights[mine[0]]).all():
-            keep.append(mine)
-            continue
-        marks = (np.arange(len(mine)) + rng.random()) * (total[-1] / len(mine))
-        keep.append(mine[np.minimum(np.searchsorted(total, marks, side="right"), len(mine) - 1)])
-    return (np.concatenate(keep) if keep else np.empty(0, dtype=np.intp)), mean
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What a plan learns about moves.
 
 
 @dataclass(slots=True)

@@ -15,22 +15,20 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, owner, row_of
 from scenegen.sampling.growth.graph import Clause
-from scenegen.sampling.growth.insertion import MAX_POSES_AT_ONCE, attempt, open_ways_of_choices, score_poses
-from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles, chance
+from scenegen.sampling.growth.insertion import MAX_POSES_AT_ONCE, attempt, choices_after, score_poses
+from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles
 from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room
-from scenegen.sampling.growth.support_moves import is_ready, move_with_load, support_moves, switch_support
-
-# --------------------------------------------------------------------------------------------------------------------
-# Moves that lift something off the table and put it down elsewhere: several places are tried in every scene at once.
-#
-# One try finds a free place in one scene of fifty on a full table, so an object would hardly ever leave the hole in
-# which it was placed. The tries of a scene are drawn independently of where the object stands, and one of those that
-# meet all clauses is taken (multiple-try Metropolis with independent proposals, Liu et al. 2000): with equal weights
-# always, else with the probability that keeps the distribution. Dozens of tries in numpy cost little more than one.
+from scenegen.sampling.growth.support_moves import FINEST_STEP, is_ready, move_with_load, support_moves, switch_support
 
 
 def reinsert(particles: Particles, thing: int, room: FreePoses | SupportPoses, tries: int, tally: MoveTally) -> None:
-    """Move one object to one of `tries` poses in its room."""
+    """Move one object to one of `tries` poses in its room.
+
+    One try finds a free place in one scene of fifty on a full table, so an object would hardly ever leave the hole in
+    which it was placed. The tries of a scene are drawn independently of where the object stands, and one of those that
+    meet all clauses is taken (multiple-try Metropolis with independent proposals, Liu et al. 2000): with equal weights
+    always, else with the probability that keeps the distribution. Dozens of tries in numpy cost little more than one.
+    """
     model, rng, stage = particles.model, particles.rng, particles.stage
     rows = list(model.constraints[thing].rows)
     boxes = room.boxes(particles.scenes, particles.cell, model.effort)
@@ -121,30 +119,20 @@ def _note(tally: MoveTally, kind: str, thing: int, tried: int, free: int) -> Non
     tally.note(f"{kind} of {thing}", tried, free)
 
 
-def _choices_after(
+def _try_choices(
     particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index
 ) -> dict[int, tuple[Bool, Array]]:
-    """For every choice that touches some of the things: which of its ways hold, (W, B), and its chance, (B,), where
-    they stand at rows `fresh` (B,) in scenes `column` (B,)."""
-    touched = particles.touching(things)
-    if not touched or not len(column):
+    """`choices_after` where `things` stand at rows `fresh` (B,) in scenes `column` (B,)."""
+    if not len(column):
         return {}
-    model, cell, stage = particles.model, particles.cell[column], particles.stage
     rows = [fresh[row] if row in fresh else particles.scenes[row, column] for row in range(len(particles.scenes))]
-    found = {}
-    for index, held in zip(touched, open_ways_of_choices(model, touched, rows, cell, stage), strict=True):
-        known = particles.held[index]
-        assert known is not None
-        table = known[:, column]
-        table[list(touched[index])] = held
-        found[index] = table, chance(table, model.outlooks[index][:, stage], cell)
-    return found
+    return choices_after(particles, things, rows, column)
 
 
 def _chances_after(particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index) -> Array:
     """The product of the chances of choices, (B,), where `things` stand at rows `fresh` (B,) in scenes `column`."""
     out = np.ones(len(column))
-    for _, chances in _choices_after(particles, things, fresh, column).values():
+    for _, chances in _try_choices(particles, things, fresh, column).values():
         out *= chances
     return out
 
@@ -159,7 +147,7 @@ def _chances_now(particles: Particles, things: Sequence[int]) -> Array:
 
 def _put(particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index) -> None:
     """Put `things` at rows `fresh` (B,) in scenes `column`, and note what that makes of choices."""
-    tables = _choices_after(particles, things, fresh, column)
+    tables = _try_choices(particles, things, fresh, column)
     for row, values in fresh.items():
         particles.scenes[row, column] = values
     for index, (table, chances) in tables.items():
@@ -167,10 +155,6 @@ def _put(particles: Particles, things: Sequence[int], fresh: dict[int, Array], c
         assert known is not None
         known[:, column] = table
         particles.chances[index, column] = chances
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Moves between the ways of a choice: an object jumps to where another way puts it, a cluster moves as one.
 
 
 MAX_JUMP_WAYS = 12  # ways that an object may jump between at a time
@@ -249,7 +233,6 @@ def cluster(particles: Particles, tally: MoveTally) -> None:
 
 LIFT_KINDS = ("redraw", "relocate")
 MOVE_KINDS = (*LIFT_KINDS, "shift", "turn", "jump", "cluster")
-FINEST_STEP = 9  # step lengths go down to the box's over 2 to this power
 DEFAULT_TRIES = 4  # places tried for an object, before a plan knows better
 REDRAWS = 0.25  # redraws of an object for each walk
 DEAR = 4.0  # times fewer of them where the room has to be contracted first

@@ -1,7 +1,8 @@
 """A population of scenes: sequential Monte Carlo (Del Moral et al. 2006, Doucet and Johansen 2009).
 
 It grows by one object after another, with resampling and moves; then its scenes are moved on until those of a common
-ancestor differ, and a part of them is taken."""
+ancestor differ, and a part of them is taken. All that it needs is counted in evaluations, never timed: its random
+numbers fix it, and it comes out the same in any process."""
 
 from __future__ import annotations
 
@@ -16,8 +17,10 @@ from scenegen.arrays import Array, Index
 from scenegen.pose import PLACE, X, Y, is_angle, row_of
 from scenegen.sampling.growth.constraints import make_values
 from scenegen.sampling.growth.insertion import InsertionTally, place
-from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles, resample_groups
-from scenegen.sampling.growth.moves import FINEST_STEP, JUMPS, LIFT_KINDS, MOVE_KINDS, MoveSettings, sweep
+from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles
+from scenegen.sampling.growth.moves import JUMPS, LIFT_KINDS, MOVE_KINDS, MoveSettings, sweep
+from scenegen.sampling.growth.support_moves import FINEST_STEP
+from scenegen.sampling.resampling import resample_groups
 
 FIRST_TRIES = 16  # poses tried in every scene to see how many are needed
 MAX_POSES = 1 << 21  # poses tried for one object in all scenes, at most
@@ -64,8 +67,12 @@ def grow(
     rng: np.random.Generator,
 ) -> Grown | PlacementFailed:
     """Scenes for the given cells and islands, (P,) each, by a plan. There may be fewer in the end: they can die out."""
-    particles = Particles.start(model, cell, island, rng)
-    return _grow(particles, settings, lambda particles: _by_plan(particles, steps))
+
+    def advance(particles: Particles) -> tuple[InsertionTally, int]:
+        step = steps[particles.stage + 1]
+        return place(particles, step.tries), step.sweeps
+
+    return _grow(Particles.start(model, cell, island, rng), settings, advance)
 
 
 def explore(
@@ -90,11 +97,6 @@ def explore(
 
     particles = Particles.start(model, cell, island, rng)
     return _grow(particles, settings, advance, tally, steps), steps
-
-
-def _by_plan(particles: Particles, steps: Sequence[Step]) -> tuple[InsertionTally, int]:
-    step = steps[particles.stage + 1]
-    return place(particles, step.tries), step.sweeps
 
 
 def _with_enough_tries(particles: Particles, hits: float) -> InsertionTally:
@@ -152,10 +154,6 @@ def _sweeps(even: float) -> int:
     """Sweeps after a step: more where few scenes carry the weight, for their copies must part. While few objects are
     placed that costs little, and later, when objects stand in each other's way, it would cost much."""
     return min(MAX_SWEEPS, int(np.ceil(SWEEPS * (1.0 / even - 1.0))))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# How much scenes with a common ancestor are alike.
 
 
 Item = TypeVar("Item")
@@ -236,16 +234,6 @@ def _evenly_chosen(items: list[Item], most: int) -> list[Item]:
     return items[:: max(1, -(-len(items) // most))]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How long a population is moved once it has grown, and which share of it is worth taking.
-#
-# Scenes of a common ancestor are alike. Sweeps of moves make them differ; where these take long, it is cheaper to
-# grow a larger population and to take a random part of it: of N scenes with design effect e, a random part of N / k
-# has only 1 + (e - 1) / k. Which part is taken must not depend on what the scenes are like, nor on their ancestors:
-# copies carry the weight that their scene had. So a plan follows the design effect from sweep to sweep, and settles
-# for as many as bring the wanted scenes at the least cost.
-
-
 ALIKE_EFFECT = 1.5  # design effect of common ancestors from which on scenes count as apart
 MAX_LOST_SHARE = 0.04  # share of the scenes that may be left out because they share an object's place with another
 MAX_SETTLE_SWEEPS = 400  # sweeps at most
@@ -282,6 +270,11 @@ def settle(
     wanted: float,
 ) -> tuple[BurnIn, BurnIn]:
     """What is best for the pieces of a plan, and how the given particles stand in the end: they are its first piece.
+
+    Scenes of a common ancestor are alike. Sweeps of moves make them differ; where these take long, it is cheaper to
+    grow a larger population and to take a random part of it: of N scenes with design effect e, a random part of N / k
+    has only 1 + (e - 1) / k. Which part is taken must not depend on what the scenes are like, nor on their ancestors:
+    copies carry the weight that their scene had.
 
     `sweep` moves the particles once, `alike` gives their design effect; growing them took `grown` evaluations, and
     `wanted` scenes are to be had. Sweeps end where the particles themselves are enough, have taken a good part of what
@@ -372,13 +365,6 @@ def _places(particles: Particles, order: Index) -> tuple[Array, Index]:
     number = np.tile(np.arange(len(order)), len(rows))
     sorting = np.lexsort((number, values))
     return values[sorting], number[sorting]
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A population that finds out what it needs while it grows, and the scenes that are taken of it in the end.
-#
-# All that it needs is counted in evaluations, never timed: its random numbers fix it, and it comes out the same in any
-# process.
 
 
 PIECE_ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread

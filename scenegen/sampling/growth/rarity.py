@@ -41,10 +41,6 @@ from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.contract import push_down
 from scenegen.search.effort import StoppedError, TooMuchError
 
-# --------------------------------------------------------------------------------------------------------------------
-# Growth as an estimate: the probability of a range, and phi of scenes in it, from independent populations.
-
-
 SETTLE_SWEEPS = 2  # sweeps over all objects after the last one is placed
 EXPLORED_SCENES = 512  # scenes by which it is seen what a run needs
 

@@ -67,10 +67,7 @@ class Boxes:
         """The density of `draw_evenly` at poses (R, P), relative to that over the whole box: (P,)."""
         density = np.zeros(poses.shape[1])
         for branch, volume in enumerate(self.volumes):
-            inside = volume > 0.0
-            for row, low, width in zip(poses, self.low[:, branch], self.width[:, branch], strict=True):
-                inside &= (row >= low) & (row <= low + width)
-            density += np.where(inside, 1.0 / np.where(inside, volume, 1.0), 0.0)
+            density += np.where(self._holds(branch, poses), 1.0 / np.where(volume > 0.0, volume, 1.0), 0.0)
         out: Array = density / np.maximum((self.volumes > 0.0).sum(axis=0), 1)
         return out
 
@@ -82,16 +79,10 @@ class Boxes:
             out: Array = self.branches_with(poses) * np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
             return out
         found = np.zeros(poses.shape[1:])
-        for low, width, volume, odds in zip(
-            self.low.swapaxes(0, 1), self.width.swapaxes(0, 1), self.volumes, self.odds, strict=True
-        ):
+        for branch, (volume, odds) in enumerate(zip(self.volumes, self.odds, strict=True)):
             each = np.where(volume > 0.0, odds / np.where(volume > 0.0, volume, 1.0), 0.0)
-            if not each.any():
-                continue
-            inside = (poses[0] >= low[0]) & (poses[0] <= low[0] + width[0])
-            for row, least, wide in zip(poses[1:], low[1:], width[1:], strict=True):
-                inside &= (row >= least) & (row <= least + wide)
-            found += inside * each
+            if each.any():
+                found += self._holds(branch, poses) * each
         return found
 
     def branches_with(self, poses: Array) -> Array:
@@ -100,11 +91,15 @@ class Boxes:
             return np.ones(poses.shape[1:])
         found = np.zeros(poses.shape[1:])
         for branch in range(self.low.shape[1]):
-            inside = np.broadcast_to(self.volumes[branch] > 0.0, poses.shape[1:]).copy()
-            for row, low, width in zip(poses, self.low[:, branch], self.width[:, branch], strict=True):
-                inside &= (row >= low) & (row <= low + width)
-            found += inside
+            found += self._holds(branch, poses)
         return found
+
+    def _holds(self, branch: int, poses: Array) -> Bool:
+        """Whether a branch that is not empty holds each pose: (R, ..., P) -> (..., P)."""
+        inside: Bool = np.broadcast_to(self.volumes[branch] > 0.0, poses.shape[1:]).copy()
+        for row, low, width in zip(poses, self.low[:, branch], self.width[:, branch], strict=True):
+            inside &= (row >= low) & (row <= low + width)
+        return inside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,10 +193,7 @@ def make_room(
         for half in halves
         for ways_ in itertools.product(*splits)
     )
-    imposed = [
-        *clauses,
-        *(clause for split in splits for way in split for clause in way),
-    ]
+    imposed = [*clauses, *(clause for split in splits for way in split for clause in way)]
     wanted = [tape.where[clause.node] for clause in imposed]
     if not wanted:
         return FreePoses(constraints, (), (), (), (), {}, ((-1, ()),), scale)
@@ -238,15 +230,11 @@ def _alternatives(problem: Problem, clause: Clause) -> list[tuple[Clause, ...]]:
     ]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Placing what stands on one of its surfaces, together with its switch: the places are drawn in the frame of what
-# carries it, all of them equally likely, so that tries are lost to other things alone.
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfacePlaces:
-    """The places of an object on its surfaces in P scenes: `low`, `width` (R, P) is its box, `volumes` (1, P) the share
-    of it that the places take."""
+    """The places of an object on its surfaces in P scenes, drawn with its switch in the frame of what carries it, all
+    equally likely, so that tries are lost to other things alone: `low`, `width` (R, P) is its box, `volumes` (1, P) the
+    share of it that the places take."""
 
     step: Step
     rows: tuple[int, ...]

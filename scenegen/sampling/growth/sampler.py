@@ -13,9 +13,10 @@ from scenegen.arrays import Array
 from scenegen.errors import Diagnostic
 from scenegen.errors.requests import SCENES_ALIKE
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.sampling.growth.failure import GrowthFailed, packing_proof
+from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.model import GrowthModel, MoveTally, make_growth_model
 from scenegen.sampling.growth.moves import MoveSettings, sweep
+from scenegen.sampling.growth.packing import packing_proof
 from scenegen.sampling.growth.population import (
     HITS,
     MIN_ANCESTORS,
@@ -40,36 +41,12 @@ from scenegen.sampling.problem import Budget, Problem
 from scenegen.sampling.report import probability
 from scenegen.search.effort import DRAWN, GROWN, STEPPED, StoppedError, TooMuchError
 
-# --------------------------------------------------------------------------------------------------------------------
-# The populations with which a plan of growth begins: the first is grown while the plan is made, the second is piece 1.
-
-
 GROWTH_STREAM = 6  # random stream of growth: plan and pieces
 MIN_POPULATION, MAX_POPULATION = 512, 4096  # scenes of a population
 CELL_SCENES, MIN_CELL_SCENES = 12, 5  # scenes of each cell in an island, at least; and where few are wanted
 ENOUGH_PER_SCENE = 3.0  # so many for each that is wanted of the cell are enough
 MAX_COORDINATES = 1 << 22  # coordinates of a population at most
 LARGE_COORDINATES = 8e4  # moving ones from which on a population costs about twice as much as half of it
-
-
-def first_population(
-    problem: Problem, budget: Budget, size: Size, longest: float = math.inf, *, larger: bool = False
-) -> tuple[GrowthModel, Population] | GrowthFailed:
-    """The machine and the first population of a problem, in at most `longest` seconds, as the machine counts them."""
-    model = None
-    try:
-        model = make_growth_model(problem, deadline=budget.ends, loose=True)
-        proof = packing_proof(model.graph, problem.spec)
-        if proof:
-            return GrowthFailed(model, None, 0.0, proof)
-        model.longest = longest
-        model, made = _population(model, size, 0, larger=larger)
-    except StoppedError:
-        return GrowthFailed(model, None, 0.0 if model is None else model.work)
-    except TooMuchError:
-        return GrowthFailed(model, None, 0.0 if model is None else model.work, dear=True)
-    model.longest = math.inf
-    return GrowthFailed(model, made, model.work) if isinstance(made, PlacementFailed) else (model, made)
 
 
 def second_population(problem: Problem, budget: Budget, size: Size) -> PopulationSample:
@@ -141,15 +118,6 @@ def with_deadline(model: GrowthModel, deadline: float) -> GrowthModel:
     return replace(model, work=0.0, steps_done=0, drawn=0.0, deadline=deadline, furthest=0)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The plan of a growth run: the order of the objects, how many poses are tried for each, which moves are made and how
-# many.
-#
-# A population is grown while planning; what it needed is written down and frozen, and pieces follow that. All of it
-# is counted in evaluations, never timed, so spec, request and seed fix the plan, and its pieces can run anywhere.
-# Large requests have two such populations that know nothing of each other: the second one is the second piece.
-
-
 SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see MAX_LOST_SHARE
 EVEN_PIECES = 0.75  # of that, for an even number of pieces
 MAX_ENLARGEMENTS = 2  # times that a population is made larger
@@ -193,20 +161,6 @@ class Recipe:
         return min(self.populations, math.ceil(scenes / max(each, 1.0))) + further
 
 
-def make_recipe(
-    problem: Problem, budget: Budget, *, patient: bool, longest: float = math.inf, larger: bool = False
-) -> tuple[GrowthModel, Recipe] | GrowthFailed:
-    """The plan for a problem; GrowthFailed where there is no room for its objects, or time is up. Unless `patient`,
-    small populations must do: the design effect is infinite where few ancestors are left of the first one. `larger`:
-    that is known, so a larger one is grown at once."""
-    size = size_of(problem, MAX_ENLARGEMENTS if patient else 0)
-    found = first_population(problem, budget, size, longest, larger=larger)
-    if isinstance(found, GrowthFailed):
-        return found
-    model, made = found
-    return model, _recipe(problem, model, size, made)
-
-
 def _recipe(problem: Problem, model: GrowthModel, size: Size, made: Population) -> Recipe:
     """What a population found out, for the pieces that follow."""
     cells, count = made.cells, made.count
@@ -244,7 +198,6 @@ def _recipe(problem: Problem, model: GrowthModel, size: Size, made: Population) 
 
 
 GROWTH_FACTS = 11  # of a piece
-BARREN = 8  # pieces in a row that bring nothing new before a run ends
 LOW_SHARE = 0.3  # effective share below which the user is warned
 
 
@@ -260,7 +213,7 @@ class Growth(Plan):
     budget: Budget
 
     method: ClassVar[str] = "growth"
-    patience: ClassVar[int] = BARREN
+    patience: ClassVar[int] = 8  # pieces in a row that bring nothing new
 
     @property
     def plan_digest(self) -> str:
@@ -309,14 +262,10 @@ class Growth(Plan):
         population, piece = recipe.seconds
         return population * (grown - 1) + piece * (pieces - grown)  # the first population is there
 
+    @np.errstate(all="ignore")  # phi may overflow or be undefined far from the range
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError where time is up meanwhile: with the number of objects placed by then."""
-        with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range
-            return self._draw(k)
-
-    def _draw(self, k: int) -> Piece:
-        recipe = self.recipe
-        rng = generator(self.seed, k)
+        recipe, rng = self.recipe, generator(self.seed, k)
         if k < recipe.populations:
             return self._population_piece(k, rng)
         model = with_deadline(self.model, self.budget.ends)
@@ -401,15 +350,34 @@ class Growth(Plan):
         return Account(info, f"{evaluations:,} evaluations of growth", warnings)
 
 
+@np.errstate(all="ignore")
 def plan_growth(
     problem: Problem, budget: Budget, *, patient: bool = True, longest: float = math.inf, larger: bool = False
 ) -> Growth | GrowthFailed:
     """The plan of a problem; GrowthFailed where there is no room for some object, or time is up. Unless `patient`,
-    little is spent on it, and its design effect may be infinite: such a plan is not to be used. It takes at most
-    `longest` seconds, as a machine counts them. `larger`: see `make_recipe`."""
-    with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, longest=longest, larger=larger)
-    return made if isinstance(made, GrowthFailed) else Growth(problem, *made, budget)
+    small populations must do: the design effect is infinite where few ancestors are left of the first one, and such a
+    plan is not to be used. It takes at most `longest` seconds, as a model counts them. `larger`: it is known that a
+    small population leaves too few ancestors, so a larger one is grown at once.
+
+    A population is grown while planning; what it needed is written down and frozen, and pieces follow that. All of it
+    is counted in evaluations, never timed, so spec, request and seed fix the plan, and its pieces can run anywhere.
+    Large requests have two such populations that know nothing of each other: the second one is the second piece.
+    """
+    size = size_of(problem, MAX_ENLARGEMENTS if patient else 0)
+    model = None
+    try:
+        model = make_growth_model(problem, deadline=budget.ends, loose=True)
+        proof = packing_proof(model.graph, problem.spec)
+        if proof:
+            return GrowthFailed(model, None, 0.0, proof)
+        model.longest = longest
+        model, made = _population(model, size, 0, larger=larger)
+    except (StoppedError, TooMuchError) as error:
+        return GrowthFailed(model, None, 0.0 if model is None else model.work, dear=isinstance(error, TooMuchError))
+    model.longest = math.inf
+    if isinstance(made, PlacementFailed):
+        return GrowthFailed(model, made, model.work)
+    return Growth(problem, model, _recipe(problem, model, size, made), budget)
 
 
 def make_plan(problem: Problem, budget: Budget) -> Growth:
@@ -435,44 +403,37 @@ def _side_generator(seed: int, piece: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, GROWTH_STREAM, piece + 1, 1]))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# A few scenes of a request, soon: something to look at while a plan is made.
-#
-# One small population is grown for each of them, in a box that is contracted once, without the moves that make its
-# scenes differ and without any account of how they are distributed. They are in range, and no more than that. Where
-# none of the populations lives, larger ones are tried, with all that growth has.
-
-
 GLIMPSE_SIZES = (12, 96)  # scenes of a population: the larger one where none of the smaller ones lives
 GLIMPSE_HITS = 4.0  # poses that meet all clauses that a scene of the smaller one should have among its tries
 GLIMPSE_ROUNDS = 1  # of contraction
 GLIMPSE_STREAM = (GROWTH_STREAM, 0, 1)  # the stream of its random numbers: no plan reads it
 
 
+@np.errstate(all="ignore")  # phi may overflow or be undefined far from the range
 def glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int] = GLIMPSE_SIZES) -> Array:
-    """At most `count` scenes in the range of the request, (3N, m), of its first cells, its last, and some between; none
-    where nothing is found soon."""
+    """At most `count` scenes in the range of the request, (3N, m), of its first cells, its last, and some between:
+    something to look at while a plan is made; none where nothing is found soon.
+
+    One small population is grown for each of them, in a box that is contracted once, without the moves that make its
+    scenes differ and without any account of how they are distributed. They are in range, and no more than that. Where
+    none of the populations lives, larger ones are tried, with all that growth has.
+    """
     try:
-        with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range
-            return _glimpse(problem, budget, count, sizes)
+        model = make_growth_model(problem, rounds=GLIMPSE_ROUNDS, deadline=budget.ends)
+        possible = sorted(problem.possible)
+        cells = np.array([possible[round(k * (len(possible) - 1) / max(1, count - 1))] for k in range(count)])
+        rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, *GLIMPSE_STREAM]))
+        rows = np.empty((len(problem.lowest), 0))
+        for size in sizes:
+            island = np.repeat(np.arange(count), size)
+            quick = size < sizes[-1]
+            hits = GLIMPSE_HITS if quick else HITS
+            grown, _ = explore(model, cells[island], island, rng, MoveTally(), hits=hits, moves=not quick)
+            if not isinstance(grown, PlacementFailed):
+                _, first = np.unique(grown.particles.island, return_index=True)
+                rows = grown.particles.scenes[:, first].copy()
+                break
+        phi = problem.phi(model.complete(rows, rng))
+        return rows[:, ((phi >= problem.cells.low[:, None]) & (phi <= problem.cells.high[:, None])).all(axis=0)]
     except (StoppedError, TooMuchError):
         return np.empty((len(problem.lowest), 0))
-
-
-def _glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int]) -> Array:
-    model = make_growth_model(problem, rounds=GLIMPSE_ROUNDS, deadline=budget.ends)
-    possible = sorted(problem.possible)
-    cells = np.array([possible[round(k * (len(possible) - 1) / max(1, count - 1))] for k in range(count)])
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, *GLIMPSE_STREAM]))
-    rows = np.empty((len(problem.lowest), 0))
-    for size in sizes:
-        island = np.repeat(np.arange(count), size)
-        quick = size < sizes[-1]
-        hits = GLIMPSE_HITS if quick else HITS
-        grown, _ = explore(model, cells[island], island, rng, MoveTally(), hits=hits, moves=not quick)
-        if not isinstance(grown, PlacementFailed):
-            _, first = np.unique(grown.particles.island, return_index=True)
-            rows = grown.particles.scenes[:, first].copy()
-            break
-    phi = problem.phi(model.complete(rows, rng))
-    return rows[:, ((phi >= problem.cells.low[:, None]) & (phi <= problem.cells.high[:, None])).all(axis=0)]

@@ -19,9 +19,6 @@ from scenegen.pose import FLAT, PLACE, THETA, X, Y, row_of
 from scenegen.sampling.growth.insertion import attempt
 from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles
 
-# --------------------------------------------------------------------------------------------------------------------
-# What can move between surfaces, and what can come to stand on what, where supports are choices.
-
 
 @dataclass(frozen=True, slots=True)
 class SupportMove:
@@ -94,7 +91,7 @@ def _box(upper: Footprint | None, outline: Footprint) -> tuple[float, float, flo
     return *middle, max((max(xs) - min(xs)) / 2.0 - inner, 0.0), max((max(ys) - min(ys)) / 2.0 - inner, 0.0)
 
 
-FINEST_STEP = 9.0  # steps of what is carried go down to the box's over 2 to this power
+FINEST_STEP = 9  # step lengths go down to the box's over 2 to this power
 KEEP_HEADING_SHARE = 0.5  # share of the hops in which an object keeps its heading against what carries it
 
 

@@ -24,13 +24,11 @@ from scenegen.search import label_bounds
 from scenegen.search.effort import Effort
 from scenegen.search.tape import BatchedTape, make_batches
 
-# --------------------------------------------------------------------------------------------------------------------
-# Where objects can be some steps from now, and bounds of the state's formulas there.
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLimits:
-    """Of a spec over time, with the limits of poses `lowest` and `highest`, (3N,)."""
+    """Where objects can be some steps from now, and bounds of the state's formulas there: of a spec over time, with the
+    limits of poses `lowest` and `highest`, (3N,)."""
 
     timed: Timed
     lowest: Array

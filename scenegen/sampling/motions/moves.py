@@ -2,6 +2,14 @@
 
 A change is made to every motion of a population at once. It returns the changed variables and which of them stayed
 within their sets; the others are refused. Sizes of local changes are drawn from a wide range, so nothing is tuned.
+
+Who comes from where, and who goes where, is a matter of order: small changes would have to lead objects past one
+another. An exchange is its own reverse and preserves volume, because all base variables are alike. What a spec wants at
+one moment, such as a meeting, leaves open where objects come from. Small changes walk around a meeting slowly; a turn
+of the whole way there about the meeting does it at once (like the pivot moves of chain molecules, Madras and Sokal
+1988). Turns and mirrors preserve volume, a turn is as probable as the one back, and a mirror is its own reverse. They
+leave all distances within the group, and of others from its seed, as they were at the moment by which it was found: the
+same group is found afterwards.
 """
 
 from __future__ import annotations
@@ -26,9 +34,6 @@ from scenegen.sampling.motions.problem import (
     wrap_inside,
 )
 
-# --------------------------------------------------------------------------------------------------------------------
-# Changes of the ways that objects go: redrawn, reflected or gone backwards, with ends that stay.
-
 
 def segment(now: Variables, rng: np.random.Generator) -> Flags:
     """A window of steps for each motion, (T, P): any length, short ones more often."""
@@ -51,17 +56,25 @@ def _own_steps(problem: MotionProblem, now: Variables, rng: np.random.Generator)
 
 def redraw_beginning(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """A window of steps is redrawn, with its movers; first poses make up for it, so that all later ones stay."""
-    steps, width, _, count = now.unit.shape
+    steps, count = now.mover.shape
     until = rng.integers(1, steps + 1, size=count)
     whole = rng.random(count) < 0.5
     window = np.where(whole, np.arange(steps)[:, None] < until, segment(now, rng))
-    unit = np.where(window[:, None, None], unit_steps(rng, steps, width, count), now.unit)
-    mover = now.mover
-    if problem.moves == "one":
-        mover = np.where(window, rng.integers(len(problem.movable), size=mover.shape), mover)
+    mover, unit = _redraw_window(problem, now, rng, window)
     first = now.first + ways(problem, now.mover, now.unit, window) - ways(problem, mover, unit, window)
     good = wrap_inside(problem, first)
     return Variables(first, mover, unit), good
+
+
+def _redraw_window(
+    problem: MotionProblem, now: Variables, rng: np.random.Generator, window: Flags
+) -> tuple[Index, Array]:
+    """The movers and the steps, those of a window (T, P) drawn afresh."""
+    steps, width, _, count = now.unit.shape
+    unit = np.where(window[:, None, None], unit_steps(rng, steps, width, count), now.unit)
+    if problem.moves != "one":
+        return now.mover, unit
+    return np.where(window, rng.integers(len(problem.movable), size=now.mover.shape), now.mover), unit
 
 
 def ways(problem: MotionProblem, mover: Index, unit: Array, window: Flags) -> Array:
@@ -129,13 +142,6 @@ def go_back(problem: MotionProblem, now: Variables, rng: np.random.Generator) ->
     return Variables(first, now.mover, unit), good
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Changes in which two objects exchange their ways.
-#
-# Who comes from where, and who goes where, is a matter of order: small changes would have to lead objects past one
-# another. An exchange is its own reverse and preserves volume, because all base variables are alike.
-
-
 Part = Literal["before", "after", "whole"]
 
 
@@ -176,15 +182,6 @@ def _swap_steps(now: Variables, window: Flags, one: Index, two: Index) -> Array:
     order[one, motion], order[two, motion] = two, one
     exchanged = np.take_along_axis(now.unit, order[None, :, None], axis=1)
     return np.where(window[:, None, None], exchanged, now.unit)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Changes that turn or mirror ways, like the pivot moves of chain molecules (Madras and Sokal 1988).
-#
-# What a spec wants at one moment, such as a meeting, leaves open where objects come from. Small changes walk around a
-# meeting slowly; a turn of the whole way there about the meeting does it at once. Turns and mirrors preserve volume,
-# a turn is as probable as the one back, and a mirror is its own reverse. They leave all distances within the group,
-# and of others from its seed, as they were at the moment by which it was found: the same group is found afterwards.
 
 
 Side = Literal["before", "after", "both"]
@@ -259,10 +256,6 @@ def swing(problem: MotionProblem, now: Variables, rng: np.random.Generator, *, s
     return Variables(first, now.mover, unit), good
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Changes of who moves when, where one object moves in each step.
-
-
 SHIFT_REST, MOVE_START, USE_STEP = range(3)  # what makes up for a step: nothing, the first pose, another step
 
 
@@ -276,7 +269,8 @@ def retime(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> 
     old, new = (np.argsort(one, axis=0, kind="stable") for one in (now.mover, mover))
     source = np.empty_like(old)
     np.put_along_axis(source, new, old, axis=0)
-    return Variables(now.first, mover, np.take_along_axis(now.unit, source[:, None, None], axis=0)), _all(count)
+    unit = np.take_along_axis(now.unit, source[:, None, None], axis=0)
+    return Variables(now.first, mover, unit), np.ones(count, dtype=bool)
 
 
 def hand_over(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
@@ -310,10 +304,6 @@ def other_step(now: Variables, step: Index, who: Index, rng: np.random.Generator
     flags = now.mover == who
     flags[step, np.arange(now.count)] = False
     return choose_step(flags, rng)
-
-
-def _all(count: int) -> Flags:
-    return np.ones(count, dtype=bool)
 
 
 Change = Callable[[MotionProblem, Variables, np.random.Generator], tuple[Variables, Flags]]
@@ -378,13 +368,8 @@ def redraw_step(problem: MotionProblem, now: Variables, rng: np.random.Generator
 
 def redraw_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """Redraw a window of steps."""
-    window = segment(now, rng)
-    steps, width, _, count = now.unit.shape
-    unit = np.where(window[:, None, None], unit_steps(rng, steps, width, count), now.unit)
-    mover = now.mover
-    if problem.moves == "one":
-        mover = np.where(window, rng.integers(len(problem.movable), size=mover.shape), mover)
-    return Variables(now.first, mover, unit), np.ones(count, dtype=bool)
+    mover, unit = _redraw_window(problem, now, rng, segment(now, rng))
+    return Variables(now.first, mover, unit), np.ones(now.count, dtype=bool)
 
 
 def shift_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,19 +18,12 @@ from scenegen.sampling.rarity import cost as state_cost
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.search.effort import NEVER, Stop
 
+if TYPE_CHECKING:
+    from scenegen.sampling.motions.scores import LeanScores
+
 Flags = npt.NDArray[np.bool_]
 Score = Callable[[Array], Array]
 Moves = Literal["one", "all"]
-
-
-class LeanScore(Protocol):
-    """Scores in two stages, for motions whose steps are within their bounds."""
-
-    def of_labels(self, poses: Array) -> Array:
-        """phi of every label, (N, 3, steps + 1, B) -> (L, B)."""
-
-    def of_requirement(self, poses: Array, signs: bool) -> Array:
-        """The requirement's margin, (B,); where it is positive, or with `signs`, only its sign counts."""
 
 
 MAX_MOTION_NUMBERS = 1 << 22  # of motions at once: 32 MB, and each population has a few such arrays
@@ -72,7 +65,7 @@ class MotionProblem:
     moves: Moves = "one"
     dt: float = 1.0
     cost: int = 0
-    lean: LeanScore | None = None
+    lean: LeanScores | None = None
     log_excess: float = 0.0
     spec: CheckedSpec | None = None
     warnings: tuple[Diagnostic, ...] = ()
@@ -188,10 +181,6 @@ def _in_range(scores: Array, low: Array, high: Array) -> Flags:
     return np.asarray(inside.all(axis=0))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What phi of a motion costs.
-
-
 SHAPE_SAVING = 6  # shapes cost less than in single scenes: a batch has all moments of a motion
 
 
@@ -204,20 +193,17 @@ def cost(spec: CheckedSpec) -> int:
     return (plain + shaped + len(timed.nodes) + 8 * len(timed.objects)) * timed.horizon.moments
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The base variables of motions: what is drawn, and the poses that follow from it.
-#
-# All are independent and uniform: the first scene over its box, the mover of each step, its displacement over the
-# unit disc and its turn over -1 to 1, both in units of the mover's reach. So every change that keeps these variables
-# within their sets, and is as probable as its reverse, leaves the base distribution as it is.
-#
-# The motions stand along the last axis of every array: whatever is done to all of them works on contiguous memory.
-
-
 @dataclass(slots=True)
 class Variables:
-    """P motions: `first` (N, 3, P); `mover` (T, P), indices of the problem's `movable`, all 0 if all move; `unit`
-    (T, M, 3, P), M = 1 if one object moves in each step, else as many as can move."""
+    """The base variables of P motions: what is drawn, and the poses follow from it. `first` (N, 3, P); `mover` (T, P),
+    indices of the problem's `movable`, all 0 if all move; `unit` (T, M, 3, P), M = 1 if one object moves in each step,
+    else as many as can move.
+
+    All are independent and uniform: the first scene over its box, the mover of each step, its displacement over the
+    unit disc and its turn over -1 to 1, both in units of the mover's reach. So every change that keeps these variables
+    within their sets, and is as probable as its reverse, leaves the base distribution as it is. The motions stand along
+    the last axis of every array: whatever is done to all of them works on contiguous memory.
+    """
 
     first: Array
     mover: Index

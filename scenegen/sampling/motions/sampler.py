@@ -282,10 +282,6 @@ def plan_motions(problem: MotionProblem, budget: Budget, *, watch: Watch | None 
     return plan
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# From a problem in Python to motions, in memory.
-
-
 @dataclass(frozen=True, slots=True)
 class SampledMotions:
     """Motions: `poses` (n, T + 1, N, 3) in metres and radians, `movers` (n, T), an object's index or -1 where all

@@ -12,17 +12,9 @@ from scenegen.arrays import Array, Index
 from scenegen.sampling.motions.moves import changes
 from scenegen.sampling.motions.problem import GATES, Flags, MotionProblem, Variables, draw, poses_of, within_a_turn
 from scenegen.sampling.problem import Budget
+from scenegen.sampling.resampling import resample
 from scenegen.sampling.splitting.levels import Descent, Region, Schedule, Stage, which_cell
 from scenegen.search.effort import NEVER, Stop
-
-# --------------------------------------------------------------------------------------------------------------------
-# How often each change is made: so that what is slowest to be forgotten is forgotten sooner.
-#
-# Each change moves each statistic of the motions by some mean square. The rate at which a statistic is forgotten is
-# about their mean over the mixture of changes, so its inverse is a time. The mixture is the one that has the least
-# sum of times for the same number of evaluations; it is found by the multiplicative algorithm for A-optimal designs
-# (Silvey, Titterington and Torsney 1978). It is fixed before any motion is kept.
-
 
 METER_MEMORY = 0.7  # of what was measured, when the region narrows
 EQUAL_SHARE = 0.5  # of the evaluations, which all changes share equally: none is left out
@@ -92,7 +84,13 @@ class Meter:
         self.now[:, chains] = statistics
 
     def mixture(self) -> Array:
-        """How often each change is to be made, (K,), in all 1."""
+        """How often each change is to be made, (K,), in all 1: what is slowest to be forgotten is forgotten sooner.
+
+        Each change moves each statistic of the motions by some mean square. The rate at which a statistic is forgotten
+        is about their mean over the mixture of changes, so its inverse is a time. The mixture is the one that has the
+        least sum of times for the same number of evaluations, by the multiplicative algorithm for A-optimal designs
+        (Silvey, Titterington and Torsney 1978). It is fixed before any motion is kept.
+        """
         variance = self.now.var(axis=1)
         moved = (variance > 1e-12) & (self.jumps > 0.0).any(axis=0)
         tried = np.where(self.tried > 0.0, self.tried, 1.0)
@@ -107,27 +105,6 @@ class Meter:
         often = ((1.0 - EQUAL_SHARE) * share + EQUAL_SHARE / self.count) / cost
         found: Array = often / often.sum()
         return found
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A population of motions that is narrowed to a region level by level and moves within it.
-
-
-def _refill(gain: Array, islands: int, rng: np.random.Generator) -> Index:
-    """As many chains as there are, in proportion to `gain`; islands without any refill from all."""
-    each = gain.reshape(islands, -1)
-    if islands == 1 or not each.sum(axis=1).all():
-        return systematic(gain, rng)
-    size = each.shape[1]
-    return np.concatenate([number * size + systematic(share, rng) for number, share in enumerate(each)])
-
-
-def systematic(share: Array, rng: np.random.Generator) -> Index:
-    """As many indices as shares, in proportion to them, in order: systematic resampling (Kitagawa 1996)."""
-    place = np.cumsum(share)
-    points = (np.arange(len(share)) + rng.random()) * (place[-1] / len(share))
-    index: Index = np.minimum(np.searchsorted(place, points, side="right"), len(share) - 1).astype(np.intp)
-    return index
 
 
 @dataclass(slots=True)
@@ -156,11 +133,6 @@ class MotionChains:
     def count(self) -> int:
         return int(self.scores.shape[1])
 
-    @property
-    def phi(self) -> list[Array]:
-        """The scores, a row each."""
-        return list(self.scores)
-
     def copy(self) -> MotionChains:
         """Chains that go on from the same motions."""
         return replace(self, now=self.now.take(np.arange(self.count)), scores=self.scores.copy(), evaluations=0)
@@ -169,11 +141,15 @@ class MotionChains:
         """Restrict the chains to a region: survivors are resampled to the old number in proportion to the change of
         their weight; islands, blocks of equally many chains, each from their own. Returns the share that survived (0:
         none did, and the chains are unchanged)."""
-        alive = region.holds(list(self.scores))
+        alive = region.holds(self.scores)
         gain = np.where(alive, self._weigh(region, self.scores) / self.weight, 0.0)
         if not gain.sum() > 0.0:
             return 0.0
-        index = _refill(gain, islands, self.rng)
+        each = gain.reshape(islands, -1)
+        if not each.any(axis=1).all():  # where an island has died out, all are refilled from all
+            each = gain[None]
+        size = each.shape[1]
+        index = np.concatenate([number * size + resample(own, size, self.rng) for number, own in enumerate(each)])
         self.now, self.scores, self.region = self.now.take(index), self.scores[:, index], region
         self.weight = self._weigh(region, self.scores)
         return float(alive.mean())
@@ -223,15 +199,10 @@ class MotionChains:
     def _weigh(self, region: Region, scores: Array) -> Array:
         if region.weights is None:
             return np.ones(scores.shape[1])
-        return region.weigh(list(scores), self.problem.cells)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The descent of a request for motions.
+        return region.weigh(scores, self.problem.cells)
 
 
 MOTION_STREAM = 11  # random numbers of motions, separate from those of scenes
-MOTION_LEVEL_SHARE = 0.4  # share of the chains that makes a level
 MIN_MOTION_CHAINS, MOTION_PIECES = 64, 4  # chains of a piece, and pieces of a request, at least
 MIN_LARGE_CHAINS = 16  # chains, of motions so large that more would not fit
 INDEPENDENT_CORRELATION = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
@@ -259,7 +230,7 @@ def make_schedule(problem: MotionProblem, budget: Budget, watch: Watch | None = 
 class _MotionDescent(Descent[MotionChains]):
     """The descent of a request for motions."""
 
-    kept = MOTION_LEVEL_SHARE
+    kept = 0.4
 
     def __init__(self, problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> None:
         wanted = max(MIN_MOTION_CHAINS, 4 * problem.cells.count, -(-problem.request.n // MOTION_PIECES))
@@ -310,7 +281,7 @@ class _MotionDescent(Descent[MotionChains]):
             counts = np.zeros(cells.count)
             for _ in range(4):
                 chains.run(self._moves // 2, self._mixture)
-                counts += np.bincount(which_cell(list(chains.scores), cells), minlength=cells.count)
+                counts += np.bincount(which_cell(chains.scores, cells), minlength=cells.count)
             visited |= counts > 0
             if done >= 6 and counts[visited].min() >= 0.4 * counts[visited].mean():
                 break

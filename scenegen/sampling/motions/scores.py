@@ -45,12 +45,11 @@ from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimeNode, over_tim
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, along, row_of, rows_of
 from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_step_bounds
-from scenegen.sampling.motions.problem import MotionProblem, cost, within_a_turn
+from scenegen.sampling.motions.problem import MAX_STATES_AT_ONCE, MotionProblem, cost, within_a_turn
 from scenegen.sampling.problem import doubts_of_fixed, hold_fixed
 from scenegen.sampling.request import SampleRequest, within_reach
 from scenegen.search.effort import NEVER, Stop, StoppedError, asking
 
-MAX_STATES_AT_ONCE = 1 << 16  # states scored at a time, which stay in cache
 MAX_NUMBERS_ALIVE = 1 << 25  # numbers alive meanwhile; large formulas get fewer states
 
 
@@ -104,10 +103,6 @@ class TraceScores:
         return [values[node] for node in nodes]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# At which moments the formulas of a state are looked at.
-
-
 Mask = npt.NDArray[np.bool_]
 
 
@@ -154,20 +149,6 @@ def _later_moments(mask: Mask, lowest: int, highest: int) -> Mask:
     moment = np.arange(count)
     first, last = np.clip(moment - highest, 0, count), np.clip(moment - lowest + 1, 0, count)
     return np.asarray(starts[np.maximum(first, last)] > starts[first])
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# phi over motions for chains, which ask less of it: whether a motion stays in a region, and its phi if it does.
-#
-# Chains are cheaper to score than motions that are returned:
-#
-# * bounds of steps hold by construction, so the requirement is scored without them;
-# * formulas of a state are computed at the moments that phi looks at: `finally f` needs f at one;
-# * what leaves the region by its limits or labels needs no requirement, and of a requirement that holds already, only
-#   gaps that can be negative are computed.
-#
-# Labels have the values of `TraceScores`, to the bit, where a motion stays in the region. The requirement has at
-# least the sign. Motions are scored in full before they are returned.
 
 
 Moments = npt.NDArray[np.intp]
@@ -246,7 +227,18 @@ class _TimedFormulas:
 
 @dataclass(frozen=True, slots=True)
 class LeanScores:
-    """Scores of a spec over time, in two stages."""
+    """Scores of a spec over time for chains, which ask whether a motion stays in a region, and its phi if it does.
+
+    Chains are cheaper to score than motions that are returned:
+
+    * bounds of steps hold by construction, so the requirement is scored without them;
+    * formulas of a state are computed at the moments that phi looks at: `finally f` needs f at one;
+    * what leaves the region by its limits or labels needs no requirement, and of a requirement that holds already,
+      only gaps that can be negative are computed.
+
+    Labels have the values of `TraceScores`, to the bit, where a motion stays in the region. The requirement has at
+    least the sign. Motions are scored in full before they are returned.
+    """
 
     labels: _TimedFormulas
     requirement: _TimedFormulas | None
@@ -322,10 +314,6 @@ def _nodes_below(timed: Timed, roots: tuple[int, ...]) -> tuple[tuple[TimeNode, 
             assert isinstance(again, Junction | Window | BoundedUntil | Moment | Everywhere)
             kept.append(again)
     return tuple(kept), tuple(place[root] for root in roots)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# From a spec over time and a request to a problem for the samplers.
 
 
 def make_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) -> MotionProblem:

@@ -5,6 +5,9 @@ chain stays a valid Metropolis chain) and its direction separately for each chai
 equally likely (walks, turns, differences), or the map is its own inverse and preserves volumes (swaps, mirrors) and is
 applied with probability 1/2 per chain, so that chains in one mode separate. With a uniform target such a proposal is
 accepted whenever it is in range (Metropolis et al. 1953; Tierney 1994 for the mixture of kinds).
+
+Mirror images of the table and exchanges of objects lead directly from one mode of a symmetric spec to another, such as
+from "a left of b" to "b left of a", where small steps would have to cross scenes out of range.
 """
 
 from __future__ import annotations
@@ -152,10 +155,6 @@ def bring_home(chain_state: ChainState, proposal: MoveProposal) -> tuple[tuple[A
         inside = here if inside is None else inside & here
         values.append(value)
     return tuple(values), inside
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Local moves: walks, shifts, turns, redraws and differences. See scenegen.sampling.splitting.moves.
 
 
 def _row(draw: MoveInputs) -> MoveProposal:
@@ -312,29 +311,7 @@ STEP_PROPOSALS: Mapping[str, Kind] = {
     "turn": _turn,
     "stretch": _stretch,
 }
-SCALED_KINDS = frozenset(
-    {
-        "row",
-        "two rows",
-        "object",
-        "pair",
-        "all",
-        "shift all",
-        "shift some",
-        "shift run",
-        "turn",
-        "stretch",
-        "difference",
-    }
-)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Moves that are their own inverse: mirror images of the table and exchanges of objects, each with probability 1/2 per
-# chain.
-#
-# They lead directly from one mode of a symmetric spec to another, such as from "a left of b" to "b left of a", where
-# small steps would have to cross scenes out of range.
+SCALED_KINDS = frozenset(kind for kind in STEP_PROPOSALS if not kind.startswith("redraw"))
 
 
 def _flip(draw: MoveInputs) -> MoveProposal:
@@ -470,14 +447,9 @@ COMPOSED_MIRRORS: Mapping[str, tuple[frozenset[str], ...]] = {
 }
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The table of the kinds of moves.
-
-
 MOVE_PROPOSALS: Mapping[str, Kind] = {**STEP_PROPOSALS, **MIRROR_PROPOSALS}
-COUPLED_KINDS = frozenset(
-    {"pair", "shift all", "shift some", "shift run", "turn", "stretch", "flip"}
-)  # and all moves that are swaps or reversals of the order
+# and all moves that are swaps or reversals of the order
+COUPLED_KINDS = frozenset({"pair", "shift all", "shift some", "shift run", "turn", "stretch", "flip"})
 
 
 def moves_for(chain_state: ChainState) -> tuple[str, ...]:

@@ -33,7 +33,6 @@ from scenegen.search.effort import NEVER, Stop, StoppedError, moving
 SPLITTING_FACTS = 9  # of a piece, and two for each statistic
 SETTLE_FACTOR = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
 MIN_PIECES = 4  # minimum number of pieces: the error bar of the probability is their spread
-BARREN = 8  # a run ends after so many pieces in a row without a new scene
 
 
 SPLITTING_STREAM = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
@@ -148,7 +147,7 @@ class _SceneDescent(Descent[Chains]):
 
     def _stall(self, why: Literal["time", "range"]) -> SplittingStalled:
         evaluations = self.chains.evaluations + self._tuner.evaluations
-        return SplittingStalled(why, tuple(self.chains.rows), tuple(self.chains.phi), evaluations, len(self.stages))
+        return SplittingStalled(why, tuple(self.chains.rows), tuple(self.chains.scores), evaluations, len(self.stages))
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +180,7 @@ class Splitting(Plan):
 
     method: ClassVar[str] = "splitting"
     fewest: ClassVar[int] = MIN_PIECES
-    patience: ClassVar[int] = BARREN
+    patience: ClassVar[int] = 8  # pieces in a row without a new scene
 
     @property
     def plan_digest(self) -> str:
@@ -274,12 +273,13 @@ class Splitting(Plan):
         return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
 
 
+@np.errstate(all="ignore")
 def plan_splitting(problem: Problem, budget: Budget, *, longest: float = math.inf) -> Splitting | SplittingStalled:
     """The plan of a problem; SplittingStalled if its range is not reached. There must be something to move: see
-    `moves`. The descent may take `max_moves` seconds, by the constants of search.effort."""
-    with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
-        most = longest / moving(problem.core.nodes, PLAN_CHAINS, 1.0) * PLAN_CHAINS
-        plan = make_schedule(problem, budget, most)
+    `moves`. The descent may take `longest` seconds, by the constants of search.effort. phi may overflow or be undefined
+    far from the range: such scenes are rejected."""
+    most = longest / moving(problem.core.nodes, PLAN_CHAINS, 1.0) * PLAN_CHAINS
+    plan = make_schedule(problem, budget, most)
     return plan if isinstance(plan, SplittingStalled) else Splitting(problem, plan, budget)
 
 
@@ -291,13 +291,9 @@ def make_plan(problem: Problem, budget: Budget) -> Splitting:
     return plan
 
 
+@np.errstate(all="ignore")
 def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER) -> PopulationScenes:
     """Piece `number` of a plan: always the same scenes, in any process. Raises what `stop` raises."""
-    with np.errstate(all="ignore"):
-        return _run_piece(problem, plan, number, stop)
-
-
-def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> PopulationScenes:
     chain_state, rng = chain_state_of(problem), generator(problem.request.seed, number)
     chains = Chains.start(chain_state, ChainTape(chain_state, stop=stop), problem.cells, plan.chains, rng)
     estimate, _ = follow(chains, plan.stages)

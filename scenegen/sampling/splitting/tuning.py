@@ -16,10 +16,6 @@ from scenegen.sampling.splitting.chains import Chains, Statistics, forgetting, h
 from scenegen.sampling.splitting.levels import Region, which_cell
 from scenegen.sampling.splitting.moves import COMPOSED_MIRRORS, SCALED_KINDS, STEP_PROPOSALS, Tuning, moves_for
 
-# --------------------------------------------------------------------------------------------------------------------
-# Step lengths during the descent, and the mix of kinds that decorrelates chains fastest.
-
-
 MAX_THINNING = 2048  # maximum number of moves between two scenes of a chain
 TARGET_ACCEPTANCE = 0.3  # acceptance rate of a well-tuned walk
 MOVE_COST, ROW_COST = 15, 15  # cost of a move in addition to its phi, in nodes of the tape (measured)
@@ -143,10 +139,6 @@ class Tuner:
         return best
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Weights under which chains visit all cells of a range about equally often, so that one descent serves every cell.
-
-
 MAX_EVEN_ROUNDS = 48  # maximum number of rounds until the cells are balanced
 QUIET_ROUNDS = 4  # after so many rounds without a new cell the others count as unreachable
 EVEN_CELL_SHARE = 0.4  # the least visited cell must have this share of the mean
@@ -155,8 +147,9 @@ MAX_LOG_CHANGE = 3.0  # maximum change of a log weight in a round
 
 
 def even_out(chains: Chains, tuner: Tuner) -> Iterator[tuple[Region, int]]:
-    """A sequence of regions whose weights balance the cells better and better, each with the moves that were made in
-    it. The last one closes cells that no chain has entered, by weight 0. The chains end in the last region.
+    """A sequence of regions whose weights balance the cells better and better, so that one descent serves every cell,
+    each with the moves that were made in it. The last one closes cells that no chain has entered, by weight 0. The
+    chains end in the last region.
 
     A cell with too few chains gains weight; one without chains gets its neighbours' weight (multicanonical recursion,
     Berg and Neuhaus 1992).
@@ -169,7 +162,7 @@ def even_out(chains: Chains, tuner: Tuner) -> Iterator[tuple[Region, int]]:
         counts, moves = np.zeros(cells.count), 0
         for _ in range(COUNTS_PER_ROUND):
             moves += tuner.adapt()
-            counts += np.bincount(which_cell(chains.phi, cells), minlength=cells.count)
+            counts += np.bincount(which_cell(chains.scores, cells), minlength=cells.count)
         yield chains.region, moves
         known = counts > 0
         quiet = 0 if (known & ~visited).any() else quiet + 1

@@ -57,4 +57,5 @@ def ways_held(model, choice, rows, stage=None):
     """Which ways of a choice nothing placed by a stage, or at all, rules out: (W, B)."""
     numbers = range(len(model.graph.choices[choice].ways))
     stage = len(model.order) - 1 if stage is None else stage
-    return open_ways(model, choice, numbers, list(rows), np.zeros(rows.shape[1], dtype=np.intp), stage)
+    (held,) = open_ways(model, {choice: numbers}, list(rows), np.zeros(rows.shape[1], dtype=np.intp), stage)
+    return held

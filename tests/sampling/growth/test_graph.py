@@ -14,10 +14,10 @@ from scenegen.geometry.footprint import POINT, Circle
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import phi
 from scenegen.sampling.growth.graph import add_implied_atoms, components, make_graph
-from scenegen.sampling.growth.model import resample_groups
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.problem import Budget, make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.resampling import resample_groups
 
 from .made import anywhere, everything_placed, machine_of, posed
 

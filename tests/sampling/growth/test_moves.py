@@ -16,14 +16,14 @@ from scenegen.sampling.growth.insertion import attempt, score_poses
 from scenegen.sampling.growth.model import MoveTally
 from scenegen.sampling.growth.moves import MoveSettings, cluster, jump, reinsert, relocate, sweep
 from scenegen.sampling.growth.population import (
-    ALIKE,
-    MOST_TRIES,
+    ALIKE_EFFECT,
+    MAX_LIFT_TRIES,
     REDRAWN,
     RELOCATED,
-    SURE,
+    TRUSTED_SWEEPS,
     AncestorEffect,
     distinct_particles,
-    part_of,
+    pick_part,
     settle,
     shared_places,
     tempered_shares,
@@ -247,7 +247,7 @@ task: forall i in 1..2: leftOf(fork[i], plate[i]) & closeTo(fork[i], plate[i], 0
 
 def test_many_places_are_tried_where_few_are_free():
     often, tries = zip(*(tempered_shares(free, RELOCATED) for free in (1.0, 0.3, 0.05, 0.01)), strict=True)
-    assert tries[0] == 1 and list(tries) == sorted(tries) and tries[-1] <= MOST_TRIES
+    assert tries[0] == 1 and list(tries) == sorted(tries) and tries[-1] <= MAX_LIFT_TRIES
     assert often == (RELOCATED,) * 4
     assert 0.0 < tempered_shares(0.001, RELOCATED)[0] < RELOCATED  # seldom
     assert tempered_shares(1e-5, RELOCATED)[0] == 0.0  # not at all
@@ -301,13 +301,13 @@ def test_a_part_has_as_many_scenes_of_each_cell_and_asks_for_nothing_else():
     rng, cell = np.random.default_rng(0), np.repeat([0, 1, 2], [40, 40, 20])
     taken = np.zeros(100)
     for _ in range(400):
-        some = part_of(cell, 5.0, rng)
+        some = pick_part(cell, 5.0, rng)
         assert len(set(some)) == 20 and np.ptp(np.bincount(cell[some])) <= 1
         taken[some] += 1
     for number, share in ((0, 20 / 3 / 40), (1, 20 / 3 / 40), (2, 20 / 3 / 20)):  # everyone of a cell equally often
         counts = taken[cell == number]
         assert np.abs(counts / 400 - share).max() < 5 * np.sqrt(share / 400)
-    assert sorted(part_of(cell, 1.0, rng)) == list(range(100))
+    assert sorted(pick_part(cell, 1.0, rng)) == list(range(100))
 
 
 def run(effects, count=500, wanted=100.0, grown=100.0):
@@ -324,15 +324,15 @@ def run(effects, count=500, wanted=100.0, grown=100.0):
 
 def test_sweeps_end_once_the_particles_are_enough():
     best, now = run(lambda work: 2.0)
-    assert best.sweeps == now.sweeps == 4 and now.thin == pytest.approx(1.0 / (ALIKE - 1.0))
-    assert now.left == pytest.approx(ALIKE)
+    assert best.sweeps == now.sweeps == 4 and now.thin == pytest.approx(1.0 / (ALIKE_EFFECT - 1.0))
+    assert now.taken_effect == pytest.approx(ALIKE_EFFECT)
 
 
 def test_sweeps_that_help_go_on_and_those_that_do_not_end_early():
     falling, _ = run(lambda work: 1.0 + 30.0 * np.exp(-work / 20.0), wanted=2000.0)
     flat, now = run(lambda work: 8.0, wanted=2000.0)
     assert falling.sweeps > 40 and falling.thin < 3.0
-    assert flat.sweeps == 4 and flat.thin == pytest.approx(7.0 / (ALIKE - 1.0))  # the fewest: more bring nothing
+    assert flat.sweeps == 4 and flat.thin == pytest.approx(7.0 / (ALIKE_EFFECT - 1.0))  # the fewest: more bring nothing
     assert now.sweeps > 4
 
 
@@ -350,7 +350,7 @@ def test_of_trusted_numbers_of_sweeps_the_cheapest_is_taken():
     """Scenes that come apart in the end: a slightly larger population is cheaper than four times the sweeps."""
     best, now = run(lambda work: 1.6 if work < 45.0 else 1.4, wanted=5000.0)
     assert now.sweeps >= 45 and now.thin == 1.0
-    assert SURE <= best.sweeps < 20 and best.thin == pytest.approx(0.6 / (ALIKE - 1.0))
+    assert TRUSTED_SWEEPS <= best.sweeps < 20 and best.thin == pytest.approx(0.6 / (ALIKE_EFFECT - 1.0))
 
 
 RACK = """object rack at (0.5, 0.7, SOUTH)

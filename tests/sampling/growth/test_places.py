@@ -326,6 +326,6 @@ def test_cells_have_their_own_ends():
         good &= True if met is None else met
         model.constraints[thing].drop_near(tuple(rows[3 * thing : 3 * thing + 3]), rows, cell, stage, good)
     for choice in range(len(model.graph.choices)):
-        good &= open_ways(model, choice, range(2), list(rows), cell, len(model.order) - 1).any(axis=0)
+        good &= open_ways(model, {choice: range(2)}, list(rows), cell, len(model.order) - 1).any(axis=0)
     np.testing.assert_array_equal(good, problem.cells.find(problem.phi(rows)) == cell)
     assert good.sum() > 10

@@ -13,7 +13,8 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.growth import model as model_module
-from scenegen.sampling.growth.failure import late_message, packing_proof
+from scenegen.sampling.growth.failure import late_message
+from scenegen.sampling.growth.packing import packing_proof
 from scenegen.sampling.growth.population import explore
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan

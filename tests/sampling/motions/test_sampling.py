@@ -168,11 +168,11 @@ def plain():
 
 @pytest.fixture(scope="module")
 def found():
-    work, rarity.WORK = rarity.WORK, 300_000_000
+    work, rarity.MOTION_WORK = rarity.MOTION_WORK, 300_000_000
     try:
         return rarity.measure(SPEC.declared, SPEC.labels, seed=5)
     finally:
-        rarity.WORK = work
+        rarity.MOTION_WORK = work
 
 
 def agree(estimate, share, count):

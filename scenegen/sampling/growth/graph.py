@@ -510,20 +510,11 @@ def _even_gap(nodes: Sequence[Node], atom: Atom) -> Even | None:
     """The atom as e - |number - mean|, where it is one, and the number one of several of which the mean is."""
     match nodes[atom.margin]:
         case Apply("sub", (limit, size)):
-            pass
-        case _:
-            return None
-    match nodes[limit], nodes[size]:
-        case Const(value), Apply("abs", (difference,)):
-            pass
-        case _:
-            return None
-    match nodes[difference]:
-        case Apply("sub", (number, mean)):
-            pass
-        case _:
-            return None
-    match nodes[mean]:
-        case Apply("mean", args) if number in args and len(args) > 2:
-            return number, mean, value
+            match nodes[limit], nodes[size]:
+                case Const(value), Apply("abs", (difference,)):
+                    match nodes[difference]:
+                        case Apply("sub", (number, mean)):
+                            match nodes[mean]:
+                                case Apply("mean", args) if number in args and len(args) > 2:
+                                    return number, mean, value
     return None

@@ -306,7 +306,8 @@ def sweep(
             continue
         if settings.makes(f"shuffle {index}"):
             if rng.random() < SHUFFLES:
-                _shuffle(particles, here, f"shuffle {index}", tally)
+                order = rng.random((len(here), particles.count)).argsort(axis=0)
+                _trade(particles, here, order, f"shuffle {index}", tally)
         elif settings.makes(f"swap {index}"):
             for _ in range(max(1, int(min(len(here), len(turns)) * SWAPS))):
                 first, second = rng.choice(len(here), size=2, replace=False)
@@ -348,11 +349,6 @@ def _width(particles: Particles, row: int) -> Array | float:
 def _swap(particles: Particles, first: tuple[int, ...], second: tuple[int, ...], kind: str, tally: MoveTally) -> None:
     """Two blocks take each other's poses, member by member."""
     _trade(particles, [first, second], np.array([[1], [0]]), kind, tally)
-
-
-def _shuffle(particles: Particles, kin: Sequence[tuple[int, ...]], kind: str, tally: MoveTally) -> None:
-    """Blocks of one kind take each other's poses, in a random order for each scene."""
-    _trade(particles, kin, particles.rng.random((len(kin), particles.count)).argsort(axis=0), kind, tally)
 
 
 def _trades(particles: Particles, few: Sequence[int], others: Sequence[int], kind: str, tally: MoveTally) -> None:

@@ -24,7 +24,7 @@ from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.graph import flat_args
 from scenegen.sampling.growth.model import GrowthModel, MoveTally, make_growth_model
 from scenegen.sampling.growth.moves import MoveSettings, sweep
-from scenegen.sampling.growth.population import Grown, PlacementFailed, explore, grow, tuned_settings
+from scenegen.sampling.growth.population import Grown, PlacementFailed, Step, explore, grow, tuned_settings
 from scenegen.sampling.growth.sampler import log_base
 from scenegen.sampling.problem import Budget, Problem, cut, make_problem
 from scenegen.sampling.rarity import (
@@ -73,36 +73,28 @@ def grow_islands(
     formula nodes it may take. Raises StoppedError after `deadline`, by the monotonic clock.
     """
     assert problem.cells.count == 1
-    model = make_growth_model(problem, deadline=deadline)
-    model.most = most / len(problem.core.nodes)
+    model, nodes = make_growth_model(problem, deadline=deadline), len(problem.core.nodes)
+    model.most = most / nodes
+    tally, steps = MoveTally(), list[Step]()
     try:
-        return _grow_islands(problem, model, islands, each, seed)
+        for many in (EXPLORED_SCENES, 4 * EXPLORED_SCENES):
+            number = np.arange(many)
+            found, steps = explore(model, np.zeros_like(number), number % 4, _generator(seed, 0), tally)
+            if isinstance(found, Grown):
+                break
+        if isinstance(found, PlacementFailed):
+            return NoRoom(model, found, model.work * nodes)
+        settings = _settings(found, tally)
+        rng = _generator(seed, 1)
+        number = np.arange(islands * each)
+        grown = grow(model, np.zeros_like(number), number % islands, steps, settings, rng)
+        if isinstance(grown, PlacementFailed):
+            return NoRoom(model, grown, model.work * nodes)
+        particles = grown.particles
+        for _ in range(SETTLE_SWEEPS):
+            sweep(particles, settings)
     except TooMuchError:
-        return NoRoom(model, None, model.work * len(problem.core.nodes))
-
-
-def _grow_islands(
-    problem: Problem, model: GrowthModel, islands: int, each: int, seed: Sequence[int]
-) -> Islands | NoRoom:
-    nodes = len(problem.core.nodes)
-    tally = MoveTally()
-    for many in (EXPLORED_SCENES, 4 * EXPLORED_SCENES):
-        number = np.arange(many)
-        found, steps = explore(model, np.zeros_like(number), number % 4, _generator(seed, 0), tally)
-        if isinstance(found, Grown):
-            break
-    else:
-        assert isinstance(found, PlacementFailed)
-        return NoRoom(model, found, model.work * nodes)
-    settings = _settings(found, tally)
-    rng = _generator(seed, 1)
-    number = np.arange(islands * each)
-    grown = grow(model, np.zeros_like(number), number % islands, steps, settings, rng)
-    if isinstance(grown, PlacementFailed):
-        return NoRoom(model, grown, model.work * nodes)
-    particles = grown.particles
-    for _ in range(SETTLE_SWEEPS):
-        sweep(particles, settings)
+        return NoRoom(model, None, model.work * nodes)
     values = problem.phi(model.complete(particles.scenes.copy(), rng))
     phi = np.full((islands, len(values), each), np.nan)
     for island in range(islands):

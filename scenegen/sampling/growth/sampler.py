@@ -49,20 +49,6 @@ MAX_COORDINATES = 1 << 22  # coordinates of a population at most
 LARGE_COORDINATES = 8e4  # moving ones from which on a population costs about twice as much as half of it
 
 
-def second_population(problem: Problem, budget: Budget, size: Size) -> PopulationSample:
-    """The second population of a problem; without scenes where there was no room for them. Raises StoppedError with the
-    number of objects placed by then, if any could be."""
-    model = make_growth_model(problem, deadline=budget.ends, loose=True)
-    try:
-        model, made = _population(model, replace(size, fewest=0.0), 1)
-    except StoppedError:
-        raise StoppedError(progress_of(model, size.count)) from None
-    if isinstance(made, PlacementFailed) or made.taken is None:
-        none = np.empty((len(problem.lowest), 0)), np.full((PIECE_ISLANDS, problem.cells.count), -np.inf)
-        return PopulationSample(*none, 0.0, 0.0, 0.0, model.work, 0.0)
-    return made.taken
-
-
 def generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers of piece k."""
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, GROWTH_STREAM, piece + 1])))
@@ -275,18 +261,22 @@ class Growth(Plan):
             raise StoppedError(progress_of(model, recipe.count)) from error
 
     def _population_piece(self, k: int, rng: np.random.Generator) -> Piece:
-        """One of the first pieces. The first one was grown while the plan was made."""
+        """One of the first pieces. The first one was grown while the plan was made, the second one is grown here.
+        Raises StoppedError with the number of objects placed by then."""
         recipe = self.recipe
         if k < len(recipe.taken):
-            taken = recipe.taken[k]
+            taken: PopulationSample | None = recipe.taken[k]
+            work = recipe.evaluations
         else:
+            model = with_deadline(self.model, self.budget.ends)
             try:
-                taken = second_population(self.problem, self.budget, recipe.size)
+                model = make_growth_model(self.problem, deadline=self.budget.ends, loose=True)
+                used, made = _population(model, replace(recipe.size, fewest=0.0), 1)
             except StoppedError as error:
-                none = progress_of(with_deadline(self.model, self.budget.ends), recipe.size.count)
-                raise StoppedError(error.how_far or none) from error
-        if not taken.count:
-            return self._empty_piece(taken.work)
+                raise StoppedError(progress_of(model, recipe.size.count)) from error
+            taken, work = None if isinstance(made, PlacementFailed) else made.taken, used.work
+        if taken is None or not taken.count:
+            return self._empty_piece(work)
         return self._make_piece(taken if k else replace(taken, work=0.0), rng)  # that of the first one is the plan's
 
     def _empty_piece(self, work: float) -> Piece:

@@ -163,31 +163,6 @@ def _row(draw: MoveInputs) -> MoveProposal:
     return MoveProposal((row,), (draw.rows[row] + draw.noise(half),), row=row)
 
 
-def _object(draw: MoveInputs) -> MoveProposal:
-    return draw.walk(draw.pick(1)[0].rows)
-
-
-def _pair(draw: MoveInputs) -> MoveProposal:
-    return draw.walk([row for part in draw.pick(2) for row in part.rows])
-
-
-def _two_rows(draw: MoveInputs) -> MoveProposal:
-    """Two rows of any objects, for scenes in which another atom becomes active."""
-    return draw.walk(draw.row_deck.deal(2))
-
-
-def _all_rows(draw: MoveInputs) -> MoveProposal:
-    return draw.walk(range(draw.chain_state.dimension))
-
-
-def _shift_all(draw: MoveInputs) -> MoveProposal:
-    return _shift(draw, draw.chain_state.parts)
-
-
-def _shift_some(draw: MoveInputs) -> MoveProposal:
-    return _shift(draw, draw.pick(int(draw.rng.integers(2, len(draw.chain_state.parts) + 1))))
-
-
 def _shift_run(draw: MoveInputs) -> MoveProposal:
     """Objects that follow one another in the spec: if they stand in a row on the table, only the gaps at both ends
     change."""
@@ -246,18 +221,6 @@ def _redraw(draw: MoveInputs, rows: Sequence[int]) -> MoveProposal:
     return MoveProposal(tuple(rows), tuple(values), allowed)
 
 
-def _redraw_row(draw: MoveInputs) -> MoveProposal:
-    return _redraw(draw, draw.row_deck.deal())
-
-
-def _redraw_two(draw: MoveInputs) -> MoveProposal:
-    return _redraw(draw, draw.row_deck.deal(2))
-
-
-def _redraw_object(draw: MoveInputs) -> MoveProposal:
-    return _redraw(draw, draw.pick(1)[0].rows)
-
-
 def _redraw_axis(draw: MoveInputs) -> MoveProposal:
     """One coordinate of all objects, which a disjunct along the other axis leaves free."""
     by_axis = [[row for part in draw.chain_state.parts if (row := part.at[axis]) is not None] for axis in EVERY]
@@ -296,17 +259,17 @@ def _difference(draw: MoveInputs) -> MoveProposal:
 
 STEP_PROPOSALS: Mapping[str, Kind] = {
     "row": _row,
-    "two rows": _two_rows,
-    "object": _object,
-    "all": _all_rows,
-    "redraw row": _redraw_row,
-    "redraw two rows": _redraw_two,
-    "redraw object": _redraw_object,
+    "two rows": lambda draw: draw.walk(draw.row_deck.deal(2)),  # for scenes in which another atom becomes active
+    "object": lambda draw: draw.walk(draw.pick(1)[0].rows),
+    "all": lambda draw: draw.walk(range(draw.chain_state.dimension)),
+    "redraw row": lambda draw: _redraw(draw, draw.row_deck.deal()),
+    "redraw two rows": lambda draw: _redraw(draw, draw.row_deck.deal(2)),
+    "redraw object": lambda draw: _redraw(draw, draw.pick(1)[0].rows),
     "redraw axis": _redraw_axis,
     "difference": _difference,
-    "pair": _pair,
-    "shift all": _shift_all,
-    "shift some": _shift_some,
+    "pair": lambda draw: draw.walk([row for part in draw.pick(2) for row in part.rows]),
+    "shift all": lambda draw: _shift(draw, draw.chain_state.parts),
+    "shift some": lambda draw: _shift(draw, draw.pick(int(draw.rng.integers(2, len(draw.chain_state.parts) + 1)))),
     "shift run": _shift_run,
     "turn": _turn,
     "stretch": _stretch,

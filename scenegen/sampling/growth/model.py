@@ -194,7 +194,7 @@ def _share_in_range(
 
 
 def _random_scenes(problem: Problem, graph: Graph) -> Array:
-    """Scenes (3N, RANDOM) uniform over what contraction leaves of the box, of all cells in turn."""
+    """Scenes (3N, OUTLOOK_SCENES) uniform over what contraction leaves of the box, of all cells in turn."""
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, len(graph.choices)]))
     cell = np.arange(OUTLOOK_SCENES) % graph.low.shape[1]
     low, high = graph.low[:, cell], graph.high[:, cell]
@@ -358,7 +358,7 @@ def make_growth_model(
     *,
     loose: bool = False,
 ) -> GrowthModel:
-    """The machine of a problem; its own problem holds what the formulas imply besides. Objects in `last` are placed
+    """The model of a problem; its own problem holds what the formulas imply besides. Objects in `last` are placed
     after all others. `rounds` are those of contraction. `loose`: upper ends that most scenes meet are left out. Raises
     StoppedError after `deadline`, by the monotonic clock."""
     effort = until(deadline)

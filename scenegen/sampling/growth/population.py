@@ -23,7 +23,7 @@ from scenegen.sampling.growth.support_moves import FINEST_STEP
 from scenegen.sampling.resampling import resample_groups
 
 FIRST_TRIES = 16  # poses tried in every scene to see how many are needed
-MAX_POSES = 1 << 21  # poses tried for one object in all scenes, at most
+MAX_TRIED_POSES = 1 << 21  # poses tried for one object in all scenes, at most
 HITS = 6.0  # poses that meet all clauses that a scene should have among its tries
 EVEN_WEIGHTS = 0.9  # effective share of the scenes after weighting from which on no moves are made
 SWEEPS, MAX_SWEEPS = 3.0, 24  # sweeps after a step for each scene that a carried weight stands for, but for one
@@ -100,7 +100,7 @@ def explore(
 
 
 def _with_enough_tries(particles: Particles, hits: float) -> InsertionTally:
-    stage, tries, most = particles.stage, FIRST_TRIES, max(FIRST_TRIES, MAX_POSES // particles.count)
+    stage, tries, most = particles.stage, FIRST_TRIES, max(FIRST_TRIES, MAX_TRIED_POSES // particles.count)
     held, chances = list(particles.held), particles.chances.copy()
     while True:
         placed = place(particles, tries, planning=True)
@@ -173,7 +173,7 @@ class AncestorEffect:
 
     def __init__(self, model: GrowthModel) -> None:
         graph = model.graph
-        self._machine = model
+        self._model = model
         self._rows = sorted(graph.rows)
         clauses = [clause.node for clause in graph.clauses]
         ways = [way.whole.node for choice in graph.choices for way in choice.ways]
@@ -210,16 +210,16 @@ class AncestorEffect:
                 apart = scenes[row_of(first, axis)] - scenes[row_of(second, axis)]
                 found += [apart, np.abs(apart)]
         found += [np.broadcast_to(value, particles.count) for value in self._margins(list(scenes))]
-        for kin in self._machine.kin:
+        for kin in self._model.kin:
             x, y = (scenes[[row_of(block[0], axis) for block in kin]] for axis in PLACE)
             found += [x.mean(axis=0), y.mean(axis=0), x.var(axis=0), y.var(axis=0)]
             found += [((x - x.mean(axis=0)) * (y - y.mean(axis=0))).mean(axis=0)]
         table = np.nan_to_num(np.array(found).reshape(len(found), particles.count))
         middle = table.mean(axis=1, keepdims=True)
         table -= middle
-        if self._machine.cells > 1:
+        if self._model.cells > 1:
             # Scenes of one ancestor are of one cell. That cells differ is not kinship: each gets its share.
-            counts = np.bincount(particles.cell, minlength=self._machine.cells)
+            counts = np.bincount(particles.cell, minlength=self._model.cells)
             for row in table:
                 row -= (np.bincount(particles.cell, weights=row, minlength=len(counts)) / np.maximum(counts, 1))[
                     particles.cell
@@ -433,7 +433,7 @@ class Population:
 
 
 def spread_scenes(model: GrowthModel, cells: Sequence[int], count: int) -> tuple[Index, Index]:
-    """The cell and the island of each of `count` scenes, (count,) each: all equally often, or as the machine says, as
+    """The cell and the island of each of `count` scenes, (count,) each: all equally often, or as the model says, as
     far as that goes."""
     number, which = np.arange(count), np.array(cells, dtype=np.intp)
     if model.begin is None:
@@ -482,7 +482,7 @@ def make_population(
 
 
 def _scenes_for_cells(begin: Array, size: Size) -> int:
-    """How many scenes of a loose machine leave enough in each cell, by all odds; 0 if that is beyond `most`."""
+    """How many scenes of a loose model leave enough in each cell, by all odds; 0 if that is beyond `most`."""
     each = size.wanted / size.populations / len(begin)
     count = math.ceil(float(begin.sum()) * (each + CELL_DEVIATIONS * math.sqrt(each)))
     return count if count <= size.most else 0

@@ -57,7 +57,7 @@ def generator(seed: int, piece: int) -> np.random.Generator:
 def _population(
     model: GrowthModel, size: Size, which: int, *, larger: bool = False
 ) -> tuple[GrowthModel, Population | PlacementFailed]:
-    """A population of the plan, and its machine: one that holds scenes in their cells where too many of a loose one's
+    """A population of the plan, and its model: one that holds scenes in their cells where too many of a loose one's
     have left them."""
     problem = model.problem
     made = make_population(model, size, _plan_generator(problem.request.seed, which), larger=larger)

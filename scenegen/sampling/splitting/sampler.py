@@ -36,7 +36,6 @@ MIN_PIECES = 4  # minimum number of pieces: the error bar of the probability is 
 
 
 SPLITTING_STREAM = 4  # random stream of splitting (plan and pieces), separate from those of base draws and rejection
-KEPT = 0.5  # share of the chains that makes a level
 TARGET_PIECES = 8  # pieces of a request that is large enough
 MAX_CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
 PLAN_CHAINS = MAX_CHAINS // 2  # chains of the plan: one process makes it, so more would only keep others waiting
@@ -96,7 +95,7 @@ def make_schedule(problem: Problem, budget: Budget, most: float = np.inf) -> Sch
 class _SceneDescent(Descent[Chains]):
     """The descent of a request for scenes."""
 
-    kept = KEPT
+    kept = 0.5
 
     def __init__(self, problem: Problem, budget: Budget, most: float = np.inf) -> None:
         self._problem, self._budget, self._most = problem, budget, most

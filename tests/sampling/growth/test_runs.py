@@ -36,7 +36,7 @@ def small_populations():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("scenegen.sampling.growth.sampler.MIN_POPULATION", 128)
         patch.setattr("scenegen.sampling.growth.sampler.MAX_POPULATION", 256)
-        patch.setattr("scenegen.sampling.growth.population.MAX_POSES", 1 << 17)
+        patch.setattr("scenegen.sampling.growth.population.MAX_TRIED_POSES", 1 << 17)
         yield
 
 

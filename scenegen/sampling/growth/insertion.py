@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from scenegen.arrays import Array, Bool, Index
-from scenegen.pose import FLAT, axis_of, owner, row_of
-from scenegen.sampling.growth.constraints import is_within
+from scenegen.pose import FLAT, row_of
+from scenegen.sampling.growth.constraints import ObjectConstraints, is_within
 from scenegen.sampling.growth.graph import Clause
 from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles, chance
 from scenegen.sampling.growth.room import Boxes, SurfacePlaces, make_room
@@ -317,30 +317,28 @@ def score_poses(
         model.count(len(constraints.values(len(constraints.clauses_at(stage)), ()).steps), good.size)
     attracted = int(np.count_nonzero(good))
     if constraints.layers and attracted:
-        _drop_crowded(particles, poses, good, thing, stage)
+        model.count(6 * stage, good.size if good.mean() > DENSE_SHARE else attracted)
+        place = [np.broadcast_to(rows[row_of(thing, axis)], good.shape) for axis in FLAT]
+        _drop_near(constraints, place, particles.scenes, cell, stage, good)
     density = boxes.density(poses)
     return np.where(density > 0.0, good / np.where(density > 0.0, density, 1.0), 0.0), attracted
 
 
-def _drop_crowded(particles: Particles, poses: Array, good: Bool, thing: int, stage: int) -> None:
-    """Take out of `good` (M, P) the poses (R, M, P) of an object that are too near to something."""
-    model, cell, scenes = particles.model, particles.cell, particles.scenes
-    constraints = model.constraints[thing]
-    place = {axis_of(row): values for row, values in zip(constraints.rows, poses, strict=True) if owner(row) == thing}
+def _drop_near(
+    constraints: ObjectConstraints, pose: Sequence[Array], scenes: Array, cell: Index, stage: int, good: Bool
+) -> None:
+    """Take out of `good` (M, P) the poses, x, y and heading (M, P) each, that are too near to something in `scenes`."""
     if good.mean() > DENSE_SHARE:  # most are to be looked at: try by try, the scenes are read where they are
-        model.count(6 * stage, good.size)
         for which, mine in enumerate(good):
-            pose = [place[axis][which] if axis in place else scenes[row_of(thing, axis)] for axis in FLAT]
-            constraints.drop_near((pose[0], pose[1], pose[2]), scenes, cell, stage, mine)
+            constraints.drop_near((pose[0][which], pose[1][which], pose[2][which]), scenes, cell, stage, mine)
         return
     tried, scene = np.nonzero(good)
-    model.count(6 * stage, len(tried))
     step = max(1, MAX_POSES_AT_ONCE // max(1, len(scenes)))
     for begin in range(0, len(tried), step):
         number, column = tried[begin : begin + step], scene[begin : begin + step]
-        pose = [place[axis][number, column] if axis in place else scenes[row_of(thing, axis), column] for axis in FLAT]
         clear = np.ones(len(column), dtype=bool)
-        constraints.drop_near((pose[0], pose[1], pose[2]), scenes, cell[column], stage, clear, column)
+        x, y, theta = (values[number, column] for values in pose)
+        constraints.drop_near((x, y, theta), scenes, cell[column], stage, clear, column)
         good[number[~clear], column[~clear]] = False
 
 
@@ -408,12 +406,5 @@ def _drop_violations(
     for thing in things:
         constraints = model.constraints[thing]
         if constraints.layers and good.any():
-            x, y, theta = (rows[row_of(thing, axis)] for axis in FLAT)
             model.count(6 * stage, len(good))
-            if good.mean() > DENSE_SHARE:
-                constraints.drop_near((x, y, theta), trial, cell, stage, good)
-            else:
-                some = np.flatnonzero(good)
-                clear = np.ones(len(some), dtype=bool)
-                constraints.drop_near((x[some], y[some], theta[some]), trial, cell[some], stage, clear, some)
-                good[some] = clear
+            _drop_near(constraints, [rows[row_of(thing, axis)][None] for axis in FLAT], trial, cell, stage, good[None])

@@ -377,11 +377,8 @@ def make_growth_model(
     begins = tuple(min(at[thing] for thing in choice.objects) for choice in graph.choices)
     constraints = make_constraints(graph, order, effort)
     hanging = {thing: tuple(group) for thing, group in groups.items()}
-    roots = [thing for thing in order if thing not in parent]
-    kin = _kin_classes(
-        constraints, [(thing,) for thing in order], [hanging[thing] for thing in roots if len(hanging[thing]) > 1]
-    )
-    mixed = _mixed_classes(constraints)
+    blocks = [hanging[thing] for thing in order if thing not in parent and len(hanging[thing]) > 1]
+    kin = _kin_classes(constraints, [*((thing,) for thing in order), *blocks])
     at |= {
         owner(one.switch): at[thing] for thing, one in graph.stands.items() if one.switch is not None and thing in at
     }
@@ -390,35 +387,21 @@ def make_growth_model(
         for thing, one in graph.stands.items()
         if thing in constraints and (found := make_support_poses(one, constraints[thing])) is not None
     }
-    seen = outlooks(problem, graph, at, effort)
     return GrowthModel(
-        problem,
-        graph,
-        order,
-        at,
-        hanging,
-        constraints,
-        begins,
-        kin,
-        mixed,
-        seen,
-        standing=standing,
-        begin=begin,
-        each=per_scene(problem.core.nodes)[0],
+        problem, graph, order, at, hanging, constraints, begins, kin, _mixed_classes(constraints),
+        outlooks(problem, graph, at, effort), standing=standing, begin=begin, each=per_scene(problem.core.nodes)[0],
         deadline=deadline,
-    )
+    )  # fmt: skip
 
 
 def _kin_classes(
-    constraints: Mapping[int, ObjectConstraints], *levels: Sequence[tuple[int, ...]]
+    constraints: Mapping[int, ObjectConstraints], blocks: Iterable[tuple[int, ...]]
 ) -> tuple[tuple[tuple[int, ...], ...], ...]:
     """Blocks whose members have the same footprints and free rows, two or more together."""
-
     alike: dict[object, list[tuple[int, ...]]] = {}
-    for blocks in levels:
-        for block in blocks:
-            alike.setdefault(tuple(_kind(constraints[thing]) for thing in block), []).append(block)
-    return tuple(tuple(blocks) for blocks in alike.values() if len(blocks) > 1)
+    for block in blocks:
+        alike.setdefault(tuple(_kind(constraints[thing]) for thing in block), []).append(block)
+    return tuple(tuple(found) for found in alike.values() if len(found) > 1)
 
 
 def _mixed_classes(constraints: Mapping[int, ObjectConstraints]) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
@@ -464,14 +447,7 @@ class Particles:
         scenes = np.repeat(problem.lowest[:, None], count, axis=1)
         choices = len(model.graph.choices)
         return cls(
-            model,
-            rng,
-            scenes,
-            cell,
-            island,
-            [None] * choices,
-            np.ones((choices, count)),
-            families=[np.arange(count)],
+            model, rng, scenes, cell, island, [None] * choices, np.ones((choices, count)), families=[np.arange(count)]
         )
 
     @property
@@ -496,9 +472,6 @@ class Particles:
             if known is not None
         }
         return {index: numbers for index, numbers in found.items() if numbers}
-
-    def note_ancestors(self) -> None:
-        self.families.append(np.arange(self.count))
 
     def take(self, index: Index) -> None:
         """Go on with copies of the given scenes, each in the place of one."""

@@ -139,7 +139,7 @@ def _grow(
             steps[-1] = Step(steps[-1].tries, sweeps)
         model.furthest = max(model.furthest, stage + 1)
         if stage in (last // 2, 3 * last // 4, last):
-            particles.note_ancestors()
+            particles.families.append(np.arange(particles.count))
         particles.take(keep)
         begun = model.work
         for done in range(sweeps):
@@ -263,11 +263,7 @@ class BurnIn:
 
 
 def settle(
-    particles: Particles,
-    sweep: Callable[[], object],
-    alike: Callable[[Particles], float],
-    grown: float,
-    wanted: float,
+    particles: Particles, sweep: Callable[[], object], alike: Callable[[Particles], float], grown: float, wanted: float
 ) -> tuple[BurnIn, BurnIn]:
     """What is best for the pieces of a plan, and how the given particles stand in the end: they are its first piece.
 

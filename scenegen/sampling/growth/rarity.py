@@ -27,15 +27,7 @@ from scenegen.sampling.growth.moves import MoveSettings, sweep
 from scenegen.sampling.growth.population import Grown, PlacementFailed, Step, explore, grow, tuned_settings
 from scenegen.sampling.growth.sampler import log_base
 from scenegen.sampling.problem import Budget, Problem, cut, make_problem
-from scenegen.sampling.rarity import (
-    FEW,
-    ISLANDS,
-    NEAR,
-    TOP,
-    PhiDistribution,
-    Rarity,
-    Tail,
-)
+from scenegen.sampling.rarity import FEW, ISLANDS, NEAR, TOP, PhiDistribution, Rarity, Tail
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.contract import push_down
@@ -84,7 +76,9 @@ def grow_islands(
                 break
         if isinstance(found, PlacementFailed):
             return NoRoom(model, found, model.work * nodes)
-        settings = _settings(found, tally)
+        if not tally.steps:  # growing took no step: a few tell which lengths scenes take
+            sweep(found.particles, MoveSettings({}), tally)
+        settings = tuned_settings(tally)
         rng = _generator(seed, 1)
         number = np.arange(islands * each)
         grown = grow(model, np.zeros_like(number), number % islands, steps, settings, rng)
@@ -101,13 +95,6 @@ def grow_islands(
         mine = np.flatnonzero(particles.island == island)
         phi[island, :, : len(mine)] = values[:, mine]
     return Islands((grown.log_share + log_base(model))[:, 0], phi, model.work * nodes)
-
-
-def _settings(found: Grown, tally: MoveTally) -> MoveSettings:
-    """The lengths of steps that scenes take; a few sweeps tell, where growing took none."""
-    if not tally.steps:
-        sweep(found.particles, MoveSettings({}), tally)
-    return tuned_settings(tally)
 
 
 def _generator(seed: Sequence[int], part: int) -> np.random.Generator:

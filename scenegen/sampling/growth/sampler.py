@@ -167,20 +167,9 @@ def _recipe(problem: Problem, model: GrowthModel, size: Size, made: Population) 
     share = whole / model.work if model.work else 1.0  # no work: no clause is left to evaluate
     around = STEPPED * model.steps_done * share + DRAWN * model.drawn * share * each / count
     return Recipe(
-        made.steps,
-        made.settings,
-        cells,
-        each,
-        settled.sweeps,
-        settled.thin,
-        settled.taken_effect,
-        model.work,
-        piece,
-        size,
-        (made.taken,),
-        made.share,
-        (model.seconds, GROWN * model.each * piece + around),
-    )
+        made.steps, made.settings, cells, each, settled.sweeps, settled.thin, settled.taken_effect, model.work, piece,
+        size, (made.taken,), made.share, (model.seconds, GROWN * model.each * piece + around),
+    )  # fmt: skip
 
 
 GROWTH_FACTS = 11  # of a piece

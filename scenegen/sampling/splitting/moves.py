@@ -252,8 +252,7 @@ def _difference(draw: MoveInputs) -> MoveProposal:
     first, second = draw.rng.integers(size, size=(2, draw.count))
     factor = 1.0 if draw.rng.random() < 0.25 else draw.factor()
     return MoveProposal(
-        tuple(rows),
-        tuple(draw.rows[row] + factor * (draw.pool[row][first] - draw.pool[row][second]) for row in rows),
+        tuple(rows), tuple(draw.rows[row] + factor * (draw.pool[row][first] - draw.pool[row][second]) for row in rows)
     )
 
 

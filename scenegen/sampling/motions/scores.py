@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -25,10 +25,10 @@ from scenegen.lang.formula.core import (
     Everywhere,
     Junction,
     Moment,
+    Node,
     Window,
-    children,
-    moved,
     part_of,
+    restricted,
 )
 from scenegen.lang.formula.interpret import (
     GapMinima,
@@ -288,32 +288,9 @@ def _stage(timed: Timed, nodes: tuple[int, ...], needed: Sequence[Mask]) -> _Tim
         steps = any(isinstance(node, Coord) and node.object >= count for node in core.nodes)
         usual, signs = find_groups(core, roots), find_groups(core, roots, SIGN_GAPS, SIGN_GAPS_EACH)
         parts.append(_StateFormulas(core, tuple(signals), np.flatnonzero(needed[signals[0]]), steps, usual, signs))
-    kept, place = _nodes_below(timed, nodes)
-    return _TimedFormulas(replace(timed, nodes=kept, labels={}, requirement=None), place, tuple(parts))
-
-
-def _nodes_below(timed: Timed, roots: tuple[int, ...]) -> tuple[tuple[TimeNode, ...], tuple[int, ...]]:
-    """The nodes over time that some nodes need, and the places of those among them."""
-    needed = [False] * len(timed.nodes)
-    for root in roots:
-        needed[root] = True
-    for index in range(len(timed.nodes) - 1, -1, -1):
-        node = timed.nodes[index]
-        if needed[index] and not isinstance(node, Signal):
-            for child in children(node):
-                needed[child] = True
-    place: dict[int, int] = {}
-    kept: list[TimeNode] = []
-    for index, node in enumerate(timed.nodes):
-        if needed[index]:
-            place[index] = len(kept)
-            if isinstance(node, Signal):
-                kept.append(node)
-                continue
-            again = moved(node, place)
-            assert isinstance(again, Junction | Window | BoundedUntil | Moment | Everywhere)
-            kept.append(again)
-    return tuple(kept), tuple(place[root] for root in roots)
+    kept, place = restricted(cast("Sequence[Node]", timed.nodes), nodes)  # a signal is a leaf, like a coordinate
+    bare = replace(timed, nodes=cast("tuple[TimeNode, ...]", kept), labels={}, requirement=None)
+    return _TimedFormulas(bare, tuple(place[node] for node in nodes), tuple(parts))
 
 
 def make_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) -> MotionProblem:

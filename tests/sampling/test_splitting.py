@@ -31,7 +31,7 @@ from scenegen.sampling.splitting.moves import (
     bring_home,
     moves_for,
 )
-from scenegen.sampling.splitting.sampler import SplittingStalled, make_schedule, run_piece
+from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, make_schedule
 
 rejection = partial(run, method="rejection")
 splitting = partial(run, method="splitting")
@@ -212,7 +212,7 @@ def test_pieces_are_unbiased_about_the_probability():
     )
     plan = make_schedule(problem, Budget())
     assert not isinstance(plan, SplittingStalled) and plan.levels >= 8
-    estimates = np.array([run_piece(problem, plan, k).probability for k in range(40)])
+    estimates = np.array([Splitting(problem, plan).draw(k).facts[1] for k in range(40)])
     truth = (0.2**2 / 2) ** 2 - (0.18**2 / 2) ** 2
     error = estimates.std(ddof=1) / math.sqrt(len(estimates))
     assert abs(estimates.mean() - truth) < 4 * error
@@ -276,7 +276,7 @@ def test_pieces_vary_no_more_than_independent_scenes_would():
     spec = check_text(shipped_specs()["sort_7"].read_text(), "sort_7")
     problem = make_problem(spec, SampleRequest({"sorted": Range(0.0375, 0.0625)}, n=N, spread="base"))
     plan = make_schedule(problem, Budget())
-    pieces = [run_piece(problem, plan, k) for k in range(30)]
+    pieces = [Splitting(problem, plan).draw(k) for k in range(30)]
     means = np.array([[view.mean() for view in seen(piece.rows)] for piece in pieces])
     spread = np.array([view.std() for view in seen(np.concatenate([piece.rows for piece in pieces], axis=1))])
     excess = means.var(axis=0, ddof=1) / (spread**2 / np.mean([piece.rows.shape[1] for piece in pieces]))

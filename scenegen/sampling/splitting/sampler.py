@@ -5,7 +5,7 @@ moves under the base distribution, and are thinned until successive scenes are n
 long chains; the report says how far from it a run is. If scenes are spread over cells, the chains visit all cells, with
 weights that make the cells equally frequent, so one descent serves every cell.
 
-The plan is made once; piece k is an independent population that follows it (`run_piece`), wherever it runs.
+The plan is made once; piece k is an independent population that follows it (`Splitting.draw`), wherever it runs.
 """
 
 from __future__ import annotations
@@ -85,11 +85,12 @@ class SplittingStalled(NoPlan):
 def make_schedule(problem: Problem, budget: Budget, most: float = np.inf) -> Schedule | SplittingStalled:
     """The plan for a problem; SplittingStalled if the range cannot be reached, or time is up. The descent may take
     `most` evaluations."""
+    descent = None
     try:
         descent = _SceneDescent(problem, budget, most)
+        return descent.plan()
     except StoppedError:
-        return SplittingStalled("time", (), (), 0, 0)
-    return descent.plan()
+        return SplittingStalled("time", (), (), 0, 0) if descent is None else descent.stall("time")
 
 
 class _SceneDescent(Descent[Chains]):
@@ -112,21 +113,16 @@ class _SceneDescent(Descent[Chains]):
         self._tuner = Tuner(self.chains)
 
     def plan(self) -> Schedule | SplittingStalled:
-        try:
-            return self._plan()
-        except StoppedError:
-            return self._stall("time")
-
-    def _plan(self) -> Schedule | SplittingStalled:
+        """The schedule. Raises StoppedError if time is up."""
         cells, labels, chains = self._problem.cells, tuple(self._problem.core.labels), self.chains
         if not self.reach(cells, [len(labels) - 1] if labels[-1] == REQUIRE else []):
-            return self._stall("time" if self._budget.spent else "range")
+            return self.stall("time" if self._budget.spent else "range")
         levels, reached = len(self.stages), frozenset({0})
         if cells.count > 1:
             for region, moves in even_out(chains, self._tuner):
                 self.stages.append(Stage(region, self._tuner.tuning(), moves))
                 if self._budget.spent:
-                    return self._stall("time")
+                    return self.stall("time")
             assert chains.region.weights is not None
             reached = frozenset(map(int, np.flatnonzero(chains.region.weights)))
         statistics = Statistics(chains.chain_state, self._budget)
@@ -144,35 +140,18 @@ class _SceneDescent(Descent[Chains]):
     def is_over(self) -> bool:
         return self._budget.spent or self.chains.evaluations > self._most
 
-    def _stall(self, why: Literal["time", "range"]) -> SplittingStalled:
+    def stall(self, why: Literal["time", "range"]) -> SplittingStalled:
         evaluations = self.chains.evaluations + self._tuner.evaluations
         return SplittingStalled(why, tuple(self.chains.rows), tuple(self.chains.scores), evaluations, len(self.stages))
-
-
-@dataclass(frozen=True, slots=True)
-class PopulationScenes:
-    """Scenes of one population: rows (3N, B), phi (L, B), all in range, in the order in which they were taken.
-
-    `probability` is its estimate of the probability of the range under the base distribution, unbiased because its
-    levels are fixed; `accepted` is the mean acceptance rate while scenes were taken, `stuck` the share of chains that
-    had not moved between two takes, `effect` (S,) the design effect of its ancestors on each statistic.
-    """
-
-    rows: Array
-    phi: Array
-    probability: float
-    accepted: float
-    stuck: float
-    effect: Array
-    evaluations: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Splitting(Plan):
     """A plan for one request; `stop` can interrupt its pieces and does not change their results. The facts of a piece
     are: 1 if it survived, its estimate of the probability, the square and the logarithm of that and the square of this
-    (0 if it did not survive), the acceptance rate and the share
-    stuck, its scenes, its evaluations, then the design effects and their squares."""
+    (0 if it did not survive), the mean acceptance rate while scenes were taken, the share of chains that had not moved
+    between two takes, its scenes, its evaluations, then the design effects of its ancestors on each statistic and their
+    squares."""
 
     schedule: Schedule
     stop: Stop = NEVER
@@ -217,28 +196,44 @@ class Splitting(Plan):
     def seconds(self) -> float:
         return moving(self.problem.core.nodes, self.schedule.chains * self._moves, self._moves)
 
+    @np.errstate(all="ignore")
     def draw(self, k: int) -> Piece:
-        """Piece k. Raises StoppedError if time is up meanwhile."""
-        made = run_piece(self.problem, self.schedule, k, self.stop)
-        order = _side_generator(self.seed, k).permutation(
-            made.rows.shape[1]
-        )  # survivors of one ancestor are next to each other
-        rows, phi = made.rows.take(order, axis=1), made.phi.take(order, axis=1)
-        log = math.log(made.probability) if made.probability else 0.0
-        facts = [
-            float(len(made.effect) > 0),
-            made.probability,
-            made.probability**2,
-            log,
-            log**2,
-            made.accepted,
-            made.stuck,
-            float(len(order)),
-            float(made.evaluations),
-            *made.effect,
-            *made.effect**2,
-        ]
-        return Piece(rows, phi, self.cells.find(phi), np.array(facts))
+        """Piece k: a population of its own that follows the schedule, always the same, in any process. Raises
+        StoppedError if time is up meanwhile."""
+        problem, plan = self.problem, self.schedule
+        chain_state, rng = chain_state_of(problem), generator(self.seed, k)
+        chains = Chains.start(chain_state, ChainTape(chain_state, stop=self.stop), problem.cells, plan.chains, rng)
+        estimate, _ = follow(chains, plan.stages)
+        if not estimate:  # it died out on a level: its estimate of 0 keeps the mean unbiased
+            rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
+            none = np.array([*np.zeros(SPLITTING_FACTS - 1), float(chains.evaluations)])
+            return Piece(rows, phi, np.empty(0, dtype=np.intp), none)
+        statistics = Statistics(chain_state, self.stop)
+        tuning = plan.stages[-1].tuning
+        chains.pool = list(chains.rows)
+        for _ in range(SETTLE_FACTOR):
+            chains.reflect(tuning)
+            accepted = chains.run(plan.thinning, tuning)
+        effect = design_effect(chains, statistics(chains))
+        parts: list[Array] = []
+        stuck = 0
+        for take in range(plan.takes):
+            if take:
+                chains.reflect(tuning)
+                accepted = chains.run(plan.thinning, tuning)
+            index = chains.take()
+            stuck += chains.count - len(index)
+            taken = [row[index] for row in chains.rows]
+            parts.append(chain_state.complete(taken, problem.lowest, problem.highest, rng))
+        rows = np.concatenate(parts, axis=1)
+        phi = problem.phi(rows)
+        good = np.isin(problem.cells.find(phi), np.fromiter(plan.cells, dtype=np.intp))
+        # survivors of one ancestor are next to each other: they are mixed
+        order = np.flatnonzero(good)[_side_generator(self.seed, k).permutation(np.count_nonzero(good))]
+        rows, phi = rows.take(order, axis=1), phi.take(order, axis=1)
+        log, share = math.log(estimate), stuck / (chains.count * plan.takes)
+        facts = [1.0, estimate, estimate**2, log, log**2, accepted, share, len(order), chains.evaluations]
+        return Piece(rows, phi, self.cells.find(phi), np.array([*facts, *effect, *effect**2]))
 
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and the warnings for the user."""
@@ -288,46 +283,6 @@ def make_plan(problem: Problem, budget: Budget) -> Splitting:
     if isinstance(plan, SplittingStalled):
         raise plan.error(problem)
     return plan
-
-
-@np.errstate(all="ignore")
-def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER) -> PopulationScenes:
-    """Piece `number` of a plan: always the same scenes, in any process. Raises what `stop` raises."""
-    chain_state, rng = chain_state_of(problem), generator(problem.request.seed, number)
-    chains = Chains.start(chain_state, ChainTape(chain_state, stop=stop), problem.cells, plan.chains, rng)
-    estimate, _ = follow(chains, plan.stages)
-    if not estimate:
-        return _empty_piece(problem, chains.evaluations)
-    statistics = Statistics(chain_state, stop)
-    tuning = plan.stages[-1].tuning
-    chains.pool = list(chains.rows)
-    for _ in range(SETTLE_FACTOR):
-        chains.reflect(tuning)
-        accepted = chains.run(plan.thinning, tuning)
-    effect = design_effect(chains, statistics(chains))
-    parts: list[Array] = []
-    stuck = 0
-    for take in range(plan.takes):
-        if take:
-            chains.reflect(tuning)
-            accepted = chains.run(plan.thinning, tuning)
-        index = chains.take()
-        stuck += chains.count - len(index)
-        parts.append(chain_state.complete([row[index] for row in chains.rows], problem.lowest, problem.highest, rng))
-    rows = np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
-    phi = problem.phi(rows)
-    good = np.isin(problem.cells.find(phi), np.fromiter(plan.cells, dtype=np.intp))
-    if not good.all():
-        rows, phi = rows[:, good], phi[:, good]
-    share = stuck / (chains.count * plan.takes)
-    return PopulationScenes(rows, phi, estimate, accepted, share, effect, chains.evaluations)
-
-
-def _empty_piece(problem: Problem, evaluations: int) -> PopulationScenes:
-    """A piece whose population died out on a level: its estimate of the probability is 0, which keeps the mean
-    unbiased."""
-    rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
-    return PopulationScenes(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
 
 
 def _worst_effect(count: float, effects: Array) -> float:

@@ -233,7 +233,7 @@ def make_graph(problem: Problem, rounds: int = ROUNDS, effort: Effort | None = N
     rows = builder.rows_read([*narrowing, *pairs])
     low, high = builder.box(narrowing)
     return Graph(
-        problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, low, high, stands, builder.switched()
+        problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, low, high, stands, builder.switch_readers()
     )
 
 
@@ -394,7 +394,7 @@ class _Builder:
             for switch, thing in self._switches.items()
         )
 
-    def switched(self) -> frozenset[int]:
+    def switch_readers(self) -> frozenset[int]:
         """The nodes that read the switch of something that stands."""
         bits = sum(1 << switch for switch in self._switches)
         return frozenset(node for node, reads in enumerate(self._reads) if reads & bits)

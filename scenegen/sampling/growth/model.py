@@ -460,7 +460,7 @@ class Particles:
         return self.island * self.model.cells + self.cell
 
     @property
-    def placed(self) -> tuple[int, ...]:
+    def placed_objects(self) -> tuple[int, ...]:
         return self.model.order[: self.stage + 1]
 
     def touching(self, things: Collection[int]) -> dict[int, tuple[int, ...]]:
@@ -478,7 +478,9 @@ class Particles:
         if len(index) == self.count and (index == np.arange(self.count)).all():
             return
         if len(index) == self.count:
-            rows = [row for thing in self.placed for row in {*rows_of(thing), *self.model.constraints[thing].rows}]
+            rows = [
+                row for thing in self.placed_objects for row in {*rows_of(thing), *self.model.constraints[thing].rows}
+            ]
             self.scenes[rows] = self.scenes[rows][:, index]
         else:
             self.scenes = self.scenes[:, index]

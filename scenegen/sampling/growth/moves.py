@@ -171,7 +171,7 @@ def jump(particles: Particles, thing: int, tally: MoveTally) -> None:
     if not constraints.ways:
         return
     index = list(constraints.ways)[int(rng.integers(len(constraints.ways)))]
-    placed, switched = set(particles.placed), model.graph.switched  # heights say little of where things are
+    placed, switched = set(particles.placed_objects), model.graph.switched  # heights say little of where things are
     asked = [
         tuple(one for one in clauses if thing in one.objects and one.objects <= placed and one.node not in switched)
         for clauses in (model.graph.choices[index].ways[number].clauses for number in constraints.ways[index])
@@ -206,7 +206,7 @@ def cluster(particles: Particles, tally: MoveTally) -> None:
     if not model.graph.choices:
         return
     free = model.graph.rows
-    things = [thing for thing in particles.placed if row_of(thing, X) in free and row_of(thing, Y) in free]
+    things = [thing for thing in particles.placed_objects if row_of(thing, X) in free and row_of(thing, Y) in free]
     if not 2 <= len(things) <= MAX_CLUSTER_OBJECTS:
         return
     x, y = (particles.scenes[[row_of(thing, axis) for thing in things]] for axis in PLACE)
@@ -271,7 +271,7 @@ def sweep(
 ) -> float:
     """Every placed object gets its turn, or `most` of them; returns the mean share of scenes that took a walk."""
     tally = MoveTally() if tally is None else tally
-    model, rng, placed = particles.model, particles.rng, particles.placed
+    model, rng, placed = particles.model, particles.rng, particles.placed_objects
     taken = 0.0
     hopping = [one for one in support_moves(model) if settings.makes("hop") and is_ready(particles, one)]
     hoppers = {one.thing for one in hopping if one.choice is not None}  # a hop redraws them, and needs no contraction

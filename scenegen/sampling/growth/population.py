@@ -354,7 +354,7 @@ def _places(particles: Particles, order: Index) -> tuple[Array, Index]:
     free = particles.model.graph.rows
     rows = [
         row_of(thing, X if row_of(thing, X) in free else Y)
-        for thing in particles.placed
+        for thing in particles.placed_objects
         if any(row_of(thing, axis) in free for axis in PLACE)
     ]
     values = particles.scenes[rows][:, order].ravel()
@@ -501,7 +501,7 @@ def _settle(
     """The settings tuned on whole scenes, how long these are moved, and the share of walks taken.
     Growing them took `cost`."""
     final = MoveTally(steps=tally.steps)  # which moves are taken is judged by whole scenes, step lengths by all
-    lift = dict.fromkeys(particles.placed, (TRIAL_LIFTS, MAX_LIFT_TRIES // 4))
+    lift = dict.fromkeys(particles.placed_objects, (TRIAL_LIFTS, MAX_LIFT_TRIES // 4))
     trial = MoveSettings({}, redraws=lift, relocations=lift)
     for _ in range(2):
         sweep(particles, trial, final)

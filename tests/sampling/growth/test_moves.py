@@ -49,24 +49,24 @@ SPECS = {
 
 
 def walk(particles):
-    for thing in particles.placed:
+    for thing in particles.placed_objects:
         moves._walk(particles, thing, MoveSettings({}), MoveTally())
 
 
 def redraw(particles):
-    for thing in particles.placed:
+    for thing in particles.placed_objects:
         reinsert(particles, thing, particles.model.room(thing, particles.stage), 1, MoveTally())
 
 
 def redraw_of_many(particles):
-    for thing in particles.placed:
+    for thing in particles.placed_objects:
         reinsert(particles, thing, particles.model.room(thing, particles.stage), 8, MoveTally())
 
 
 def relocated(particles):
     for group in particles.model.groups.values():
         if len(group) > 1:
-            relocate(particles, [thing for thing in group if thing in particles.placed], 8, MoveTally())
+            relocate(particles, [thing for thing in group if thing in particles.placed_objects], 8, MoveTally())
 
 
 def shift(particles):
@@ -89,7 +89,8 @@ def swap(particles):
 
 def shuffle(particles):
     for kin in particles.model.kin:
-        moves._shuffle(particles, kin, "shuffle", MoveTally())
+        order = particles.rng.random((len(kin), particles.count)).argsort(axis=0)
+        moves._trade(particles, kin, order, "shuffle", MoveTally())
 
 
 def trade(particles):
@@ -98,7 +99,7 @@ def trade(particles):
 
 
 def jumps(particles):
-    for thing in particles.placed:
+    for thing in particles.placed_objects:
         jump(particles, thing, MoveTally())
 
 
@@ -174,7 +175,7 @@ def test_the_uniform_distribution_stays(name, move, made):
 
 def drifting(particles):
     """Walks whose steps are a little longer to the right."""
-    for thing in particles.placed:
+    for thing in particles.placed_objects:
         row = 3 * thing
         step = (2.0 * particles.rng.random(particles.count) - 0.9) * 0.1
         attempt(particles, (thing,), {row: particles.scenes[row] + step}, kind="walk", tally=MoveTally())
@@ -182,7 +183,7 @@ def drifting(particles):
 
 def careless(particles):
     """Redraws of poses from the room, those that two branches hold twice as often."""
-    for thing in particles.placed:
+    for thing in particles.placed_objects:
         room = particles.model.room(thing, particles.stage)
         boxes = room.boxes(particles.scenes, particles.cell, particles.model.effort)
         poses = boxes.draw(1, particles.rng)[:, 0]
@@ -193,7 +194,7 @@ def careless(particles):
 
 def greedy(particles):
     """Tries in the room, of which one is taken wherever there is one, however many branches hold it."""
-    for thing in particles.placed:
+    for thing in particles.placed_objects:
         room = particles.model.room(thing, particles.stage)
         boxes = room.boxes(particles.scenes, particles.cell, particles.model.effort)
         poses = boxes.draw(8, particles.rng)
@@ -313,7 +314,7 @@ def test_a_part_has_as_many_scenes_of_each_cell_and_asks_for_nothing_else():
 def run(effects, count=500, wanted=100.0, grown=100.0):
     """`settle` where the design effect falls as told and a sweep takes one evaluation."""
     model = SimpleNamespace(work=0.0)
-    particles = SimpleNamespace(model=model, count=count, placed=(), scenes=np.zeros((3, count)))
+    particles = SimpleNamespace(model=model, count=count, placed_objects=(), scenes=np.zeros((3, count)))
     model.graph = SimpleNamespace(rows=frozenset())
 
     def sweep():
